@@ -10,7 +10,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import benchmarks.worlds as about
 from benchmarks.worlds.hazards import HAZARDS, chances
-from benchmarks.worlds.study import BATCH, Row, Study, read_rows, rows_of, run
+from benchmarks.worlds.study import BATCH, Row, Study, blamed, read_rows, rows_of, run
 from benchmarks.worlds.tables import report
 
 
@@ -22,6 +22,9 @@ def main() -> None:
     elif asked.show:
         before = read_rows(asked.against) if asked.against else []
         print("\n".join(report(read_rows(asked.show), before)))
+    elif asked.only and asked.blame:
+        for index in asked.only:
+            _blame(_study(asked), index)
     elif asked.only:
         _again(_study(asked), asked.only)
     else:
@@ -36,6 +39,7 @@ def _study(asked: argparse.Namespace) -> Study:
         chance=chances(asked.hazards, asked.invisible),
         seconds=asked.seconds,
         keep=asked.keep,
+        alone=asked.alone,
     )
 
 
@@ -56,7 +60,7 @@ def _options(asked: argparse.Namespace) -> str:
     """Return the options that a world is drawn by, but for its seed and number."""
     options = "" if asked.hazards is None else " ".join([" --hazards", *asked.hazards])
     options += "" if asked.seconds is None else f" --seconds {asked.seconds:g}"
-    return options + (" --invisible" if asked.invisible else "")
+    return options + " --invisible" * asked.invisible + " --alone" * asked.alone
 
 
 def _again(study: Study, indices: list[int]) -> None:
@@ -75,6 +79,24 @@ def _again(study: Study, indices: list[int]) -> None:
             print(row.get("traceback", ""), end="")
 
 
+def _blame(study: Study, index: int) -> None:
+    """Print what is outside in a world, then without one hazard after the other."""
+    for missing, row in blamed(study, index):
+        print(f"without {missing}: " if missing else _line(row) + "\n  as it is: ", end="")
+        print(row.get("sentence", " ".join(_outside(row)) or "holds"), flush=True)
+
+
+def _outside(row: Row) -> list[str]:
+    """Return the identified numbers that do not hold, with error and half-width in percent."""
+    return [
+        f"{name} {100 * (value / true - 1):+.1f}+-{100 * abs(half / true):.1f}"
+        if (true := row["truth"][name])
+        else f"{name} {value:.2g}+-{half:.2g}"
+        for name, (value, half, verdict) in row.get("numbers", {}).items()
+        if verdict == "identified" and abs(value - row["truth"][name]) > half
+    ]
+
+
 def _line(row: Row) -> str:
     """Return one world in a line."""
     if row.get("died"):
@@ -82,11 +104,7 @@ def _line(row: Row) -> str:
     said = f"refused [{row['refused']}] {row['sentence']}" if "refused" in row else ""
     said = "out of control" if row.get("lost") else said
     said = "TRACEBACK" if "traceback" in row else said
-    outside = [
-        name
-        for name, (value, half, verdict) in row.get("numbers", {}).items()
-        if verdict == "identified" and abs(value - row["truth"][name]) > half
-    ]
+    outside = [text.split()[0] for text in _outside(row)]
     said = said or (f"outside: {', '.join(outside)}" if outside else "holds")
     about = f"{row['layout']} {row['mass']} kg {row['manoeuvre']} {row['driven']} {row['rate']} Hz"
     return f"world {row['index']}: {about}: {' '.join(row['hazards'])}: {said}"
@@ -106,8 +124,10 @@ def _parser() -> argparse.ArgumentParser:
     add("--time-limit", type=float, default=120.0, help="of one world [s]")
     add("-o", "--output", type=Path, default=Path("worlds.jsonl"))
     add("--hazards", nargs="*", help="these alone: name, or name=chance")
+    add("--alone", action="store_true", help="one hazard a world, one after the other")
     add("--invisible", action="store_true", help="draw what no log can show, too")
     add("--only", type=int, nargs="+", help="these worlds again, and all that is said of them")
+    add("--blame", action="store_true", help="and without one of their hazards after the other")
     add("--keep", type=Path, help="leave tables and experiment files here")
     add("--show", type=Path, help="print the tables of a study")
     add("--against", type=Path, help="with those of an earlier one beside them")

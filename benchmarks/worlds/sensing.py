@@ -141,12 +141,9 @@ def experiment_text(world: World, file: str) -> str:
         'axes = "FLU"',
         "rotors = [",
     ]
-    for i, (place, spin) in enumerate(zip(places.tolist(), spins, strict=True)):
-        group = (
-            f', group = "{"upper" if i < 4 else "lower"}"' if vehicle.layout == "coaxial" else ""
-        )
+    for place, spin in zip(places.tolist(), spins, strict=True):
         way = "ccw" if spin > 0 else "cw"
-        lines.append(f'  {{ position = {place}, spin = "{way}"{group} }},')
+        lines.append(f'  {{ position = {place}, spin = "{way}" }},')
     lines.append("]")
     if log.imu_declared:
         lines.append(f"imu = {{ position = {world.sensors.imu.tolist()} }}")

@@ -31,15 +31,23 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """Which worlds: their seed, the chance of each hazard, the length of a flight if not drawn."""
+    """Which worlds: their seed, the chance of each hazard, the length of a flight if not drawn.
+
+    `alone`: each world has one of those hazards and no other, in turn.
+    """
 
     seed: int
     chance: Mapping[str, float]
     seconds: float | None = None
     keep: Path | None = None
+    alone: bool = False
 
     def world(self, index: int) -> World:
-        return draw_world(self.seed, index, self.chance, self.seconds)
+        """Draw a world."""
+        chance = self.chance
+        if self.alone:
+            chance = {list(chance)[index % len(chance)]: 1.0}
+        return draw_world(self.seed, index, chance, self.seconds)
 
 
 def rows_of(study: Study, indices: Sequence[int]) -> Iterator[Row]:
@@ -50,6 +58,18 @@ def rows_of(study: Study, indices: Sequence[int]) -> Iterator[Row]:
     flown = (time.process_time() - begin) / len(worlds)
     for world, record in zip(worlds, records, strict=True):
         yield row_of(world, record, study.keep) | {"flown_seconds": round(flown, 2)}
+
+
+def blamed(study: Study, index: int) -> Iterator[tuple[str, Row]]:
+    """Yield a world as it is, then without one hazard after the other, by the hazard's name."""
+    whole = study.world(index)
+    missing = ["", *sorted(whole.hazards)]
+    worlds = [
+        draw_world(study.seed, index, dict.fromkeys(whole.hazards - {one}, 1.0), study.seconds)
+        for one in missing
+    ]
+    for one, world, record in zip(missing, worlds, fly(worlds), strict=True):
+        yield one, row_of(world, record)
 
 
 def row_of(world: World, record: Record, keep: Path | None = None) -> Row:
