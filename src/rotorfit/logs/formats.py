@@ -1,13 +1,16 @@
-"""The formats that rotorfit reads, one row each: all that the project asks of a format by its name.
+"""The formats that rotorfit reads: all that the project asks of a format by its name.
 
-Functions of a format stand in its row as ``module:function`` below `rotorfit.logs`. `load` imports
-one when a file asks for it, so that no reader is imported for the files of another format.
+Each is a table of `formats.toml`; its functions stand there as ``module:function`` below
+`rotorfit.logs`. `load` imports one when a file asks for it, so that no reader is imported for the
+files of another format.
 """
 
 import re
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import Any, Final
 
 from rotorfit.logs.axes import Axes
@@ -115,123 +118,16 @@ class Format:
     controller: str = ""
 
 
-FORMATS: Final = (
-    Format(
-        name="blackbox",
-        title="Blackbox (Betaflight, INAV, INDIflight)",
-        recognises="blackbox:is_blackbox",
-        read="blackbox.read:read_blackbox",
-        takes=("log_number",),
-        list_logs="blackbox.read:list_blackbox_logs",
-        suffixes=(".bfl", ".bbl"),
-        names_fields=True,
-        map_refusal="a Blackbox log names its own fields and axes",
-        advice="blackbox.firmware:advice",
-        filters="blackbox.firmware:filters",
-        motor_order="betaflight",
-    ),
-    Format(
-        name="crazyflie",
-        title="Crazyflie micro-SD logs",
-        recognises="crazyflie:is_crazyflie",
-        read="crazyflie:read_crazyflie",
-        names_fields=True,
-        map_refusal="a Crazyflie log names its own variables",
-        single="a Crazyflie file",
-        advice="crazyflie:advice",
-        motor_order="crazyflie",
-    ),
-    Format(
-        name="ulog",
-        title="PX4 logs (ULog)",
-        recognises="ulog:is_ulog",
-        read="ulog.read:read_ulog",
-        suffixes=(".ulg",),
-        names_fields=True,
-        map_refusal="a ULog names its own topics and axes",
-        single="a ULog",
-        advice="ulog.firmware:advice",
-        filters="ulog.firmware:filters",
-        notes_filters=True,
-        motor_order="px4",
-        velocity_estimated=True,
-        controller="ulog.controller:read_controller",
-    ),
-    Format(
-        name="dataflash",
-        title="ArduPilot DataFlash logs (.bin)",
-        recognises="dataflash:is_dataflash",
-        read="dataflash.read:read_dataflash",
-        suffixes=(".bin",),
-        names_fields=True,
-        map_refusal="a DataFlash log names its own fields and axes",
-        single="a DataFlash file",
-        advice="dataflash.firmware:advice",
-        filters="dataflash.firmware:filters",
-        notes_filters=True,
-        motor_order="ardupilot",
-        velocity_estimated=True,
-        controller="dataflash.controller:read_controller",
-    ),
-    Format(
-        name="rosbag",
-        title="ROS bags (ROS 1, ROS 2, MCAP)",
-        recognises="rosbag:is_rosbag",
-        recognises_folder="rosbag:is_rosbag_folder",
-        read="rosbag.read:read_rosbag",
-        takes=("columns", "axes", "motor_poles"),
-        suffixes=(".bag", ".db3", ".mcap"),
-        single="a bag",
-    ),
-    Format(
-        name="qualisys",
-        title="Qualisys 6DOF exports (TSV)",
-        recognises="mocap:is_qualisys",
-        read="mocap.qualisys:read_qualisys",
-        takes=("columns", "axes"),
-        names_fields=True,
-        single="a recording",
-    ),
-    Format(
-        name="motive",
-        title="OptiTrack Motive exports (CSV)",
-        recognises="mocap:is_motive",
-        read="mocap.motive:read_motive",
-        takes=("columns", "axes"),
-        names_fields=True,
-        single="a recording",
-    ),
-    Format(
-        name="vicon",
-        title="Vicon Nexus and Tracker exports (CSV)",
-        recognises="mocap.vicon:is_vicon",
-        read="mocap.vicon:read_vicon",
-        takes=("columns", "axes"),
-        names_fields=True,
-        single="a recording",
-    ),
-    Format(
-        name="trajectory",
-        title="TUM trajectories",
-        recognises="mocap.trajectory:is_trajectory",
-        read="mocap.trajectory:read_trajectory",
-        takes=("axes",),
-        names_fields=True,
-        map_format="table",
-        single="a trajectory",
-    ),
-    Format(
-        name="table",
-        title="flight tables (CSV or Parquet)",
-        recognises="formats:is_table",
-        read="table:read_table",
-        takes=("columns", "axes", "motor_poles"),
-        suffixes=(".csv", ".tsv", ".parquet"),
-        certain=False,
-        single="a table",
-    ),
-)
-"""What rotorfit reads, tried in this order. A new format is one row."""
+def _formats() -> Iterator[Format]:
+    """Read the table beside this module."""
+    text = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+    for name, row in tomllib.loads(text).items():
+        lists = {key: tuple(row.get(key, ())) for key in ("takes", "suffixes")}
+        yield Format(name=name, **row | lists)
+
+
+FORMATS: Final = tuple(_formats())
+"""What rotorfit reads, tried in this order."""
 
 BY_NAME: Final[Mapping[str, Format]] = {form.name: form for form in FORMATS}
 

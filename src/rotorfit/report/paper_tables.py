@@ -1,12 +1,14 @@
 """Section 4: Tables I, II and III of Six, Briot, Erskine and Chriette, ICRA 2020, alongside ours.
 
 Identification of the Propeller Coefficients and Dynamic Parameters of a Hovering Quadrotor from
-Flight Data. Values in SI, each with %sigma (eq. 22), None where the table has none.
+Flight Data. Their numbers are in `paper_tables.toml`.
 """
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, cast
 
 from rotorfit.formatting.digits import known
@@ -16,76 +18,15 @@ from rotorfit.report.wrenches import error_percent
 from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
-Entry = tuple[float, float | None]
+Entry = list[float]
+"""Value, and %sigma where the table has it."""
 
 MASSES: Final = {"A": 1.285, "B": 1.452}
 """Weighed [kg]."""
 
-TABLE_1: Final[dict[str, dict[str, Entry]]] = {
-    "A": {
-        "msx": (-4.32e-3, 2.70),
-        "msy": (-1.95e-3, 6.88),
-        "msz": (-6.16e-3, 4.55),
-        "Ixx": (1.69e-2, 1.52),
-        "Iyy": (1.76e-2, 1.45),
-        "kt": (3.46e-6, 0.05),
-    },
-    "B": {
-        "msx": (4.30e-2, 0.31),
-        "msy": (-2.01e-2, 0.80),
-        "msz": (-1.22e-2, 4.20),
-        "Ixx": (2.43e-2, 1.95),
-        "Iyy": (3.58e-2, 1.63),
-        "Izz": (4.75e-2, 7.36),
-        "kt": (3.65e-6, 0.04),
-        "kd": (5.40e-8, 7.68),
-    },
-}
-"""Each configuration alone, from the IMU."""
-
-TABLE_2: Final[dict[str, dict[str, Entry]]] = {
-    "A": {
-        "msx": (-4.54e-3, 3.35),
-        "msz": (-8.31e-3, 5.62),
-        "Ixx": (1.82e-2, 1.84),
-        "Iyy": (1.86e-2, 1.79),
-        "Izz": (2.88e-2, 4.90),
-        "kt": (3.63e-6, 0.03),
-        "kd": (5.11e-8, 3.84),
-    },
-    "B": {
-        "msx": (4.28e-2, 0.18),
-        "msy": (-1.99e-2, 0.47),
-        "msz": (-1.30e-2, 3.20),
-        "Ixx": (2.42e-2, 1.11),
-        "Iyy": (3.57e-2, 0.93),
-        "Izz": (4.76e-2, 3.71),
-        "kt": (3.63e-6, 0.03),
-        "kd": (5.11e-8, 3.84),
-    },
-}
-"""Both configurations in one estimate, from the IMU; kt and kd are shared."""
-
-TABLE_2_MOCAP: Final[dict[str, dict[str, Entry]]] = {
-    "A": {"Ixx": (1.88e-2, 3.49), "Iyy": (1.93e-2, 2.77), "kt": (3.68e-6, None)},
-    "B": {
-        "msx": (4.25e-2, None),
-        "msy": (-1.97e-2, None),
-        "msz": (-1.20e-2, None),
-        "Ixx": (2.42e-2, None),
-        "Iyy": (3.84e-2, None),
-        "kt": (3.68e-6, None),
-    },
-}
-"""The same from motion capture, as far as our copy gives it."""
-
-TABLE_3: Final[dict[str, dict[str, float]]] = {
-    "A alone, on A": {"Fz": 10.46, "Mx": 46.15, "My": 43.73},
-    "B alone, on B": {"Fz": 4.40, "Mx": 20.99, "My": 10.70, "Mz": 45.19},
-    "A and B together, on A": {"Fz": 8.47, "Mx": 47.07, "My": 42.96, "Mz": 68.13},
-}
-"""Relative error norms [%]."""
-
+_TEXT: Final = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+_PAPER: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = tomllib.loads(_TEXT)
+"""Their tables: kind, configuration, name."""
 ILLEGIBLE: Final = {
     "Table I": (
         "For A the paper dropped kd, Izz and the products of inertia as unessential (III-B)."
@@ -162,13 +103,13 @@ def paper_section(
     """Tabulate the paper's numbers alongside ours: I for one configuration, II for two."""
     names = [name for name in configuration_names(result) if name in MASSES]
     both = len(names) > 1
-    source, name = (TABLE_2, "Table II") if both else (TABLE_1, "Table I")
+    kind, name = ("together", "Table II") if both else ("alone", "Table I")
     return PaperSection(
         tables=tuple(
             PaperTable(
                 name=name,
                 configuration=configuration,
-                rows=_rows(result, configuration, source[configuration], with_mocap=both),
+                rows=_rows(result, configuration, _PAPER[kind][configuration], with_mocap=both),
                 note=ILLEGIBLE[name],
                 has_mocap=both,
             )
@@ -187,7 +128,7 @@ def _rows(
     with_mocap: bool,
 ) -> tuple[PaperRow, ...]:
     ours = {p.name: p for p in result.parameters if p.configuration in (None, configuration)}
-    mocap = TABLE_2_MOCAP[configuration] if with_mocap else {}
+    mocap: Mapping[str, Any] = _PAPER["mocap"][configuration] if with_mocap else {}
     return tuple(
         _row(name, ours.get(name), paper.get(name), mocap.get(name))
         for name in ORDER
@@ -234,7 +175,7 @@ def _errors(
     """Tabulate the paper's rows of Table III, then ours."""
     rows = [
         ("paper", where, tuple(f"{e[n]:.2f} %" if n in e else "–" for n in SHOWN))
-        for where, e in TABLE_3.items()
+        for where, e in _PAPER["errors"].items()
     ]
     rows += [
         (
