@@ -2,6 +2,7 @@
 
 The errors of the six accelerations, stretch by stretch as in the fit, each band over its variance:
 their mean power at one frequency, over all stretches, beside that at the frequencies around it.
+Where the push of the rotors has the same peak, coherent with that of the errors, the loop rings.
 """
 
 import dataclasses
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 from scipy import signal, stats
 
 from rotorfit.dataset.dataset import Dataset
@@ -32,6 +33,10 @@ HIGHEST_RATIO = 4.0
 UNLIKELY = 1e-4
 SHORTEST_STRETCH = 2.0
 """Lines of a shorter stretch are too far apart for bins of 0.5 Hz [s]."""
+OFFSETS = np.array([o for o in range(-AROUND, AROUND + 1) if abs(o) > 1])
+TINY = 1e-30
+LOOP_RATIO = 2.0
+"""Power of the rotors' push at a peak over that around it, from which the loop has it, too."""
 AXES = ("forward force", "side force", "lift", "roll", "pitch", "yaw")
 
 
@@ -49,6 +54,12 @@ class Peak:
         Its power over that around it.
     probability
         Of chance alone making the highest of all bins that high.
+    push_ratio
+        Power of the rotors' push along that axis, at the peak over that around it.
+    coherence
+        Of errors and push at the peak.
+    lines
+        Of spectra in it.
     """
 
     configuration: str
@@ -56,6 +67,25 @@ class Peak:
     frequency: float
     ratio: float
     probability: float
+    push_ratio: float = 0.0
+    coherence: float = 0.0
+    lines: float = 0.0
+
+    @property
+    def of_loop(self) -> bool:
+        """Whether the rotors swing at the peak, too, and with the errors for certain."""
+        by_chance = 1.0 - UNLIKELY ** (1.0 / max(self.lines - 1.0, 1.0))
+        return self.push_ratio > LOOP_RATIO and self.coherence > by_chance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spectra:
+    """Power of errors and of the rotors' push, and both together, per bin and axis."""
+
+    errors: Float[np.ndarray, "f k"]
+    push: Float[np.ndarray, "f k"]
+    cross: Complex[np.ndarray, "f k"]
+    lines: Float[np.ndarray, " f"]
 
 
 def residual_peaks(fit: Fit) -> Iterator[Finding]:
@@ -73,8 +103,8 @@ def highest_peaks(fit: Fit) -> list[Peak]:
     peaks: list[Peak] = []
     for configured, G in zip(dataset.configurations, each, strict=True):
         prepared = [flight.prepared for flight in configured.flights]
-        power, lines = _binned(_errors(dataset, prepared, G))
-        peak = _highest(power, lines, configured.entry.name)
+        spectra = _binned(_errors(dataset, prepared, G))
+        peak = _highest(spectra, configured.entry.name)
         if peak is not None:
             peaks.append(peak)
     return peaks
@@ -82,73 +112,100 @@ def highest_peaks(fit: Fit) -> list[Peak]:
 
 def _errors(
     dataset: Dataset, flights: Sequence[PreparedFlight], G: Float[np.ndarray, "k z"]
-) -> Iterator[tuple[Float[np.ndarray, "n k"], float]]:
-    """Yield the errors of every stretch, and the sample rate."""
+) -> Iterator[tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"], float]]:
+    """Yield the errors of every stretch, the rotors' push along the same axes, and the rate."""
+    vehicle = dataset.vehicle
+    lever = np.cross(vehicle.positions, vehicle.axes)[:, :2]
+    made = np.column_stack([vehicle.axes, lever, -vehicle.spins])
     for prepared in flights:
         data = dataclasses.replace(retimed(prepared, dataset.timing), segments=prepared.phases)
         for segment in data.segments:
             for stretch in split_segment(segment, STRETCH * data.sample_rate):
                 if len(stretch) >= SHORTEST_STRETCH * data.sample_rate:
                     rows = stretch.start, stretch.stop
-                    Z = signal_matrix(
-                        data, dataset.vehicle, *rows, added=dataset.model.layout.added
-                    )
-                    yield Z @ G.T, data.sample_rate
+                    Z = signal_matrix(data, vehicle, *rows, added=dataset.model.layout.added)
+                    push = data.rotor_speed[slice(*rows)] ** 2 @ made
+                    yield Z @ G.T, push, data.sample_rate
 
 
 def _binned(
-    stretches: Iterator[tuple[Float[np.ndarray, "n k"], float]],
-) -> tuple[Float[np.ndarray, "f k"], Float[np.ndarray, " f"]]:
+    stretches: Iterator[tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"], float]],
+) -> Spectra:
     """Sum the power per bin, every stretch over its own mean power, and count the lines per bin."""
     count = int(EDGES[-1] / BIN)
-    power, lines = np.zeros((count, len(AXES))), np.zeros(count)
-    for errors, rate in stretches:
-        window = signal.windows.tukey(len(errors), 0.2)
-        spectrum = np.abs(np.fft.rfft(errors * window[:, None], axis=0)) ** 2
-        place = (np.fft.rfftfreq(len(errors), 1.0 / rate) / BIN).astype(int)
+    errors, push = np.zeros((2, count, len(AXES)))
+    cross, lines = np.zeros((count, len(AXES)), dtype=complex), np.zeros(count)
+    for left, pushed, rate in stretches:
+        place = (np.fft.rfftfreq(len(left), 1.0 / rate) / BIN).astype(int)
         inside = (place > 0) & (place < count)
         if rate < 2.5 * EDGES[-1] or not inside.any():
             continue
-        spectrum = spectrum[inside] / spectrum[inside].mean(axis=0)
-        np.add.at(power, place[inside], spectrum)
+        one, other = _spectrum(left)[inside], _spectrum(pushed - pushed.mean(axis=0))[inside]
+        one, other = (x / np.sqrt((np.abs(x) ** 2).mean(axis=0) + TINY) for x in (one, other))
+        np.add.at(errors, place[inside], np.abs(one) ** 2)
+        np.add.at(push, place[inside], np.abs(other) ** 2)
+        np.add.at(cross, place[inside], one.conj() * other)
         np.add.at(lines, place[inside], 1.0)
-    return power, lines
+    return Spectra(errors=errors, push=push, cross=cross, lines=lines)
 
 
-def _highest(
-    power: Float[np.ndarray, "f k"], lines: Float[np.ndarray, " f"], configuration: str
-) -> Peak | None:
+def _spectrum(values: Float[np.ndarray, "n k"]) -> Complex[np.ndarray, "f k"]:
+    """Compute the spectrum of a stretch, each axis over its own size."""
+    size = np.abs(values).max(axis=0)
+    window = signal.windows.tukey(len(values), 0.2)[:, None]
+    return np.fft.rfft(values / np.where(size > 0.0, size, 1.0) * window, axis=0)
+
+
+def _highest(spectra: Spectra, configuration: str) -> Peak | None:
     """Find the highest bin over its surroundings; None where there is nothing to compare."""
+    lines = spectra.lines
     bins = range(AROUND + 1, len(lines) - AROUND)
-    offsets = np.array([o for o in range(-AROUND, AROUND + 1) if abs(o) > 1])
     best: Peak | None = None
     for f in bins:
-        around = lines[f + offsets].sum()
+        around = lines[f + OFFSETS].sum()
         if lines[f] == 0 or around == 0:
             continue
-        ratio = (power[f] / lines[f]) / (power[f + offsets].sum(axis=0) / around)
+        ratio = _over_surroundings(spectra.errors, lines, f)
         k = int(np.argmax(ratio))
         if best is None or ratio[k] > best.ratio:
             tail = float(stats.f.sf(float(ratio[k]), 2.0 * float(lines[f]), 2.0 * float(around)))
+            both = float(spectra.errors[f, k] * spectra.push[f, k])
             best = Peak(
                 configuration=configuration,
                 axis=AXES[k],
                 frequency=(f + 0.5) * BIN,
                 ratio=float(ratio[k]),
                 probability=min(tail * len(bins) * len(AXES), 1.0),
+                push_ratio=float(_over_surroundings(spectra.push, lines, f)[k]),
+                coherence=float(np.abs(spectra.cross[f, k])) ** 2 / both if both > 0.0 else 0.0,
+                lines=float(lines[f]),
             )
     return best
+
+
+def _over_surroundings(
+    power: Float[np.ndarray, "f k"], lines: Float[np.ndarray, " f"], f: int
+) -> Float[np.ndarray, " k"]:
+    """Compute the mean power of a bin over that of the bins around it."""
+    around = power[f + OFFSETS].sum(axis=0) / lines[f + OFFSETS].sum()
+    return (power[f] / lines[f]) / np.maximum(around, TINY)
 
 
 def peak_sentence(peak: Peak) -> str | None:
     """Explain a peak; None where chance could make it, or it is not high."""
     if peak.ratio < HIGHEST_RATIO or peak.probability > UNLIKELY:
         return None
-    return (
+    seen = (
         f"{peak.configuration}: the part of {peak.axis} that the model does not explain has a "
-        f"peak at {peak.frequency:.1f} Hz, {peak.ratio:.0f} times its surroundings: look for a "
-        "loose part, a propeller out of balance or a swinging load"
+        f"peak at {peak.frequency:.1f} Hz, {peak.ratio:.0f} times its surroundings"
     )
+    if peak.of_loop:
+        return (
+            f"{seen}, and the rotors swing with it (coherence {peak.coherence:.2f}): the rate loop "
+            "rings there, by gains that are too high or by what it answers; lower the rate gains "
+            "(P and D), or filter the gyro lower"
+        )
+    return f"{seen}: look for a loose part, a propeller out of balance or a swinging load"
 
 
 CHECKS: Final = (residual_peaks,)
