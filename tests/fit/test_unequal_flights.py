@@ -47,7 +47,7 @@ def joint_and_alone(tmp_path_factory):
     return joint, alone, truth
 
 
-def test_drag_that_one_flight_shows_stays_beside_flights_without_velocity(joint_and_alone):
+def test_drag_stays_beside_flights_without_velocity(joint_and_alone):
     joint, alone, truth = joint_and_alone
     assert "drag" in alone.fit.terms
     assert {"drag", "climb_drag"} <= set(joint.fit.terms)

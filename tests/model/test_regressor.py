@@ -196,6 +196,30 @@ def test_rotor_drag_is_the_yaw_torque_of_forces_against_the_turn(seed, rotors, t
 
 @settings(max_examples=50, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
+def test_rotors_that_the_body_carries_are_dragged_as_well(seed, rotors, tilted):
+    rng = np.random.default_rng(seed)
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
+    drag = rng.uniform(0.0, 1e-3)
+    body = replace(ne.random_body(rng, rotors), rotor_drag=drag)
+    alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
+    v = rng.normal(size=(SAMPLES, 3))
+    expected = ne.body_wrench(body, alpha, w, dw) - ne.rotor_wrench(body, vehicle, w, O, dO)
+    for i, place in enumerate(vehicle.positions):
+        expected[:, 5] -= np.cross(place, -drag * O[:, i, None] * v)[:, 2]
+        expected[:, 5] += np.cross(place, -drag * O[:, i, None] * v * [0.0, 0.0, 1.0])[:, 2]
+    added = added_signals(["rotor_drag"], carried=True)
+    flight = ne.flight_of(alpha, w, dw, O, dO)
+    A = regressor(vehicle, added=added)
+    Z = signal_matrix(replace(flight, carried=v), vehicle, 0, SAMPLES, added=added)
+    actual, size = residual_and_size(A, Z, ne.theta_of(body))
+    assert_wrench(actual, expected, size)
+    unknown = signal_matrix(flight, vehicle, 0, SAMPLES, added=added)
+    assert not unknown[:, A.layout.index("Ov_Mz")].any()
+    assert added_signals(["rotor_drag"]) == added_signals(["twist"], carried=True) == ()
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
 def test_a_torque_in_proportion_to_speed_is_newton_eulers(seed, rotors, tilted):
     rng = np.random.default_rng(seed)
     vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)

@@ -55,7 +55,8 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
     flights = [flight for configuration in loaded for flight in configuration.flights]
     _refuse_copies(flights)
     _refuse_mixed_commands(flights)
-    added = added_signals(_terms_considered(experiment, loaded))
+    carried = any(flight.prepared.data.carried is not None for flight in flights)
+    added = added_signals(_terms_considered(experiment, loaded), carried=carried)
     if VELOCITY in added and CLIMB in added:
         loaded = tuple(_felt_where_unknown(configuration) for configuration in loaded)
     return Dataset(

@@ -113,6 +113,7 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
         segments=_placed(data.segments, thinned.within),
         rotor_speed_std=data.rotor_speed_std / float(np.sqrt(step)),
         velocity=None if data.velocity is None else thinned(data.velocity),
+        carried=None if data.carried is None else thinned(data.carried),
         climb=None if data.climb is None else thinned(data.climb[:, None])[:, 0],
         reference=None if data.reference is None else thinned(data.reference),
         thinned=thinned,

@@ -82,6 +82,9 @@ class FlightData:
         Standard deviation of one recorded rotor speed, from its resolution [rad/s].
     velocity
         Of the body relative to the ground, body axes [m/s], where the log has it.
+    carried
+        Velocity by positions, with the accelerometer between them (`carried_velocity`), body
+        axes [m/s], where the log has them; NaN where they are far.
     climb
         Velocity along the body's z axis as accelerometer and gyro feel it, without what is slow
         (`climb_velocity`) [m/s]; where nothing else tells a velocity.
@@ -107,6 +110,7 @@ class FlightData:
     segments: tuple[Segment, ...]
     rotor_speed_std: float = 0.0
     velocity: Float[np.ndarray, "n 3"] | None = None
+    carried: Float[np.ndarray, "n 3"] | None = None
     climb: Float[np.ndarray, " n"] | None = None
     lag_on: LagOn = "speed"
     reference: Float[np.ndarray, "n 3"] | None = None

@@ -47,6 +47,7 @@ from rotorfit.preprocessing.flight_checks import (
 )
 from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.preprocessing.mocap.camera import known_velocity
+from rotorfit.preprocessing.mocap.carried_velocity import carried_velocity
 from rotorfit.preprocessing.motors.motor_model import (
     MotorModel,
     clock_jumps,
@@ -58,6 +59,8 @@ from rotorfit.preprocessing.motors.motor_model import (
 )
 from rotorfit.preprocessing.signals import central_difference, hampel, whole_samples
 
+OPTIONAL = ("velocity", "carried", "reference")
+"""Channels that a flight may lack, here and there or wholly."""
 LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
 """Of motors whose commands are all that is known, for the search of the flight only [s]."""
 
@@ -295,10 +298,13 @@ def _uniform(
     velocity = known_velocity(log)
     if velocity is not None:
         makers["velocity"] = velocity
+    carried = carried_velocity(log)
+    if carried is not None:
+        makers["carried"] = carried
     reference = _reference(log)
     if reference is not None:
         makers["reference"] = reference
-    return uniform_channels(makers, clock="gyro", optional=("velocity", "reference")), counts
+    return uniform_channels(makers, clock="gyro", optional=OPTIONAL), counts
 
 
 def _reference(log: FlightLog) -> Channel | None:
@@ -329,6 +335,7 @@ def _differentiated(
         differentiation="central",
         segments=(),
         velocity=uniform.values.get("velocity"),
+        carried=uniform.values.get("carried"),
         reference=uniform.values.get("reference"),
     )
 

@@ -200,7 +200,7 @@ def compare_wrenches(
     present = [term for term in OPTIONAL if set(term.parameters) & set(known)]
     asked = any(term.needs == "velocity" for term in present) and velocity_known([used])
     names = considered_terms([term.name for term in present], velocity=asked, felt=False)
-    added = added_signals(names)
+    added = added_signals(names, carried=used.prepared.data.carried is not None)
     model = regressor(vehicle, added=added)
     data = retimed(used.prepared, fitted_response(result))
     lowpass = LowPass(cutoff=cutoff)

@@ -62,14 +62,19 @@ def considered_terms(asked: Collection[str] | None, *, velocity: bool, felt: boo
     ]
 
 
-def added_signals(names: Collection[str]) -> tuple[AddedSignals, ...]:
-    """Return the signals that these terms add to a layout, each once."""
-    return tuple(dict.fromkeys(s for term in terms_named(names) for s in term.signals))
+def added_signals(names: Collection[str], *, carried: bool = False) -> tuple[AddedSignals, ...]:
+    """Return the signals that these terms add to a layout, each once.
+
+    `carried`: whether any flight knows what carries its rotors.
+    """
+    terms = terms_named(names)
+    own = [s for term in terms for s in (*term.signals, *(term.carried if carried else ()))]
+    return tuple(dict.fromkeys(own))
 
 
 def signals_named(names: Collection[str]) -> tuple[AddedSignals, ...]:
     """Return added signals by their names."""
-    every = dict.fromkeys(signals for term in TERMS for signals in term.signals)
+    every = dict.fromkeys(s for term in TERMS for s in (*term.signals, *term.carried))
     return tuple(signals for signals in every if signals.name in names)
 
 

@@ -95,9 +95,35 @@ def twist(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 
 
 def rotor_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
-    """Yaw torque -c w_z sum O_i (x_i^2 + y_i^2) of rotors that a turn carries through the air."""
+    """Yaw torque -c sum O_i (x_i (v_y + w_z x_i) - y_i (v_x - w_z y_i)) of rotors carried sideways.
+
+    In proportion to a rotor's speed and to its velocity through the air (Faessler, Franchi and
+    Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018); where no position tells the
+    velocity of the body, that of the turn alone.
+    """
     del vehicle
-    return {"rotor_drag": block(layout, {(MZ, "wzO"): 1.0})}
+    signals = ("wzO", "Ov_Mz") if "Ov_Mz" in layout else ("wzO",)
+    return {"rotor_drag": block(layout, {(MZ, name): 1.0 for name in signals})}
+
+
+def carried_names(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the name of the torque by the body's velocity."""
+    del vehicle
+    return ("Ov_Mz",)
+
+
+def carried_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n 1"]:
+    """Return sum O_i (x_i v_y - y_i v_x) [rad m^2/s^2]; zero in a stretch without velocity."""
+    O, v = flight.rotor_speed[rows], flight.carried
+    if v is None or not np.isfinite(v[rows]).all():
+        return np.zeros((len(O), 1))
+    x, y = (O @ vehicle.positions[:, k] for k in (0, 1))
+    return (x * v[rows, 1] - y * v[rows, 0])[:, None]
+
+
+CARRIED: Final = AddedSignals(
+    name="carried", names=carried_names, of_rotors=carried_columns, sloped=False
+)
 
 
 def linear_torque(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
@@ -258,6 +284,7 @@ ROTOR_DRAG: Final = Term(
     },
     owner="shared",
     entries=rotor_drag,
+    carried=(CARRIED,),
     dropped=1,
     replayed=lambda values, vehicle: {
         "damping": values["rotor_drag"][:, None] * vehicle.squared_arms

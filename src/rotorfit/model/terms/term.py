@@ -149,6 +149,8 @@ class Term:
         Of the flights or the vehicle.
     signals
         That no other layout has.
+    carried
+        Signals that it uses besides where a flight knows what carries its rotors.
     significance
         Of a term by likelihood (for a declared one: by which it may be judged).
     dropped
@@ -173,6 +175,7 @@ class Term:
     when: Literal["always", "default", "likelihood", "declared"] = "always"
     needs: Literal["velocity", "climb", "unknown origin"] | None = None
     signals: tuple[AddedSignals, ...] = ()
+    carried: tuple[AddedSignals, ...] = ()
     significance: Significance | None = None
     dropped: int | None = None
     one_sided: bool = False
