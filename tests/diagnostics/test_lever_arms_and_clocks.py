@@ -67,7 +67,7 @@ def sides(value, std, blocks=20.0):
     return FrameSides(declared=1.0, value=value, std=std, blocks=blocks, slopes=np.ones(1))
 
 
-def test_sides_that_the_flight_does_not_tell_are_those_of_a_ruler():
+def test_sides_that_no_flight_shows_are_those_of_a_ruler():
     untold = sides(0.0, np.inf)
     assert untold.measured == pytest.approx(0.95, abs=0.01)
     assert 0.02 < untold.half_width < 0.05
@@ -75,7 +75,7 @@ def test_sides_that_the_flight_does_not_tell_are_those_of_a_ruler():
     assert sides(-LACKING, 0.02).half_width < 0.025
 
 
-def test_the_half_width_grows_from_ruler_to_mistake_without_a_jump():
+def test_the_half_width_grows_to_a_mistake_without_a_jump():
     far = [sides(-value, 0.03) for value in np.linspace(0.0, 0.5, 101)]
     half = np.array([one.half_width for one in far])
     chance = np.array([one.measured for one in far])

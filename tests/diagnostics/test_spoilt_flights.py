@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.diagnostics.changed_rotor import LEAST_UNLIKE, unlike_rotor
+from rotorfit.diagnostics.changed_rotor import LEAST_UNLIKE, most_unlike, unlike_sentence
 from rotorfit.diagnostics.vehicle_size import AIR, figure_of_merit, largest_radius
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.fit.intervals.numbers import Numbers
@@ -83,6 +83,7 @@ def test_a_sound_flight_has_no_warnings_and_lists_its_inputs(flight, sound):
     assert "400 mm front to back, 400 mm left to right" in hanging[1]
     assert "rpm)" in hanging[2]
     assert "clock" in hanging[3]
+    assert "the centre of mass hangs on the place of the IMU (0, 0, 0 mm)" in hanging[4]
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.0, 10.0), (-8.0, 6.0)])
@@ -215,8 +216,16 @@ def test_the_largest_rotor_is_half_the_way_to_the_next():
 
 def test_a_rotor_unlike_the_others_is_named():
     vehicle = paper_vehicle("A")[1]
+
+    def said(factor, half):
+        own = {f"kt_{i}": (3e-6 * (factor if i == 2 else 1.0), half) for i in range(1, 5)}
+        rotor, excess = most_unlike(numbers(**own), vehicle)
+        assert rotor == 1
+        assert excess.value == pytest.approx(factor - 1.0)
+        return unlike_sentence(rotor, excess) or ""
+
     off = 1.0 - 1.2 * LEAST_UNLIKE
-    own = {f"kt_{i}": (3e-6 * (off if i == 2 else 1.0), 1e-8) for i in range(1, 5)}
-    assert "rotor 2 makes 12 % less thrust" in (unlike_rotor(numbers(**own), vehicle) or "")
-    alike = {f"kt_{i}": (3e-6 * (0.94 if i == 2 else 1.0), 1e-8) for i in range(1, 5)}
-    assert unlike_rotor(numbers(**alike), vehicle) is None
+    assert "rotor 2 makes 12 +- 0 % less thrust" in said(off, 1e-8)
+    assert said(0.94, 1e-8) == ""
+    # A throw that tells each rotor only to 15 % says nothing of one that seems 12 % weak.
+    assert said(off, 0.15 * 3e-6) == ""

@@ -1,7 +1,8 @@
 """What the numbers rest on: what was declared, and what logs say of vehicle and motors.
 
 Mass, the rotors' distances, the scale of their speeds and the clock: thrown off by a factor, all
-numbers stay consistent. No flight shows it, so that these are said beside the result.
+numbers stay consistent; the place of the IMU is that of the centre of mass. No flight shows it, so
+that these are said beside the result.
 """
 
 from collections.abc import Sequence
@@ -44,6 +45,7 @@ def assumptions(
         )
     seconds = sum(f.recorded.seconds for c in dataset.configurations for f in c.flights)
     parts.append(f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)")
+    parts.append(_imu_place(dataset))
     parts += [
         _shared(c.name, len(flights))
         for c in configurations
@@ -59,6 +61,19 @@ def _shared(configuration: str, flights: int) -> str:
         f"{flights} flights; what all share does not, and stays in every interval: mass, arms and "
         "the place of the IMU, when the log has the motors' speed, what is not known of the "
         "autopilot's answer to gusts, and what the model lacks in all of them (drag, say)"
+    )
+
+
+def _imu_place(dataset: Dataset) -> str:
+    """Return what hangs on the place of the IMU, and on its height."""
+    place = dataset.vehicle.imu_position
+    if place is None or dataset.source == "mocap":
+        return "com_x, com_y, com_z and inertia at the origin are counted from the origin"
+    x, y, z = (1e3 * length for length in place)
+    return (
+        f"the centre of mass hangs on the place of the IMU ({x:.0f}, {y:.0f}, {z:.0f} mm): one "
+        "that sits higher than declared moves com_z by as much, one further forward or to the left "
+        "com_x or com_y by up to as much"
     )
 
 

@@ -1,6 +1,7 @@
 """Did a rotor change? In flight, from one half of it to the other, or against all the others."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -8,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.dataset.dataset import LoadedFlight
-from rotorfit.findings import Finding, doubt, doubt_or_passed
+from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.vehicle import Vehicle
@@ -17,7 +18,9 @@ LEAST_CHANGE: Final = 0.035
 """Of a rotor's share of all squared speeds, between the halves of a flight: sound logs have up to
 0.013, one of fast outdoor flight 0.025."""
 LEAST_UNLIKE: Final = 0.1
-"""Of a rotor's thrust coefficient from the mean one: sound logs have up to 0.06."""
+USUAL: Final = 0.06
+"""Of a rotor's thrust coefficient from the others': sound vehicles have up to the second, with the
+whole interval; the first is what is worth a word."""
 SHORTEST: Final = 5.0
 """Flight [s] of which halves are compared."""
 
@@ -57,26 +60,43 @@ def _shares(squares: Float[np.ndarray, "n N"]) -> Float[np.ndarray, " N"]:
 
 def unlike_rotors(fit: Fit) -> Iterator[Finding]:
     """Check that the rotors' thrust coefficients are alike."""
-    sentence = unlike_rotor(fit.numbers, fit.dataset.vehicle)
-    yield doubt_or_passed("rotor-unlike", sentence, numbers=("kt",))
+    excess = most_unlike(fit.numbers, fit.dataset.vehicle)
+    if excess is None:
+        return
+    rotor, evidence = excess
+    sentence = unlike_sentence(rotor, evidence)
+    found = Finding(kind="rotor-unlike", severity="passed", numbers=("kt",), evidence=(evidence,))
+    yield found if sentence is None else replace(found, severity="doubt", sentence=sentence)
 
 
-def unlike_rotor(numbers: Numbers, vehicle: Vehicle) -> str | None:
-    """Explain that one rotor's thrust coefficient is far from the others'; None where none is.
+def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | None:
+    """Estimate by how much more thrust than the others one rotor makes: the one furthest off.
 
-    Rotors of declared groups are expected to differ.
+    None where they are not told; rotors of declared groups are expected to differ.
     """
     names = [f"kt_{i}" for i in range(1, len(vehicle.rotors) + 1)]
     if any(r.group is not None for r in vehicle.rotors) or not set(names) <= set(numbers.names):
         return None
     own = np.array([numbers.number(name)[0] for name in names])
-    excess = own / np.median(own) - 1.0
-    worst = int(np.argmax(np.abs(excess)))
-    if abs(excess[worst]) < LEAST_UNLIKE:
+    usual = float(np.median(own))
+    rotor = int(np.argmax(np.abs(own / usual - 1.0)))
+    value = float(own[rotor]) / usual - 1.0
+    slopes = np.full(len(own), -(1.0 + value) / (len(own) - 1.0))
+    slopes[rotor] = 1.0
+    std = float(np.sqrt(slopes @ numbers.covariance(names) @ slopes)) / usual
+    interval = (value - 1.96 * std, value + 1.96 * std)
+    limit = float(np.copysign(USUAL, value))
+    return rotor, Evidence(name="rotor_thrust_excess", value=value, interval=interval, limit=limit)
+
+
+def unlike_sentence(rotor: int, excess: Evidence) -> str | None:
+    """Explain that a rotor's thrust is far from the others'; None where chance may make it so."""
+    low, high = excess.interval or (-np.inf, np.inf)
+    if abs(excess.value) < LEAST_UNLIKE or low < USUAL < high or low < -USUAL < high:
         return None
     return (
-        f"rotor {worst + 1} makes {100 * abs(excess[worst]):.0f} % "
-        f"{'more' if excess[worst] > 0 else 'less'} thrust than the others at the same speed: its "
+        f"rotor {rotor + 1} makes {100 * abs(excess.value):.0f} +- {50 * (high - low):.0f} % "
+        f"{'more' if excess.value > 0 else 'less'} thrust than the others at the same speed: its "
         "speed has another scale (poles), or its propeller is damaged or of another type; until "
         "this is fixed do not trust kt and the centre of mass"
     )

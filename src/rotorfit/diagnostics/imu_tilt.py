@@ -11,21 +11,27 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
+from scipy import stats
 
 from rotorfit.dataset.dataset import Dataset, LoadedFlight, levelled_flights
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.declared_vehicle import with_imu_tilt
 from rotorfit.experiment.experiment import Experiment
-from rotorfit.findings import Finding, doubt, doubt_or_passed
+from rotorfit.findings import Evidence, Finding, doubt, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
 from rotorfit.fit.timing.timing_fit import find_timing
+from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
+from rotorfit.reduction.frequency_bands import STRETCH
 
 LEAST_SHARE: Final = 1e-3
 """Of the flight that must be cut off: real flights without a fault have none."""
+FEWEST_PARTS: Final = 3
+"""Whose scatter tells anything."""
 Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
 
 
@@ -62,14 +68,15 @@ def correct_imu_tilt(
     """Turn the readings into the rotors' axes where the flights show that the IMU is tilted."""
     if experiment.airframe.imu_tilt_deg is not None:
         return experiment, dataset, ()
-    tilt = estimate_imu_tilt(dataset, joint_fit)
+    tilt, lean = estimate_imu_tilt(dataset, joint_fit), lean_evidence(dataset)
     if tilt is None:
         sentence = lean_sentence(dataset)
-        return experiment, dataset, () if sentence is None else (doubt("imu-leans", sentence),)
+        leans = () if sentence is None else (doubt("imu-leans", sentence, evidence=lean),)
+        return experiment, dataset, leans
     dataset = levelled_flights(dataset, tilt).reduced()
     if dataset.motor_timing is not None:
         dataset = replace(dataset, motor_timing=find_timing(dataset))
-    found = doubt("imu-tilt", mounting_sentence(tilt))
+    found = doubt("imu-tilt", mounting_sentence(tilt), evidence=lean)
     return with_imu_tilt(experiment, tilt), dataset, (found,)
 
 
@@ -84,10 +91,39 @@ def mounting_sentence(tilt: ImuTilt) -> str:
     )
 
 
+def lean_evidence(dataset: Dataset) -> tuple[Evidence, ...]:
+    """Return how far the thrust leans in the IMU's axes, by the scatter of the flights' parts."""
+    flights = [f.prepared.data for c in dataset.configurations for f in c.flights]
+    parts = np.array([part for data in flights for part in _mean_forces(data)])
+    half = np.inf
+    if len(parts) >= FEWEST_PARTS:
+        spread = parts.std(axis=0, ddof=1) / np.sqrt(len(parts))
+        half = float(
+            stats.t.ppf(0.975, len(parts) - 1) * np.linalg.norm(spread[:2] / parts.mean(axis=0)[2])
+        )
+    angle = mean_force_tilt(flights).angle
+    interval = (angle - half, angle + half) if np.isfinite(half) else None
+    return (Evidence(name="imu_lean", value=angle, interval=interval, limit=LEAST_TILT),)
+
+
+def _mean_forces(data: FlightData) -> Float[np.ndarray, "p 3"]:
+    """Return the mean specific force of each stretch of a flight [m/s^2]."""
+    count = max(round(len(data.used_rows) / (STRETCH * data.sample_rate)), 1)
+    return np.array(
+        [data.specific_force[rows].mean(axis=0) for rows in np.array_split(data.used_rows, count)]
+    )
+
+
 def lean_sentence(dataset: Dataset) -> str | None:
-    """Explain that the thrust leans in the IMU's axes for a cause that the flight does not show."""
+    """Explain that the thrust leans in the IMU's axes for a cause that the flight does not show.
+
+    None where the parts of the flights lean by so different angles that it may be chance.
+    """
     tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
     if dataset.source != "imu" or tilt.angle < LEAST_TILT:
+        return None
+    (lean,) = lean_evidence(dataset)
+    if lean.interval is not None and lean.interval[0] < LEAST_TILT:
         return None
     roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
     return (

@@ -27,7 +27,7 @@ from rotorfit.diagnostics.coupling import NO_COUPLING
 from rotorfit.errors import EstimationError, FrameError
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.beside import Added, Beside, estimate_beside
+from rotorfit.fit.additional_parameters import Added, Additional, estimate_additional
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.fit.intervals.joint_numbers import physical
@@ -152,14 +152,14 @@ def frame_sides(fit: Fit) -> FrameSides | None:
         prior=OPEN,
     )
     try:
-        found = estimate_beside(fit.estimate, fit.configurations, [added])
+        found = estimate_additional(fit.estimate, fit.configurations, [added])
     except EstimationError:
         return None
-    told = _is_coupled(fit)
+    coupled = _is_coupled(fit)
     return FrameSides(
         declared=x / y,
-        value=float(found.values[0]) if told else 0.0,
-        std=float(found.std[0]) if told else np.inf,
+        value=float(found.values[0]) if coupled else 0.0,
+        std=float(found.std[0]) if coupled else np.inf,
         blocks=found.blocks,
         slopes=_slopes(fit, found),
     )
@@ -181,7 +181,7 @@ def sides_block(vehicle: Vehicle, layout: SignalLayout) -> Block:
     return out
 
 
-def _slopes(fit: Fit, found: Beside) -> Float[np.ndarray, " q"]:
+def _slopes(fit: Fit, found: Additional) -> Float[np.ndarray, " q"]:
     """Return by how much each number moves with s, all others following.
 
     Moments of roll and pitch at least in proportion to their own arm: the coupling that holds them

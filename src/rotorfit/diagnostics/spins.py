@@ -31,7 +31,13 @@ from rotorfit.errors import EstimationError, FrameError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import Factors
 from rotorfit.findings import Evidence, Finding, doubt
-from rotorfit.fit.beside import Added, Beside, estimate_beside, inside, surprise
+from rotorfit.fit.additional_parameters import (
+    Added,
+    Additional,
+    estimate_additional,
+    inside,
+    surprise,
+)
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION, SCALED
 from rotorfit.fit.intervals.numbers import Numbers
@@ -225,7 +231,7 @@ def rotor_drags(fit: BandedEstimate, configurations: Sequence[JointConfiguration
         added.append(
             Added(name=f"kd_{i + 1}", entries=own, times=None, prior=prior, begin=at["kd"])
         )
-    found: Beside = estimate_beside(fit, configurations, added, instead_of=("kd",))
+    found: Additional = estimate_additional(fit, configurations, added, instead_of=("kd",))
     if not np.isfinite(found.covariance).all():
         raise EstimationError("the flights do not determine a drag torque of each rotor")
     return RotorDrags(values=found.values, covariance=found.covariance, blocks=found.blocks)

@@ -56,7 +56,7 @@ class Added:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beside:
+class Additional:
     """Parameters that were estimated beside those of a fit.
 
     Attributes
@@ -80,13 +80,13 @@ class Beside:
         return np.sqrt(np.diagonal(self.covariance))
 
 
-def estimate_beside(
+def estimate_additional(
     fit: BandedEstimate,
     configurations: Sequence[JointConfiguration],
     added: Sequence[Added],
     *,
     instead_of: Sequence[str] = (),
-) -> Beside:
+) -> Additional:
     """Estimate parameters beside those of a fit, from where it ended.
 
     Parameters
@@ -110,7 +110,7 @@ def estimate_beside(
     start = np.array([known[name] for name in problem.map.names])
     found = banded(problem, start, close=CLOSE)
     chosen = np.eye(len(added), len(start), k=len(start) - len(added))
-    return Beside(
+    return Additional(
         values=found.estimate.values[-len(added) :],
         covariance=_covariance(found, configurations, chosen),
         blocks=_effective_blocks(found.influence @ chosen.T),
