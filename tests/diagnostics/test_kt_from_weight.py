@@ -96,7 +96,7 @@ def test_nothing_jumps_as_the_difference_grows():
 def test_without_changes_the_weight_alone_tells():
     alone = Balance(changes=None, weight=Measured(value=2.0, std=0.1))
     assert alone.kt == alone.weight
-    assert alone.apart == 0.0
+    assert alone.deviations == 0.0
 
 
 def test_a_command_without_law_leaves_inertia_open():

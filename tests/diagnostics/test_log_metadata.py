@@ -9,7 +9,11 @@ import made_fit
 from rotorfit.dataset.dataset import completed_motors
 from rotorfit.dataset.load import agreed_motors
 from rotorfit.diagnostics.assumptions import log_metadata
-from rotorfit.diagnostics.sensor_faults import lowpass_half_width, velocity_half_width
+from rotorfit.diagnostics.sensor_faults import (
+    lowpass_half_width,
+    velocity_half_width,
+    vertical_partner,
+)
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.experiment.law_table import LawEntry, SqrtEntry, law_entry_of
@@ -87,7 +91,7 @@ def test_what_was_taken_from_a_log_is_said():
 
 
 def test_an_estimated_velocity_leaves_drag_open():
-    """Errors of .3 m/s in a velocity of variance .25: 36 % of it, and drag 56 % more."""
+    """Errors of .4 m/s in a velocity of variance .25: 64 % of it, and drag 178 % more."""
     time = np.arange(2000) / 100.0
     velocity = np.zeros((2000, 3))
     velocity[:, 0] = np.sqrt(0.5) * np.sin(2.0 * np.pi * time)
@@ -97,9 +101,19 @@ def test_an_estimated_velocity_leaves_drag_open():
     given = numbers(drag_x=0.9, drag_y=0.9, Ixx=0.02)
     flown = made(logged(format="ulog"), prepared=prepared, model=KNOWN)
     half = velocity_half_width(given, flown)
-    assert half == pytest.approx([0.01 + 0.9 * 0.36 / 0.64, 0.01 + 0.9 * 9.0, 0.01], rel=1e-3)
+    assert half == pytest.approx([0.01 + 0.9 * 0.64 / 0.36, 0.01 + 0.9 * 9.0, 0.01], rel=1e-3)
     table = made(logged(), prepared=prepared, model=KNOWN)
     assert velocity_half_width(given, table).tolist() == given.half_width.tolist()
+
+
+def test_drag_along_z_may_be_inflow_and_the_other_way_round():
+    """Four rotors at 500 rad/s that lose 1e-4 N of each per m/s: as drag of .2 N s/m."""
+    given = numbers(drag_z=0.3, inflow=1e-4, hover_speed=500.0, drag_x=0.3)
+    assert vertical_partner(given, "drag_z@A", rotors=4) == pytest.approx(0.2)
+    assert vertical_partner(given, "inflow", rotors=4) == pytest.approx(0.3 / 2000.0)
+    assert vertical_partner(given, "drag_x@A", rotors=4) == 0.0
+    alone = numbers(drag_z=0.3, hover_speed=500.0)
+    assert vertical_partner(alone, "drag_z@A", rotors=4) == 0.0
 
 
 def test_a_low_pass_taken_for_a_lag_is_in_the_intervals():

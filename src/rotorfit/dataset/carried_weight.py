@@ -111,7 +111,9 @@ def carrying_stretches(
     velocity_std
         Of the velocity, where the log has it [m/s].
     """
-    push = (flight.rotor_speed**2 @ vehicle.axes) / mass
+    # The square of a noisy speed is larger by the noise.
+    squares = flight.rotor_speed**2 - flight.rotor_speed_std**2
+    push = (squares @ vehicle.axes) / mass
     for motion in vertical_motions(axes, flight, push):
         pushed = float(motion.weights @ motion.push)
         if pushed <= 0.0:

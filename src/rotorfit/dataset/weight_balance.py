@@ -171,9 +171,11 @@ def _mean_length(force: Float[np.ndarray, "m 3"], attitude: Float[np.ndarray, "m
 
 
 def grouped(values: Float[np.ndarray, "n 3"], group: int) -> Float[np.ndarray, "m 3"]:
-    """Average groups of samples; an incomplete last one is left out."""
+    """Average groups of samples; the last one may be of fewer."""
     whole = len(values) // group * group
-    return values[:whole].reshape(-1, group, 3).mean(axis=1)
+    means = values[:whole].reshape(-1, group, 3).mean(axis=1)
+    rest = values[whole:]
+    return means if not len(rest) else np.concatenate([means, rest.mean(axis=0, keepdims=True)])
 
 
 def held_together(parts: Iterable[Held | None]) -> Held | None:

@@ -76,7 +76,7 @@ class Balance:
     law_std: float = 0.0
 
     @property
-    def apart(self) -> float:
+    def deviations(self) -> float:
         """How many deviations they differ by, if thrust goes with the square of the speed."""
         if self.changes is None:
             return 0.0
@@ -240,7 +240,7 @@ def agreement(balance: Balance, speed: Speed) -> Finding:
     if changes is None:
         return doubt_or_passed(kind, None, {"kt_of_weight": weight.value})
     measured = {"thrust_over_weight": changes.value / weight.value, "kt_of_weight": weight.value}
-    sentence = difference(balance, speed) if abs(balance.apart) > DOUBTED else None
+    sentence = difference(balance, speed) if abs(balance.deviations) > DOUBTED else None
     return doubt_or_passed(kind, sentence, measured, numbers=("kt",))
 
 

@@ -25,9 +25,9 @@ FLOWN_AT: Final = 3.0
 """About where quick rolls and nods are [Hz]."""
 LENGTH: Final = 2e-4
 """What the wrong shape moves a centre by [m], .2 mm in ArduPilot's simulator at 20 Hz."""
-ERROR: Final = 0.3
+ERROR: Final = 0.4
 """Standard deviation of an estimate's error along each axis [m/s]: PX4's was off by .2 to .5 in its
-simulator, whose true velocity is in the log."""
+simulator, whose true velocity is in the log; an interval is to hold the larger ones."""
 OVER: Final = {
     name: info.velocity_axis for name, info in PARAMETERS.items() if info.velocity_axis is not None
 }
@@ -102,7 +102,25 @@ def velocity_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray,
         variance = _variance(own, OVER[base])
         share = LARGEST if variance <= 0.0 else min(ERROR**2 / variance, LARGEST)
         half[i] += abs(numbers.values[i]) * share / (1.0 - share)
+        half[i] += vertical_partner(numbers, name, rotors=len(dataset.vehicle.rotors))
     return half
+
+
+def vertical_partner(numbers: Numbers, name: str, *, rotors: int) -> float:
+    """Return how much of a coefficient may be the other one's: drag along z and inflow.
+
+    Both are a force against climb; only what they do to roll and pitch, where damping of the frame
+    does the same, tells them apart.
+    """
+    base, _, owner = name.partition("@")
+    values = dict(zip(numbers.names, numbers.values.tolist(), strict=True))
+    at = next((n.partition("@")[2] for n in values if n.startswith("drag_z@")), "")
+    speeds = abs(values.get(f"hover_speed@{owner or at}", np.nan)) * rotors
+    if base == "drag_z" and "inflow" in values:
+        return abs(values["inflow"]) * speeds
+    if base == "inflow" and at:
+        return abs(values[f"drag_z@{at}"]) / speeds
+    return 0.0
 
 
 def _variance(configurations: list[ConfigurationData], axis: int) -> float:

@@ -230,7 +230,7 @@ def _thrust(
     if weighed is not None:
         law_std = LAW_STD if commanded else 0.0
         balance = Balance(changes=changes, weight=weighed, law_std=law_std)
-        agree = abs(balance.apart) <= DOUBTED
+        agree = abs(balance.deviations) <= DOUBTED
         reach = balance.law_reach / weighed.value
         width = _relative(1.96 * balance.kt.std, balance.kt.value)
     return Thrust(

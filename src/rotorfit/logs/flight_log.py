@@ -290,10 +290,8 @@ PX4_OTHER: Final = "a simulator under PX4"
 SITL: Final = "ArduPilot SITL"
 
 LEAVES_OUT: Final[dict[str, str]] = {
-    SIH: "thrust and torque are proportional to the motor signal, and the lag acts on them, not on "
-    "a speed, in steps of its loop: it is SIH_T_TAU less half a step (2 ms at 250 Hz); no rotor "
-    "inertia, no voltage, "
-    "the CoM in the middle of the rotors",
+    SIH: "the motors' lag acts in steps of its loop: it is SIH_T_TAU less half a step (2 ms at 250 "
+    "Hz); no rotor inertia, no voltage, the CoM in the middle of the rotors",
     GAZEBO: "the motors' plugin has its own constants: rising and falling time, thrust, moment, "
     "rotor drag; no battery in the thrust",
     PX4_OTHER: "what it leaves out is not known here",

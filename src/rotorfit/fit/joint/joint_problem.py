@@ -48,7 +48,7 @@ NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
 TURN_ERRORS = ("dwx", "dwy", "dwz")
 """The errors of the turns that an autopilot answers."""
-ANSWERED = (*TURN_ERRORS, "az")
+RESPONSE_ERRORS = (*TURN_ERRORS, "az")
 """Those, and that of the climb, which an altitude hold answers: its accelerometer's noise too."""
 BANDWIDTH = 25.0
 """[rad/s] up to which an autopilot answers roll and pitch errors: that of the simulated one's rate
@@ -232,7 +232,7 @@ def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
     inputs = [i for i, name in enumerate(layout.names) if name.startswith("O2_")]
     inputs.append(layout.index("dHz"))
     return Feedback(
-        errors=tuple(NOISY.index(name) for name in ANSWERED),
+        errors=tuple(NOISY.index(name) for name in RESPONSE_ERRORS),
         inputs=tuple(inputs),
         responses=tuple(closed_loop_responses(c) for c in configurations),
     )
@@ -244,7 +244,7 @@ def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopRespon
     with_response = configuration.with_response
     assert with_response is not None and counted is not None
     turn = 2.0 * np.pi * factors.band.mean(axis=1)
-    counted_errors = counted[:, [NOISY.index(name) for name in ANSWERED]]
+    counted_errors = counted[:, [NOISY.index(name) for name in RESPONSE_ERRORS]]
     moving = factors.rows - (factors.band[:, 0] == 0.0)  # trim is nobody's answer
     rate, climb = nominal_response(turn), first_order(turn, CLIMB_BANDWIDTH)
     slow_yaw = (turn < 2.0 * np.pi * SLOW_YAW) * first_order(turn, YAW_BANDWIDTH)
