@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rotorfit
+from rotorfit.cli.airframe import listed_text
 from rotorfit.experiment.airframe_table import AirframeEntry
 from rotorfit.model.layouts import layout_rotors, spaced_rotors
 
@@ -120,3 +121,35 @@ def test_spacing_and_arm_exclude_each_other():
         AirframeEntry.model_validate({"layout": "quad-x"})
     with pytest.raises(ValueError, match="positions and arm are in metres"):
         AirframeEntry.model_validate({"layout": "quad-x", "spacing": [91, 127]})
+
+
+def test_rotors_that_a_log_lists_are_scaled_to_what_was_measured(tmp_path):
+    angles = np.radians([30.0, 90.0, 150.0, 210.0, 270.0, 330.0])
+    sites = tuple(
+        (round(float(np.cos(a)), 3), -round(float(np.sin(a)), 3), "cw" if i % 2 else "ccw")
+        for i, a in enumerate(angles)
+    )
+    path = tmp_path / "airframe.toml"
+    path.write_text(listed_text(sites, (0.5196, 0.6), speed="commanded"))
+    made = vehicle(path).rotors
+    places = np.array([rotor.position for rotor in made])
+    np.testing.assert_allclose(np.hypot(places[:, 0], places[:, 1]), 0.3, rtol=1e-3)
+    np.testing.assert_allclose(
+        np.arctan2(-places[:, 1], places[:, 0]) % (2 * np.pi), angles, atol=1e-3
+    )
+    assert [rotor.spin for rotor in made] == ["ccw", "cw"] * 3
+    assert tomllib.loads(path.read_text())["motors"]["speed"] == "commanded"
+
+
+def test_of_rotors_in_the_parameters_only_the_size_is_asked_for(
+    answered, flight_data_dir, tmp_path
+):
+    log = flight_data_dir / "autopilot-sitl" / "px4-hex.ulg"
+    if not log.is_file():
+        pytest.skip(f"no {log}")
+    ended = answered("519.6\n600\n", log, "-o", tmp_path / "hexa.toml")
+    assert ended.code == 0, ended
+    assert "CA_ROTOR* in the log gives order and spins" in ended.err
+    made = vehicle(tmp_path / "hexa.toml").rotors
+    assert [rotor.spin for rotor in made] == ["ccw", "cw"] * 3
+    assert made[1].position == pytest.approx((0.0, -0.3, 0.0))

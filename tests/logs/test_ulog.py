@@ -149,6 +149,11 @@ def test_a_rotor_below_the_origin_is_below_it(tmp_path):
             },
             True,
         ),
+        # Directions on a circle of 1.
+        (
+            {"parameters": {k: 4.0 * v if k[-2:] in ("PX", "PY") else v for k, v in QUAD.items()}},
+            True,
+        ),
     ],
 )
 def test_default_geometry_is_said(tmp_path, parts, template):

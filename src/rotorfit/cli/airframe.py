@@ -62,10 +62,31 @@ def airframe(
     """
     from rotorfit.inspection.seen_airframe import SeenAirframe
     from rotorfit.logs.files import write_whole
-    from rotorfit.model.layouts import LAYOUTS
 
     refuse_output_file(output, inputs=[] if log is None else [log], force=force)
     seen = SeenAirframe() if log is None else _seen_in(log, log_number)
+    if seen.sites and layout is None and order is None:
+        spaces, given_speed = _parse_spacing(spacing), speed or str(seen.speed)
+        text = listed_text(seen.sites, spaces, speed=given_speed)
+    else:
+        text = _named_text(seen, layout, order, spacing=spacing, speed=speed)
+    _refuse_unreadable(text)
+    write_whole(output, text, force=force)
+    print_result(f"{text}\nwritten to {output}; next:")
+    print_result(f"  rotorfit identify {log or 'LOG'} --mass KG --airframe {output}")
+
+
+def _named_text(
+    seen: SeenAirframe,
+    layout: str | None,
+    order: str | None,
+    *,
+    spacing: str | None,
+    speed: str | None,
+) -> str:
+    """Write the airframe file of a named layout; ask for what is neither given nor seen."""
+    from rotorfit.model.layouts import LAYOUTS
+
     layout = _layout_or_order("layout", layout, seen, _layouts(seen))
     orders = [order for name, order in LAYOUTS if name == layout]
     order = _layout_or_order("order", order, seen, orders)
@@ -76,11 +97,7 @@ def airframe(
         choices = ["measured", "commanded"]
         given_speed = _ask_choice(choices, f"{question}commanded", "commanded", "--speed")
     turned = seen.turned and (layout, order) == (seen.layout, seen.order)
-    text = airframe_text(layout, order, spaces, speed=given_speed, turned=turned)
-    _refuse_unreadable(text)
-    write_whole(output, text, force=force)
-    print_result(f"{text}\nwritten to {output}; next:")
-    print_result(f"  rotorfit identify {log or 'LOG'} --mass KG --airframe {output}")
+    return airframe_text(layout, order, spaces, speed=given_speed, turned=turned)
 
 
 def _seen_in(path: Path, log_number: int | None) -> SeenAirframe:
@@ -100,6 +117,9 @@ def _seen_in(path: Path, log_number: int | None) -> SeenAirframe:
         )
     print_status(f"{path.name}: {log.format}, {seen.rotors} motors, rotor speed {seen.speed}")
     spins = ", every spin reversed (props out)" if seen.turned else ""
+    if seen.sites:
+        print_status("CA_ROTOR* in the log gives order and spins of the motors, not their size")
+        return seen
     print_status(
         f"the flight confirms {seen.layout}, motors in the order of {seen.order}{spins}"
         if seen.borne_out
@@ -206,6 +226,30 @@ def _ask(question: str, default: str | None, option: str) -> str:
     return reply
 
 
+def listed_text(
+    sites: tuple[tuple[float, float, str], ...], spacing: tuple[float, float], *, speed: str
+) -> str:
+    """Write the airframe file of rotors that a log lists; spacing front to back, left to right."""
+    forward, left = ([site[0] for site in sites], [site[1] for site in sites])
+    x_scale, y_scale = (
+        wide / (max(places) - min(places)) if max(places) > min(places) else 0.0
+        for wide, places in zip(spacing, (forward, left), strict=True)
+    )
+    rows = [
+        f'  {{ position = [{x_scale * x + 0.0:.6g}, {y_scale * y + 0.0:.6g}, 0.0], spin = "{s}" }},'
+        for x, y, s in sites
+    ]
+    lines = [
+        "[airframe]",
+        "# order, spins and directions by CA_ROTOR* of the log, the size as measured",
+        "rotors = [  # position from the centre, forward, left, up [m]",
+        *rows,
+        "]",
+        *_rest(speed),
+    ]
+    return "\n".join(lines) + "\n"
+
+
 def airframe_text(
     layout: str, order: str, spacing: tuple[float, float], *, speed: str, turned: bool
 ) -> str:
@@ -231,13 +275,17 @@ def airframe_text(
             f'order = "{order}"  # whose motor numbering',
             f"spacing = {list(spacing)}  # between motor axes, front to back, left to right [m]",
         ]
-    lines += [
+    return "\n".join([*lines, *_rest(speed)]) + "\n"
+
+
+def _rest(speed: str) -> list[str]:
+    """Return the lines behind the rotors."""
+    return [
         "# imu = { position = [0.0, 0.0, 0.0] }  # of the flight controller, forward, left, up [m]",
         "",
         "[motors]",
         f'speed = "{speed}"',
     ]
-    return "\n".join(lines) + "\n"
 
 
 def _refuse_unreadable(text: str) -> None:

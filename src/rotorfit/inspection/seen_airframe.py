@@ -1,6 +1,7 @@
 """What a flight and its log say of the airframe, where nobody has described it yet."""
 
 import re
+import tomllib
 from dataclasses import dataclass
 from typing import Final
 
@@ -30,6 +31,9 @@ class SeenAirframe:
         Whether every rotor turns the other way (props out).
     speed
         ``measured`` or ``commanded``.
+    sites
+        Forward, left and spin of each rotor by the log's parameters, of any size; none where it has
+        no such, or the flight itself shows the layout.
     """
 
     rotors: int | None = None
@@ -38,6 +42,7 @@ class SeenAirframe:
     borne_out: bool = False
     turned: bool = False
     speed: str | None = None
+    sites: tuple[tuple[float, float, str], ...] = ()
 
 
 def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
@@ -49,7 +54,13 @@ def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
     speed = "measured" if "rotor_speed" in log.channels else "commanded"
     found = _BORNE_OUT.match((report.prospects and report.prospects.motors) or "")
     if found is None:
-        return SeenAirframe(rotors=count, order=_usual_order(log), speed=speed)
+        sites = _logged_sites(log)
+        return SeenAirframe(
+            rotors=count,
+            order=_usual_order(log),
+            speed=speed,
+            sites=sites if len(sites) == count else (),
+        )
     return SeenAirframe(
         rotors=count,
         layout=found["layout"],
@@ -58,6 +69,13 @@ def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
         turned=found["turned"] is not None,
         speed=speed,
     )
+
+
+def _logged_sites(log: FlightLog) -> tuple[tuple[float, float, str], ...]:
+    """Return the rotors that the parameters of a log list (PX4's CA_ROTOR*)."""
+    text = log.metadata.get("airframe", "") if log.format == "ulog" else ""
+    rotors = tomllib.loads(text).get("rotors", [])
+    return tuple((r["position"][0], r["position"][1], r["spin"]) for r in rotors)
 
 
 def _usual_order(log: FlightLog) -> str | None:

@@ -36,6 +36,8 @@ ARMED: Final = 2
 """vehicle_status.arming_state of an armed vehicle."""
 GENERIC: Final = (4001, 5001, 6001, 7001, 8001, 9001, 11001, 12001, 14001, 4601)
 """Airframes that stand for any vehicle of their layout."""
+ON_CIRCLE: Final = 0.005
+"""By which directions of two or three digits miss a circle of 1."""
 MULTIROTORS: Final = (0, 8)
 """CA_AIRFRAME of multirotors, and of those with tilt."""
 VTOL: Final = (
@@ -147,9 +149,12 @@ def _is_template(scan: Scan, sites: tuple[RotorSite, ...]) -> bool:
 
     The log names a default where a parameter differs from it: where none of the airframe's is
     named for the places of the rotors, they are the airframe's own. That of a generic airframe is
-    no vehicle's. All at +-1 is a table of directions, not of metres.
+    no vehicle's. All at +-1, or on a circle of 1, is a table of directions, not of metres.
     """
-    if all(abs(abs(value) - 1.0) < 1e-6 for site in sites for value in site.position[:2]):
+    places = [site.position[:2] for site in sites]
+    if all(abs(abs(value) - 1.0) < 1e-6 for place in places for value in place):
+        return True
+    if all(abs(math.hypot(*place) - 1.0) < ON_CIRCLE for place in places):
         return True
     names = [f"CA_ROTOR{i}_P{axis}" for i in range(len(sites)) for axis in "XY"]
     untouched = scan.knows_defaults and not any(n in scan.airframe_defaults for n in names)

@@ -1,0 +1,68 @@
+"""What is not known of a law from command to speed is in every number that hangs on speeds."""
+
+import numpy as np
+import pytest
+
+import flown
+from rotorfit.diagnostics.law_uncertainty import scale_shift
+from rotorfit.fit.intervals.numbers import Numbers
+
+CINERAT = [(-1, -1, "cw"), (1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw")]
+NAMES = ("kt", "kt_2", "kd", "Jr", "kd_over_Izz@A", "Ixx@A", "kd_over_kt", "com_x@A")
+
+
+def test_speeds_that_are_off_by_a_share_move_what_goes_with_them():
+    numbers = Numbers(
+        names=NAMES,
+        values=np.array([3e-7, 3e-7, 4e-9, 9e-7, 4e-6, 6e-4, 0.01, 1e-3]),
+        half_width=np.zeros(8),
+        correlation=np.eye(8),
+        excitation={},
+    )
+    moved = scale_shift(numbers, 0.03) / numbers.values
+    assert moved == pytest.approx([0.06, 0.06, 0.06, 0.03, 0.06, 0.0, 0.0, 0.0])
+
+
+def declaration(motors, log):
+    rotors = ", ".join(
+        f'{{ position = [{0.0455 * x}, {0.0635 * y}, 0.0], spin = "{s}" }}' for x, y, s in CINERAT
+    )
+    return (
+        f"[airframe]\nrotors = [{rotors}]\n[motors]\n{motors}\n"
+        f'[[configuration]]\nmass = 0.428\nflights = ["{log}"]\n'
+    )
+
+
+@pytest.fixture(scope="module")
+def flights(flight_data_dir, tmp_path_factory):
+    """Identify one flight by speeds, and another by the law that the first one gives."""
+    logs = [flight_data_dir / "tudelft-indiflight" / f"LOG00{n}.BFL" for n in (271, 341)]
+    if not all(log.is_file() for log in logs):
+        pytest.skip(f"no {logs[0]}")
+    folder = tmp_path_factory.mktemp("laws")
+    path = folder / "experiment.toml"
+    path.write_text(declaration('speed = "measured"', logs[0]))
+    first = flown.quietly_identified(path)
+    first.save(folder / "first.json")
+    path.write_text(declaration('speed = "commanded"\nresult = "first.json"', logs[1]))
+    return first, flown.quietly_identified(path)
+
+
+def test_a_law_from_a_result_brings_its_deviation(flights):
+    first, _ = flights
+    law = first.command_law.motors["law"]
+    assert law["speed_std"] == pytest.approx(0.03, abs=0.002)  # of an unknown charge, all but all
+    assert 0.005 < law["slope_std"] < 0.1
+    assert any("on others its speeds to +-6 %" in words for words in first.warnings)
+
+
+def test_kt_by_the_law_of_another_flight_holds(flights):
+    """As if the battery were as full as then, kt was stated to 3.9 %: 5 of 12 flights held."""
+    _, second = flights
+    kt = second.parameter("kt")
+    low, high = kt.interval
+    assert low < 2.69e-7 < high
+    assert 0.5 * (high - low) > 2 * 1.96 * 0.03 * kt.value
+    [said] = [one for one in second.findings if one.kind == "law-uncertain"]
+    assert "+-5.9 %" in said.sentence
+    assert "kt" in said.numbers
