@@ -350,6 +350,48 @@ def filtered(log: FlightLog, *, name: str, cutoff: float) -> FlightLog:
     return _changed(log, name, values=signal.lfilter(b, a, channel.values, axis=0, zi=start)[0])
 
 
+def interpolated(log: FlightLog, *, rate: float) -> FlightLog:
+    """Return a log whose rotor speeds come at a rate [Hz], with lines drawn between them."""
+    channel = log.channels["rotor_speed"]
+    t = np.arange(channel.time[0], channel.time[-1], 1.0 / rate)
+    columns = [np.interp(channel.time, t, np.interp(t, channel.time, x)) for x in channel.values.T]
+    return _changed(log, "rotor_speed", values=np.column_stack(columns))
+
+
+def soft_mounted(log: FlightLog, *, frequency: float, damping: float = 0.15) -> FlightLog:
+    """Return a log of an IMU that swings on its mount [Hz]."""
+    w = 2.0 * np.pi * frequency
+    for name in ("gyro", "accel"):
+        channel = log.channels[name]
+        rate = 1.0 / float(np.median(np.diff(channel.time)))
+        b, a = signal.bilinear([2.0 * damping * w, w * w], [1.0, 2.0 * damping * w, w * w], fs=rate)
+        start = signal.lfilter_zi(b, a)[:, None] * channel.values[:1]
+        values = signal.lfilter(b, a, channel.values, axis=0, zi=start)[0]
+        log = _changed(log, name, values=values)
+    return log
+
+
+def lifted(log: FlightLog, *, share: float, after: float) -> FlightLog:
+    """Return a log of which a share of the thrust more comes at the same speed, from a second on.
+
+    As near the ground.
+    """
+    channel = log.channels["rotor_speed"]
+    more = share / (1.0 + np.exp(-(channel.time - channel.time[0] - after) / 0.3))
+    return _changed(log, "rotor_speed", values=channel.values / np.sqrt(1.0 + more)[:, None])
+
+
+def tethered(log: FlightLog, *, pull: float, seed: int = 4) -> FlightLog:
+    """Return a log of a vehicle that now and then pulls at a tether below it [m/s^2]."""
+    channel = log.channels["accel"]
+    since = channel.time - channel.time[0]
+    chance = np.random.default_rng(seed)
+    pulls = (chance.random(int(since[-1]) + 3) < 0.3) * chance.random(int(since[-1]) + 3)
+    values = channel.values.copy()
+    values[:, 2] -= pull * np.interp(since, np.arange(len(pulls)), pulls)
+    return _changed(log, "accel", values=values)
+
+
 def turned(log: FlightLog, *, axis: str, degrees: float) -> FlightLog:
     """Return a log of an IMU that is turned in its mounting about a body axis."""
     turn = Rotation.from_euler(axis, degrees, degrees=True)

@@ -17,6 +17,7 @@ from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.diagnose import diagnose
 from rotorfit.diagnostics.imu_tilt import correct_imu_tilt
 from rotorfit.diagnostics.kt_from_weight import hold_at_weight
+from rotorfit.diagnostics.motor_time_split import allow_for_answered_noise
 from rotorfit.diagnostics.sensor_faults import allow_for_gyro_lowpass, allow_for_velocity_errors
 from rotorfit.diagnostics.sensor_response import allow_for_sensor_response
 from rotorfit.diagnostics.thrust_change import allow_for_thrust_change
@@ -133,6 +134,7 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     allow_for_gyro_lowpass,
     allow_for_thrust_change,
     allow_for_sensor_response,
+    allow_for_answered_noise,
 )
 """From the fit of the joint likelihood to the intervals of its numbers."""
 LEAST_SQUARES: Final = {"ols": row_result, "tls": paper_result}
