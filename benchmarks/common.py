@@ -371,27 +371,6 @@ def soft_mounted(log: FlightLog, *, frequency: float, damping: float = 0.15) -> 
     return log
 
 
-def lifted(log: FlightLog, *, share: float, after: float) -> FlightLog:
-    """Return a log of which a share of the thrust more comes at the same speed, from a second on.
-
-    As near the ground.
-    """
-    channel = log.channels["rotor_speed"]
-    more = share / (1.0 + np.exp(-(channel.time - channel.time[0] - after) / 0.3))
-    return _changed(log, "rotor_speed", values=channel.values / np.sqrt(1.0 + more)[:, None])
-
-
-def tethered(log: FlightLog, *, pull: float, seed: int = 4) -> FlightLog:
-    """Return a log of a vehicle that now and then pulls at a tether below it [m/s^2]."""
-    channel = log.channels["accel"]
-    since = channel.time - channel.time[0]
-    chance = np.random.default_rng(seed)
-    pulls = (chance.random(int(since[-1]) + 3) < 0.3) * chance.random(int(since[-1]) + 3)
-    values = channel.values.copy()
-    values[:, 2] -= pull * np.interp(since, np.arange(len(pulls)), pulls)
-    return _changed(log, "accel", values=values)
-
-
 def turned(log: FlightLog, *, axis: str, degrees: float) -> FlightLog:
     """Return a log of an IMU that is turned in its mounting about a body axis."""
     turn = Rotation.from_euler(axis, degrees, degrees=True)
