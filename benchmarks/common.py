@@ -350,6 +350,27 @@ def filtered(log: FlightLog, *, name: str, cutoff: float) -> FlightLog:
     return _changed(log, name, values=signal.lfilter(b, a, channel.values, axis=0, zi=start)[0])
 
 
+def interpolated(log: FlightLog, *, rate: float) -> FlightLog:
+    """Return a log whose rotor speeds come at a rate [Hz], with lines drawn between them."""
+    channel = log.channels["rotor_speed"]
+    t = np.arange(channel.time[0], channel.time[-1], 1.0 / rate)
+    columns = [np.interp(channel.time, t, np.interp(t, channel.time, x)) for x in channel.values.T]
+    return _changed(log, "rotor_speed", values=np.column_stack(columns))
+
+
+def soft_mounted(log: FlightLog, *, frequency: float, damping: float = 0.15) -> FlightLog:
+    """Return a log of an IMU that swings on its mount [Hz]."""
+    w = 2.0 * np.pi * frequency
+    for name in ("gyro", "accel"):
+        channel = log.channels[name]
+        rate = 1.0 / float(np.median(np.diff(channel.time)))
+        b, a = signal.bilinear([2.0 * damping * w, w * w], [1.0, 2.0 * damping * w, w * w], fs=rate)
+        start = signal.lfilter_zi(b, a)[:, None] * channel.values[:1]
+        values = signal.lfilter(b, a, channel.values, axis=0, zi=start)[0]
+        log = _changed(log, name, values=values)
+    return log
+
+
 def turned(log: FlightLog, *, axis: str, degrees: float) -> FlightLog:
     """Return a log of an IMU that is turned in its mounting about a body axis."""
     turn = Rotation.from_euler(axis, degrees, degrees=True)

@@ -92,6 +92,7 @@ ROTOR, TWO = (
     r"its vehicle, load, propellers|two different vehicles",
 )
 PROPELLER, SENSOR = r"propeller", r"accelerometer"
+RESPONSE: Final = r"swung on its mount|low-passed"
 GYRO, LOST = r"gyro .*(later|filter)", r"rows are missing"
 LAW, CRASH = r"\blaw\b", r"crash|on the ground|impact"
 SIDES = {"x": 0.0545 / 0.0455, "y": 0.0545 / 0.0635}
@@ -198,6 +199,20 @@ CASES: Final[tuple[Spoilt, ...]] = (
           partial(common.biased, name="accel", by=(0.0, 0.0, 1.5))),
     _case("accel bias 1.5 up", "sih-exported", "accelerometer reads 1.5 m/s^2 too much along z",
           SENSOR, partial(common.biased, name="accel", by=(0.0, 0.0, 1.5))),
+    _case("speeds from 10 Hz", "LOG00267", "rotor speeds drawn as lines between samples at 10 Hz",
+          r"lines are drawn", partial(common.interpolated, rate=10.0)),
+    _case("speeds from 10 Hz", "LOG00340", "rotor speeds drawn as lines between samples at 10 Hz",
+          r"lines are drawn", partial(common.interpolated, rate=10.0)),
+    _case("speeds filtered 15 Hz", "LOG00267", "rotor speeds behind a low-pass of 15 Hz",
+          RESPONSE, partial(common.filtered, name=SPEED, cutoff=15.0)),
+    _case("speeds filtered 15 Hz", "LOG00271", "rotor speeds behind a low-pass of 15 Hz",
+          RESPONSE, partial(common.filtered, name=SPEED, cutoff=15.0)),
+    _case("soft mount 15 Hz", "LOG00267", "IMU on a mount that swings at 15 Hz", RESPONSE,
+          partial(common.soft_mounted, frequency=15.0)),
+    _case("soft mount 15 Hz", "LOG00271", "IMU on a mount that swings at 15 Hz", RESPONSE,
+          partial(common.soft_mounted, frequency=15.0)),
+    _case("gyro scale + 5 %", "LOG00267", "gyro reads 5 % too much", GYRO,
+          partial(common.scaled, name="gyro", factor=1.05), hangs_on="gyro's scale"),
     _case("propeller broken in flight", "LOG00267", "rotor 3 makes 25 % less thrust from 16 s on",
           PROPELLER, partial(common.scaled, name=SPEED, factor=1.15, columns=(2,), after=16.0)),
     _case("propellers changed", "LOG00267", "four new propellers before the second flight",

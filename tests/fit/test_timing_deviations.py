@@ -509,7 +509,7 @@ def test_the_lag_prior_decides_between_trials_that_fit_equally(monkeypatch):
         (0.0125, 11.0, 0.012),  # the end of the usual itself, as of a gyro low-passed at 20 Hz
         (-0.0125, 11.0, -0.012),
         (0.040, 11.0, 0.040),  # further out than usual, and clearly better there
-        (0.040, 9.0, None),
+        (0.040, 9.0, 0.012),  # not clearly, and not at nothing: the fit goes on from there
         (-0.040, 11.0, -0.040),
         (0.5, 1e3, None),
         (0.164, 1e3, 0.164),

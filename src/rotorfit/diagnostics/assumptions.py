@@ -1,8 +1,8 @@
 """What the numbers rest on: what was declared, and what logs say of vehicle and motors.
 
-Mass, the rotors' distances, the scale of their speeds and the clock: thrown off by a factor, all
-numbers stay consistent; the place of the IMU is that of the centre of mass. No flight shows it, so
-that these are said beside the result.
+Mass, the rotors' distances, the scale of their speeds, of the gyro and of the clock: thrown off by
+a factor, all numbers stay consistent; the place of the IMU is that of the centre of mass. No flight
+shows it, so that these are said beside the result.
 """
 
 from collections.abc import Sequence
@@ -44,7 +44,9 @@ def assumptions(
             f"{hover:.0f} rad/s, {RPM * hover:.0f} rpm)"
         )
     seconds = sum(f.recorded.seconds for c in dataset.configurations for f in c.flights)
-    parts.append(f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)")
+    clock = f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)"
+    scale = ", and inertia to the inverse of the gyro's scale" if dataset.source == "imu" else ""
+    parts.append(f"{clock}{scale}")
     parts.append(_imu_place(dataset))
     parts += [
         _shared(c.name, len(flights))

@@ -20,6 +20,7 @@ from rotorfit.diagnostics.kt_from_weight import weigh_thrust
 from rotorfit.diagnostics.law_uncertainty import allow_for_law
 from rotorfit.diagnostics.lever_arms import allow_for_sides
 from rotorfit.diagnostics.motor_limits import allow_for_motor_limits
+from rotorfit.diagnostics.motor_time_split import allow_for_answered_noise
 from rotorfit.diagnostics.sensor_faults import allow_for_gyro_lowpass, allow_for_velocity_errors
 from rotorfit.diagnostics.sensor_response import allow_for_sensor_response
 from rotorfit.diagnostics.thrust_change import allow_for_thrust_change
@@ -137,6 +138,7 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     allow_for_gyro_lowpass,
     allow_for_thrust_change,
     allow_for_sensor_response,
+    allow_for_answered_noise,
     allow_for_sides,
 )
 """From the fit of the joint likelihood to the intervals of its numbers."""

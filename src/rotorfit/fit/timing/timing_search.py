@@ -127,10 +127,11 @@ def _coarse_delay(dataset: Dataset) -> MotorResponse | None:
         grid = edge + stride * np.arange(round(FURTHEST / abs(stride)))
         values = [first, *(pilot_band_cost(dataset, at(delay)) for delay in grid[1:])]
         best = int(np.argmin(values))
-        # Where nothing further out is better, and the end clearly worse, the edge is the best.
-        gain = first - values[best] if best else values[-1] - first
-        if best == len(grid) - 1 or gain < LEAST_GAIN:
+        if best == len(grid) - 1:
             return None
+        if first - values[best] < LEAST_GAIN:
+            # About there, where the end is clearly worse: nothing it is not, and the fit goes on.
+            return at(edge) if values[-1] - values[best] > LEAST_GAIN else None
     return at(grid[best])
 
 
