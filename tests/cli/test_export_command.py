@@ -49,6 +49,31 @@ def test_a_file_is_written_and_told(run, there):
     assert "CA_ROTOR3_KM" in (there / "my.params").read_text()
 
 
+def test_an_export_into_a_file_of_the_user_shows_what_changes(run, there):
+    mine = "# mine\n1\t1\tSYS_AUTOSTART\t4001\t6\n1\t1\tCA_ROTOR3_KM\t0.5\t9\n"
+    (there / "mine.params").write_text(mine)
+    asked = ("export", "result.json", "--to", "px4", "--into", "mine.params", "-o")
+    ended = run(*asked, "new.params")
+    assert (ended.code, ended.err) == (0, "")
+    assert "  -1\t1\tCA_ROTOR3_KM\t0.5\t9\n  +1\t1\tCA_ROTOR3_KM\t" in ended.out
+    assert "SYS_AUTOSTART" not in ended.out
+    assert (there / "new.params").read_text().startswith(mine.partition("0.5")[0])
+    assert (there / "mine.params").read_text() == mine
+    told = run(*asked, "mine.params", "--force", "--json").json
+    assert ["", "1\t1\tCA_AIRFRAME\t0\t6"] in told["changed"]
+    assert (there / "mine.params").read_text() == (there / "new.params").read_text()
+
+
+def test_a_file_to_export_into_is_never_lost(refused, there):
+    (there / "mine.params").write_text("no parameters")
+    asked = ("export", "result.json", "--to", "px4", "--into", "mine.params", "-o", "mine.params")
+    assert "--force" in refused(*asked)
+    assert "has no parameter as px4 writes them" in refused(*asked, "--force")
+    assert (there / "mine.params").read_text() == "no parameters"
+    words = refused("export", "result.json", "--to", "px4", "--into", "none", "-o", "new.params")
+    assert words.startswith("rotorfit: none: ")
+
+
 def test_as_json(run, there):
     told = run("export", "result.json", "--to", "mujoco", "-o", "my.xml", "--json").json
     assert told["target"] == "mujoco"

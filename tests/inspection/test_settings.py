@@ -52,7 +52,7 @@ def test_ardupilot_parameters_are_pairs_with_the_named_bits():
     pairs = dict(line.split(",") for line in lines("dataflash"))
     mask = int(pairs["LOG_BITMASK"])
     assert all(mask >> bit & 1 for bit in (0, 9, 10, 18))
-    assert mask == 176126 | 1 | 262144
+    assert mask == 176126 | 180222 | 1 | 262144
 
 
 @pytest.mark.parametrize("table", ["blackbox", "inav"])
@@ -146,7 +146,8 @@ def test_inav_gets_its_own_names_and_file():
     found = settings_for("blackbox", lacking, INAV)
     assert [(s.name, s.value) for s in found] == [
         ("acc_lpf_hz", "100"),
-        ("blackbox_rate_denom", "2 (with blackbox_rate_num = 1)"),
+        ("blackbox_rate_denom", "2"),
+        ("blackbox_rate_num", "1"),
         ("CLI:", "blackbox ACC"),
         ("CLI:", "blackbox MOTORS"),
     ]

@@ -26,6 +26,7 @@ from rotorfit.errors import OutputError, RotorfitWarning
 from rotorfit.export.targets import AnyTargetName, RandomTargetName, TargetName
 
 if TYPE_CHECKING:
+    from rotorfit.export.into import Patched
     from rotorfit.export.result_numbers import Number
     from rotorfit.export.variants import Variants
     from rotorfit.results.result import IdentificationResult
@@ -70,6 +71,16 @@ Samples = Annotated[
         "target holds one vehicle, -o names a folder (targets that hold many: default 100).",
     ),
 ]
+Into = Annotated[
+    Path | None,
+    typer.Option(
+        "--into",
+        metavar="FILE",
+        help="Your own file of parameters (px4, px4-sih, ardupilot, betaflight, indiflight): -o "
+        "gets it with what the export changes, which is shown. -o may name the same file, with "
+        "--force.",
+    ),
+]
 DrawSeed = Annotated[
     int, typer.Option(min=0, metavar="N", help="With --samples: another seed gives other vehicles.")
 ]
@@ -83,6 +94,7 @@ class _Written:
     output: Path
     force: bool
     as_json: bool
+    into: Path | None = None
 
 
 def export(
@@ -94,6 +106,7 @@ def export(
     project: Project = False,
     samples: Samples = None,
     seed: DrawSeed = 0,
+    into: Into = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -115,7 +128,9 @@ def export(
         raise typer.BadParameter(
             "--project is for one vehicle; drawn vehicles are physical already"
         )
-    written = _Written(target=target, output=output, force=force, as_json=as_json)
+    if into is not None and (is_random or samples is not None or target == "table"):
+        raise typer.BadParameter("--into is for one vehicle's parameters")
+    written = _Written(target=target, output=output, force=force, as_json=as_json, into=into)
     vehicle = {"configuration": configuration, "assumed": assumed}
     drawn = {**vehicle, "count": samples or COUNT, "seed": seed}
     if samples is not None and not is_random:
@@ -196,7 +211,10 @@ def _write_vehicle(
 
     exported = export(result, cast("TargetName", written.target), **vehicle)
     model = exported.model
-    write_whole(written.output, exported.text, force=written.force)
+    found = _put_into(exported.text, written)
+    text = exported.text if found is None else found.text
+    write_whole(written.output, text, force=written.force)
+    changed = () if found is None else found.changed
     if written.as_json:
         _print_json(
             target=written.target,
@@ -204,10 +222,41 @@ def _write_vehicle(
             configuration=model.configuration,
             numbers=[_plain(n) for n in model.numbers],
             notes=list(model.notes),
+            **({} if found is None else {"changed": [list(pair) for pair in changed]}),
         )
         return
     print_result(f"{written.output}: {written.target}, configuration {model.configuration}")
+    if found is not None:
+        print_result(_changes_text(found))
     _print_remarks((*number_warnings(model.numbers), *model.notes))
+
+
+def _put_into(text: str, written: _Written) -> Patched | None:
+    """Put an exported file into the user's own; None where there is none."""
+    from rotorfit.export.into import patched
+    from rotorfit.logs.files import read_bytes
+
+    if written.into is None:
+        return None
+    try:
+        own = read_bytes(written.into).decode("utf-8")
+        return patched(own, text, written.target)
+    except UnicodeDecodeError as error:
+        raise OutputError(f"{written.into}: no text, expected a file of parameters") from error
+    except OutputError as error:
+        raise OutputError(f"{written.into}: {error}") from error
+
+
+def _changes_text(found: Patched) -> str:
+    """Return what changes, as a diff."""
+    lines = [
+        f"  {sign}{line}"
+        for old, new in found.changed
+        for sign, line in (("-", old), ("+", new))
+        if line
+    ]
+    left = f"{found.same} as they were" if found.same else "all else as it was"
+    return "\n".join([f"  {len(found.changed)} changed or added, {left}", *lines])
 
 
 def _print_json(**described: Any) -> None:

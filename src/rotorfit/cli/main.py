@@ -21,6 +21,7 @@ from rotorfit.cli.identify import identify
 from rotorfit.cli.inspect import inspect
 from rotorfit.cli.loop import loop
 from rotorfit.cli.plan import plan
+from rotorfit.cli.settings import settings
 from rotorfit.cli.simulate import simulate
 from rotorfit.cli.terminal import (
     Colour,
@@ -36,6 +37,7 @@ from rotorfit.errors import RotorfitError
 
 COMMANDS: Final[dict[str, tuple[Callable[..., None], str]]] = {
     "inspect": (inspect, "flight.bfl"),
+    "settings": (settings, "flight.bin -o ardupilot.parm"),
     "app": (page, "--port 8421"),
     "airframe": (airframe, "flight.bfl -o airframe.toml"),
     "identify": (identify, "flight.bfl --mass 0.428 --airframe airframe.toml"),

@@ -5,7 +5,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from rotorfit.logs.firmware import Advice, Lack, Setting
+from rotorfit.logs.firmware import NO_SPEED, Advice, Lack, Setting
 from rotorfit.logs.formats import BY_NAME, load
 
 UNKNOWN: Final[Mapping[str, str]] = MappingProxyType({})
@@ -27,4 +27,6 @@ def settings_file(log_format: str, metadata: Mapping[str, str] = UNKNOWN) -> Pat
 
 def _advice(log_format: str, lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice | None:
     form = BY_NAME.get(log_format)
+    if "Simulator" in metadata:  # no wire to tell the speed over
+        lacks = lacks - NO_SPEED
     return load(form.advice)(lacks, metadata) if form is not None and form.advice else None

@@ -1,5 +1,6 @@
 """What the settings of a firmware mean: advice for a better log, and the filters on board."""
 
+import re
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, replace
 from typing import Final, Literal
@@ -31,12 +32,23 @@ FILTERED_ACCEL: Final[frozenset[Lack]] = frozenset({"filtered accel"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """One setting of a firmware, what it is for, and what in a log asks for it."""
+    """One setting of a firmware, what it is for, and what in a log asks for it.
+
+    Attributes
+    ----------
+    value
+        What it is to be, in words.
+    old, new
+        As the log has it, None where that is not known; and exactly as it is to be written, None
+        where only the owner of the vehicle knows it.
+    """
 
     name: str
     value: str
     why: str
     asked_by: frozenset[Lack]
+    old: str | None = None
+    new: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,9 +62,14 @@ class Advice:
 def settings_of(*rows: tuple[str, str, str, frozenset[Lack]]) -> tuple[Setting, ...]:
     """Make the table of a firmware's settings from rows of name, value, reason and lacks."""
     return tuple(
-        Setting(name=name, value=value, why=why, asked_by=asked_by)
+        Setting(name=name, value=value, why=why, asked_by=asked_by, new=_exact(name, value))
         for name, value, why, asked_by in rows
     )
+
+
+def _exact(name: str, value: str) -> str | None:
+    """Return a value that can be written as it stands: one word, or a line for a file or a CLI."""
+    return value if name.endswith(":") or re.fullmatch(r"[\w/.]+", value) else None
 
 
 def asked_for(settings: Iterable[Setting], lacks: Set[Lack]) -> tuple[Setting, ...]:
@@ -61,8 +78,21 @@ def asked_for(settings: Iterable[Setting], lacks: Set[Lack]) -> tuple[Setting, .
 
 
 def with_value(setting: Setting, value: str | None) -> tuple[Setting, ...]:
-    """Give a setting its value for this log; none where the log has it already."""
-    return () if value is None else (replace(setting, value=value),)
+    """Give a setting its value for this log; none where the log has it already.
+
+    The number stands first in the words, where it is known.
+    """
+    if value is None:
+        return ()
+    number = value.partition(",")[0]
+    exact = number if number.removeprefix("-").isdecimal() else None
+    return (replace(setting, value=value, new=exact),)
+
+
+def needing_change(settings: Iterable[Setting], logged: Mapping[str, str]) -> tuple[Setting, ...]:
+    """Give settings the values that the log has, and leave out those that need no change."""
+    known = [replace(setting, old=logged.get(setting.name)) for setting in settings]
+    return tuple(setting for setting in known if setting.old is None or setting.new != setting.old)
 
 
 def logged_integer(metadata: Mapping[str, str], name: str) -> int | None:

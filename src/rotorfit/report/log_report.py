@@ -296,7 +296,7 @@ def short(value: float) -> str:
 
 
 def setting_messages(report: LogReport) -> list[str]:
-    """List the settings to change, and the file that holds them."""
+    """List the settings to change, and the command that writes them into a file."""
     if not report.settings:
         return []
     words = [
@@ -304,7 +304,9 @@ def setting_messages(report: LogReport) -> list[str]:
         for s in report.settings
     ]
     file = settings_file(report.format, report.metadata)
-    return words if file is None else [*words, f"ready to load: {file}"]
+    if file is None:
+        return words
+    return [*words, f"as a file, from this log's own values: rotorfit settings {report.file}"]
 
 
 def _wrapped(text: str, width: int, first: str, next_: str) -> list[str]:

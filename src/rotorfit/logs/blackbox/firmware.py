@@ -22,6 +22,7 @@ from rotorfit.logs.firmware import (
     logged_number,
     logged_numbers,
     low_pass,
+    needing_change,
     rotor_notch,
     sensor_sources,
     settings_of,
@@ -46,10 +47,11 @@ INAV: Final = settings_of(
     ),
     (
         "blackbox_rate_denom",
-        "2 (with blackbox_rate_num = 1)",
-        "every second loop is logged; 500 Hz and more are good",
+        "2",
+        "with blackbox_rate_num: every second loop is logged; 500 Hz and more are good",
         SLOW_IMU | SLOW_MOTORS,
     ),
+    ("blackbox_rate_num", "1", "see blackbox_rate_denom", SLOW_IMU | SLOW_MOTORS),
     ("CLI:", "blackbox ACC", "logs the accelerometer", NO_ACCEL),
     ("CLI:", "blackbox MOTORS", "logs the motor commands", NO_MOTORS),
 )
@@ -63,8 +65,20 @@ def _is_inav(metadata: Mapping[str, str]) -> bool:
 def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
     """Advise settings of the firmware that wrote the log."""
     if _is_inav(metadata):
-        return Advice(settings=asked_for(INAV, lacks), file="inav.txt")
-    return Advice(settings=asked_for(BETAFLIGHT, lacks), file="betaflight.txt")
+        return Advice(settings=needing_change(asked_for(INAV, lacks), metadata), file="inav.txt")
+    found = needing_change(asked_for(BETAFLIGHT, lacks), _as_in_cli(metadata))
+    return Advice(settings=found, file="betaflight.txt")
+
+
+def _as_in_cli(metadata: Mapping[str, str]) -> dict[str, str]:
+    """Return Betaflight's header with the values of settings as its CLI has them."""
+    switch = {"0": "OFF", "1": "ON"}
+    found = dict(metadata)
+    if "acc_lpf_hz" in found:
+        found["acc_lpf_hz"] = f"{logged_number(metadata, 'acc_lpf_hz') / 100.0:g}"
+    if found.get("dshot_bidir") in switch:
+        found["dshot_bidir"] = switch[found["dshot_bidir"]]
+    return found
 
 
 def filters(log: FlightLog) -> list[Filter]:

@@ -9,7 +9,7 @@ from typing import Final
 
 from rotorfit.logs.dataflash.columns import rate_of
 from rotorfit.logs.dataflash.messages import Messages
-from rotorfit.logs.dataflash.motors import Wiring
+from rotorfit.logs.dataflash.motors import MOTOR_FUNCTIONS, OUTPUTS, Wiring
 from rotorfit.logs.dataflash.parameters import Parameters
 from rotorfit.logs.firmware import (
     NO_BATTERY,
@@ -25,6 +25,7 @@ from rotorfit.logs.firmware import (
     logged_integer,
     logged_number,
     low_pass,
+    needing_change,
     rotor_notch,
     sensor_sources,
     settings_of,
@@ -80,7 +81,25 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
         value = log_bitmask(current, slow=bool(limited), raw=bool(SLOW_IMU & lacks))
         first = limited if value is None else with_value(found[0], value)
         found = (*first, *found[1:])
-    return Advice(settings=found, file="ardupilot.parm")
+    mask = _motor_outputs(metadata)
+    if mask:
+        words = f"{mask}, the motors' outputs"
+        found = tuple(
+            one
+            for s in found
+            for one in (with_value(s, words) if s.name == "SERVO_BLH_BDMASK" else (s,))
+        )
+    return Advice(settings=needing_change(found, metadata), file="ardupilot.parm")
+
+
+def _motor_outputs(metadata: Mapping[str, str]) -> int:
+    """Return the bits of the outputs that are motors by SERVOn_FUNCTION; 0 where none is known."""
+    outputs = [
+        output
+        for output in range(1, OUTPUTS + 1)
+        if logged_integer(metadata, f"SERVO{output}_FUNCTION") in MOTOR_FUNCTIONS
+    ]
+    return sum(1 << (output - 1) for output in outputs)
 
 
 def filters(log: FlightLog) -> list[Filter]:

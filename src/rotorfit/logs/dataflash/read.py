@@ -43,6 +43,7 @@ _MOTOR_PARAMETERS: Final = (
     *("INS_GYRO_FILTER", "INS_ACCEL_FILTER", "INS_RAW_LOG_OPT", "INS_LOG_BAT_MASK"),
     *("INS_HNTCH_ENABLE", "INS_HNTCH_MODE", "INS_HNTCH_FREQ", "INS_HNTCH_BW", "INS_HNTCH_HMNCS"),
     *("INS_HNTC2_ENABLE", "INS_HNTC2_MODE", "INS_HNTC2_FREQ", "INS_HNTC2_BW", "INS_HNTC2_HMNCS"),
+    *("SERVO_BLH_BDMASK", "BATT_MONITOR", "LOG_FILE_RATEMAX"),
     *("LOG_BITMASK", "SCHED_LOOP_RATE", "AHRS_ORIENTATION", "SYSID_SW_MREV"),
 )
 
@@ -182,8 +183,9 @@ def _metadata(settings: Parameters, texts: list[str], text: str | None) -> dict[
     simulator = remix.simulator_of(settings)
     if simulator:
         metadata["Simulator"] = simulator
-    frame = [name for name in values if name.startswith("SIM_FRM_")]
-    return metadata | {name: f"{values[name]:.10g}" for name in frame}
+    more = [name for name in values if name.startswith("SIM_FRM_")]
+    more += [f"SERVO{output}_FUNCTION" for output in range(1, motors.OUTPUTS + 1)]
+    return metadata | {name: f"{values[name]:.10g}" for name in more if name in values}
 
 
 def _frame_notes(frame: Frame | None, settings: Parameters, texts: list[str]) -> list[str]:

@@ -5,6 +5,7 @@ logged_topics.cpp (bits of SDLOG_PROFILE) and sensors/vehicle_angular_velocity.
 """
 
 from collections.abc import Mapping, Set
+from dataclasses import replace
 from typing import Final
 
 from rotorfit.logs.firmware import (
@@ -20,6 +21,7 @@ from rotorfit.logs.firmware import (
     logged_integer,
     logged_number,
     low_pass,
+    needing_change,
     rotor_notch,
     sensor_sources,
     settings_of,
@@ -49,7 +51,12 @@ SETTINGS: Final = settings_of(
         "otherwise, rotor speed by wire",
         NO_SPEED,
     ),
-    ("UAVCAN_ENABLE", "3", "otherwise, rotor speed of DroneCAN ESCs", NO_SPEED),
+    (
+        "UAVCAN_ENABLE",
+        "3 (sensors and actuators)",
+        "otherwise, rotor speed of DroneCAN ESCs",
+        NO_SPEED,
+    ),
     (
         "MOT_POLE_COUNT",
         "magnets of a motor (PX4 to 1.17; from 1.18 on DSHOT_MOT_POL1 to DSHOT_MOT_POL12)",
@@ -65,7 +72,11 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
     if found and found[0].name == "SDLOG_PROFILE":
         profile = bits_set(logged_integer(metadata, "SDLOG_PROFILE"), PROFILE_BITS)
         found = (*with_value(found[0], profile), *found[1:])
-    return Advice(settings=found, file="px4.params")
+    if "DSHOT_BIDIR_EN" in metadata:  # by name: PX4 1.18 has none
+        found = tuple(
+            replace(s, value="1", new="1") if s.name == "DSHOT_BIDIR_EN" else s for s in found
+        )
+    return Advice(settings=needing_change(found, metadata), file="px4.params")
 
 
 def filters(log: FlightLog) -> list[Filter]:
