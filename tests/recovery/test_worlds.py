@@ -167,5 +167,5 @@ def test_a_broken_off_study_goes_on(tmp_path: Path) -> None:
 def test_a_world_that_hangs_is_written_down(tmp_path: Path) -> None:
     path = tmp_path / "worlds.jsonl"
     study = Study(seed=9, chance=CALM, seconds=60.0)
-    done = list(run(study, [1], path, workers=1, time_limit=-9.0, batch=1))
+    done = list(run(study, [1], path, workers=1, time_limit=-4.0, batch=1))
     assert [row.get("died") for row in done] == [True]
