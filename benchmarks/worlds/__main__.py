@@ -121,7 +121,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--workers", type=int, default=1)
     add("--batch", type=int, default=BATCH, help="worlds that fly together")
     add("--seconds", type=float, help="length of every flight, else drawn")
-    add("--time-limit", type=float, default=120.0, help="of one world [s]")
+    add("--time-limit", type=float, default=120.0, help="of one world [s of a processor]")
     add("-o", "--output", type=Path, default=Path("worlds.jsonl"))
     add("--hazards", nargs="*", help="these alone: name, or name=chance")
     add("--alone", action="store_true", help="one hazard a world, one after the other")

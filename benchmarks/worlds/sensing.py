@@ -150,7 +150,7 @@ def experiment_text(world: World, file: str) -> str:
     lines += ["[motors]", f'speed = "{log.driven}"']
     if log.driven == "commanded" and log.law == "given":
         lines.append(_law(world))
-    lines += ["[[configuration]]", 'name = "A"', f"mass = {vehicle.mass * log.mass_scale!r}"]
+    lines += ["[[configuration]]", 'name = "A"', f"mass = {float(vehicle.mass * log.mass_scale)!r}"]
     return "\n".join([*lines, f'flights = ["{file}"]', ""])
 
 
@@ -161,7 +161,9 @@ def _exchanged(n: int) -> list[int]:
 def _law(world: World) -> str:
     m = world.motors
     power = f"full_speed = {m.full!r}, offset = {m.offset!r}"
-    law = f"law = {{ power = {{ {power}, exponent = {m.exponent + world.log.law_error!r} }} }}"
+    law = (
+        f"law = {{ power = {{ {power}, exponent = {float(m.exponent + world.log.law_error)!r} }} }}"
+    )
     if (m.sag or m.sag_load) and "battery" in world.log.has:
         law = law[:-2] + f", voltage = {{ nominal = {FULL_VOLTS}, exponent = 1.0 }} }}"
     return law
@@ -170,7 +172,7 @@ def _law(world: World) -> str:
 def truth(world: World) -> dict[str, float]:
     """Return what is true of each number that the result may give; what is ambiguous is not there.
 
-    The twist is all yaw torque over thrust of rotors that turn alike, with that of unlike k_d.
+    No twist of rotors with unlike k_d, whose yaw torques need not cancel either.
     No kd of motors that are tilted (their thrust turns as their drag does). No kt, kd, Jr and what
     follows from them where only commands are in the log and their scale is not known (no law, a
     wrong one, or a voltage that sags unlogged); no lag of motors that rise and fall unlike, or
@@ -191,8 +193,9 @@ def truth(world: World) -> dict[str, float]:
         known[f"I{name}_com"] = float(I[i, j])
     origin = np.zeros(3) if world.log.imu_declared else world.sensors.imu
     known |= {f"com_{a}": float(x) for a, x in zip("xyz", v.com - origin, strict=True)}
-    turn = np.cross(v.places, v.axes)[:, 2] * v.kt - v.spins * v.kd
-    known["twist"] = float(turn.sum() / v.kt.sum())
+    turn = np.cross(v.places, v.axes)[:, 2] * v.kt
+    if "unlike_rotors" not in world.hazards:
+        known["twist"] = float(turn.sum() / v.kt.sum())
     known |= _timing(world)
     if _scale_known(world):
         known |= {"kt": kt, "kd": kd, "Jr": v.Jr, "hover_speed": v.hover_speed}

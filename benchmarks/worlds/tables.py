@@ -83,7 +83,7 @@ def numbers(rows: Iterable[Row]) -> list[Held]:
         )
         for row in rows
         for name, (value, half, verdict) in row.get("numbers", {}).items()
-        if verdict in GIVEN
+        if verdict in GIVEN and name in row["truth"]
     ]  # fmt: skip
 
 

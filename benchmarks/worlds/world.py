@@ -460,5 +460,10 @@ def _log(d: Draws, vehicle: Vehicle, motors: Motors, sensors: Sensors) -> Log:
         arm_scale=d.under("arm_scale", 1.0 + d.either(0.02, 0.05, 1)[0], 1.0),
         clock_scale=d.under("clock_scale", 1.0 + d.either(0.01, 0.05, 1)[0], 1.0),
         mislaid=tuple(name for name in wrong if d.has(name)),
-        law_error=d.under("law_wrong", d.either(0.15, 0.25, 1)[0], 0.0),
+        law_error=d.under("law_wrong", _law_error(d.between(0.15, 0.25), motors), 0.0),
     )
+
+
+def _law_error(size: float, motors: Motors) -> float:
+    """Return by how much a law's exponent is declared wrong; it stays between nought and one."""
+    return -size if motors.exponent > 0.7 else size

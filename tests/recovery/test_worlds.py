@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -167,5 +168,16 @@ def test_a_broken_off_study_goes_on(tmp_path: Path) -> None:
 def test_a_world_that_hangs_is_written_down(tmp_path: Path) -> None:
     path = tmp_path / "worlds.jsonl"
     study = Study(seed=9, chance=CALM, seconds=60.0)
-    done = list(run(study, [1], path, workers=1, time_limit=-9.0, batch=1))
+    done = list(run(study, [1], path, workers=1, time_limit=-4.0, batch=1))
     assert [row.get("died") for row in done] == [True]
+
+
+def test_every_experiment_file_is_valid() -> None:
+    for i in range(60):
+        world = draw_world(10, i, chances(None, invisible=True), 5.0)
+        declared = tomllib.loads(experiment_text(world, "x.csv"))
+        assert declared["configuration"][0]["mass"] > 0.0
+        assert 0.0 < declared["motors"].get("law", {}).get("power", {}).get("exponent", 0.5) <= 1.2
+    hazards = {"mass_scale": 1.0, "law_wrong": 1.0, "sag": 1.0}
+    for i in range(20):
+        tomllib.loads(experiment_text(draw_world(11, i, hazards, 5.0), "x.csv"))
