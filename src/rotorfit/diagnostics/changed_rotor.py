@@ -65,8 +65,15 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
         return
     rotor, evidence = excess
     sentence = unlike_sentence(rotor, evidence)
-    found = Finding(kind="rotor-unlike", severity="passed", numbers=("kt",), evidence=(evidence,))
-    yield found if sentence is None else replace(found, severity="doubt", sentence=sentence)
+    found = Finding(
+        kind="rotor-unlike", severity="passed", numbers=("kt", "msx", "msy"), evidence=(evidence,)
+    )
+    because = "one rotor's speed has another scale, or its propeller is another"
+    yield (
+        found
+        if sentence is None
+        else replace(found, severity="doubt", sentence=sentence, doubtful_because=because)
+    )
 
 
 def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | None:

@@ -38,7 +38,13 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
     sentence = None
     if abs(late.least) > LEAST_DELAY:
         sentence = _delay_sentence(Path(flight.entry.file).name, late.seconds, 1.96 * late.std)
-    checked = doubt_or_passed("imu-clocks", sentence, flights=(flight.entry.written,))
+    checked = doubt_or_passed(
+        "imu-clocks",
+        sentence,
+        flights=(flight.entry.written,),
+        numbers=("kt", *INERTIA),
+        doubtful_because=None if sentence is None else "gyro and accelerometer are not of one time",
+    )
     yield replace(checked, evidence=(evidence,))
 
 
@@ -51,6 +57,8 @@ def _delay_sentence(name: str, delay: float, half: float) -> str:
         "not; log both unfiltered with one clock. Until then do not trust kt and inertia"
     )
 
+
+from rotorfit.model.parameters import INERTIA
 
 EARLIEST: Final = -0.005
 """Delay of commanded motors that clocks and filters of a log still make [s]."""

@@ -71,7 +71,7 @@ def correct_imu_tilt(
     tilt, lean = estimate_imu_tilt(dataset, joint_fit), lean_evidence(dataset)
     if tilt is None:
         sentence = lean_sentence(dataset)
-        leans = () if sentence is None else (doubt("imu-leans", sentence, evidence=lean),)
+        leans = () if sentence is None else (_leans(sentence, lean),)
         return experiment, dataset, leans
     dataset = levelled_flights(dataset, tilt).reduced()
     if dataset.motor_timing is not None:
@@ -132,6 +132,17 @@ def lean_sentence(dataset: Dataset) -> str | None:
         "accelerometer or drag in fast flight is the cause: measure the mounting and declare it "
         f"under [airframe] (imu_tilt_deg = [{roll:.1f}, {pitch:.1f}]); until then do not trust "
         "kd, Jr and the inertia about z"
+    )
+
+
+def _leans(sentence: str, lean: tuple[Evidence, ...]) -> Finding:
+    """Doubt what goes with the rotors' axis where the thrust leans."""
+    return doubt(
+        "imu-leans",
+        sentence,
+        evidence=lean,
+        numbers=("kd", "Jr", "Izz"),
+        doubtful_because="the thrust leans against the IMU's axes",
     )
 
 

@@ -220,7 +220,12 @@ def lever_arms(fit: Fit) -> Iterator[Finding]:
         )
     if sides.measured < DOUBTED:
         sentence = f"{_sentence(sides)}; until then do not trust inertia, kd and Jr"
-        found = replace(found, severity="doubt", sentence=sentence)
+        found = replace(
+            found,
+            severity="doubt",
+            sentence=sentence,
+            doubtful_because="the flight shows other distances between the rotors",
+        )
     yield found
 
 

@@ -196,7 +196,13 @@ def _contradiction(fit: Fit) -> Finding:
     if gain > REFUSED:
         return Finding(kind=KIND, severity="refusal", sentence=sentence, evidence=evidence)
     numbers = tuple(n for n in fit.numbers.names if n.partition("@")[0] in SCALED)
-    return doubt(KIND, sentence, numbers=numbers, evidence=evidence)
+    return doubt(
+        KIND,
+        sentence,
+        numbers=numbers,
+        evidence=evidence,
+        doubtful_because="the flights fit other spins better",
+    )
 
 
 def gained(one: BandedEstimate, other: BandedEstimate) -> float:

@@ -76,7 +76,12 @@ def steady_yaw_torque(fit: Fit) -> Iterator[Finding]:
             sentences += _tilt_sentence(c, numbers)
         elif abs(trim) > LEAST_TRIM or differs:
             sentences.append(_steady_torque_sentence(c.name, trim))
-    found = doubt_or_passed("steady-yaw-torque", "; ".join(sentences) or None)
+    found = doubt_or_passed(
+        "steady-yaw-torque",
+        "; ".join(sentences) or None,
+        numbers=("kd", "Jr", "Izz"),
+        doubtful_because="a steady yaw torque is not in the model" if sentences else None,
+    )
     yield replace(found, evidence=tuple(evidence))
 
 
