@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorfit.cli.options import AsJson, Force, LogNumber
-from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import print_result, print_status, refuse_output_file
+from rotorfit.cli.terminal import print_result, print_status, refuse_output_file, steps
 from rotorfit.errors import LogError
 
 if TYPE_CHECKING:

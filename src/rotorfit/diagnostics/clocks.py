@@ -13,6 +13,7 @@ from typing import Final
 from rotorfit.diagnostics.sensor_lateness import accelerometer_lateness
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
+from rotorfit.model.parameters import INERTIA
 
 LEAST_DELAY: Final = 0.005
 """Between accelerometer and gyro, which matters [s]: 3 ms move kt and inertia by up to .3 %, a
@@ -57,8 +58,6 @@ def _delay_sentence(name: str, delay: float, half: float) -> str:
         "not; log both unfiltered with one clock. Until then do not trust kt and inertia"
     )
 
-
-from rotorfit.model.parameters import INERTIA
 
 EARLIEST: Final = -0.005
 """Delay of commanded motors that clocks and filters of a log still make [s]."""

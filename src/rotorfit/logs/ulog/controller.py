@@ -8,8 +8,8 @@ from jaxtyping import Float
 
 from rotorfit.errors import LogError
 from rotorfit.logs.controller_log import TURNED, ControllerLog
+from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.scan import Scan, scan_file
-from rotorfit.logs.ulog.topic import Topic
 
 TOPICS: Final = {
     "vehicle_angular_velocity": ("timestamp", "timestamp_sample", "xyz", "xyz_derivative"),
