@@ -22,7 +22,7 @@ from rotorfit.control_loop.proof import (
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.control_loop.vehicle import Flown, flown, heard, plant
 from rotorfit.logs import read_log
-from rotorfit.logs.controller_log import read_controller_log
+from rotorfit.logs.controller_log import ControllerLog, read_controller_log
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.results.result import IdentificationResult
 
@@ -142,7 +142,21 @@ def judge_loop(
     EstimationError
         If the result does not know what the loop needs.
     """
-    controller, log = read_controller_log(path), read_log(path)
+    return judge_flight(
+        result, owner, read_log(path), read_controller_log(path), draws=draws, seed=seed
+    )
+
+
+def judge_flight(
+    result: IdentificationResult,
+    owner: str,
+    log: FlightLog,
+    controller: ControllerLog,
+    *,
+    draws: int = DRAWS,
+    seed: int = 0,
+) -> LoopOutcome:
+    """Judge the rate loops of a flight that was read already; see `judge_loop`."""
     flight = flown(log, controller, result)
     axes = [_axis(result, owner, log, flight, i, draws, seed) for i in range(len(AXES))]
     return LoopOutcome(

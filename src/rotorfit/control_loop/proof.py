@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy import signal
 
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.rate_controller import RateController
-from rotorfit.control_loop.vehicle import Flown
+from rotorfit.control_loop.vehicle import Flown, cross_spectrum
 
 EDGES = 0.3 * 1.5 ** np.arange(13)
 """Of the bands [Hz]."""
@@ -29,6 +28,8 @@ MODEL = 0.02
 """Distance that a linear model of hover leaves, one deviation."""
 GAIN, LATE = 0.08, 0.5e-3
 """Errors of effectiveness, and of the delay [s], that a linear model of hover leaves."""
+LEFT = np.diag([0.5 * GAIN, LATE]) ** 2
+"""The same as covariance: one deviation of effectiveness and of the time between stamps."""
 SHARP = (0.15, 3e-3)
 """Half-widths of the two beyond which a flight does not show them."""
 UNKNOWN = np.diag([1.0, 1.0])
@@ -127,13 +128,19 @@ class LoopError:
         """Move the vehicles to where result and closed loop agree best (ensemble Kalman update)."""
         prior = plant.spread
         tied = np.cov(prior[:, 1:])
-        weight = tied @ np.linalg.inv(tied + self.covariance)
+        # What the linear model of hover leaves is no error of the vehicle, but stays open.
+        covariance = self.covariance + LEFT
+        weight = tied @ np.linalg.inv(tied + covariance)
         seen = np.tile([[np.log(self.gain)], [self.delay]], prior.shape[1])
         noise = np.random.default_rng(seed).multivariate_normal(
-            np.zeros(2), self.covariance, prior.shape[1] - 1
+            np.zeros(2), covariance, prior.shape[1] - 1
         )
         seen[:, 1:] += noise.T
-        return plant.moved(*(weight @ (seen - prior)))
+        left = np.random.default_rng(seed + 1).multivariate_normal(
+            np.zeros(2), LEFT, prior.shape[1]
+        )
+        left[0] = 0.0
+        return plant.moved(*(weight @ (seen - prior) + left.T))
 
 
 def replay_output(controller: RateController, flight: Flown, axis: int) -> ReplayedOutput:
@@ -200,14 +207,6 @@ def closed_loop_bands(
             )
         )
     return bands
-
-
-def cross_spectrum(
-    x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], period: float, length: int
-) -> tuple[Float[np.ndarray, " b"], Complex[np.ndarray, " b"]]:
-    """Compute frequencies [Hz] and cross-spectrum of two records, by windows of a length."""
-    found = signal.csd(x, y, fs=1.0 / period, nperseg=length)
-    return np.asarray(found[0], dtype=float), np.asarray(found[1], dtype=complex)
 
 
 def loop_error(bands: list[Band], crossover: float) -> LoopError:

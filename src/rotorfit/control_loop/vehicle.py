@@ -19,6 +19,8 @@ FLYING = 0.5
 """Of the median squared speed, above which a vehicle flies."""
 SEGMENT = 1024
 """Samples of the spectra by which the two records of the gyro are compared."""
+HIGHEST = 40.0
+"""Frequency up to which a smooth response is fitted to them [Hz]; loops cross far below."""
 SAME = 0.9
 """Coherence above which they show the filter between them."""
 INERTIA = ("Ixx_over_kt", "Iyy_over_kt")
@@ -218,19 +220,54 @@ def heard(
     at = np.arange(rows.time[0], rows.time[-1], rows.period)
     one = np.interp(at, gyro.time, gyro.values[:, axis])
     two = np.interp(at, rows.time, rows.rate[:, axis])
-    grid, cross = signal.csd(one, two, 1.0 / rows.period, nperseg=SEGMENT)
-    power = signal.welch(one, 1.0 / rows.period, nperseg=SEGMENT)[1]
-    same = signal.coherence(one, two, 1.0 / rows.period, nperseg=SEGMENT)[1] > SAME
-    same[0] = False
-    if not same.any():
+    grid, cross = cross_spectrum(one, two, rows.period, SEGMENT)
+    power, heard_power = (
+        np.real(cross_spectrum(x, x, rows.period, SEGMENT)[1]) for x in (one, two)
+    )
+    same = np.abs(cross) ** 2 / np.maximum(power * heard_power, np.finfo(float).tiny)
+    used = (same > SAME) & (grid > 0.0) & (grid < HIGHEST)
+    if not used.any():
         raise LogError(
             f"{log.path}: the gyro and the rate that the controller heard are not of one flight"
         )
-    seen = cross[same] / power[same]
-    size = np.interp(frequency, grid[same], np.abs(seen))
-    late = np.interp(frequency, grid[same], -np.unwrap(np.angle(seen)) / (2 * np.pi * grid[same]))
-    response = size * np.exp(-2j * np.pi * frequency * late)
+    seen = cross[used] / power[used]
+    response = smooth_response(grid[used], seen, same[used], frequency)
     if log.gyro_lowpass is not None:
         s = 1j * frequency / log.gyro_lowpass
         response = response / (1.0 + np.sqrt(2.0) * s + s * s)
     return response
+
+
+def smooth_response(
+    grid: Float[np.ndarray, " b"],
+    seen: Complex[np.ndarray, " b"],
+    coherence: Float[np.ndarray, " b"],
+    frequency: Float[np.ndarray, " f"],
+) -> Complex[np.ndarray, " f"]:
+    """Smooth the measured response of a filter, whose first powers of frequency tell all of it.
+
+    A filter that lets constants pass has the logarithm c f^2 + d f^4 - i (a f + b f^3) at low
+    frequencies; beyond the measured ones its size stays, and its delay.
+    """
+    weight = np.sqrt(coherence / np.maximum(1.0 - coherence, 1e-6))
+    top = grid[-1]
+    x = grid / top
+    turned: Float[np.ndarray, " b"] = np.asarray(np.unwrap(np.angle(seen)), dtype=float)
+    phase = turned - 2.0 * np.pi * np.round(float(turned[0]) / (2.0 * np.pi))
+    odd: Float[np.ndarray, " 2"] = np.linalg.lstsq(
+        np.column_stack([x, x**3]) * weight[:, None], phase * weight, rcond=None
+    )[0]
+    even: Float[np.ndarray, " 2"] = np.linalg.lstsq(
+        np.column_stack([x**2, x**4]) * weight[:, None], np.log(np.abs(seen)) * weight, rcond=None
+    )[0]
+    y = np.minimum(frequency / top, 1.0)
+    late = (odd[0] + odd[1] * y**2) * frequency / top
+    return np.exp(even[0] * y**2 + even[1] * y**4 + 1j * late)
+
+
+def cross_spectrum(
+    x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], period: float, length: int
+) -> tuple[Float[np.ndarray, " b"], Complex[np.ndarray, " b"]]:
+    """Compute frequencies [Hz] and cross-spectrum of two records, by windows of a length."""
+    found = signal.csd(x, y, fs=1.0 / period, nperseg=length)
+    return np.asarray(found[0], dtype=float), np.asarray(found[1], dtype=complex)
