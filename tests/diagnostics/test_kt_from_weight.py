@@ -17,6 +17,8 @@ from rotorfit.diagnostics.kt_from_weight import (
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.preprocessing.flight_data import Segment
 
+COMMANDED = MotorsEntry(speed="commanded")
+
 G = 9.80665
 MASS = 1.4
 KT = MASS * G / (4 * 500.0**2)
@@ -121,16 +123,16 @@ def test_rotor_speeds_as_commands_need_no_law():
 @pytest.mark.parametrize(("changes", "doubted"), [(1.025, False), (0.95, False), (0.93, True)])
 def test_what_chance_may_do_is_no_doubt(changes, doubted):
     """A hundredth of sound flights is 2.58 deviations apart: 5.8 % of 2 and 1 %."""
-    said = agreement(balance(changes, 0.02), "measured")
+    said = agreement(balance(changes, 0.02), MotorsEntry(speed="measured"))
     assert (said.severity == "doubt") is doubted
     assert said.diagnostics["thrust_over_weight"] == pytest.approx(changes)
     assert bool(said.sentence) is doubted
 
 
 def test_the_power_of_a_command_is_said_without_a_law():
-    said = agreement(balance(0.75, 0.02, law_std=0.25), "commanded").sentence
+    said = agreement(balance(0.75, 0.02, law_std=0.25), COMMANDED).sentence
     assert "its power 1.5 in hover" in said
-    assert "power" not in agreement(balance(0.75, 0.02), "commanded").sentence
+    assert "power" not in agreement(balance(0.75, 0.02), COMMANDED).sentence
 
 
 def held(data_seconds, *windows, force=None):

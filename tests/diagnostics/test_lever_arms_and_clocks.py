@@ -43,10 +43,10 @@ def test_arms_of_another_ratio_are_refused_with_the_likely_one(tmp_path, flight)
     assert found.severity == "passed"
     assert ratio.value == pytest.approx(1.0, abs=0.05)
     assert ratio.interval[0] < 1.0 < ratio.interval[1]
-    wrong = stretched(flight.vehicle, 1.8)
-    with pytest.raises(FrameError, match=r"are 1\.80 as declared, .* shows (0\.9|1\.0)") as refused:
+    wrong = stretched(flight.vehicle, 2.0)
+    with pytest.raises(FrameError, match=r"are 2\.00 as declared, .* shows (0\.9|1\.0)") as refused:
         flown.identified(tmp_path, [flight], vehicle=wrong)
-    assert refused.value.finding.evidence[0].limit == pytest.approx(1.8)
+    assert refused.value.finding.evidence[0].limit == pytest.approx(2.0)
 
 
 def test_doubtful_arms_widen_inertia_to_what_the_flight_shows(tmp_path, flight):

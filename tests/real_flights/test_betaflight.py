@@ -26,8 +26,9 @@ def result(on_commands):
 def test_thrust_per_mass_is_what_carries_the_weight(result):
     """Changes of thrust, at the lag that is found, have 18 to 19 for a slope."""
     kt = result.parameter("kt")
-    assert kt.value == pytest.approx(20.1, abs=0.3)
+    assert kt.value == pytest.approx(19.6, abs=0.3)
     assert kt.interval[0] < 18.0
+    assert kt.interval[1] > 20.1  # by the commands themselves, not the speeds behind them
     assert any("kt is taken from the weight" in words for words in result.warnings)
 
 
@@ -35,7 +36,8 @@ def test_lag_and_delay_are_those_of_the_likeliest_fit(result):
     """Once it was 0, 34 or 150 ms, whichever end of the flight one sample was taken from."""
     assert result.parameter("motor_lag").value == pytest.approx(0.0232, abs=0.0005)
     assert result.parameter("motor_delay").value == pytest.approx(0.0053, abs=0.0003)
-    assert result.derived_value("motor_lag_total").std < 0.002
+    # A third of it for the law that is not given: the lag goes with changes of thrust.
+    assert result.derived_value("motor_lag_total").std < 0.0025
 
 
 def test_the_yaw_that_is_flown_is_found_and_nothing_else(result):

@@ -156,7 +156,8 @@ def test_the_throw_of_a_calm_log_identifies_only_roll_and_pitch(joint):
     result, other = joint[CALM], joint[LIVELY]
     for name, axis in (("Ixx", "roll"), ("Iyy", "pitch")):
         found = result.derived_value(f"{name}_com")
-        assert 0.1 * found.value > 0.5 * (found.interval[1] - found.interval[0])
+        # A quarter of its variance for what the sensors' filters leave open.
+        assert 0.12 * found.value > 0.5 * (found.interval[1] - found.interval[0])
         assert inside(found, other.derived_value(f"{name}_com").value)
         assert result.diagnostics[f"excitation_{axis}@A"] < 4.0
     for name in ("Izz", "kd", "Jr"):

@@ -125,7 +125,8 @@ def test_commanded_speeds_are_taken_as_they_are(tmp_path, flight):
     assert not is_per_command(result)
     kt = identified(tmp_path, flight, motors="").parameter("kt")
     w = float(flight.max_speed)
-    assert found["kt"].value * w**2 == pytest.approx(kt.value, rel=1e-6)
+    # Without a law changes of thrust count for less beside the weight.
+    assert found["kt"].value * w**2 == pytest.approx(kt.value, abs=0.02 * kt.std)
 
 
 def test_commanded_speeds_need_no_law(tmp_path, flight):
@@ -165,22 +166,21 @@ def test_the_weight_reveals_thrust_not_quadratic_in_the_command(tmp_path, flight
     doubts = [words for words in result.warnings if "kt is taken from the weight" in words]
     assert len(doubts) == 1
     assert re.search(r"about its power 1\.[0-3] in hover", doubts[0])
-    kt = result.parameter("kt")
     truth, w = flight.truth, float(flight.max_speed)
-    hover = truth.mass * 9.80665 / (4 * truth.kt * w**2)  # the command that carries the weight
-    # Less by the commands' scatter: their mean square is over the square of hover.
-    assert kt.value == pytest.approx(truth.kt * w**2 / hover, rel=0.08)
-    assert kt.value < truth.kt * w**2 / hover
-    # Changes about hover say less; the interval holds both.
-    low, high = kt.interval
-    assert low < 0.9 * truth.kt * w**2 / hover
-    assert truth.kt * w**2 / hover < high
+    # What carries the weight is the commands' mean square, not the square of their mean.
+    recorded = flight.command**2
+    low, high = result.parameter("kt").interval
+    assert low < truth.kt * w**2 * recorded.mean() / (recorded**2).mean() < high
+    # Inertia goes with changes about hover, which say half as much.
+    for name, true in zip(("Ixx_com", "Iyy_com"), np.diagonal(truth.com_inertia), strict=False):
+        low, high = result.derived_value(name).interval
+        assert low < true < high
 
 
 def test_a_wrong_law_is_told_by_the_weight(tmp_path, flight):
     wrong = f"law = {{ linear = [{-0.3 * flight.max_speed}, {1.3 * flight.max_speed}] }}"
     result = identified(tmp_path, flight, motors=wrong)
-    assert any("the law under [motors] does not hold" in words for words in result.warnings)
+    assert any("measure the law under [motors] again" in words for words in result.warnings)
 
 
 def test_the_units_are_those_of_the_equations():

@@ -22,7 +22,7 @@ from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.dataset.weight_balance import Held
 from rotorfit.diagnostics.sensor_faults import ERROR, is_estimate
 from rotorfit.errors import UnsettledError
-from rotorfit.experiment.experiment import Source, Speed
+from rotorfit.experiment.experiment import MotorsEntry, Source
 from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import widen_by_settings
@@ -116,7 +116,7 @@ def weigh_thrust(fit: Fit) -> Fit:
     law_std = LAW_STD if is_without_law(dataset) else 0.0
     balance = Balance(changes=kt_from_changes(fit), weight=weight, law_std=law_std)
     held = held_at(fit, balance.kt, law_reach=balance.law_reach)
-    return held.found(agreement(balance, dataset.motors.speed))
+    return held.found(agreement(balance, dataset.motors))
 
 
 def is_without_law(dataset: Dataset) -> bool:
@@ -234,22 +234,22 @@ def bias_at_rest(flight: FlightData) -> Measured:
     return before.with_other(Measured(value=(rest - 1.0) * GRAVITY, std=REST_STD))
 
 
-def agreement(balance: Balance, speed: Speed) -> Finding:
+def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
     """Say whether weight and changes of thrust agree."""
     kind, weight, changes = "thrust-against-weight", balance.weight, balance.changes
     if changes is None:
         return doubt_or_passed(kind, None, {"kt_of_weight": weight.value})
     measured = {"thrust_over_weight": changes.value / weight.value, "kt_of_weight": weight.value}
-    sentence = difference(balance, speed) if abs(balance.deviations) > DOUBTED else None
+    sentence = difference(balance, motors) if abs(balance.deviations) > DOUBTED else None
     return doubt_or_passed(kind, sentence, measured, numbers=("kt",))
 
 
-def difference(balance: Balance, speed: Speed) -> str:
+def difference(balance: Balance, motors: MotorsEntry) -> str:
     """Explain that changes of thrust give another k_t than the weight."""
     changes, weight, kt = balance.changes, balance.weight, balance.kt
     assert changes is not None
     seen = (
-        f"changes of thrust with the squared {_SPEED[speed]} give kt = {changes.value:.3g} "
+        f"changes of thrust with the squared {_SPEED[motors.speed]} give kt = {changes.value:.3g} "
         f"+- {1.96 * changes.std:.2g}, but carrying the weight takes {weight.value:.3g} +- "
         f"{1.96 * weight.std:.2g}"
     )
@@ -261,7 +261,9 @@ def difference(balance: Balance, speed: Speed) -> str:
             f"power {power:.1f} in hover): measure the law on a thrust stand and give it under "
             "[motors], or log the rotor speed"
         )
-    cure = "log the rotor speed" if speed == "commanded" else "calibrate the accelerometer"
+    cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"
+    if motors.law is not None:
+        cure = f"measure the law under [motors] again, {cure}"
     return (
         f"{seen}: kt is their mean ({kt.value:.3g}), each by how sure it is, and its interval and "
         "that of inertia are widened for the difference; which of them is off the flight does not "
