@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.diagnostics import motor_time_split
-from rotorfit.diagnostics.motor_time_split import allow_for_answered_noise, times_covariance
-from rotorfit.diagnostics.sensor_response import BandRatio
+from rotorfit.diagnostics.motors import motor_time_split
+from rotorfit.diagnostics.motors.motor_time_split import allow_for_answered_noise, times_covariance
+from rotorfit.diagnostics.sensors.sensor_response import BandRatio
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import MotorTiming
 

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.sensor_response import LEAST_SPREAD, BandRatio, band_ratios
-from rotorfit.diagnostics.sensor_spectra import flight_spectra
+from rotorfit.diagnostics.sensors.sensor_response import LEAST_SPREAD, BandRatio, band_ratios
+from rotorfit.diagnostics.sensors.sensor_spectra import flight_spectra
 from rotorfit.fit.fit import Fit
 from rotorfit.reduction.motor_timing import MotorTiming
 
