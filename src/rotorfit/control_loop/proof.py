@@ -126,8 +126,8 @@ class LoopError:
     def corrected(self, plant: Plant, seed: int) -> Plant:
         """Move the vehicles to where result and closed loop agree best (ensemble Kalman update)."""
         prior = plant.spread
-        tied = np.cov(prior[:, 1:])
-        weight = tied @ np.linalg.inv(tied + self.covariance)
+        correlated = np.cov(prior[:, 1:])
+        weight = correlated @ np.linalg.inv(correlated + self.covariance)
         seen = np.tile([[np.log(self.gain)], [self.delay]], prior.shape[1])
         noise = np.random.default_rng(seed).multivariate_normal(
             np.zeros(2), self.covariance, prior.shape[1] - 1

@@ -19,7 +19,7 @@ from rotorfit.diagnostics.kt_from_weight import weigh_thrust
 from rotorfit.diagnostics.lever_arms import allow_for_sides
 from rotorfit.diagnostics.motors.law_uncertainty import allow_for_law
 from rotorfit.diagnostics.motors.motor_limits import allow_for_motor_limits
-from rotorfit.diagnostics.motors.motor_time_split import allow_for_answered_noise
+from rotorfit.diagnostics.motors.motor_time_split import allow_for_noise_feedback
 from rotorfit.diagnostics.motors.thrust_change import allow_for_thrust_change
 from rotorfit.diagnostics.sensors.imu_tilt import correct_imu_tilt
 from rotorfit.diagnostics.sensors.sensor_faults import (
@@ -141,7 +141,7 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     allow_for_gyro_lowpass,
     allow_for_thrust_change,
     allow_for_sensor_response,
-    allow_for_answered_noise,
+    allow_for_noise_feedback,
     allow_for_sides,
 )
 """From the fit of the joint likelihood to the intervals of its numbers."""

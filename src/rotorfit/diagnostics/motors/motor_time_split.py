@@ -24,7 +24,7 @@ SPREAD: Final = LEAST_SPREAD
 """Mean square of what bands leave over what their deviations allow: the least that is believed."""
 
 
-def allow_for_answered_noise(fit: Fit) -> Fit:
+def allow_for_noise_feedback(fit: Fit) -> Fit:
     """Widen lag and delay of commanded motors, and their sum."""
     timing = fit.dataset.motor_timing
     free = () if timing is None else tuple(name for name in TIMES if name in timing.free)
