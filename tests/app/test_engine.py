@@ -95,7 +95,8 @@ def test_an_export_asks_for_what_is_missing(identified):
     assert "supply it" in refused["refused"]
     units = {one["name"]: one["unit"] for one in refused["missing"]}
     assert units["motor_lag"] == "s"
-    own = {"motor_lag": 0.03, "max_speed": 1500.0, "Izz_com": 0.029, "kd": 5e-8, "Jr": 1e-5}
+    inertia = {"Ixx_com": 0.018, "Iyy_com": 0.018, "Izz_com": 0.029}
+    own = {"motor_lag": 0.03, "max_speed": 1500.0, "kd": 5e-8, "Jr": 1e-5, **inertia}
     assume = {name: own.get(name, 0.0) for name in units}
     made = engine.call("export", {"target": "mujoco", "assume": assume}, quiet)
     assert made["name"] == "mujoco.xml"

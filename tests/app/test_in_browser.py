@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,9 @@ from rotorfit.app.engine import CALLS
 DOCS = Path(__file__).parents[2] / "docs"
 sys.path.insert(0, str(DOCS))
 from page_site import write_page  # noqa: E402
+
+DATA = (".toml", ".j2", ".html", ".xml", ".sdf", ".urdf", ".txt", ".md", ".css")
+"""What rotorfit reads beside its modules."""
 
 
 class Sent:
@@ -87,16 +91,23 @@ def test_the_site_has_all_that_the_page_runs(tmp_path):
     assert (tmp_path / "app" / settings["pyodide"] / "pyodide.js").exists()
     for name in ("engine.js", "worker.js", *settings["archives"]):
         assert (tmp_path / "app" / name).stat().st_size > 0
-    # From the archive alone, without what is installed here of rotorfit.
+    # Unpacked as the worker does it; from there alone, without what is installed of rotorfit.
+    unpacked = tmp_path / "unpacked"
+    with zipfile.ZipFile(tmp_path / "app" / settings["archives"][0]) as archive:
+        archive.extractall(unpacked)
     code = (
         "import sys; sys.path.insert(0, sys.argv[1]); import rotorfit.app.in_browser as b; "
         "print(b.__file__); import jaxtyping; print(jaxtyping.__file__)"
     )
-    archive = str(tmp_path / "app" / settings["archives"][0])
     ended = subprocess.run(
-        [sys.executable, "-c", code, archive], capture_output=True, text=True, check=True
+        [sys.executable, "-c", code, str(unpacked)], capture_output=True, text=True, check=True
     )
-    assert all(line.startswith(archive) for line in ended.stdout.splitlines())
+    assert all(line.startswith(str(unpacked)) for line in ended.stdout.splitlines())
+    package = Path(in_browser.__file__).parents[1]
+    data = {path.relative_to(package) for path in package.rglob("*") if path.suffix in DATA}
+    own = {path for path in data if path.parts[:2] != ("app", "static")}
+    assert len(own) > 20
+    assert [path for path in sorted(own) if not (unpacked / "rotorfit" / path).exists()] == []
 
 
 def test_a_site_without_pyodide_says_so(tmp_path):

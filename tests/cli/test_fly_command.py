@@ -15,7 +15,7 @@ sys.path.append(str(Path(__file__).parents[1] / "export"))
 from export_material import UNKNOWN, a_result, changed, parameter
 
 needs_mujoco = pytest.mark.skipif(find_spec("mujoco") is None, reason="mujoco is not installed")
-GIVEN = ("kd=5.11e-8", "com_z=0", "Ixy_com=0", "Ixz_com=0", "Iyz_com=0")
+GIVEN = ("kd=5.11e-8", "com_z=0", "Ixx_com=0.018", "Ixy_com=0", "Ixz_com=0", "Iyz_com=0")
 KNOWN = tuple(word for given in GIVEN for word in ("--assume", given))
 BENCH = ("--bench", "Ixx_com=0.036", "--bench", "kt=3.6e-6")
 
@@ -92,9 +92,9 @@ def test_against_another_result(run, there):
     # It lacks kd as well: the assumed number stands for both.
     same = run("fly", "result.json", *KNOWN, "--against", "same.json", "--json").json
     assert same["rate_errors"][-1]["identified_over"]["same"]["yaw"] == 1.0
-    changed(a_result(), Ixx_com=UNKNOWN).save(there / "lacking.json")
+    changed(a_result(), Iyy_com=UNKNOWN).save(there / "lacking.json")
     words = run("fly", "result.json", *KNOWN, "--against", "lacking.json").err
-    assert words.startswith("rotorfit: lacking.json: Ixx_com is not-identified")
+    assert words.startswith("rotorfit: lacking.json: Iyy_com is not-identified")
     a_result().save(there / "other.json")
     ended = run("fly", "result.json", *KNOWN, "--against", "other.json")
     assert ended.code == 0

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rotorfit.diagnostics.clocks import early_sentence
+from rotorfit.diagnostics.sensors.clocks import early_sentence
 from rotorfit.diagnostics.vehicle_size import too_light
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.diagnostics.law_uncertainty import scale_shift
+from rotorfit.diagnostics.motors.law_uncertainty import scale_shift
 from rotorfit.fit.intervals.numbers import Numbers
 
 CINERAT = [(-1, -1, "cw"), (1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw")]

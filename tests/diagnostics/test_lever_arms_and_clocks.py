@@ -8,9 +8,9 @@ from scipy import signal
 
 import flown
 import made_fit
-from rotorfit.diagnostics.clocks import accelerometer_delay
-from rotorfit.diagnostics.imu_tilt import lean_sentence
 from rotorfit.diagnostics.lever_arms import LACKING, FrameSides
+from rotorfit.diagnostics.sensors.clocks import accelerometer_delay
+from rotorfit.diagnostics.sensors.imu_tilt import lean_sentence
 from rotorfit.diagnostics.vehicle_size import unusual_loading
 from rotorfit.errors import FrameError
 

@@ -9,7 +9,7 @@ import made_fit
 from rotorfit.dataset.dataset import completed_motors
 from rotorfit.dataset.load import agreed_motors
 from rotorfit.diagnostics.assumptions import log_metadata
-from rotorfit.diagnostics.sensor_faults import (
+from rotorfit.diagnostics.sensors.sensor_faults import (
     lowpass_half_width,
     velocity_half_width,
     vertical_partner,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.diagnostics import motor_time_split
-from rotorfit.diagnostics.motor_time_split import allow_for_answered_noise, times_covariance
-from rotorfit.diagnostics.sensor_response import BandRatio
+from rotorfit.diagnostics.motors import motor_time_split
+from rotorfit.diagnostics.motors.motor_time_split import allow_for_noise_feedback, times_covariance
+from rotorfit.diagnostics.sensors.sensor_response import BandRatio
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import MotorTiming
 
@@ -46,11 +46,11 @@ def test_the_times_are_widened_by_half_of_that(monkeypatch):
         free=BOTH,
     )
     dataset = replace(made_fit.dataset(made_fit.prepared()), motor_timing=timing)
-    found = allow_for_answered_noise(made_fit.fit(dataset)).dataset.motor_timing
+    found = allow_for_noise_feedback(made_fit.fit(dataset)).dataset.motor_timing
     lag, delay, total = 0.5 * np.array(stds(1.0, 3.0, 8.0))
     assert found.lag_std == pytest.approx(np.hypot(1e-3, lag))
     assert found.delay_std == pytest.approx(np.hypot(2e-3, delay))
     assert found.total_std == pytest.approx(np.hypot(3e-4, total))
     measured = replace(timing, free=("motor_delay",), lag_std=None)
     kept = made_fit.fit(replace(dataset, motor_timing=measured))
-    assert allow_for_answered_noise(kept) is kept
+    assert allow_for_noise_feedback(kept) is kept

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.diagnostics.changed_rotor import LEAST_UNLIKE, most_unlike, unlike_sentence
+from rotorfit.diagnostics.motors.changed_rotor import LEAST_UNLIKE, most_unlike, unlike_sentence
 from rotorfit.diagnostics.vehicle_size import AIR, figure_of_merit, largest_radius
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.fit.intervals.numbers import Numbers

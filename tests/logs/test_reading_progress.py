@@ -10,7 +10,7 @@ from rotorfit.logs.progress import report_progress, watched
 
 SMALL = {
     "rotorfit.logs.delimited.PIECE_BYTES": 20_000,
-    "rotorfit.logs.dataflash.read.BLOCK": 50_000,
+    "rotorfit.logs.files.BLOCK": 50_000,
     "rotorfit.logs.ulog.messages.BLOCK_BYTES": 50_000,
     "rotorfit.logs.blackbox.scan.WINDOW": 5_000,
     "rotorfit.logs.crazyflie_records.LARGEST_BLOCK": 256,

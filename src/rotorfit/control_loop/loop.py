@@ -20,7 +20,7 @@ from rotorfit.control_loop.proof import (
     replay_output,
 )
 from rotorfit.control_loop.rate_controller import RateController
-from rotorfit.control_loop.vehicle import Flown, flown, heard, plant
+from rotorfit.control_loop.vehicle import Flown, controller_response, flown, plant
 from rotorfit.logs import read_log
 from rotorfit.logs.controller_log import ControllerLog, read_controller_log
 from rotorfit.logs.flight_log import FlightLog
@@ -183,7 +183,7 @@ def _axis(
     body = plant(
         result, owner, flight, axis=axis, gyro_lowpass=log.gyro_lowpass, draws=draws, seed=seed
     )
-    filtered = heard(log, flight, axis, frequency)
+    filtered = controller_response(log, flight, axis, frequency)
     inner = _rate_loops(controller, body, filtered, frequency)
     closed = inner[0] / (1.0 + inner[0])
     closed *= controller.from_set_point(frequency) / controller.from_rate(frequency)

@@ -127,10 +127,10 @@ class LoopError:
     def corrected(self, plant: Plant, seed: int) -> Plant:
         """Move the vehicles to where result and closed loop agree best (ensemble Kalman update)."""
         prior = plant.spread
-        tied = np.cov(prior[:, 1:])
+        correlated = np.cov(prior[:, 1:])
         # What the linear model of hover leaves is no error of the vehicle, but stays open.
         covariance = self.covariance + LEFT
-        weight = tied @ np.linalg.inv(tied + covariance)
+        weight = correlated @ np.linalg.inv(correlated + covariance)
         seen = np.tile([[np.log(self.gain)], [self.delay]], prior.shape[1])
         noise = np.random.default_rng(seed).multivariate_normal(
             np.zeros(2), covariance, prior.shape[1] - 1

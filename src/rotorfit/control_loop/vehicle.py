@@ -208,7 +208,7 @@ def _times(
     return lag.value + first * normal[0], mean_delay + second * across
 
 
-def heard(
+def controller_response(
     log: FlightLog, flight: Flown, axis: int, frequency: Float[np.ndarray, " f"]
 ) -> Complex[np.ndarray, " f"]:
     """Compute the response of the controller's rate to the gyro that identified the vehicle.

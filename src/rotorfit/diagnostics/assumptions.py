@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rotorfit.dataset.dataset import Dataset, LoadedFlight
-from rotorfit.diagnostics.sensor_faults import lowpass_sentence
+from rotorfit.diagnostics.sensors.sensor_faults import lowpass_sentence
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.findings import Finding, note
 from rotorfit.fit.joint.joint_problem import JointConfiguration

@@ -7,13 +7,9 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 from rotorfit.diagnostics import (
-    changed_rotor,
-    clocks,
     flights_agree,
     hover_thrust,
-    imu_tilt,
     lever_arms,
-    motor_limits,
     payload,
     residual_peaks,
     spins,
@@ -22,6 +18,8 @@ from rotorfit.diagnostics import (
 )
 from rotorfit.diagnostics.coupling import NO_COUPLING
 from rotorfit.diagnostics.instruments import reference_test
+from rotorfit.diagnostics.motors import changed_rotor, motor_limits
+from rotorfit.diagnostics.sensors import clocks, imu_tilt
 from rotorfit.findings import Finding
 from rotorfit.fit.fit import Fit
 from rotorfit.results.parameter_tables import little_excitation, unknown_origin

@@ -20,7 +20,7 @@ from rotorfit.dataset.carried_weight import Measured, carrying_stretches
 from rotorfit.dataset.checks.gravity import gravity_seen
 from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.dataset.weight_balance import Held
-from rotorfit.diagnostics.sensor_faults import ERROR, is_estimate
+from rotorfit.diagnostics.sensors.sensor_faults import ERROR, is_estimate
 from rotorfit.errors import UnsettledError
 from rotorfit.experiment.experiment import MotorsEntry, Source
 from rotorfit.findings import Finding, doubt_or_passed

@@ -15,15 +15,18 @@ from rotorfit.dataset.load import Progress, load_dataset, resolved_method
 from rotorfit.diagnostics.assumptions import assumptions, log_metadata
 from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.diagnose import diagnose
-from rotorfit.diagnostics.imu_tilt import correct_imu_tilt
 from rotorfit.diagnostics.kt_from_weight import weigh_thrust
-from rotorfit.diagnostics.law_uncertainty import allow_for_law
 from rotorfit.diagnostics.lever_arms import allow_for_sides
-from rotorfit.diagnostics.motor_limits import allow_for_motor_limits
-from rotorfit.diagnostics.motor_time_split import allow_for_answered_noise
-from rotorfit.diagnostics.sensor_faults import allow_for_gyro_lowpass, allow_for_velocity_errors
-from rotorfit.diagnostics.sensor_response import allow_for_sensor_response
-from rotorfit.diagnostics.thrust_change import allow_for_thrust_change
+from rotorfit.diagnostics.motors.law_uncertainty import allow_for_law
+from rotorfit.diagnostics.motors.motor_limits import allow_for_motor_limits
+from rotorfit.diagnostics.motors.motor_time_split import allow_for_noise_feedback
+from rotorfit.diagnostics.motors.thrust_change import allow_for_thrust_change
+from rotorfit.diagnostics.sensors.imu_tilt import correct_imu_tilt
+from rotorfit.diagnostics.sensors.sensor_faults import (
+    allow_for_gyro_lowpass,
+    allow_for_velocity_errors,
+)
+from rotorfit.diagnostics.sensors.sensor_response import allow_for_sensor_response
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Finding, note
@@ -138,7 +141,7 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     allow_for_gyro_lowpass,
     allow_for_thrust_change,
     allow_for_sensor_response,
-    allow_for_answered_noise,
+    allow_for_noise_feedback,
     allow_for_sides,
 )
 """From the fit of the joint likelihood to the intervals of its numbers."""

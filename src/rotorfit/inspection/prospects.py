@@ -25,7 +25,7 @@ from rotorfit.diagnostics.kt_from_weight import (
     bias_at_rest,
     pooled_weight,
 )
-from rotorfit.diagnostics.sensor_faults import ERROR
+from rotorfit.diagnostics.sensors.sensor_faults import ERROR
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.intervals.excitation import NO_EXCITATION, attenuation_allowance

@@ -13,7 +13,7 @@ from rotorfit.logs.dataflash.messages import Wanted, find_messages
 from rotorfit.logs.files import read_blocks
 
 ASKED: Final = ("RDes", "PDes", "YDes")
-HEARD: Final = ("R", "P", "Y")
+MEASURED: Final = ("R", "P", "Y")
 OUTPUT: Final = ("ROut", "POut", "YOut")
 FAST: Final = 0.8
 """Share of SCHED_LOOP_RATE at which RATE must come: a run of the controller must not be missing."""
@@ -25,7 +25,7 @@ def read_controller(path: Path) -> ControllerLog:
         read_blocks(path), wanted=Wanted(names=frozenset(("RATE", *parameters.NAMES)))
     )
     settings = parameters.read_parameters(messages)
-    found = timed(messages, "RATE", (*ASKED, *HEARD, *OUTPUT))
+    found = timed(messages, "RATE", (*ASKED, *MEASURED, *OUTPUT))
     if found is None or len(found[0]) < 2:
         raise LogError(
             f"{path}: the log has no RATE messages, in which the rate controllers are: set bit 0 "
@@ -39,7 +39,7 @@ def read_controller(path: Path) -> ControllerLog:
             f"{path}: RATE comes at {rate:.0f} Hz, the controllers run at {loop:.0f} Hz: set bit 0 "
             "(fast attitude) of LOG_BITMASK and fly again"
         )
-    asked, heard = (np.deg2rad(vector(fields, labels)) for labels in (ASKED, HEARD))
+    asked, measured = (np.deg2rad(vector(fields, labels)) for labels in (ASKED, MEASURED))
     version = next((t for t in parameters.texts(messages) if t.startswith("Ardu")), "unknown")
     return ControllerLog(
         autopilot="ArduCopter",
@@ -49,6 +49,6 @@ def read_controller(path: Path) -> ControllerLog:
         time=time[1:],
         # Controllers run before the loop makes the set point that is logged with them.
         set_point=asked[:-1] * TURNED,
-        rate=heard[1:] * TURNED,
+        rate=measured[1:] * TURNED,
         output=vector(fields, OUTPUT)[1:] * TURNED,
     )

@@ -17,7 +17,7 @@ from rotorfit.logs.axes import (
 )
 from rotorfit.logs.columns import EULER, ColumnSpec, Group, complete_groups, quantity_of, unit_of
 from rotorfit.logs.flight_log import Channel
-from rotorfit.logs.rosbag.definitions import AIMS, CAMERAS, ESTIMATES, MESSAGES, Form
+from rotorfit.logs.rosbag.messages import AIMS, CAMERAS, ESTIMATES, MESSAGES, Form
 from rotorfit.logs.rosbag.stream import Recorded, Timing
 from rotorfit.logs.units import conversion
 

@@ -15,8 +15,6 @@ from rotorfit.logs.files import read_head
 from rotorfit.logs.rosbag import MCAP_MAGIC, ROS1_BEGINS, SQLITE_MAGIC
 from rotorfit.logs.rosbag.choose import mapped_paths
 from rotorfit.logs.rosbag.definitions import (
-    MESSAGES,
-    STAMPS,
     Definition,
     Definitions,
     Numbers,
@@ -24,6 +22,7 @@ from rotorfit.logs.rosbag.definitions import (
     are_numbers,
     taken_by,
 )
+from rotorfit.logs.rosbag.messages import MESSAGES, STAMPS
 from rotorfit.logs.rosbag.ros1 import scan_ros1
 from rotorfit.logs.rosbag.ros2 import scan_mcap, scan_sqlite
 from rotorfit.logs.rosbag.stream import (

@@ -12,7 +12,7 @@ from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import CHANNELS, FlightLog, seconds_of
 from rotorfit.logs.rosbag import files_of
 from rotorfit.logs.rosbag.choose import Candidate, candidates, chosen, is_aim, mapped_channels
-from rotorfit.logs.rosbag.definitions import NOT_MOTORS
+from rotorfit.logs.rosbag.messages import NOT_MOTORS
 from rotorfit.logs.rosbag.stream import Contents, Recorded, Timing, require_rosbags, timings
 
 _SHOWN: Final = 20

@@ -22,17 +22,17 @@ LOG_THEM: Final = "set bits 0 and 4 of SDLOG_PROFILE (17, if no other is set) an
 def read_controller(path: Path) -> ControllerLog:
     """Read the rate controller of a PX4 log."""
     scan = scan_file(path, TOPICS)
-    heard, asked, answered = (_topic(scan, name, path) for name in TOPICS)
+    measured, asked, torque = (_topic(scan, name, path) for name in TOPICS)
     rates, slopes, outputs = (
         _vector(topic, field, path)
-        for topic, field in ((heard, "xyz"), (heard, "xyz_derivative"), (answered, "xyz"))
+        for topic, field in ((measured, "xyz"), (measured, "xyz_derivative"), (torque, "xyz"))
     )
     # The controller runs on a sample of the gyro, and its output bears the time of that sample.
-    sampled, at = answered.sample_time, heard.sample_time
+    sampled, at = torque.sample_time, measured.sample_time
     row = np.minimum(np.searchsorted(at, sampled - 1e-6), len(at) - 1)
     known = np.abs(at[row] - sampled) < 1e-6
     set_points = np.stack([asked.column(axis) for axis in ("roll", "pitch", "yaw")], axis=1)
-    used = _used(asked.time, set_points, answered.time)
+    used = _used(asked.time, set_points, torque.time)
     known &= np.isfinite(outputs).all(axis=1) & np.isfinite(rates[row]).all(axis=1)
     known &= np.isfinite(used).all(axis=1)
     if known.sum() < 2:
@@ -44,7 +44,7 @@ def read_controller(path: Path) -> ControllerLog:
             name: value for name in scan.parameters if (value := scan.last(name)) is not None
         },
         changed=tuple(name for name, _, _ in scan.changes),
-        time=answered.time[known],
+        time=torque.time[known],
         set_point=used[known] * TURNED,
         rate=rates[row][known] * TURNED,
         output=outputs[known] * TURNED,

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.dataset.dataset import LoadedFlight
-from rotorfit.diagnostics.sensor_spectra import (
+from rotorfit.diagnostics.sensors.sensor_spectra import (
     FED_BACK,
     LIFT,
     TURNS,

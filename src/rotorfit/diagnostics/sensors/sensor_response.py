@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float
 
-from rotorfit.diagnostics.sensor_spectra import (
+from rotorfit.diagnostics.sensors.sensor_spectra import (
     FED_BACK,
     TURNS,
     Spectra,

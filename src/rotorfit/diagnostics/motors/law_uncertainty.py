@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.other_speeds import Speeds, shift_by_speeds, with_other_speeds
+from rotorfit.diagnostics.motors.other_speeds import Speeds, shift_by_speeds, with_other_speeds
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from rotorfit.diagnostics.sensor_lateness import accelerometer_lateness
+from rotorfit.diagnostics.sensors.sensor_lateness import accelerometer_lateness
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.model.parameters import INERTIA

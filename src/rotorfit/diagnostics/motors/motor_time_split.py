@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.sensor_response import LEAST_SPREAD, BandRatio, band_ratios
-from rotorfit.diagnostics.sensor_spectra import flight_spectra
+from rotorfit.diagnostics.sensors.sensor_response import LEAST_SPREAD, BandRatio, band_ratios
+from rotorfit.diagnostics.sensors.sensor_spectra import flight_spectra
 from rotorfit.fit.fit import Fit
 from rotorfit.reduction.motor_timing import MotorTiming
 
@@ -24,7 +24,7 @@ SPREAD: Final = LEAST_SPREAD
 """Mean square of what bands leave over what their deviations allow: the least that is believed."""
 
 
-def allow_for_answered_noise(fit: Fit) -> Fit:
+def allow_for_noise_feedback(fit: Fit) -> Fit:
     """Widen lag and delay of commanded motors, and their sum."""
     timing = fit.dataset.motor_timing
     free = () if timing is None else tuple(name for name in TIMES if name in timing.free)

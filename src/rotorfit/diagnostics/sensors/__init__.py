@@ -1,0 +1,1 @@
+"""What gyro, accelerometer and motion capture did to the record: clocks, filters, tilt, faults."""
