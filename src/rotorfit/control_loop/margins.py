@@ -57,9 +57,10 @@ def _margins(
 ) -> tuple[float, float, float, float, float, bool]:
     """Return crossover, phase, gain and delay margin, peak of the sensitivity, whether stable."""
     size: Float[np.ndarray, " f"] = np.log(np.abs(loop))
-    phase = np.asarray(np.unwrap(np.angle(loop)), dtype=float)
+    turned: Float[np.ndarray, " f"] = np.asarray(np.unwrap(np.angle(loop)), dtype=float)
     # From -180 degrees of two integrators, or -90 of one, downwards; never a full turn off.
-    phase = phase - 2.0 * np.pi * np.round((phase[0] + 0.75 * np.pi) / (2.0 * np.pi))
+    turns_off = round((float(turned[0]) + 0.75 * np.pi) / (2.0 * np.pi))
+    phase = turned - 2.0 * np.pi * turns_off
     at = np.log(frequency)
     crossings = [_between(at, size, i) for i in _changes(size)]
     left = [np.pi + float(np.interp(x, at, phase)) for x in crossings]

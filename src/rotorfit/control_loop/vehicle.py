@@ -254,15 +254,21 @@ def smooth_response(
     x = grid / top
     turned: Float[np.ndarray, " b"] = np.asarray(np.unwrap(np.angle(seen)), dtype=float)
     phase = turned - 2.0 * np.pi * np.round(float(turned[0]) / (2.0 * np.pi))
-    odd: Float[np.ndarray, " 2"] = np.linalg.lstsq(
-        np.column_stack([x, x**3]) * weight[:, None], phase * weight, rcond=None
-    )[0]
-    even: Float[np.ndarray, " 2"] = np.linalg.lstsq(
-        np.column_stack([x**2, x**4]) * weight[:, None], np.log(np.abs(seen)) * weight, rcond=None
-    )[0]
+    odd = _coefficients(np.column_stack([x, x**3]), phase, weight)
+    even = _coefficients(np.column_stack([x**2, x**4]), np.log(np.abs(seen)), weight)
     y = np.minimum(frequency / top, 1.0)
     late = (odd[0] + odd[1] * y**2) * frequency / top
     return np.exp(even[0] * y**2 + even[1] * y**4 + 1j * late)
+
+
+def _coefficients(
+    columns: Float[np.ndarray, "b 2"],
+    right: Float[np.ndarray, " b"],
+    weight: Float[np.ndarray, " b"],
+) -> tuple[float, float]:
+    """Solve for the two coefficients of weighted columns."""
+    found, *_ = np.linalg.lstsq(columns * weight[:, None], right * weight, rcond=None)
+    return float(found[0]), float(found[1])
 
 
 def cross_spectrum(
