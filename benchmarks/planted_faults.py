@@ -154,7 +154,7 @@ ROOMS: Final[dict[str, Room]] = {
     "estimation/feedback.py": Room(
         tests=("tests/estimation/test_feedback.py",),
         scaled=(
-            "return <<np.real(weighted * self.log_effect_slopes[:, None, :])>>",
+            "return <<np.real(weighted * self.log_effect_slopes)>>",
             "np.sum(<<response.rows * np.real(response.complementary_sensitivity * logarithm)>>)",
             "every[:, :, by] = <<np.real(slope)>>",
         ),

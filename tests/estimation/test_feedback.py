@@ -58,7 +58,7 @@ def two_axes(seed):
         moves=complex_normal(rng, 4, 2, 2),
         complementary_sensitivity=complex_normal(rng, 4, 2),
         uncertainty=complex_normal(rng, 4, 2),
-        log_effect_slopes=complex_normal(rng, 4, 2),
+        log_effect_slopes=complex_normal(rng, 4, 2, 2),
     )
     return BandedProblem(
         factors=(factors,),
@@ -139,7 +139,9 @@ def answers_of(factors, share, *, doubt=1.0, late=None):
         moves=np.ones((b, 1, 1), dtype=complex),
         complementary_sensitivity=column(share),
         uncertainty=column(doubt),
-        log_effect_slopes=np.zeros((b, 0), dtype=complex) if late is None else late[:, None],
+        log_effect_slopes=np.zeros((b, 1, 0), dtype=complex)
+        if late is None
+        else late[:, None, None],
     )
 
 

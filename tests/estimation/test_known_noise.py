@@ -191,7 +191,7 @@ def answered(problem, rows):
         moves=np.ones((BLOCKS, 1, 1), dtype=complex),
         complementary_sensitivity=np.ones((BLOCKS, 1), dtype=complex),
         uncertainty=np.ones((BLOCKS, 1), dtype=complex),
-        log_effect_slopes=np.zeros((BLOCKS, 0), dtype=complex),
+        log_effect_slopes=np.zeros((BLOCKS, 1, 0), dtype=complex),
     )
     return replace(problem, feedback=Feedback(errors=(0,), inputs=(1,), responses=(answers,)))
 

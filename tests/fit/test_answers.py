@@ -125,13 +125,15 @@ def test_lateness_is_the_derivative_of_the_motors_response(turn, lag, delay, nam
 
 
 def test_every_free_time_has_its_lateness_in_its_own_place():
-    """Of two lags the mean; a skew delays nothing."""
+    """Of two lags the mean; a skew delays nothing, and climbs tell no time: pilots hold them."""
     names = ("motor_delay", "motor_skew", "motor_lag")
     late = closed_loop_responses(steered(timing=FreeTiming(at=AT, names=names))).log_effect_slopes
-    assert late[:, 0] == pytest.approx(-1j * TURNS)
-    assert (late[:, 1] == 0.0).all()
-    assert late[:, 2] == pytest.approx(-1j * TURNS / (1.0 + 0.04j * TURNS))
-    assert closed_loop_responses(steered()).log_effect_slopes.shape == (3, 0)
+    for turned in np.moveaxis(late, 1, 0)[:3]:
+        assert turned[:, 0] == pytest.approx(-1j * TURNS)
+        assert (turned[:, 1] == 0.0).all()
+        assert turned[:, 2] == pytest.approx(-1j * TURNS / (1.0 + 0.04j * TURNS))
+    assert (late[:, 3] == 0.0).all()
+    assert closed_loop_responses(steered()).log_effect_slopes.shape == (3, 4, 0)
 
 
 def moved_signals(vehicle, direction, turn):

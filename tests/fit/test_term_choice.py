@@ -192,10 +192,11 @@ FELT = ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag", "c
 def test_axial_drag_does_not_bias_kt_without_a_velocity(once, draggy, tmp_path):
     found = identified(tmp_path, draggy, channels=IMU_AND_SPEED)
     without = identified(tmp_path, draggy, channels=IMU_AND_SPEED, terms=FELT[:-1])
-    kt = once.parameter("kt").value  # of the velocity
     assert found.settings["used"]["terms"] == list(FELT)
-    assert found.parameter("kt").value == pytest.approx(kt, rel=1e-3)
-    assert without.parameter("kt").value < 0.995 * kt
+    assert found.parameter("kt").value == pytest.approx(once.parameter("kt").value, rel=1e-3)
+    # Without the term changes of thrust look too small, and only the weight holds kt.
+    changes, bent = (r.diagnostics["thrust_over_weight"] for r in (found, without))
+    assert bent < 0.997 * changes
     assert inside(found.parameter("kt"), draggy.truth.kt)
 
 

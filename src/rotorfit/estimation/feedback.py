@@ -40,14 +40,14 @@ class ClosedLoopResponses:
     uncertainty
         By how much T may be wrong.
     log_effect_slopes
-        Derivative of the logarithm of the inputs' effect by what moves their signals.
+        Derivative of the logarithm of what the inputs do, by what moves their signals, per error.
     """
 
     rows: Int[np.ndarray, "b e"]
     moves: Complex[np.ndarray, "b e u"]
     complementary_sensitivity: Complex[np.ndarray, "b e"]
     uncertainty: Complex[np.ndarray, "b e"]
-    log_effect_slopes: Complex[np.ndarray, "b t"]
+    log_effect_slopes: Complex[np.ndarray, "b e t"]
 
     def select(self, keep: Bool[np.ndarray, " b"]) -> "ClosedLoopResponses":
         """Select the responses of some blocks."""
@@ -63,7 +63,7 @@ class ClosedLoopResponses:
     def gain_slopes(self) -> Float[np.ndarray, "b e t"]:
         """Slope of the gain of each block and error by what moves the signals."""
         weighted = (self.rows * self.complementary_sensitivity)[:, :, None]
-        return np.real(weighted * self.log_effect_slopes[:, None, :])
+        return np.real(weighted * self.log_effect_slopes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

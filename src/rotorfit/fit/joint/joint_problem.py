@@ -258,8 +258,15 @@ def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopRespon
         moves=_mixed(configuration, turn),
         complementary_sensitivity=taken + usual * np.array(configuration.response.beyond),
         uncertainty=usual * np.array(configuration.response.open),
-        log_effect_slopes=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
+        log_effect_slopes=_of_turns(np.array(late, dtype=complex).reshape(len(late), len(turn)).T),
     )
+
+
+def _of_turns(slopes: Complex[np.ndarray, "b t"]) -> Complex[np.ndarray, "b e t"]:
+    """Return the slopes for each error: only turns tell the times, as pilots hold climbs, too."""
+    for_each = np.zeros((len(slopes), len(RESPONSE_ERRORS), slopes.shape[1]), dtype=complex)
+    for_each[:, : len(TURN_ERRORS)] = slopes[:, None, :]
+    return for_each
 
 
 def first_order(turn: Float[np.ndarray, " b"], bandwidth: float) -> Complex[np.ndarray, " b"]:
