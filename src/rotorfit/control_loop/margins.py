@@ -57,9 +57,10 @@ def _margins(
 ) -> tuple[float, float, float, float, float, bool]:
     """Return crossover, phase, gain and delay margin, peak of the sensitivity, whether stable."""
     size: Float[np.ndarray, " f"] = np.log(np.abs(loop))
-    phase = np.asarray(np.unwrap(np.angle(loop)), dtype=float)
+    unwrapped: list[float] = np.unwrap(np.angle(loop)).tolist()
     # From -180 degrees of two integrators, or -90 of one, downwards; never a full turn off.
-    phase = phase - 2.0 * np.pi * np.round((phase[0] + 0.75 * np.pi) / (2.0 * np.pi))
+    full = round((unwrapped[0] + 0.75 * np.pi) / (2.0 * np.pi))
+    phase: Float[np.ndarray, " f"] = np.array(unwrapped) - 2.0 * np.pi * full
     at = np.log(frequency)
     crossings = [_between(at, size, i) for i in _changes(size)]
     left = [np.pi + float(np.interp(x, at, phase)) for x in crossings]
