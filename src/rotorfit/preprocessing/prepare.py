@@ -202,7 +202,9 @@ def prepared_from(
     uniform = recorded.uniform
     speed = uniform.values["motor"]
     if motors.speed == "measured":
-        refuse_interpolated_speeds(speed, uniform.sample_rate)
+        # In gaps the lines are this module's own.
+        a, b = max(uniform.stretches, key=lambda whole: whole[1] - whole[0])
+        refuse_interpolated_speeds(speed[a:b], uniform.sample_rate)
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
     motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)

@@ -167,7 +167,7 @@ def best_filter(ratios: Sequence[BandRatio], *, lagging: bool = False) -> FoundF
     if len(ratios) < FEWEST * len(flights) or not ratios:
         return None
     frequency = np.array([one.frequency for one in ratios])
-    none, factors = _left(ratios, np.zeros(len(ratios)), lagging=lagging)
+    none, factors = _left(ratios, np.zeros(len(ratios), dtype=complex), lagging=lagging)
     best: FoundFilter | None = None
     for name, shape in SHAPES.items():
         tried = [_left(ratios, shape(frequency / f), lagging=lagging) for f in CUTOFFS]
