@@ -40,6 +40,7 @@ from rotorfit.fit.additional_parameters import (
 )
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION, SCALED
+from rotorfit.fit.intervals.joint_numbers import excitation
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration
@@ -302,9 +303,17 @@ def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags
     other: Dataset = replace(dataset, vehicle=vehicle, model=model)
     try:
         estimate, joint = joint_fit(other, terms=fit.terms, known=fit.known)
-        return estimate, rotor_drags(estimate, joint)
+        drags = rotor_drags(estimate, joint)
     except EstimationError:
         return None
+    sound = (pattern > 0.0).all() or _yaw_is_flown(estimate, joint)
+    return (estimate, drags) if sound else None
+
+
+def _yaw_is_flown(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> bool:
+    """Return whether a pilot turns about z: else yaw is the autopilot's answer to gusts."""
+    rho = excitation(fit, configurations)
+    return any(rho[f"yaw@{c.name}"] > LEAST_EXCITATION for c in configurations)
 
 
 def with_spins(vehicle: Vehicle, pattern: Pattern) -> Vehicle:
