@@ -19,6 +19,7 @@ import scipy.linalg
 from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
+from rotorfit.diagnostics.kt_from_weight import REST_STD
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import pseudo_inverse
 from rotorfit.estimation.banded_equations import corrected_equations, evaluated
@@ -34,6 +35,7 @@ from rotorfit.fit.joint.trims import OWN, TRIM, UNSEEN, Scatter, scatters
 from rotorfit.fleet.listing import FlightTask
 from rotorfit.fleet.one_flight import experiment_of, fitted_factors
 from rotorfit.fleet.records import FlightRecord, read_entry
+from rotorfit.preprocessing.airborne import GRAVITY
 
 MOST_PASSES: Final = 20
 SMALLEST_STEP: Final = 1e-2
@@ -190,13 +192,20 @@ def _vehicle(flights: Sequence[Load]) -> _Vehicle:
     """Collect the parameters that any of the flights has, but for the flights' own times."""
     terms: dict[str, None] = {}
     first: JointConfiguration | None = None
+    own_kt: list[float] = []
     for load in flights:
         fitted = load()
+        own_kt.append(fitted.values["kt"])
         terms |= dict.fromkeys(fitted.terms)
         first = first or replace(fitted.configurations[0], timing=None)
     assert first is not None
     problem = joint_problem([first], terms=tuple(terms))
-    mean, std = problem.prior
+    mean, std = (values.copy() for values in problem.prior)
+    # Each flight's k_t carries its weight, too, of which the equations that are added know nothing.
+    at = problem.map.names.index("kt")
+    mean[at] = np.mean(own_kt)
+    one = max(float(np.std(own_kt)), REST_STD / GRAVITY * mean[at])
+    std[at] = one / len(own_kt) ** 0.5
     return _Vehicle(map=problem.map, configuration=first, mean=mean, precision=std**-2.0)
 
 

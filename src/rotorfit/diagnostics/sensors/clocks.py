@@ -18,6 +18,8 @@ from rotorfit.model.parameters import INERTIA
 LEAST_DELAY: Final = 0.005
 """Between accelerometer and gyro, which matters [s]: 3 ms move kt and inertia by up to .3 %, a
 tenth of their intervals, and the centre of mass by a fifth of its own (three flights)."""
+CERTAIN: Final = 3.0
+"""Deviations of it within which chance and gusts stay, in the worst of several flights."""
 FILTERED: Final = 0.2
 """Delay of a low-pass filter times its cutoff: .16 of the first order, .23 of the second."""
 
@@ -37,7 +39,7 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
         limit=LEAST_DELAY,
     )
     sentence = None
-    if abs(late.least) > LEAST_DELAY:
+    if abs(late.seconds) > LEAST_DELAY + CERTAIN * late.std:
         sentence = _delay_sentence(Path(flight.entry.file).name, late.seconds, 1.96 * late.std)
     checked = doubt_or_passed(
         "imu-clocks",
