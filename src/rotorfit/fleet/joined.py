@@ -19,7 +19,6 @@ import scipy.linalg
 from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
-from rotorfit.diagnostics.kt_from_weight import REST_STD
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import pseudo_inverse
 from rotorfit.estimation.banded_equations import corrected_equations, evaluated
@@ -35,11 +34,13 @@ from rotorfit.fit.joint.trims import OWN, TRIM, UNSEEN, Scatter, scatters
 from rotorfit.fleet.listing import FlightTask
 from rotorfit.fleet.one_flight import experiment_of, fitted_factors
 from rotorfit.fleet.records import FlightRecord, read_entry
-from rotorfit.preprocessing.airborne import GRAVITY
 
 MOST_PASSES: Final = 20
 SMALLEST_STEP: Final = 1e-2
 """The passes end when no number moves by more than this share of its deviation."""
+LEAST_KT_STD: Final = 1e-3
+"""Deviation to which k_t is held at the mean of the flights', at least, as a share of it: what an
+accelerometer's bias at rest leaves open is the same in all of them."""
 FLIGHT_STEPS: Final = 2
 """Of a flight's own times, at given numbers of the vehicle."""
 FEWEST_FOR_SCATTER: Final = 3
@@ -204,8 +205,7 @@ def _vehicle(flights: Sequence[Load]) -> _Vehicle:
     # Each flight's k_t carries its weight, too, of which the equations that are added know nothing.
     at = problem.map.names.index("kt")
     mean[at] = np.mean(own_kt)
-    one = max(float(np.std(own_kt)), REST_STD / GRAVITY * mean[at])
-    std[at] = one / len(own_kt) ** 0.5
+    std[at] = max(float(np.std(own_kt)) / len(own_kt) ** 0.5, LEAST_KT_STD * mean[at])
     return _Vehicle(map=problem.map, configuration=first, mean=mean, precision=std**-2.0)
 
 
