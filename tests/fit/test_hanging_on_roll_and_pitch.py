@@ -71,7 +71,7 @@ def test_the_ratios_of_the_yaw_equation_stay(turned):
     for name, true in (("kd_over_Izz", truth.kd), ("Jr_over_Izz", truth.Jr)):
         low, high = result.derived_value(name).interval
         assert low < true / truth.com_inertia[2, 2] < high
-        assert high - low < 0.3 * high
+        assert high - low < 0.5 * high  # by the few blocks that tell it
 
 
 def test_com_height_is_not_identified_without_roll_and_pitch(turned):

@@ -64,7 +64,7 @@ def test_large_motion_tells_it_to_a_few_percent(tmp_path, name, rotors):
     for parameter, own in zip(found, true, strict=True):
         low, high = parameter.interval
         assert low < own < high
-        assert 0.04 * own < high - low < 0.09 * own
+        assert 0.04 * own < high - low < 0.11 * own  # by the blocks that tell it
 
 
 def test_groups_of_a_hexarotor_share_a_coefficient_that_is_found(tmp_path):
