@@ -17,7 +17,7 @@ from benchmarks.worlds.tables import kind_of, report
 from benchmarks.worlds.world import GRAVITY, World, draw_world
 
 CALM: dict[str, float] = {}
-SLICE = Study(seed=20261123, chance=chances(None), seconds=9.0)
+SLICE = Study(seed=20261123, chance=chances(None), seconds=6.0)
 
 
 def _with_flight(world: World, manoeuvre: str, **motors: float) -> World:

@@ -221,10 +221,8 @@ def controller_response(
     one = np.interp(at, gyro.time, gyro.values[:, axis])
     two = np.interp(at, rows.time, rows.rate[:, axis])
     grid, cross = cross_spectrum(one, two, rows.period, SEGMENT)
-    power, heard_power = (
-        np.real(cross_spectrum(x, x, rows.period, SEGMENT)[1]) for x in (one, two)
-    )
-    same = np.abs(cross) ** 2 / np.maximum(power * heard_power, np.finfo(float).tiny)
+    power, rate_power = (np.real(cross_spectrum(x, x, rows.period, SEGMENT)[1]) for x in (one, two))
+    same = np.abs(cross) ** 2 / np.maximum(power * rate_power, np.finfo(float).tiny)
     used = (same > SAME) & (grid > 0.0) & (grid < HIGHEST)
     if not used.any():
         raise LogError(
