@@ -178,7 +178,7 @@ def moved_by_responses(fit, shifts):
         moves=nothing[:, :, None],
         complementary_sensitivity=nothing,
         uncertainty=nothing,
-        log_effect_slopes=np.zeros((blocks, 1, len(fit.problem.moving)), dtype=complex),
+        log_effect_slopes=np.zeros((blocks, errors, len(fit.problem.moving)), dtype=complex),
     )
     feedback = MovingFeedback(
         errors=tuple(range(errors)),

@@ -102,7 +102,7 @@ def random_answers(rng, blocks):
         moves=moves,
         complementary_sensitivity=share,
         uncertainty=doubt,
-        log_effect_slopes=np.zeros((blocks, 1, 0), dtype=complex),
+        log_effect_slopes=np.zeros((blocks, 2, 0), dtype=complex),
     )
 
 

@@ -241,7 +241,7 @@ def _deviations(fitted: FittedLaw) -> dict[str, float]:
     usual = float(np.median(recording.command))
     around = usual * (1.0 + NEAR * np.array([-1.0, 0.0, 1.0]))
 
-    def logarithms(fit: LawFit, x: Vector) -> Vector:
+    def logarithms(fit: LawFit, x: Vector) -> Float[np.ndarray, " s"]:
         return np.log(speeds(law_of(recording, fit.layout, x), around))
 
     def slope(fit: LawFit, x: Vector) -> float:
