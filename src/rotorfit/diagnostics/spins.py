@@ -176,18 +176,7 @@ def _contradiction(fit: Fit) -> Finding:
     passed = Finding(kind=KIND, severity="passed", evidence=seen)
     if drags is not None and _surely(drags, declared):
         return passed
-    likeliest: tuple[float, Pattern, RotorDrags] | None = None
-    # Fitted the same way: which bands count is told anew in every fit.
-    as_declared = _fitted_with(fit, declared)
-    for pattern in _suspects(fit, drags) if as_declared else ():
-        found = _fitted_with(fit, pattern)
-        if found is None or as_declared is None:
-            continue
-        estimate, again = found
-        gain = min(gained(fit.estimate, estimate), gained(as_declared[0], estimate))
-        if again.speaks_for(declared, pattern) and (likeliest is None or gain > likeliest[0]):
-            likeliest = gain, pattern, again
-    gain, pattern, again = likeliest or (0.0, declared, drags)
+    gain, pattern, again = _likeliest(fit, _suspects(fit, drags)) or (0.0, declared, drags)
     if again is None:
         return passed
     gain = surprise(2.0 * gain, again.blocks) - float(np.log(len(declared)))
@@ -204,6 +193,25 @@ def _contradiction(fit: Fit) -> Finding:
         evidence=evidence,
         doubtful_because="the flights fit other spins better",
     )
+
+
+def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[float, Pattern, RotorDrags] | None:
+    """Find the suspected spins that gain most over the declared ones, and hold; None if none do."""
+    declared = np.ones(len(fit.dataset.vehicle.rotors))
+    # Fitted the same way: which bands count is told anew in every fit.
+    as_declared = _fitted_with(fit, declared) if suspects else None
+    if as_declared is None:
+        return None
+    likeliest: tuple[float, Pattern, RotorDrags] | None = None
+    for pattern in suspects:
+        found = _fitted_with(fit, pattern)
+        if found is None:
+            continue
+        estimate, again = found
+        gain = min(gained(fit.estimate, estimate), gained(as_declared[0], estimate))
+        if again.speaks_for(declared, pattern) and (likeliest is None or gain > likeliest[0]):
+            likeliest = gain, pattern, again
+    return likeliest
 
 
 def gained(one: BandedEstimate, other: BandedEstimate) -> float:
