@@ -25,7 +25,6 @@ from benchmarks.worlds.pilot import STEP
 from benchmarks.worlds.sensing import write_world
 from benchmarks.worlds.world import World, draw_world
 
-from rotorfit.control_loop import controllers
 from rotorfit.control_loop.filters import Response, hold
 from rotorfit.control_loop.loop import AxisLoop, judge_flight
 from rotorfit.control_loop.margins import margins
@@ -118,8 +117,9 @@ def judged(world: World, record: Record, batch: Recorded, i: int, folder: Path) 
         rate=record.filtered[rows],
         output=np.array([row[:, i] for row in batch.answered[rows]], dtype=float),
     )
-    controllers.CONTROLLERS["PX4"] = lambda _log, _axis: controller_of(world)
-    return list(judge_flight(result, "A", read_log(path.with_suffix(".csv")), log).axes[:2])
+    flight = read_log(path.with_suffix(".csv"))
+    outcome = judge_flight(result, "A", flight, log, read=lambda _log, _axis: controller_of(world))
+    return list(outcome.axes[:2])
 
 
 def main() -> None:

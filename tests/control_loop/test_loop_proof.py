@@ -8,10 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from rotorfit.control_loop.loop import judge_loop
+from rotorfit.control_loop.loop import judge_flight, judge_loop
 from rotorfit.control_loop.plain import loop_to_json
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
+from rotorfit.logs import read_log
+from rotorfit.logs.controller_log import read_controller_log
 from rotorfit.report.loop_text import loop_text
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
@@ -94,17 +96,10 @@ def test_a_planted_error_of_the_vehicle_fails_the_proof(result, planted):
     assert "not proved, so no margin is called good" in loop_text(outcome)
 
 
-def test_a_gain_read_wrongly_withholds_the_margins(result, monkeypatch):
-    from rotorfit.control_loop import loop as module
-
-    read = module.read_controller_log
-
-    def with_another_gain(path):
-        log = read(path)
-        parameters = {**log.parameters, "MC_ROLLRATE_P": 1.15 * log.parameters["MC_ROLLRATE_P"]}
-        return dataclasses.replace(log, parameters=parameters)
-
-    monkeypatch.setattr(module, "read_controller_log", with_another_gain)
-    roll, pitch, _ = judge_loop(result, "A", LOG, draws=DRAWS).axes
+def test_a_gain_read_wrongly_withholds_the_margins(result):
+    log = read_controller_log(LOG)
+    parameters = {**log.parameters, "MC_ROLLRATE_P": 1.15 * log.parameters["MC_ROLLRATE_P"]}
+    wrong = dataclasses.replace(log, parameters=parameters)
+    roll, pitch, _ = judge_flight(result, "A", read_log(LOG), wrong, draws=DRAWS).axes
     assert "times that of the controller as its parameters set it" in roll.doubts[0]
     assert pitch.doubts == ()

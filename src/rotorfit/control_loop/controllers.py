@@ -9,7 +9,7 @@ ArduCopter (4.3 to 4.7-dev, 90700977): libraries/AC_PID/AC_PID.cpp update_all,
 libraries/AC_AttitudeControl/AC_AttitudeControl_Multi.cpp rate_controller_run.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from rotorfit.control_loop.rate_controller import RateController
@@ -58,7 +58,7 @@ def arducopter(log: ControllerLog, axis: int) -> RateController:
     )
 
 
-CONTROLLERS: Final[dict[str, Callable[[ControllerLog, int], RateController]]] = {
+CONTROLLERS: Final[Mapping[str, Callable[[ControllerLog, int], RateController]]] = {
     "PX4": px4,
     "ArduCopter": arducopter,
 }

@@ -1,6 +1,6 @@
 """Judge the loop that flew: margins with intervals, their proof, and what other gains would do."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -153,19 +153,26 @@ def judge_flight(
     log: FlightLog,
     controller: ControllerLog,
     *,
+    read: Callable[[ControllerLog, int], RateController] = rate_controller,
     draws: int = DRAWS,
     seed: int = 0,
 ) -> LoopOutcome:
-    """Judge the rate loops of a flight that was read already; see `judge_loop`."""
+    """Judge the rate loops of a flight that was read already; see `judge_loop`.
+
+    `read`: from the controller's log and an axis to its controller.
+    """
     flight = flown(log, controller, result)
-    axes = [_axis(result, owner, log, flight, i, draws, seed) for i in range(len(AXES))]
+    axes = [
+        _axis(result, owner, log, flight, i, read(flight.log, i), draws, seed)
+        for i in range(len(AXES))
+    ]
     return LoopOutcome(
         name=result.name,
         configuration=owner,
         autopilot=controller.autopilot,
         firmware=controller.firmware,
         axes=tuple(axes),
-        notes=tuple(_notes(flight, log, result)),
+        notes=tuple(_notes(flight, log)),
     )
 
 
@@ -175,10 +182,10 @@ def _axis(
     log: FlightLog,
     flight: Flown,
     axis: int,
+    controller: RateController,
     draws: int,
     seed: int,
 ) -> AxisLoop:
-    controller = rate_controller(flight.log, axis)
     frequency = np.geomspace(LOWEST, 0.45 / controller.period, POINTS)
     body = plant(
         result, owner, flight, axis=axis, gyro_lowpass=log.gyro_lowpass, draws=draws, seed=seed
@@ -283,7 +290,7 @@ def _doubts(
     return doubts
 
 
-def _notes(flight: Flown, log: FlightLog, result: IdentificationResult) -> list[str]:
+def _notes(flight: Flown, log: FlightLog) -> list[str]:
     """Say what the loops rest on."""
     battery = log.channels.get("battery")
     notes = [
@@ -302,5 +309,4 @@ def _notes(flight: Flown, log: FlightLog, result: IdentificationResult) -> list[
     changed = [n for n in flight.log.changed if n.startswith(("MC_", "ATC_RAT", "ATC_ANG", "IMU_"))]
     if changed:
         notes.append(f"{', '.join(changed[:4])} changed within the log: the last values are taken")
-    del result
     return notes

@@ -5,7 +5,7 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from rotorfit.control_loop.loop import AxisLoop, LoopMeasures, LoopOutcome
+from rotorfit.control_loop.loop import AxisLoop, LoopOutcome
 
 
 def loop_to_json(outcome: LoopOutcome) -> str:
@@ -27,8 +27,8 @@ def _axis(loop: AxisLoop) -> dict[str, Any]:
         "axis": loop.axis,
         "controller": asdict(loop.controller),
         "replay": asdict(loop.replay),
-        "rate_loop": _measures(loop.rate_loop),
-        "with_attitude": _measures(loop.with_attitude),
+        "rate_loop": asdict(loop.rate_loop),
+        "with_attitude": asdict(loop.with_attitude),
         "bands": [
             {
                 "low": band.low,
@@ -46,10 +46,6 @@ def _axis(loop: AxisLoop) -> dict[str, Any]:
         "doubts": list(loop.doubts),
         "gains": [{"factor": factor, "sensitivity": peak} for factor, peak in loop.gains],
     }
-
-
-def _measures(found: LoopMeasures) -> dict[str, Any]:
-    return asdict(found)
 
 
 def _finite(value: Any) -> Any:

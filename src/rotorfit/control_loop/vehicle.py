@@ -1,6 +1,6 @@
 """From a result and a log to the plant of each axis, with what the flights leave open of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -70,11 +70,8 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
     begin, end = _longest(flying)
     rows = slice(begin, end)
     return Flown(
-        log=ControllerLog(
-            autopilot=controller.autopilot,
-            firmware=controller.firmware,
-            parameters=controller.parameters,
-            changed=controller.changed,
+        log=replace(
+            controller,
             time=controller.time[rows],
             set_point=controller.set_point[rows],
             rate=controller.rate[rows],
