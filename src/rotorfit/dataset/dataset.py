@@ -1,7 +1,7 @@
 """From the flights of an experiment to factors: read, prepare, reduce."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -415,19 +415,20 @@ def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLo
 
 def levelled_flights(dataset: Dataset, tilt: ImuTilt) -> Dataset:
     """Return the flights with the IMU's readings turned into the rotors' axes."""
-    return dataclasses.replace(
-        dataset,
-        body=None,
-        configurations=tuple(
-            dataclasses.replace(
-                c,
-                flights=[
-                    dataclasses.replace(f, prepared=levelled(f.prepared, tilt)) for f in c.flights
-                ],
-            )
-            for c in dataset.configurations
-        ),
+    turned = with_prepared(dataset, lambda prepared: levelled(prepared, tilt))
+    return dataclasses.replace(turned, body=None)
+
+
+def with_prepared(dataset: Dataset, change: Callable[[PreparedFlight], PreparedFlight]) -> Dataset:
+    """Return the dataset with every prepared flight changed."""
+    configurations = tuple(
+        dataclasses.replace(
+            c,
+            flights=[dataclasses.replace(f, prepared=change(f.prepared)) for f in c.flights],
+        )
+        for c in dataset.configurations
     )
+    return dataclasses.replace(dataset, configurations=configurations)
 
 
 def velocity_known(flights: list[LoadedFlight]) -> bool:

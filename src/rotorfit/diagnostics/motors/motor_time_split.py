@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.sensors.sensor_response import LEAST_SPREAD, BandRatio, band_ratios
-from rotorfit.diagnostics.sensors.sensor_spectra import flight_spectra
+from rotorfit.diagnostics.sensors.sensor_response import LEAST_SPREAD, BandRatio, flight_ratios
 from rotorfit.fit.fit import Fit
 from rotorfit.reduction.motor_timing import MotorTiming
 
@@ -30,7 +29,7 @@ def allow_for_noise_feedback(fit: Fit) -> Fit:
     free = () if timing is None else tuple(name for name in TIMES if name in timing.free)
     if timing is None or "motor_lag" not in free or fit.dataset.source != "imu":
         return fit
-    ratios = band_ratios(spectra for _, spectra in flight_spectra(fit))
+    ratios = flight_ratios(fit)
     if not ratios:
         return fit
     covariance = SPREAD * times_covariance(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Dataset
+from rotorfit.dataset.dataset import Dataset, with_prepared
 from rotorfit.diagnostics.kt_from_weight import HELD_TO, kt_from_weight, kt_of
 from rotorfit.fit.fit import Fit, shift_of
 from rotorfit.preprocessing.motors.motor_model import with_motors
@@ -19,17 +19,7 @@ Change = Callable[[Speeds, Speeds], Speeds]
 
 def with_other_speeds(dataset: Dataset, change: Change) -> Dataset:
     """Return the flights with other speeds of the motor channel, before lag and delay."""
-    configurations = tuple(
-        dataclasses.replace(
-            c,
-            flights=[
-                dataclasses.replace(f, prepared=_changed(f.prepared, dataset, change))
-                for f in c.flights
-            ],
-        )
-        for c in dataset.configurations
-    )
-    return dataclasses.replace(dataset, configurations=configurations)
+    return with_prepared(dataset, lambda prepared: _changed(prepared, dataset, change))
 
 
 def _changed(prepared: PreparedFlight, dataset: Dataset, change: Change) -> PreparedFlight:

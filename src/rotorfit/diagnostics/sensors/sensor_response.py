@@ -156,7 +156,7 @@ def _sentence(found: FoundFilter) -> str:
 
 def found_filter(fit: Fit) -> FoundFilter | None:
     """Find the filter that brings measured and predicted turns together best; None if none can."""
-    ratios = band_ratios(spectra for _, spectra in flight_spectra(fit))
+    ratios = flight_ratios(fit)
     lagging = "motor_lag" in fit.estimate.estimate.names
     return best_filter(ratios, lagging=lagging)
 
@@ -216,6 +216,11 @@ def _left(
 
 def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else 0.0
+
+
+def flight_ratios(fit: Fit) -> list[BandRatio]:
+    """Compare measured and predicted turns of all flights of a fit."""
+    return band_ratios(spectra for _, spectra in flight_spectra(fit))
 
 
 def band_ratios(flights: Iterable[Spectra]) -> list[BandRatio]:
