@@ -36,8 +36,7 @@ def test_slow_turns_tell_the_sum_and_quick_ones_the_split():
 
 
 def test_the_times_are_widened_by_half_of_that(monkeypatch):
-    monkeypatch.setattr(motor_time_split, "flight_spectra", lambda fit: [])
-    monkeypatch.setattr(motor_time_split, "band_ratios", lambda flights: ratios(1.0, 3.0, 8.0))
+    monkeypatch.setattr(motor_time_split, "flight_ratios", lambda fit: ratios(1.0, 3.0, 8.0))
     timing = MotorTiming(
         response=MotorResponse(lag=0.03, delay=0.002),
         lag_std=1e-3,
