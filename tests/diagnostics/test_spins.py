@@ -7,7 +7,8 @@ import pytest
 
 import flown
 from rotorfit.dataset.load import load_dataset
-from rotorfit.diagnostics.spins import RotorDrags, negative_drag, refuse_wrong_spins, with_spins
+from rotorfit.diagnostics.spins import RotorDrags, negative_drag, refuse_wrong_spins
+from rotorfit.diagnostics.yaw_residuals import with_spins
 from rotorfit.errors import FrameError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.fit_flights import fit_flights, widen_by_settings
