@@ -1,11 +1,11 @@
 """The outcome of a loop as JSON."""
 
 import json
-import math
 from dataclasses import asdict
 from typing import Any
 
 from rotorfit.control_loop.loop import AxisLoop, LoopOutcome
+from rotorfit.formatting.digits import finite_json
 
 
 def loop_to_json(outcome: LoopOutcome) -> str:
@@ -18,7 +18,7 @@ def loop_to_json(outcome: LoopOutcome) -> str:
         "notes": list(outcome.notes),
         "axes": [_axis(loop) for loop in outcome.axes],
     }
-    return json.dumps(_finite(plain), indent=1, allow_nan=False) + "\n"
+    return json.dumps(finite_json(plain), indent=1, allow_nan=False) + "\n"
 
 
 def _axis(loop: AxisLoop) -> dict[str, Any]:
@@ -46,12 +46,3 @@ def _axis(loop: AxisLoop) -> dict[str, Any]:
         "doubts": list(loop.doubts),
         "gains": [{"factor": factor, "sensitivity": peak} for factor, peak in loop.gains],
     }
-
-
-def _finite(value: Any) -> Any:
-    """Replace numbers that JSON does not have by null."""
-    if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}  # pyright: ignore
-    if isinstance(value, list):
-        return [_finite(one) for one in value]  # pyright: ignore
-    return None if isinstance(value, float) and not math.isfinite(value) else value

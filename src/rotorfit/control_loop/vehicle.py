@@ -13,6 +13,7 @@ from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.logs.controller_log import ControllerLog
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.speed_law import speed_from_command
+from rotorfit.preprocessing.signals import true_runs
 from rotorfit.results.result import IdentificationResult
 
 FLYING = 0.5
@@ -84,12 +85,10 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
 
 def _longest(flying: np.ndarray) -> tuple[int, int]:
     """Find the longest stretch of flight."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(int), [0]])))
-    if len(edges) == 0:
+    runs = true_runs(flying)
+    if not runs:
         raise LogError("no flight is in the log: the motors never ran")
-    lengths = edges[1::2] - edges[::2]
-    best = int(np.argmax(lengths))
-    return int(edges[2 * best]), int(edges[2 * best + 1])
+    return max(runs, key=lambda run: run[1] - run[0])
 
 
 def mix(flight: Flown) -> Float[np.ndarray, "3 N"]:

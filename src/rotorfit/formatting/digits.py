@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 _POWERS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
@@ -102,3 +103,12 @@ def with_interval(value: float | None, interval: tuple[float, float] | None) -> 
         body = f"({body})" if number.half else body
         body += f"e{number.exponent:+03d}"
     return body.replace("−", "-")
+
+
+def finite_json(value: Any) -> Any:
+    """Replace numbers that JSON does not have by null, in rows and lists of them too."""
+    if isinstance(value, dict):
+        return {key: finite_json(one) for key, one in value.items()}  # pyright: ignore
+    if isinstance(value, list):
+        return [finite_json(one) for one in value]  # pyright: ignore
+    return None if isinstance(value, float) and not math.isfinite(value) else value

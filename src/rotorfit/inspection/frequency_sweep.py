@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy import signal, stats
 
+from rotorfit.preprocessing.signals import true_runs
+
 WINDOW_SECONDS: Final = 1.0
 STEP_SECONDS: Final = 0.25
 BAND: Final = (1.0, 60.0)
@@ -82,9 +84,8 @@ def _rises(
     """Find the stretches of sines whose frequency rises, no window falling far back."""
     goes_on = pure[1:] & pure[:-1] & (strongest[1:] > strongest[:-1] / 1.1)
     goes_on &= strongest[1:] < 2.0 * strongest[:-1]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], goes_on.astype(int), [0]])))
     sweeps: list[Sweep] = []
-    for first, last in edges.reshape(-1, 2).tolist():
+    for first, last in true_runs(goes_on):
         f, t = strongest[first : last + 1], at[first : last + 1]
         lowest, highest = float(f.min()), float(f.max())
         long = t[-1] - t[0] >= LEAST_SECONDS and highest >= LEAST_RISE * lowest

@@ -10,12 +10,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-import numpy as np
-
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.payload import PointMass
 from rotorfit.fit.intervals.joint_numbers import number_scale
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.formatting.digits import finite_json
 from rotorfit.formatting.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.after import (
@@ -434,7 +433,7 @@ def _plain(plan: FlightPlan) -> dict[str, Any]:
         "remedies": [
             {"kind": r.kind, "candidate": _plain_candidate(r.candidate)} for r in plan.remedies
         ],
-        "missing": [_finite(dataclasses.asdict(m)) for m in plan.missing],
+        "missing": [finite_json(dataclasses.asdict(m)) for m in plan.missing],
     }
 
 
@@ -444,13 +443,5 @@ def _plain_candidate(candidate: Candidate) -> dict[str, Any]:
         "seconds": candidate.seconds,
         "payload": candidate.payload,
         "meets": candidate.meets,
-        "numbers": [_finite(dataclasses.asdict(n)) for n in candidate.numbers.values()],
-    }
-
-
-def _finite(entry: dict[str, Any]) -> dict[str, Any]:
-    """Return a row in which a half-width that bounds nothing is null."""
-    return {
-        key: None if isinstance(value, float) and not np.isfinite(value) else value
-        for key, value in entry.items()
+        "numbers": [finite_json(dataclasses.asdict(n)) for n in candidate.numbers.values()],
     }

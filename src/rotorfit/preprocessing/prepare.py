@@ -57,7 +57,7 @@ from rotorfit.preprocessing.motors.motor_model import (
     white_noise_std,
     with_motors,
 )
-from rotorfit.preprocessing.signals import central_difference, hampel, whole_samples
+from rotorfit.preprocessing.signals import central_difference, hampel, true_runs, whole_samples
 
 OPTIONAL = ("velocity", "carried", "reference")
 """Channels that a flight may lack, here and there or wholly."""
@@ -445,7 +445,6 @@ def _cuts(
         used[a:b] = True
     for segment in data.segments:
         used[max(segment.start - 1, 0) : segment.stop + 1] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], used, [True]]).astype(np.int8)))
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
+    for a, b in true_runs(~used):
         cuts.append(Cut(start=float(t[a]), end=float(t[b - 1]), reason=reason))
     return tuple(sorted(cuts, key=lambda cut: cut.start))
