@@ -22,6 +22,7 @@ from export_material import (
     RATES,
     ROTORS,
     SPEEDS,
+    UNKNOWN,
     a_result,
     body_of,
     changed,
@@ -97,16 +98,60 @@ def test_px4_takes_its_own_law_back():
 def test_px4_fits_the_law_of_a_proportional_speed():
     p = params(text_of(a_result(law={"linear": [0.0, FULL]}), "px4"))
     assert p["THR_MDL_FAC"] == pytest.approx(1.0, abs=1e-9)
-    assert (p["SIM_GZ_EC_FUNC4"], p["SIM_GZ_EC_MIN4"], p["SIM_GZ_EC_MAX4"]) == (104, 0, 1100)
+    assert not [name for name in p if name.startswith("SIM_")]
 
 
 def test_px4_without_a_law_says_what_is_missing():
     text = text_of(a_result(law=None), "px4")
-    assert not {"THR_MDL_FAC", "MPC_THR_HOVER", "SIM_GZ_EC_MAX1"} & params(text).keys()
+    assert not {"THR_MDL_FAC", "MPC_THR_HOVER"} & params(text).keys()
     assert "THR_MDL_FAC and MPC_THR_HOVER are left out: no law" in text
-    known = params(text_of(a_result(law=None), "px4", assumed={"max_speed": 1000.0}))
-    assert known["SIM_GZ_EC_MAX1"] == 1000
-    assert "THR_MDL_FAC" not in known
+    assert "THR_MDL_FAC" not in params(
+        text_of(a_result(law=None), "px4", assumed={"max_speed": 1000.0})
+    )
+
+
+def test_px4_in_gazebo_has_a_file_of_its_own():
+    """There the speed is linear in the output, whatever the vehicle's ESCs make of theirs."""
+    text = text_of(a_result(law=SQRT_LAW), "px4-gazebo")
+    p = params(text)
+    assert len(p) == 13
+    assert (p["SIM_GZ_EC_FUNC4"], p["SIM_GZ_EC_MIN4"], p["SIM_GZ_EC_MAX4"]) == (104, 0, 1100)
+    assert p["THR_MDL_FAC"] == pytest.approx(1.0, abs=1e-9)
+    assert params(text_of(a_result(law=SQRT_LAW), "px4"))["THR_MDL_FAC"] == pytest.approx(0.3)
+    assert "over the 1000" in text
+    slow = text_of(a_result(law={"linear": [0.0, 900.0]}), "px4-gazebo")
+    assert "over the 1000" not in slow
+    assumed = text_of(a_result(law=None), "px4-gazebo", assumed={"max_speed": 1000.0})
+    assert params(assumed)["SIM_GZ_EC_MAX1"] == 1000
+    many = [((float(np.cos(a)), float(np.sin(a)), 0.0), "ccw") for a in range(9)]
+    with pytest.raises(OutputError, match="9 rotors, but PX4 has 8 outputs to Gazebo"):
+        text_of(a_result(rotors=many), "px4-gazebo")
+
+
+@pytest.mark.parametrize(
+    ("target", "lost"),
+    [
+        ("px4", ("Izz_com", "Ixx_com", "com_z")),
+        ("px4-sih", ("com_x", "com_z")),
+        ("ardupilot", ("kd", "Izz_com", "com_z")),
+        ("ardupilot-sitl", ("Ixy_com", "Iyz_com")),
+        ("gazebo-motors", ("Izz_com",)),
+    ],
+)
+def test_no_file_is_refused_for_what_is_not_in_it(target, lost):
+    unknown = {name: {**UNKNOWN, "verdict": "not-identified"} for name in lost if "_" not in name}
+    result = changed(a_result(law=SQRT_LAW), **unknown)
+    gone = tuple(replace(d, **UNKNOWN) if d.name in lost else d for d in result.derived)
+    text = text_of(replace(result, derived=gone), target)
+    assert "nan" not in text.lower().replace("dominan", "")
+
+
+def test_px4_asks_for_the_height_of_tilted_rotors():
+    axes = [(0.1, 0.0, math.sqrt(0.99))] * 4
+    result = a_result(axes=axes)
+    gone = tuple(replace(d, **UNKNOWN) if d.name == "com_z" else d for d in result.derived)
+    with pytest.raises(OutputError, match="com_z"):
+        text_of(replace(result, derived=gone), "px4")
 
 
 def test_px4_leaves_ct_out_for_all_or_none():
@@ -116,19 +161,7 @@ def test_px4_leaves_ct_out_for_all_or_none():
     text = text_of(a_result(law={"linear": [0.0, speed]}), "px4")
     assert not [name for name in params(text) if name.endswith("_CT")]
     assert "CT is left out, and rotors stay as PX4 has them, equal: a rotor gives over 100" in text
-    without = text_of(a_result(law=None), "px4")
-    assert "CT is left out" in without
-    assert "SIM_GZ_EC_* are left out: the speed at full command" in without
-
-
-def test_px4_says_what_another_curve_gazebo_has():
-    """There the speed is linear in the output, whatever the vehicle's ESCs make of theirs."""
-    text = text_of(a_result(law=SQRT_LAW), "px4")
-    assert params(text)["THR_MDL_FAC"] == pytest.approx(0.3)
-    assert "set THR_MDL_FAC to 1 there, while the 0.3 here is of the vehicle's ESCs" in text
-    assert "set THR_MDL_FAC" not in text_of(a_result(law={"linear": [0.0, 900.0]}), "px4")
-    assert "over the 1000" in text
-    assert "over the 1000" not in text_of(a_result(law={"linear": [0.0, 900.0]}), "px4")
+    assert "CT is left out" in text_of(a_result(law=None), "px4")
 
 
 def test_px4_refuses_hover_beyond_its_range_and_too_many_rotors():
@@ -163,6 +196,36 @@ def test_sih_moves_as_the_vehicle():
     assert thrust == pytest.approx(MASS * alpha[2], rel=1e-9)
     assert p["SIH_T_MAX"] * 4 * p["MPC_THR_HOVER"] == pytest.approx(MASS * 9.80665, rel=1e-9)
     assert (p["SIH_MASS"], p["SIH_T_TAU"]) == pytest.approx((MASS, LAG))
+
+
+HEXA = tuple(
+    ((0.3 * math.cos(math.radians(a)), -0.3 * math.sin(math.radians(a)), 0.0), s)
+    for a, s in zip((30, 90, 150, 210, 270, 330), ("ccw", "cw") * 3, strict=True)
+)
+"""Clockwise from the front right, as in sih.cpp."""
+
+
+def test_sih_turns_a_hexarotor_as_the_vehicle():
+    """sih.cpp, Hexacopter: the arms of roll are L_ROLL, those of pitch sqrt(3)/2 L_PITCH."""
+    p = params(text_of(flat(rotors=HEXA, com=np.zeros(3), imu=np.zeros(3)), "px4-sih"))
+    u = np.array([0.5, 0.6, 0.55, 0.4, 0.45, 0.7])
+    roll = p["SIH_L_ROLL"] * (u @ [-0.5, -1, -0.5, 0.5, 1, 0.5])
+    pitch = p["SIH_L_PITCH"] * math.sqrt(3) / 2 * (u @ [1, 0, -1, -1, 0, 1])
+    yaw = p["SIH_Q_MAX"] * (u @ [1, -1, 1, -1, 1, -1])
+    places = np.array([place for place, _ in HEXA])
+    spins = np.array([1.0 if s == "ccw" else -1.0 for _, s in HEXA])
+    full = KT * FULL**2
+    torque = (full * u[:, None] * np.cross(places, [0, 0, 1.0])).sum(axis=0)
+    torque[2] = -KD * FULL**2 * (u @ spins)
+    found = [p["SIH_T_MAX"] * roll, p["SIH_T_MAX"] * pitch, yaw]
+    np.testing.assert_allclose(found, TURN @ torque, rtol=1e-9)
+    assert p["SIH_VEHICLE_TYPE"] == 4
+    turned = tuple((place, "cw" if s == "ccw" else "ccw") for place, s in HEXA)
+    with pytest.raises(OutputError, match="a hexarotor in X with front right"):
+        text_of(a_result(rotors=turned), "px4-sih")
+    plus = tuple(((-y, x, z), s) for (x, y, z), s in HEXA)
+    with pytest.raises(OutputError, match="these rotors are others"):
+        text_of(a_result(rotors=plus), "px4-sih")
 
 
 def test_sih_says_what_it_leaves_out_and_refuses_other_layouts():
@@ -243,6 +306,9 @@ def test_ardupilot_frames_are_found_by_their_rotors():
     other = tuple(ROTORS[i] for i in (1, 0, 3, 2))
     with pytest.raises(OutputError, match="has no frame with these rotors in this order"):
         text_of(a_result(rotors=other), "ardupilot-sitl")
+    assert "FRAME_CLASS and FRAME_TYPE are left out" in text_of(
+        a_result(rotors=other, law=SQRT_LAW), "ardupilot"
+    )
     without = text_of(a_result(law=None), "ardupilot-sitl")
     assert "motor1_yaw" not in ardupilot(without)
     assert "propExpo, hoverThrOut and yaw torque are left out" in without
@@ -396,3 +462,30 @@ def test_a_law_with_its_range_comes_back_as_arducopter_has_it():
     assert (found["propExpo"], found["spin_min"], found["spin_max"]) == pytest.approx(
         (0.65, 0.15, 0.95)
     )
+
+
+def copter(text):
+    return {n: float(v) for n, v in (x.split(",") for x in text.splitlines() if x[0] != "#")}
+
+
+@pytest.mark.parametrize(
+    ("motors", "expected"),
+    [(ROTORS, (1, 1)), (tuple(ROTORS[i] for i in (3, 0, 1, 2)), (1, 12))],
+)
+def test_the_copter_gets_frame_spin_range_and_curve_together(motors, expected):
+    law = {"sqrt": {"full_speed": FULL, "thr_mdl_fac": 0.65, "start": 0.15, "end": 0.95}}
+    found = copter(text_of(a_result(rotors=motors, law=law), "ardupilot"))
+    assert (found["FRAME_CLASS"], found["FRAME_TYPE"]) == expected
+    assert (found["MOT_SPIN_MIN"], found["MOT_SPIN_MAX"]) == pytest.approx((0.15, 0.95))
+    assert found["MOT_SPIN_ARM"] == 0.1
+    assert found["MOT_THST_EXPO"] == pytest.approx(0.65)
+
+
+def test_the_copter_arms():
+    """AP_MotorsMulticopter: not with MOT_SPIN_ARM over MOT_SPIN_MIN, nor with that over 0.3."""
+    at_once = copter(text_of(a_result(law=SQRT_LAW), "ardupilot"))
+    assert (at_once["MOT_SPIN_ARM"], at_once["MOT_SPIN_MIN"], at_once["MOT_SPIN_MAX"]) == (0, 0, 1)
+    late = {"sqrt": {"full_speed": FULL, "thr_mdl_fac": 0.65, "start": 0.4, "end": 1.0}}
+    text = text_of(a_result(law=late), "ardupilot")
+    assert not [name for name in copter(text) if name.startswith("MOT_SPIN")]
+    assert "MOT_SPIN_MIN would be 0.4, with which ArduPilot does not arm" in text

@@ -18,6 +18,7 @@ NAMES = {
     "gazebo": "model.sdf",
     "gazebo-motors": "motors.sdf",
     "px4": "px4.params",
+    "px4-gazebo": "px4_gazebo.params",
     "px4-sih": "sih.params",
     "px4-setpoints": "px4_setpoints.json",
     "mujoco": "mujoco.xml",

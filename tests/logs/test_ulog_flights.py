@@ -92,7 +92,7 @@ def test_the_hover_is_told_truly(folder):
     log = read_log(folder / HOVER)
     (doubt,) = log.warnings
     assert doubt.startswith("the command channel comes at 10 Hz, too slow for inertia")
-    assert "set bits 0 and 4 of SDLOG_PROFILE" in doubt
+    assert "set SDLOG_PROFILE = 17" in doubt
     assert log.metadata["airframe is"] == "default"
     assert any("default geometry (arms of 1.41 m)" in note for note in log.notes)
     assert log.metadata["airframe"].startswith('rotors = [{ position = [1.0, -1.0, 0.0], spin = "c')
@@ -146,4 +146,4 @@ def test_identify_gives_no_inertia_of_the_hover(folder, tmp_path, monkeypatch, c
     for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "kd", "Jr"):
         assert verdicts[name] != "identified"
     said = " ".join(result["warnings"] + [w for f in result["flights"] for w in f["warnings"]])
-    assert "set bits 0 and 4 of SDLOG_PROFILE" in said
+    assert "set SDLOG_PROFILE = 17" in said

@@ -1,8 +1,9 @@
-"""ArduPilot: the parameters of the motors' law for a real Copter, and a frame of its simulation.
+"""ArduPilot: the parameters of frame and motors for a Copter, and a frame of its simulation.
 
 Sources for the Copter: ArduPilot, libraries/AP_Motors/AP_Motors_Thrust_Linearization.cpp (relative
-thrust f u^2 + (1 - f) u of a command u from MOT_SPIN_MIN to MOT_SPIN_MAX, f = MOT_THST_EXPO) and
-AP_MotorsMulticopter.cpp (MOT_THST_HOVER: hover thrust over full, 0.125 to 0.6875).
+thrust f u^2 + (1 - f) u of a command u from MOT_SPIN_MIN to MOT_SPIN_MAX, f = MOT_THST_EXPO),
+AP_MotorsMulticopter.cpp (MOT_THST_HOVER: hover thrust over full, 0.125 to 0.6875; it does not arm
+with MOT_SPIN_ARM over MOT_SPIN_MIN, nor with the latter over 0.3) and AP_MotorsMatrix.cpp (frames).
 
 For the simulation, a JSON frame for  --model FRAME:file.json: libraries/SITL/SIM_Frame.cpp and .h
 (load_frame_params: mass, diagonal_size, moment_inertia [Ixx, Iyy, Izz], propExpo = MOT_THST_EXPO,
@@ -23,47 +24,88 @@ import numpy as np
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import frd, hash_comment, listed, text, with_notes
 from rotorfit.export.vehicle import VehicleModel, required_law
+from rotorfit.logs.dataflash.frames import CLASSES, TYPES, Frame, numbered_frame
 from rotorfit.logs.speed_law import SpeedLaw
-from rotorfit.model.layouts import layout_rotors
 from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve, command_range, thrust_curve
 
 HOVER_RANGE: Final = (0.125, 0.6875)
+LARGEST_SPIN_MIN: Final = 0.3
+"""Of MOT_SPIN_MIN: with more, ArduPilot does not arm."""
+SPIN_ARM: Final = 0.1
+"""ArduPilot's default of MOT_SPIN_ARM."""
 YAW_SCALE: Final = 0.05
-FRAMES: Final = (
-    ("x", "quad-x", "ardupilot"),
-    ("+", "quad-plus", "ardupilot"),
-    ("bfx", "quad-x", "betaflight"),
-    ("hexax", "hexa-x", "ardupilot"),
-    ("hexa", "hexa-plus", "ardupilot"),
-)
-"""Names of frames in SIM_Frame.cpp whose motors are in an order that rotorfit has, too."""
+SIMULATED: Final = {
+    ("QUAD", "X"): "x",
+    ("QUAD", "PLUS"): "+",
+    ("QUAD", "BF_X"): "bfx",
+    ("QUAD", "BF_X_REV"): "bfxrev",
+    ("QUAD", "DJI_X"): "djix",
+    ("QUAD", "CW_X"): "cwx",
+    ("HEXA", "X"): "hexax",
+    ("HEXA", "PLUS"): "hexa",
+    ("HEXA", "DJI_X"): "hexa-dji",
+    ("HEXA", "CW_X"): "hexa-cwx",
+    ("OCTA", "PLUS"): "octa",
+    ("OCTAQUAD", "X"): "octa-quad",
+}
+"""Names of frames in SIM_Frame.cpp, by class and type of the firmware."""
 FRAME_ANGLE: Final = 20.0
 """Rotors may be so far from where their frame has them [deg]: the file moves them."""
 
 
 def write_ardupilot(model: VehicleModel, head: Sequence[str]) -> str:
-    """Write a parameter file, as ground stations and MAVProxy load it."""
-    law = required_law(model, "ardupilot")
-    start, end = command_range(law)
-    curve = _curve(law)
-    hover = model.hover_thrust
-    lines = [("MOT_THST_EXPO", curve.factor)]
+    """Write a parameter file, as ground stations, MAVProxy and the simulator load it."""
+    curve = _curve(required_law(model, "ardupilot"))
     remarks = [
-        f"MOT_THST_EXPO is fitted to the law from {start:.3g} to {end:.3g} of the motor output, "
-        f"within {100 * curve.error:.2g} % of full thrust; it goes with MOT_SPIN_MIN near "
-        f"{start:.3g} and MOT_SPIN_MAX near {end:.3g}",
+        "MOT_THST_EXPO is fitted to the law from MOT_SPIN_MIN to MOT_SPIN_MAX, within "
+        f"{100 * curve.error:.2g} % of full thrust: they belong together",
         "the law is of the output that the log has: MOT_BAT_VOLT_MAX and MIN, where they are set, "
         "scale it before",
     ]
-    if HOVER_RANGE[0] <= hover <= HOVER_RANGE[1]:
-        lines.append(("MOT_THST_HOVER", hover))
-    else:
-        remarks.append(
-            f"MOT_THST_HOVER would be {hover:.3g}, which ArduPilot does not take "
-            f"({HOVER_RANGE[0]:g} to {HOVER_RANGE[1]:g}): left out"
-        )
+    lines: dict[str, float] = {}
+    for some, remark in (_frame_lines(model), _spin_lines(model), _hover_line(model)):
+        lines |= some
+        remarks += [remark] if remark else []
+    lines["MOT_THST_EXPO"] = curve.factor
     return hash_comment(with_notes(head, *remarks)) + "".join(
-        f"{name},{text(value)}\n" for name, value in lines
+        f"{name},{text(value)}\n" for name, value in sorted(lines.items())
+    )
+
+
+Lines = tuple[dict[str, float], str]
+"""Values of parameters, and what to say of them."""
+
+
+def _frame_lines(model: VehicleModel) -> Lines:
+    numbers = _frame_numbers(model)
+    if numbers is None:
+        return {}, (
+            "FRAME_CLASS and FRAME_TYPE are left out: no frame of ArduPilot has these rotors in "
+            "this order"
+        )
+    return {"FRAME_CLASS": float(numbers[0]), "FRAME_TYPE": float(numbers[1])}, ""
+
+
+def _spin_lines(model: VehicleModel) -> Lines:
+    start, end = command_range(required_law(model, "ardupilot"))
+    if start > LARGEST_SPIN_MIN:
+        return {}, (
+            f"MOT_SPIN_MIN would be {start:.3g}, with which ArduPilot does not arm (at most "
+            f"{LARGEST_SPIN_MIN:g}): left out with MOT_SPIN_MAX and MOT_SPIN_ARM"
+        )
+    found = {"MOT_SPIN_ARM": min(start, SPIN_ARM), "MOT_SPIN_MIN": start, "MOT_SPIN_MAX": end}
+    return found, (
+        "MOT_SPIN_ARM is at most MOT_SPIN_MIN: ArduPilot does not arm with more; before a real "
+        "flight, see without propellers that the motors turn at MOT_SPIN_MIN"
+    )
+
+
+def _hover_line(model: VehicleModel) -> Lines:
+    if HOVER_RANGE[0] <= model.hover_thrust <= HOVER_RANGE[1]:
+        return {"MOT_THST_HOVER": model.hover_thrust}, ""
+    return {}, (
+        f"MOT_THST_HOVER would be {model.hover_thrust:.3g}, which ArduPilot does not take "
+        f"({HOVER_RANGE[0]:g} to {HOVER_RANGE[1]:g}): left out"
     )
 
 
@@ -86,26 +128,38 @@ def write_ardupilot_sitl(model: VehicleModel, head: Sequence[str]) -> str:
     return comment + f"\n{{\n{body}\n}}\n"
 
 
+def _frame_numbers(model: VehicleModel) -> tuple[int, int] | None:
+    """Find class and type of the firmware's frame whose motors stand and turn as these."""
+    for kind in CLASSES:
+        for number in TYPES:
+            frame = numbered_frame(kind, number)
+            if model.vertical and frame is not None and _fits(model, frame):
+                return kind, number
+    return None
+
+
 def _frame_of(model: VehicleModel) -> str:
-    """Select ArduPilot's frame whose motors stand and turn as these; OutputError without one."""
-    if model.vertical:
-        for name, layout, order in FRAMES:
-            if _fits(model, layout, order):
-                return name
-    known = ", ".join(f"{layout} ({order} order)" for _, layout, order in FRAMES)
+    """Select the frame of ArduPilot's simulator with these motors; OutputError without one."""
+    numbers = _frame_numbers(model)
+    found = None if numbers is None else (CLASSES[numbers[0]], TYPES[numbers[1]])
+    if found in SIMULATED:
+        return SIMULATED[found]
+    known = ", ".join(f"{kind} {way}" for kind, way in SIMULATED)
     raise OutputError(
         "ArduPilot's simulator has no frame with these rotors in this order; it has "
-        f"{known}, upright; export to gazebo instead"
+        f"{known}, upright, by FRAME_CLASS and FRAME_TYPE; export to gazebo instead"
     )
 
 
-def _fits(model: VehicleModel, layout: str, order: str) -> bool:
-    seats = layout_rotors(layout, arm=1.0, order=order)
-    if len(seats) != len(model.rotors):
+def _fits(model: VehicleModel, frame: Frame) -> bool:
+    if frame.angles_deg is None or len(frame.spins) != len(model.rotors):
         return False
-    for arm, rotor, seat in zip(model.arms_from_middle, model.rotors, seats, strict=True):
-        along = float(arm[:2] @ np.array(seat.position[:2])) / float(np.linalg.norm(arm[:2]))
-        if along < np.cos(np.radians(FRAME_ANGLE)) or (seat.spin == "ccw") != (rotor.spin > 0):
+    for arm, rotor, angle_deg, spin in zip(
+        model.arms_from_middle, model.rotors, frame.angles_deg, frame.spins, strict=True
+    ):
+        turn = np.radians(angle_deg)
+        along = float(arm[:2] @ [np.cos(turn), -np.sin(turn)]) / float(np.linalg.norm(arm[:2]))
+        if along < np.cos(np.radians(FRAME_ANGLE)) or (spin == "ccw") != (rotor.spin > 0):
             return False
     return True
 
@@ -133,7 +187,8 @@ def _curve(law: SpeedLaw) -> ThrustCurve:
 
 def _remarks(model: VehicleModel, frame: str) -> list[str]:
     remarks = [
-        f"start with  --model {frame}:THIS_FILE.json ; motors in the order of that frame",
+        f"start with  --model {frame}:THIS_FILE.json ; motors in the order of that frame; the "
+        "firmware needs the parameters of  rotorfit export --to ardupilot",
         "positions from the CoM in body FRD [m]; moment_inertia about the CoM, its products have "
         "no place in ArduPilot's frame; what is not here keeps ArduPilot's default",
     ]

@@ -17,6 +17,7 @@ BETAFLIGHT: Final = re.compile(r"(?P<head>set (?P<name>\w+) = )(?P<value>.*\S)")
 FORMS: Final[dict[str, re.Pattern[str]]] = {
     "ardupilot": ARDUPILOT,
     "px4": PX4,
+    "px4-gazebo": PX4,
     "px4-sih": PX4,
     "betaflight": BETAFLIGHT,
     "indiflight": BETAFLIGHT,

@@ -14,17 +14,16 @@ columns scaled: roll and pitch together by the larger of |column| / sqrt(rotors 
 largest element, thrust by its mean; elements below 1e-3 are 0); what the allocation asks
 of a motor is thrust over full thrust.
 
-Simulation in hardware, SIH_* of a quadrotor: src/modules/simulation/simulator_sih (sih_params,
-sih.cpp): thrust = T_MAX u
-and torque = Q_MAX u for a motor signal u from 0 to 1 that follows its command with T_TAU; roll
-moment L_ROLL T_MAX (-u0 + u1 + u2 - u3), pitch L_PITCH T_MAX (u0 - u1 + u2 - u3), yaw Q_MAX
-(u0 + u1 - u2 - u3), body axes FRD: motors front right ccw, rear left ccw, front left cw, rear right
-cw, even about the CoM.
+Simulation in hardware, SIH_* of a quadrotor and a hexarotor: src/modules/simulation/simulator_sih
+(sih_params, sih.cpp): thrust = T_MAX u and torque = Q_MAX u for a motor signal u from 0 to 1 that
+follows its command with T_TAU; in body axes FRD the quadrotor has the roll moment L_ROLL T_MAX (-u0
++ u1 + u2 - u3), pitch L_PITCH T_MAX (u0 - u1 + u2 - u3), yaw Q_MAX (u0 + u1 - u2 - u3): motors
+front right ccw, rear left ccw, front left cw, rear right cw, even about the CoM. The hexarotor
+(SIH_VEHICLE_TYPE 4): clockwise from the front right, which is ccw, at 30, 90, 150 ... degrees.
 """
 
 import json
 from collections.abc import Sequence
-from itertools import permutations
 from typing import Any, Final
 
 import numpy as np
@@ -48,15 +47,13 @@ HOVER_RANGE = (0.1, 0.8)
 SIM_CHANNELS = 8
 SIM_RANGE = 1000.0
 """Largest SIM_GZ_EC_MAXn by gz_bridge/module.yaml, which PX4 itself does not hold to."""
-SAME_CURVE = 0.02
-"""Factors that differ by less are the same."""
 INTEGER, FLOAT = 6, 9
 
 Parameter = tuple[str, float, int]
 
 
 def write_px4(model: VehicleModel, head: Sequence[str]) -> str:
-    """Write the parameters of the vehicle's geometry, thrust curve and Gazebo outputs."""
+    """Write the parameters of the vehicle's geometry and thrust curve."""
     if len(model.rotors) > MOST_ROTORS:
         raise OutputError(
             f"{len(model.rotors)} rotors, but PX4 allocates at most {MOST_ROTORS}; export to a "
@@ -69,9 +66,8 @@ def write_px4(model: VehicleModel, head: Sequence[str]) -> str:
         "KM = kd/kt [m], positive for ccw seen from above",
         *_coefficient_remarks(model),
         *_thrust_remarks(model),
-        *_simulation_remarks(model),
     )
-    return params_file(comment, [*_geometry(model), *_thrust(model), *_simulation(model)])
+    return params_file(comment, [*_geometry(model), *_thrust(model)])
 
 
 def params_file(comment: Sequence[str], parameters: Sequence[Parameter]) -> str:
@@ -87,7 +83,7 @@ def _geometry(model: VehicleModel) -> list[Parameter]:
     ]
     for i, (rotor, arm) in enumerate(zip(model.rotors, model.arms, strict=True)):
         places = zip("XYZ", frd(arm).tolist(), strict=True)
-        out += [(f"CA_ROTOR{i}_P{axis}", value, FLOAT) for axis, value in places]
+        out += [(f"CA_ROTOR{i}_P{a}", v, FLOAT) for a, v in places if np.isfinite(v)]
         directions = zip("XYZ", frd(rotor.axis).tolist(), strict=True)
         out += [(f"CA_ROTOR{i}_A{axis}", value, FLOAT) for axis, value in directions]
         if has_coefficients(model):
@@ -149,48 +145,42 @@ def _thrust_remarks(model: VehicleModel) -> list[str]:
     return remarks
 
 
-def _simulation(model: VehicleModel) -> list[Parameter]:
-    """List the outputs of PX4 in Gazebo: rotor speed in rad/s at no and at full command."""
-    if model.in_commands or not np.isfinite(model.max_speed) or len(model.rotors) > SIM_CHANNELS:
-        return []
-    idle = _idle(model)
-    out: list[Parameter] = []
-    for i in range(1, len(model.rotors) + 1):
-        out.append((f"SIM_GZ_EC_FUNC{i}", 100.0 + i, INTEGER))
-        out.append((f"SIM_GZ_EC_MIN{i}", float(round(idle)), INTEGER))
-        out.append((f"SIM_GZ_EC_MAX{i}", float(round(model.max_speed)), INTEGER))
-    return out
+def write_px4_gazebo(model: VehicleModel, head: Sequence[str]) -> str:
+    """Write the outputs of PX4 in Gazebo: rotor speed in rad/s at no and at full command.
+
+    There the speed is linear in the output, whatever the vehicle's ESCs make of theirs.
+    """
+    count, idle, full = len(model.rotors), _idle(model), model.max_speed
+    if count > SIM_CHANNELS:
+        raise OutputError(
+            f"{count} rotors, but PX4 has {SIM_CHANNELS} outputs to Gazebo (SIM_GZ_EC_*); fly it "
+            "in MuJoCo or another simulator instead"
+        )
+    linear = thrust_curve(SpeedLaw(curve=PolynomialLaw((idle, full - idle))))
+    outputs: list[Parameter] = []
+    for i in range(1, count + 1):
+        outputs.append((f"SIM_GZ_EC_FUNC{i}", 100.0 + i, INTEGER))
+        outputs.append((f"SIM_GZ_EC_MIN{i}", float(round(idle)), INTEGER))
+        outputs.append((f"SIM_GZ_EC_MAX{i}", float(round(full)), INTEGER))
+    remarks = [
+        "for PX4 with Gazebo only, after the parameters of  rotorfit export --to px4, with the "
+        "model of  --to gazebo",
+        "SIM_GZ_EC_MIN to MAX is the rotor speed [rad/s] from no to full output; THR_MDL_FAC is of "
+        "that straight line: keep this file off the real vehicle",
+    ]
+    if full > SIM_RANGE:
+        remarks.append(
+            f"SIM_GZ_EC_MAX is {full:.0f}, over the {SIM_RANGE:g} that its description in PX4 has "
+            "as the largest"
+        )
+    return params_file(
+        with_notes(head, *remarks), [*outputs, ("THR_MDL_FAC", linear.factor, FLOAT)]
+    )
 
 
 def _idle(model: VehicleModel) -> float:
     """Return the rotor speed at no command [rad/s]."""
     return 0.0 if model.law is None else float(speeds(model.law, np.zeros(1))[0])
-
-
-def _simulation_remarks(model: VehicleModel) -> list[str]:
-    """List what differs in Gazebo, where the rotor speed is linear in the output."""
-    if len(model.rotors) > SIM_CHANNELS:
-        return [f"SIM_GZ_EC_* are left out: PX4 has {SIM_CHANNELS} of them"]
-    if model.in_commands or not np.isfinite(model.max_speed):
-        return ["SIM_GZ_EC_* are left out: the speed at full command is not known"]
-    remarks: list[str] = []
-    if model.max_speed > SIM_RANGE:
-        remarks.append(
-            f"SIM_GZ_EC_MAX is {model.max_speed:.0f}, over the {SIM_RANGE:g} that its description "
-            "in PX4 has as the largest"
-        )
-    slope = model.max_speed - _idle(model)
-    linear = thrust_curve(SpeedLaw(curve=PolynomialLaw((_idle(model), slope))))
-    curve = _curve(model)
-    if curve is None or abs(curve.factor - linear.factor) > SAME_CURVE:
-        escs = (
-            "" if curve is None else f", while the {curve.factor:.3g} here is of the vehicle's ESCs"
-        )
-        remarks.append(
-            "in Gazebo the speed is linear in the output (SIM_GZ_EC_MIN to MAX): set THR_MDL_FAC "
-            f"to {linear.factor:.3g} there{escs}"
-        )
-    return remarks
 
 
 ROLL, PITCH, YAW, FORWARD, RIGHT, DOWN = range(6)
@@ -280,53 +270,104 @@ def scaled_mix(effect: Float[np.ndarray, "6 N"]) -> Float[np.ndarray, "N 6"]:
     return np.where(np.abs(mix) < SMALL, 0.0, mix)
 
 
-SEATS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0))
-"""Of SIH's motors, FLU: sign of x, sign of y, spin."""
+HALF, TALL = 0.5, 0.5 * np.sqrt(3.0)
+SIH_FRAMES: Final = {
+    0: ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0)),
+    4: (
+        *((TALL, -HALF, 1.0), (0.0, -1.0, -1.0), (-TALL, -HALF, 1.0)),
+        *((-TALL, HALF, -1.0), (0.0, 1.0, 1.0), (TALL, HALF, -1.0)),
+    ),
+}
+"""Motors of SIH_VEHICLE_TYPE, FLU: x over SIH_L_PITCH, y over SIH_L_ROLL, spin."""
+CLEARLY: Final = 0.5
+"""A rotor is at the seat that is nearer than so much of the way to the second nearest."""
 
 
 def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
-    """Write the parameters of PX4's own quadrotor simulation."""
+    """Write the parameters of PX4's own simulation of a quadrotor or hexarotor in X."""
     refuse_no_lag(model, "SIH")
-    _refuse_other_layouts(model)
+    kind = _sih_frame(model)
     full = model.kt * model.max_speed**2
-    arms = np.abs(model.arms[:, :2]).mean(axis=0)
+    pitch, roll = _sih_arms(model, SIH_FRAMES[kind])
     inertia = elements(inertia_frd(model.inertia_com))
     names = ("SIH_IXX", "SIH_IYY", "SIH_IZZ", "SIH_IXY", "SIH_IXZ", "SIH_IYZ")
     parameters: list[Parameter] = [
-        ("SIH_VEHICLE_TYPE", 0.0, INTEGER),
+        ("SIH_VEHICLE_TYPE", float(kind), INTEGER),
         ("SIH_MASS", model.mass, FLOAT),
         *((name, value, FLOAT) for name, value in zip(names, inertia, strict=True)),
         ("SIH_T_MAX", full, FLOAT),
         ("SIH_Q_MAX", model.kd * model.max_speed**2, FLOAT),
-        ("SIH_L_ROLL", float(arms[1]), FLOAT),
-        ("SIH_L_PITCH", float(arms[0]), FLOAT),
+        ("SIH_L_ROLL", roll, FLOAT),
+        ("SIH_L_PITCH", pitch, FLOAT),
         ("SIH_T_TAU", model.mean_lag, FLOAT),
         ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG_NAMES])), FLOAT),
         ("SIH_KDW", float(np.mean(_damping(model))), FLOAT),
         ("THR_MDL_FAC", 0.0, FLOAT),
         *hover_parameter(model),
     ]
-    return params_file(with_notes(head, *_remarks(model)), parameters)
+    return params_file(with_notes(head, *_remarks(model, kind)), parameters)
+
+
+Seats = Sequence[tuple[float, float, float]]
+
+
+def _sih_arms(model: VehicleModel, seats: Seats) -> tuple[float, float]:
+    """Compute SIH_L_PITCH and SIH_L_ROLL [m], which keep the sum of the rotors' arms."""
+    own = np.abs(model.arms_from_middle[:, :2]).sum(axis=0)
+    x, y = own / np.abs(np.array(seats)[:, :2]).sum(axis=0)
+    return float(x), float(y)
+
+
+def _sih_frame(model: VehicleModel) -> int:
+    """Find the vehicle of SIH with these rotors, in any order; OutputError without one."""
+    for kind, seats in SIH_FRAMES.items():
+        if model.vertical and len(model.rotors) == len(seats) and _is_seated(model, seats):
+            return kind
+    raise OutputError(
+        "SIH simulates a quadrotor in X with front right and rear left ccw, and a hexarotor in X "
+        "with front right, left and rear right ccw, with upright rotors; these rotors are others: "
+        "export to gazebo or mujoco instead"
+    )
+
+
+def _is_seated(model: VehicleModel, seats: Seats) -> bool:
+    """Test whether there is one rotor at each seat, clearly at that one, with its spin."""
+    table = np.array(seats)
+    places = model.arms_from_middle[:, :2] / _sih_arms(model, seats)
+    away = np.linalg.norm(places[:, None] - table[None, :, :2], axis=2)
+    nearest, second = np.sort(away, axis=1)[:, :2].T
+    taken = away.argmin(axis=1)
+    spins = np.array([rotor.spin for rotor in model.rotors])
+    return (
+        len(set(taken.tolist())) == len(seats)
+        and bool((nearest < CLEARLY * second).all())
+        and bool((spins == table[taken, 2]).all())
+    )
 
 
 def _damping(model: VehicleModel) -> list[float]:
     """Collect the damping of roll, pitch and yaw [N m s], the last from the rotors in hover."""
-    carried = model.hover_speed * float((model.arms[:, :2] ** 2).sum())
+    carried = model.hover_speed * float((model.arms_from_middle[:, :2] ** 2).sum())
     return [
         *(model.air.get(name, 0.0) for name in TURN_DAMPING.names),
         model.air.get("rotor_drag", 0.0) * carried,
     ]
 
 
-def _remarks(model: VehicleModel) -> list[str]:
+def _remarks(model: VehicleModel, kind: int) -> list[str]:
     off = 1e3 * (np.array([r.position for r in model.rotors]).mean(axis=0) - model.com)
+    middle = "SIH puts the CoM in the middle of the rotors"
+    if np.isfinite(off[:2]).all():
+        middle += (
+            f"; here the rotors' middle is {off[0]:.2g} mm forward and {off[1]:.2g} mm left of it, "
+            "which SIH leaves out"
+        )
     return [
+        f"start with  make px4_sitl sihsim_{'hex' if kind else 'quadx'}",
         "inertia about the CoM in body axes FRD: the signs of xy and xz are opposite to the above",
         "SIH_T_MAX = kt max_speed^2, SIH_Q_MAX = kd max_speed^2; thrust is proportional to the "
         "motor signal in SIH, for which THR_MDL_FAC is 0",
-        "SIH puts the CoM in the middle of the rotors; here the rotors' middle is "
-        f"{off[0]:.2g} mm forward and {off[1]:.2g} mm left of it, which SIH leaves out; as are Jr "
-        "and differences between rotors",
+        f"{middle}; Jr and differences between rotors have no place there",
         "SIH_T_TAU acts on thrust there, in steps of SIH's loop: the lag that flies is half a step "
         "shorter (2 ms at 250 Hz)",
         _air_remark(model),
@@ -341,17 +382,3 @@ def _air_remark(model: VehicleModel) -> str:
         "SIH_KDV is the mean of drag along the three axes, SIH_KDW that of damping about them, "
         f"0 where these flights show none ({', '.join(known)} are shown)"
     )
-
-
-def _refuse_other_layouts(model: VehicleModel) -> None:
-    """Raise unless the rotors, in any order, are those of SIH's quadrotor."""
-    arms = model.arms_from_middle
-    seats = [
-        (float(np.sign(round(x, 6))), float(np.sign(round(y, 6))), rotor.spin)
-        for (x, y, _), rotor in zip(arms.tolist(), model.rotors, strict=True)
-    ]
-    if not model.vertical or tuple(seats) not in set(permutations(SEATS)):
-        raise OutputError(
-            "SIH simulates a quadrotor in X with front right and rear left ccw and upright rotors; "
-            "these rotors are others: export to gazebo or mujoco instead"
-        )

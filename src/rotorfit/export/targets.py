@@ -14,6 +14,7 @@ TargetName = Literal[
     "gazebo",
     "gazebo-motors",
     "px4",
+    "px4-gazebo",
     "px4-sih",
     "px4-setpoints",
     "mujoco",
@@ -37,12 +38,20 @@ Speed = Literal["rad/s", "full-command"]
 INERTIA_COM: Final = ("Ixx_com", "Iyy_com", "Izz_com", "Ixy_com", "Ixz_com", "Iyz_com")
 MASS: Final = ("mass", "com_x", "com_y", "com_z")
 BODY: Final = (*MASS, *INERTIA_COM)
-ROTORS: Final = ("kt", "kd", "Izz_com")
-"""The scale of kd depends on Izz, its partner in the yaw equation: both or neither."""
+ROTORS: Final = ("kt", "kd")
 LAG: Final = ("motor_lag",)
 SPEED: Final = ("max_speed",)
 ALL: Final = (*BODY, *ROTORS, *LAG, *SPEED)
-_GROUPS: Final = dict(MASS=MASS, BODY=BODY, ROTORS=ROTORS, LAG=LAG, SPEED=SPEED, ALL=ALL)
+_GROUPS: Final = dict(
+    MASS=MASS,
+    MOMENTS=INERTIA_COM[:3],
+    INERTIA=INERTIA_COM,
+    BODY=BODY,
+    ROTORS=ROTORS,
+    LAG=LAG,
+    SPEED=SPEED,
+    ALL=ALL,
+)
 """By their names in the file."""
 
 
@@ -60,6 +69,8 @@ class Target:
         Of the file, where nobody names another.
     needs
         Numbers without which the file cannot be written.
+    tilted_needs
+        More of them, where a rotor is not upright.
     module
         Of `rotorfit.export`, with the function ``write_TARGET``.
     speed
@@ -78,6 +89,7 @@ class Target:
     speed: Speed = "rad/s"
     terms: Sequence[str] = ()
     intervals: bool = False
+    tilted_needs: tuple[str, ...] = ()
 
 
 def _targets(kind: str) -> dict[Any, Target]:
@@ -85,6 +97,7 @@ def _targets(kind: str) -> dict[Any, Target]:
     rows = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))[kind]
     for row in rows.values():
         row["needs"] = tuple(name for one in row["needs"] for name in _GROUPS.get(one, (one,)))
+        row["tilted_needs"] = tuple(row.get("tilted_needs", ()))
     return {name: Target(**row) for name, row in rows.items()}
 
 

@@ -189,15 +189,17 @@ def refuse_no_lag(model: VehicleModel, target: str) -> None:
 
 def is_possible(model: VehicleModel) -> bool:
     """Test whether a body can have the inertia; NaN passes, as it is never written."""
-    if not np.isfinite(model.inertia_com).all():
+    if not np.isfinite(np.diag(model.inertia_com)).all():
         return True
-    size = float(np.abs(model.inertia_com).max())
-    return float(np.linalg.eigvalsh(second_moments(model.inertia_com))[0]) >= -1e-9 * size
+    inertia = np.nan_to_num(model.inertia_com)  # of a target that takes no products
+    size = float(np.abs(inertia).max())
+    return float(np.linalg.eigvalsh(second_moments(inertia))[0]) >= -1e-9 * size
 
 
 def impossible_message(model: VehicleModel) -> str:
     """Explain why an inertia is refused, and what to do."""
-    moments = ", ".join(f"{m:.4g}" for m in np.linalg.eigvalsh(model.inertia_com))
+    principal = np.linalg.eigvalsh(np.nan_to_num(model.inertia_com))
+    moments = ", ".join(f"{m:.4g}" for m in principal)
     return (
         f"no body has this inertia about its CoM: the principal moments {moments} kg m^2 break the "
         "triangle inequality (each is at most the sum of the others); fly what the report advises, "

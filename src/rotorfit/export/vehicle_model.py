@@ -49,12 +49,13 @@ def vehicle_model(
     needs: Sequence[str] = (*BODY, *ROTORS),
     assumed: Mapping[str, float] | None = None,
     speed: Speed = "rad/s",
+    tilted_needs: Sequence[str] = (),
     project: bool = False,
 ) -> VehicleModel:
     """Assemble the vehicle of a result, checked; OutputError where nature or the flights lack it.
 
-    `assumed` numbers (SI) replace those of the result; `project` replaces inertia that no body has
-    by the nearest that one can have.
+    `assumed` numbers (SI) replace those of the result; `tilted_needs` are needed where a rotor is
+    not upright; `project` replaces inertia that no body has by the nearest that one can have.
     """
     refuse_unsound(result)
     owner = owner_of(result, configuration)
@@ -65,6 +66,8 @@ def vehicle_model(
     full = _full_speed(result, law, speed)
     numbers = numbers_of(result, owner, assumed=given, full_speed=full)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
+    if any(rotor.axis[2] != 1.0 for rotor in vehicle.rotors):
+        needs = (*needs, *tilted_needs)
     _refuse_missing(numbers, _needed(needs, numbers, vehicle))
     model = _assembled(result, owner, numbers=numbers, vehicle=vehicle, law=law)
     refuse_signs(model)

@@ -112,6 +112,7 @@ def export(
         needs=chosen.needs,
         assumed=assumed,
         speed=chosen.speed,
+        tilted_needs=chosen.tilted_needs,
         project=project,
     )
     terms = terms_left_out(result, model.configuration, written=chosen.terms)

@@ -251,13 +251,16 @@ def _missing_channels(look: _Look) -> Iterator[Finding]:
     elif "rotor_speed" not in present:
         yield doubt(
             "commands-alone",
-            "no measured rotor speed, only commands: "
-            + (
-                'identify with speed = "commanded"; better, log measured rotor speed'
-                if look.prepared is not None
-                else "log measured rotor speed"
-            ),
+            "no measured rotor speed, only commands: " + _without_speed(look),
         )
+
+
+def _without_speed(look: _Look) -> str:
+    """Say what to do about commands alone; a simulator measures no speed."""
+    cures = ['identify with speed = "commanded"'] if look.prepared is not None else []
+    if not look.log.simulator:
+        cures.append(f"{'better, ' if cures else ''}log measured rotor speed")
+    return "; ".join(cures) or "fly a flight in the simulator"
 
 
 def _pose_alone(log: FlightLog) -> str:

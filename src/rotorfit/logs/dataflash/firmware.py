@@ -126,14 +126,19 @@ def lack_notes(
     parameters: Parameters,
     channels: Mapping[str, Channel],
     *,
-    wired: Wiring,
+    wired: Wiring | None,
 ) -> list[str]:
-    """Say what the log lacks and what to set for a better one, one sentence each."""
+    """Say what the log lacks and what to set for a better one, one sentence each.
+
+    A simulator, which has no wires to ESCs (`wired` is None), measures no rotor speed.
+    """
     slow, raw = _slow(channels)
     current = parameters.integer("LOG_BITMASK")
     value = log_bitmask(current, slow=bool(slow), raw=raw)
     to_set = f"LOG_BITMASK = {value}"
-    notes = [_esc_advice(wired)] if "rotor_speed" not in channels else []
+    notes: list[str] = []
+    if wired is not None and "rotor_speed" not in channels:
+        notes.append(_esc_advice(wired))
     if slow:
         notes.append(f"{'; '.join(slow)}: set {to_set if value else _no_limit(current)}")
     if raw and value is not None and "raw IMU" in value:

@@ -132,6 +132,11 @@ def frame_of(parameters: Parameters, texts: list[str]) -> Frame | None:
     return _frame(kind, TYPES.get(number, ""))
 
 
+def numbered_frame(kind: int, number: int) -> Frame | None:
+    """Return the frame of FRAME_CLASS and FRAME_TYPE; None where its mixer is not known."""
+    return _frame(CLASSES[kind], TYPES.get(number, ""))
+
+
 def frame_words(parameters: Parameters, texts: list[str]) -> str:
     """Quote what a log says of a frame that is not known."""
     names = ("FRAME_CLASS", "FRAME_TYPE", "Q_FRAME_CLASS", "Q_FRAME_TYPE", "FRAME")

@@ -115,7 +115,7 @@ def _flight_log(path: Path, sha256: str) -> FlightLog:
             *speed_notes,
             *_frame_notes(frame, settings, texts),
             *_law_notes(settings),
-            *lack_notes(messages, settings, channels, wired=wired),
+            *lack_notes(messages, settings, channels, wired=None if simulator else wired),
         ),
         warnings=(
             *arming_warnings,

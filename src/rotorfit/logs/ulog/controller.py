@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from rotorfit.errors import LogError
 from rotorfit.logs.controller_log import TURNED, ControllerLog
+from rotorfit.logs.ulog.firmware import log_faster
 from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.scan import Scan, scan_file
 
@@ -16,7 +17,6 @@ TOPICS: Final = {
     "vehicle_rates_setpoint": ("timestamp", "roll", "pitch", "yaw"),
     "vehicle_torque_setpoint": ("timestamp", "timestamp_sample", "xyz"),
 }
-LOG_THEM: Final = "set bits 0 and 4 of SDLOG_PROFILE (17, if no other is set) and fly again"
 
 
 def read_controller(path: Path) -> ControllerLog:
@@ -36,7 +36,7 @@ def read_controller(path: Path) -> ControllerLog:
     known &= np.isfinite(outputs).all(axis=1) & np.isfinite(rates[row]).all(axis=1)
     known &= np.isfinite(used).all(axis=1)
     if known.sum() < 2:
-        raise LogError(f"{path}: no run of the rate controller is complete: {LOG_THEM}")
+        raise LogError(f"{path}: no run of the rate controller is complete: {_cure(scan)}")
     return ControllerLog(
         autopilot="PX4",
         firmware=str(scan.info.get("ver_sw", "version unknown"))[:12],
@@ -69,10 +69,16 @@ def _used(
     return np.stack(columns, axis=1)
 
 
+def _cure(scan: Scan) -> str:
+    return f"{log_faster(scan.number('SDLOG_PROFILE'))} and fly again"
+
+
 def _topic(scan: Scan, name: str, path: Path) -> Topic:
     topic = scan.first(name)
     if topic is None or len(topic.rows) < 2:
-        raise LogError(f"{path}: the log has no {name}, which the rate controller is: {LOG_THEM}")
+        raise LogError(
+            f"{path}: the log has no {name}, which the rate controller is: {_cure(scan)}"
+        )
     return topic
 
 

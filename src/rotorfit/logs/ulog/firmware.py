@@ -66,6 +66,21 @@ SETTINGS: Final = settings_of(
 )
 
 
+def log_faster(current: float | None) -> str:
+    """Say how to log motors and sensors fast, from the SDLOG_PROFILE that a log has."""
+    if current is None:
+        return (
+            "set bits 0 and 4 of SDLOG_PROFILE (default set and high rate; 17, if no other is set)"
+        )
+    value = bits_set(int(current), PROFILE_BITS)
+    if value is not None:
+        return f"set SDLOG_PROFILE = {value}"
+    return (
+        f"SDLOG_PROFILE = {current:g} asks for it already: take etc/logging/logger_topics.txt, "
+        "which replaces it, off the card, or use a faster card"
+    )
+
+
 def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
     """Advise settings of PX4; SDLOG_PROFILE gets the missing bits beside those that are set."""
     found = asked_for(SETTINGS, lacks)

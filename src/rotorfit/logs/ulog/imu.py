@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.logs.axes import vectors_to_flu
 from rotorfit.logs.flight_log import Channel
+from rotorfit.logs.ulog.firmware import log_faster
 from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.scan import Scan
 
@@ -41,9 +42,6 @@ NO_ACCEL: Final = 0x7FFFFFFF
 """accelerometer_timestamp_relative of a row without an acceleration."""
 COMPLETE: Final = 0.98
 """Share of the time that raw samples must cover."""
-LOG_FASTER: Final = (
-    "set bits 0 and 4 of SDLOG_PROFILE (default set and high rate; 17, if no other is set)"
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,10 +166,10 @@ def _filtered(scan: Scan) -> Imu:
         for name in ("IMU_GYRO_CUTOFF", "IMU_ACCEL_CUTOFF")
         for cutoff in (scan.number(name),)
     ]
+    faster = log_faster(scan.number("SDLOG_PROFILE"))
     note = (
         f"Gyro and accelerometer were low-passed on board ({', '.join(cutoffs)}), each with a "
-        f"delay of its own, and logged slowly: {LOG_FASTER} for sensor_combined, which is not "
-        "filtered."
+        f"delay of its own, and logged slowly: {faster} for sensor_combined, which is not filtered."
     )
     return Imu(gyro=_controller_signal(gyro), accel=_controller_signal(accel), notes=(note,))
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.logs.flight_log import Channel, pieces
+from rotorfit.logs.ulog.firmware import log_faster
 from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.scan import Scan
 
@@ -39,8 +40,7 @@ _AIRFRAMES: Final = {4: 4, 5: 4, 6: 6, 7: 6, 8: 8, 9: 8, 11: 6, 12: 8}
 """Motors of the airframes 4000 to 4999 and so on, before PX4 had parameters for the geometry."""
 TELEMETRY: Final = (
     "for measured rotor speed set DSHOT_BIDIR_EN = 1 (PX4 1.16 and 1.17; from 1.18 on choose "
-    "BDShot in the actuator configuration), or wire ESC telemetry and set DSHOT_TEL_CFG; and set "
-    "bits 0 and 4 of SDLOG_PROFILE"
+    "BDShot in the actuator configuration), or wire ESC telemetry and set DSHOT_TEL_CFG"
 )
 
 
@@ -75,11 +75,12 @@ def is_vtol(scan: Scan) -> bool:
 # Measured speed
 
 
-def find_rotor_speed(scan: Scan) -> Motors:
-    """Read the rotor speeds of esc_status, in the order of the motors."""
+def find_rotor_speed(scan: Scan, *, simulated: bool = False) -> Motors:
+    """Read the rotor speeds of esc_status, in the order of the motors; a simulator has no ESCs."""
+    cure = "" if simulated else f"; {TELEMETRY}"
     topic = scan.first("esc_status")
     if topic is None or "esc" not in (topic.rows.dtype.names or ()):
-        return Motors(notes=(f"No rotor speed (esc_status): {TELEMETRY}.",))
+        return Motors(notes=(f"No rotor speed (esc_status){cure}.",))
     escs = topic.rows["esc"]
     names = escs.dtype.names or ()
     if escs.ndim != 2 or "esc_rpm" not in names or len(topic.rows) < 2:
@@ -91,7 +92,7 @@ def find_rotor_speed(scan: Scan) -> Motors:
     for i, place in enumerate(places):
         np.abs(_of_esc(escs, "esc_rpm", place), out=rpm[:, i])
     if not rpm.any():
-        note = f"esc_status says 0 rpm throughout: rotor speed is left out; {TELEMETRY}."
+        note = f"esc_status says 0 rpm throughout: rotor speed is left out{cure}."
         return Motors(notes=(note,))
     time, rpm, fresh = _on_one_clock(topic, escs, rpm, places)
     rpm[~(rpm <= FASTEST)] = np.nan
@@ -202,7 +203,7 @@ def find_command(scan: Scan) -> Motors:
         return _from_outputs(scan)
     note = (
         "No motor commands (actuator_motors, actuator_outputs): add them to the logged topics, or "
-        "set bits 0 and 4 of SDLOG_PROFILE."
+        f"{log_faster(scan.number('SDLOG_PROFILE'))}."
     )
     return Motors(notes=(note,))
 

@@ -6,6 +6,7 @@ from typing import Final
 from rotorfit.errors import LogError
 from rotorfit.logs.flight_log import SIH, Channel, FlightLog, simulated_sentence
 from rotorfit.logs.ulog import imu, motors, pose, vehicle
+from rotorfit.logs.ulog.firmware import log_faster
 from rotorfit.logs.ulog.scan import Scan, scan_file
 
 WANTED: Final = {
@@ -46,7 +47,7 @@ def read_ulog(path: Path) -> FlightLog:
             *vehicle.change_notes(scan),
             *_appended_note(scan),
         ),
-        warnings=(*scan.warnings, *vehicle.flight_warnings(scan), *_rate_warnings(channels)),
+        warnings=(*scan.warnings, *vehicle.flight_warnings(scan), *_rate_warnings(channels, scan)),
         simulator=simulator,
         motors=vehicle.logged_motors(scan),
         circumstances=vehicle.circumstances_of(scan, float(begin)),
@@ -59,7 +60,7 @@ def _channels(path: Path) -> tuple[dict[str, Channel], list[str], Scan]:
     Every topic is let go of when its channel is made: all of both would fill the memory.
     """
     scan = scan_file(path, WANTED)
-    speed = motors.find_rotor_speed(scan)
+    speed = motors.find_rotor_speed(scan, simulated=bool(vehicle.simulator_of(scan)))
     scan = scan.without(motors.SPEED_TOPICS)
     found = imu.find_imu(scan, raw=lambda: scan_file(path, imu.FIFO_TOPICS))
     scan = scan.without(imu.TOPICS)
@@ -80,9 +81,10 @@ def _channels(path: Path) -> tuple[dict[str, Channel], list[str], Scan]:
     scan = scan.without(pose.TOPICS)
     channels = {name: channel for name, channel in made.items() if channel is not None}
     missing = [name for name in ("gyro", "accel") if name not in channels]
+    faster = log_faster(scan.number("SDLOG_PROFILE"))
     notes = [
         *found.notes,
-        *(f"No {name}: {imu.LOG_FASTER}." for name in missing),
+        *(f"No {name}: {faster}." for name in missing),
         *speed.notes,
         *command.notes,
         *_law_notes(scan, channels),
@@ -91,8 +93,9 @@ def _channels(path: Path) -> tuple[dict[str, Channel], list[str], Scan]:
     return channels, notes, scan
 
 
-def _rate_warnings(channels: dict[str, Channel]) -> list[str]:
+def _rate_warnings(channels: dict[str, Channel], scan: Scan) -> list[str]:
     """Say what to set where motor data come too slowly for rotations."""
+    faster = log_faster(scan.number("SDLOG_PROFILE"))
     warnings: list[str] = []
     for name in ("rotor_speed", "command"):
         channel = channels.get(name)
@@ -100,7 +103,7 @@ def _rate_warnings(channels: dict[str, Channel]) -> list[str]:
         if 0.0 < rate < SLOW_MOTORS:
             warnings.append(
                 f"the {name} channel comes at {rate:.0f} Hz, too slow for inertia and motor lag: "
-                f"{imu.LOG_FASTER}"
+                f"{faster}"
             )
     return warnings
 
@@ -131,9 +134,10 @@ def _appended_note(scan: Scan) -> list[str]:
 def _no_channels(scan: Scan) -> str:
     """Describe a log with nothing to use."""
     topics = sorted(name for name, count in scan.counts.items() if count)
+    faster = log_faster(scan.number("SDLOG_PROFILE"))
     shown = ascii(", ".join(topics[:_LISTED]))[1:-1] or "none"
     more = f" and {len(topics) - _LISTED} more" if len(topics) > _LISTED else ""
     return (
         f"no sensor, motor or pose topic with usable messages in it (topics: {shown}{more}); "
-        f"{imu.LOG_FASTER}, and log actuator_motors and esc_status"
+        f"{faster}, and log actuator_motors and esc_status"
     )
