@@ -1,11 +1,16 @@
 """rotorfit airframe: questions answered at the prompt, by options, and by a log."""
 
 import io
+import json
 import sys
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+sys.path.append(str(Path(__file__).parents[1] / "logs"))
+from ulog_encoder import write_ulog
 
 import rotorfit
 from rotorfit.cli.airframe import listed_text
@@ -153,3 +158,28 @@ def test_of_rotors_in_the_parameters_only_the_size_is_asked_for(
     made = vehicle(tmp_path / "hexa.toml").rotors
     assert [rotor.spin for rotor in made] == ["ccw", "cw"] * 3
     assert made[1].position == pytest.approx((0.0, -0.3, 0.0))
+
+
+@pytest.fixture
+def own_geometry(simulated, tmp_path):
+    """A log of PX4 whose parameters have the vehicle's own rotors."""
+    path = tmp_path / "own.ulg"
+    write_ulog(simulated, path)
+    return path
+
+
+def test_rotors_that_somebody_set_in_px4_need_no_ruler(answered, own_geometry, simulated, tmp_path):
+    ended = answered("", own_geometry, "-o", tmp_path / "own.toml")
+    assert ended.code == 0, ended
+    assert "order, spins and places of the rotors: check them" in ended.err
+    made, true = vehicle(tmp_path / "own.toml").rotors, simulated.vehicle.rotors
+    assert [r.spin for r in made] == [r.spin for r in true]
+    for one, other in zip(made, true, strict=True):
+        assert one.position == pytest.approx(other.position, abs=1e-6)
+
+
+def test_identify_takes_them_off_the_log_itself(run, own_geometry):
+    ended = run("identify", own_geometry, "--mass", "1.285", "--json")
+    assert ended.code == 0, ended.err
+    assert "rotors by CA_ROTOR* of the log: 4, arms of 0.2 m, speed measured" in ended.err
+    assert len(json.loads(ended.out)["settings"]["airframe"]["rotors"]) == 4

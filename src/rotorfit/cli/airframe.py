@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -65,7 +65,10 @@ def airframe(
 
     refuse_output_file(output, inputs=[] if log is None else [log], force=force)
     seen = SeenAirframe() if log is None else _seen_in(log, log_number)
-    if seen.sites and layout is None and order is None:
+    given = (layout, order, spacing)
+    if seen.rotors_table and given == (None, None, None):
+        text = logged_text(seen.rotors_table, speed=speed or str(seen.speed))
+    elif seen.sites and layout is None and order is None:
         spaces, given_speed = _parse_spacing(spacing), speed or str(seen.speed)
         text = listed_text(seen.sites, spaces, speed=given_speed)
     else:
@@ -117,7 +120,9 @@ def _seen_in(path: Path, log_number: int | None) -> SeenAirframe:
         )
     print_status(f"{path.name}: {log.format}, {seen.rotors} motors, rotor speed {seen.speed}")
     spins = ", every spin reversed (props out)" if seen.turned else ""
-    if seen.sites:
+    if seen.rotors_table:
+        print_status("CA_ROTOR* in the log gives order, spins and places of the rotors: check them")
+    elif seen.sites:
         print_status("CA_ROTOR* in the log gives order and spins of the motors, not their size")
         return seen
     print_status(
@@ -224,6 +229,18 @@ def _ask(question: str, default: str | None, option: str) -> str:
     if reply is None:
         raise OutputError(f"no answer to {question.strip()!r}: a number is needed")
     return reply
+
+
+def logged_text(rotors: Sequence[Mapping[str, Any]], *, speed: str) -> str:
+    """Write the airframe file of rotors whose places a log has."""
+    from rotorfit.experiment.toml_files import experiment_text
+
+    lines = [
+        "# by CA_ROTOR* of the log, from the centre, forward, left, up [m]: compare it",
+        experiment_text({"airframe": {"rotors": [dict(rotor) for rotor in rotors]}}).rstrip(),
+        *_rest(speed),
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def listed_text(

@@ -91,7 +91,7 @@ def identify(
     """Identify a vehicle's parameters from its flights.
 
     From an experiment file, which names airframe, masses and flights, or from one log with --mass
-    and --airframe.
+    and --airframe, which a log of PX4 with its own rotor geometry does not need.
     """
     from rotorfit.report.text import result_text
 
@@ -99,7 +99,7 @@ def identify(
     if source.suffix.lower() == ".toml":
         experiment = _load_experiment(source, {"mass": mass, "airframe": airframe, **window})
     else:
-        experiment = _experiment_of_log(source, mass, airframe)
+        experiment = _experiment_of_log(source, mass, airframe, log)
     chosen = {"source": motion, "method": method, "preset": preset}
     experiment = _with_options(experiment, chosen, speed, window)
     inputs = [source, *([airframe] if airframe else []), *_flight_files(experiment)]
@@ -139,7 +139,9 @@ def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment
     return load_experiment(source)
 
 
-def _experiment_of_log(source: Path, mass: str | None, airframe: Path | None) -> Experiment:
+def _experiment_of_log(
+    source: Path, mass: str | None, airframe: Path | None, log_number: int | None
+) -> Experiment:
     from rotorfit.experiment.experiment import single_flight_experiment
     from rotorfit.logs.files import read_head
     from rotorfit.logs.read import own_kind, read_log
@@ -147,13 +149,37 @@ def _experiment_of_log(source: Path, mass: str | None, airframe: Path | None) ->
     read_head(source, 1)  # a missing log is reported before missing options
     if own_kind(source) is not None:
         read_log(source)  # which says what it is
-    if mass is None or airframe is None:
+    described = airframe
+    if mass is not None and airframe is None:
+        described = _logged_airframe(source, log_number)
+    if mass is None or described is None:
         required = {"--mass KG": mass, "--airframe AIRFRAME.toml": airframe}
         missing = [option for option, value in required.items() if value is None]
         raise typer.BadParameter(
             f"a log also needs {' and '.join(missing)} (an experiment file ends in .toml)"
         )
-    return single_flight_experiment(source, mass=_parse_mass(mass), airframe=airframe)
+    return single_flight_experiment(source, mass=_parse_mass(mass), airframe=described)
+
+
+def _logged_airframe(source: Path, log_number: int | None) -> Mapping[str, Any] | None:
+    """Read the vehicle off a log whose parameters describe it, and say so; None for others."""
+    from rotorfit.inspection.seen_airframe import logged_tables
+    from rotorfit.logs import ReadOptions, read_log
+    from rotorfit.logs.read import format_of
+
+    form = format_of(source)
+    if form is None or form.name != "ulog":
+        return None
+    tables = logged_tables(read_log(source, options=ReadOptions(log_number=log_number)))
+    if tables is None:
+        return None
+    arms = [math.hypot(*rotor["position"][:2]) for rotor in tables["airframe"]["rotors"]]
+    shown = " to ".join(dict.fromkeys(f"{arm:.3g}" for arm in (min(arms), max(arms))))
+    print_status(
+        f"rotors by CA_ROTOR* of the log: {len(arms)}, arms of {shown} m, speed "
+        f"{tables['motors']['speed']}; if that is not the vehicle, give --airframe FILE"
+    )
+    return tables
 
 
 def _parse_mass(text: str) -> float | Literal["unknown"]:

@@ -318,7 +318,7 @@ def single_flight_experiment(
     log: Path,
     *,
     mass: float | Literal["unknown"],
-    airframe: Path,
+    airframe: Path | Mapping[str, Any],
     log_number: int | None = None,
 ) -> Experiment:
     """Return the experiment of one log, a mass and an airframe file.
@@ -331,7 +331,7 @@ def single_flight_experiment(
         Weighed as it flew [kg], or ``"unknown"``: then everything is per kilogram.
     airframe
         TOML file with the tables ``[airframe]`` and ``[motors]``, or an experiment file, which has
-        them too.
+        them too; or these tables.
     log_number
         Which log of a file with several, from 1.
 
@@ -340,15 +340,18 @@ def single_flight_experiment(
     ExperimentError
         As `load_experiment`.
     """
-    tables = with_known_motors(_without_flights(read_toml(airframe)), airframe.parent)
-    known = _checked(AirframeFile, tables, airframe)
+    source = airframe if isinstance(airframe, Path) else log
+    tables = read_toml(airframe) if isinstance(airframe, Path) else airframe
+    known = _checked(
+        AirframeFile, with_known_motors(_without_flights(tables), source.parent), source
+    )
     described = {
         "name": log.stem,
         "airframe": known.airframe,
         "motors": known.motors,
         "configuration": [{"mass": mass, "flights": [named_flight(log, log_number=log_number)]}],
     }
-    return _checked(Experiment, described, airframe)
+    return _checked(Experiment, described, source)
 
 
 def _without_flights(data: Mapping[str, Any]) -> dict[str, Any]:

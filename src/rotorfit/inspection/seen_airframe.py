@@ -2,8 +2,9 @@
 
 import re
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.logs.flight_log import FlightLog
@@ -34,6 +35,9 @@ class SeenAirframe:
     sites
         Forward, left and spin of each rotor by the log's parameters, of any size; none where it has
         no such, or the flight itself shows the layout.
+    rotors_table
+        The rotors with their places [m] by the log's parameters, as ``[airframe]`` has them, where
+        somebody has set them; empty otherwise.
     """
 
     rotors: int | None = None
@@ -43,6 +47,7 @@ class SeenAirframe:
     turned: bool = False
     speed: str | None = None
     sites: tuple[tuple[float, float, str], ...] = ()
+    rotors_table: tuple[Mapping[str, Any], ...] = ()
 
 
 def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
@@ -53,13 +58,12 @@ def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
     count = motors.values.shape[1]
     speed = "measured" if "rotor_speed" in log.channels else "commanded"
     found = _BORNE_OUT.match((report.prospects and report.prospects.motors) or "")
+    listed = _logged_rotors(log, count)
+    table = listed if log.metadata.get("airframe is") == "set" else ()
     if found is None:
-        sites = _logged_sites(log)
+        sites = tuple((r["position"][0], r["position"][1], r["spin"]) for r in listed)
         return SeenAirframe(
-            rotors=count,
-            order=_usual_order(log),
-            speed=speed,
-            sites=sites if len(sites) == count else (),
+            rotors=count, order=_usual_order(log), speed=speed, sites=sites, rotors_table=table
         )
     return SeenAirframe(
         rotors=count,
@@ -68,14 +72,25 @@ def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
         borne_out=True,
         turned=found["turned"] is not None,
         speed=speed,
+        rotors_table=table,
     )
 
 
-def _logged_sites(log: FlightLog) -> tuple[tuple[float, float, str], ...]:
-    """Return the rotors that the parameters of a log list (PX4's CA_ROTOR*)."""
+def logged_tables(log: FlightLog) -> dict[str, Any] | None:
+    """Return ``[airframe]`` and ``[motors]`` by a log's parameters; None where nobody set them."""
+    motors = log.channels.get("rotor_speed", log.channels.get("command"))
+    if motors is None or log.metadata.get("airframe is") != "set":
+        return None
+    rotors = [dict(rotor) for rotor in _logged_rotors(log, motors.values.shape[1])]
+    speed = "measured" if "rotor_speed" in log.channels else "commanded"
+    return {"airframe": {"rotors": rotors}, "motors": {"speed": speed}} if rotors else None
+
+
+def _logged_rotors(log: FlightLog, count: int) -> tuple[Mapping[str, Any], ...]:
+    """Return the rotors that the parameters of a log list (PX4's CA_ROTOR*), if one a motor."""
     text = log.metadata.get("airframe", "") if log.format == "ulog" else ""
-    rotors = tomllib.loads(text).get("rotors", [])
-    return tuple((r["position"][0], r["position"][1], r["spin"]) for r in rotors)
+    rotors = tuple(tomllib.loads(text).get("rotors", ()))
+    return rotors if len(rotors) == count else ()
 
 
 def _usual_order(log: FlightLog) -> str | None:
