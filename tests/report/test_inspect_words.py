@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
+from rotorfit.inspection.prospects import Commands, Excitation, Prospects, Thrust
 from rotorfit.inspection.recording import ChannelReport
 from rotorfit.report.log_report import (
     LogReport,
@@ -61,6 +61,34 @@ def said(thrust=THRUST, axis=YAW, *, commanded=False):
 )
 def test_the_thrust(thrust, words):
     assert words in said(thrust, commanded=True)[0]
+
+
+COMMANDS = Commands(law_known=False, limited=0.12, lag=0.05, seen_lag=0.023, rate=500.0)
+
+
+@pytest.mark.parametrize(
+    ("commands", "words"),
+    [
+        (
+            COMMANDS,
+            "but not the slow ones that a pilot flies: the law from command to rotor speed is not "
+            "known, a motor is at its limit in 12 % of the flight, slow turns fit a motor lag of "
+            "50 ms, quick ones 23 ms; log the rotor speed, or give law and lag under [motors]",
+        ),
+        (replace(COMMANDS, rate=10.0), "a pilot flies: they come at 10 Hz, too slow to tell"),
+        (replace(COMMANDS, law_known=True, limited=0.0, lag=0.023), "flies; log the rotor speed"),
+    ],
+)
+def test_commands_that_explain_nothing_say_what_is_wrong(commands, words):
+    """Where the flight names the motor order, the vehicle does follow its commands."""
+    thrust, axis = replace(THRUST, followed=False), replace(YAW, rho=0.0, width=None)
+    found = Prospects(
+        excitation=(axis,), thrust=thrust, commanded=True, motors="quad-x", commands=commands
+    )
+    of_thrust, of_yaw = prospect_messages(found)
+    assert words in of_thrust
+    assert "neither roll nor pitch" not in of_thrust
+    assert of_yaw.endswith("cannot be found: the commands do not explain it, see thrust")
 
 
 def test_two_kt_with_measured_speed_are_the_accelerometers():

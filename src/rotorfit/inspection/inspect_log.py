@@ -199,7 +199,8 @@ def _foreseen(
         return None, None
     commanded = "rotor_speed" not in log.channels
     try:
-        return prospects(prepared, _response(log, late), commanded=commanded), None
+        response, known = _response(log, late), log.motors is not None
+        return prospects(prepared, response, commanded=commanded, law_known=known), None
     except (FlightError, EstimationError) as error:
         return None, str(error)
 

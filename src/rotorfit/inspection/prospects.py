@@ -139,6 +139,29 @@ class Thrust:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Commands:
+    """What may be wrong with commands in place of speeds.
+
+    Attributes
+    ----------
+    law_known
+        Whether the log states how speed goes with the command.
+    limited
+        Share of the flight in which a command is 0 or 1.
+    lag, seen_lag
+        With which the commands explain the turns best, and by which the vehicle responds [s].
+    rate
+        Of the slowest of commands and IMU [Hz].
+    """
+
+    law_known: bool
+    limited: float
+    lag: float
+    seen_lag: float
+    rate: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Prospects:
     """What a flight can show; `motors` names the layout and order that explain the motion."""
 
@@ -146,6 +169,7 @@ class Prospects:
     thrust: Thrust
     commanded: bool
     motors: str | None
+    commands: Commands | None = None
 
 
 def _prospect(width: float | None, *, axis: str, excitation: float | None = None) -> Prospect:
@@ -155,14 +179,18 @@ def _prospect(width: float | None, *, axis: str, excitation: float | None = None
 
 
 def prospects(
-    prepared: PreparedFlight, motors: MotorResponse | None = None, *, commanded: bool = False
+    prepared: PreparedFlight,
+    motors: MotorResponse | None = None,
+    *,
+    commanded: bool = False,
+    law_known: bool = False,
 ) -> Prospects:
     """Predict what a prepared flight can show, whatever its airframe.
 
     By the rows of an estimate, with the rotors of a usual layout where the flight confirms one,
     else with rotors as the flight itself places them. `motors` is their timing (None: as prepared);
-    the lag of commands is searched. Raises `FlightError` where the flight is too short,
-    `EstimationError` where it does not move its rotors.
+    the lag of commands is searched, and their law may be known. Raises `FlightError` where the
+    flight is too short, `EstimationError` where it does not move its rotors.
     """
     if commanded and motors is None:
         motors = MotorResponse(lag=LAG_PRIOR[0])
@@ -170,12 +198,20 @@ def prospects(
     stand_in = _stand_in(timed.data.rotor_speed.shape[1])
     known = likely_motors(_factors(timed, stand_in), stand_in)
     vehicle = known[0] if known is not None else _likeliest(timed, guessed_vehicles(timed.data))
-    model = regressor(vehicle)
+    model, commands = regressor(vehicle), None
     if commanded and motors is not None:
+        seen = motors.lag
         best = _best_lag(prepared, vehicle, model, motors)
-        # At the shortest the autopilot answers its gyro's noise: an estimate keeps to the usual.
-        motors = best if best.lag > LAGS[0] else motors
+        # A maximum at either end is none: there the autopilot answers the gyro's noise or gusts.
+        motors = best if LAGS[0] < best.lag < LAGS[-1] else motors
         timed = replace(prepared, data=retimed(prepared, motors))
+        commands = Commands(
+            law_known=law_known,
+            limited=_limited(prepared),
+            lag=motors.lag,
+            seen_lag=seen,
+            rate=prepared.slowest_rate,
+        )
     fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
     followed = max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
     thrust = _thrust(timed.data, vehicle, fits, followed=followed, commanded=commanded)
@@ -192,7 +228,15 @@ def prospects(
         thrust=thrust,
         commanded=commanded,
         motors=None if known is None else known[1],
+        commands=commands,
     )
+
+
+def _limited(prepared: PreparedFlight) -> float:
+    """Compute the share of the flight in which a motor's speed is at its least or largest."""
+    speed = prepared.data.rotor_speed[prepared.data.used_rows]
+    low, high = np.nanmin(speed), np.nanmax(speed)
+    return float(((speed <= low) | (speed >= high)).any(axis=1).mean())
 
 
 def _likeliest(prepared: PreparedFlight, likely: Sequence[Vehicle]) -> Vehicle:

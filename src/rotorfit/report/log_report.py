@@ -9,7 +9,7 @@ from rotorfit.dataset.checks.gravity import GravitySeen
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.inspection.frequency_sweep import AXES, Sweep
 from rotorfit.inspection.inspect_log import LogReport
-from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
+from rotorfit.inspection.prospects import Excitation, Prospects
 from rotorfit.inspection.recording import LATEST, SEARCHED, ChannelReport
 from rotorfit.inspection.settings import settings_file
 from rotorfit.inspection.spectra import Spectrum
@@ -29,6 +29,12 @@ LEAST_LATE: Final = 0.002
 MUCH_JITTER: Final = 0.3
 SHAKES: Final = ((10.0, "strong: balance the propellers"), (3.0, "moderate"), (0.0, "low"))
 """Levels of vibration [m/s^2] and their words."""
+LEAST_LIMITED_COMMANDS: Final = 0.01
+"""Share of the flight with a motor at its limit from which it is said."""
+SLOW_COMMANDS: Final = 50.0
+"""Below which commands tell nothing of turns [Hz]."""
+MUCH_LAG: Final = 0.01
+"""Difference of two lags that is said [s]."""
 LEAST_CHANGE: Final = 3.0
 """Change of thrust below which kt is found from the weight alone [%]."""
 MOST_SHOWN: Final = 1000.0
@@ -228,7 +234,7 @@ def prospect_messages(found: Prospects | None) -> list[str]:
         return []
     return [
         _thrust_message(found),
-        *(_axis_message(axis, found.thrust) for axis in found.excitation),
+        *(_axis_message(axis, found) for axis in found.excitation),
     ]
 
 
@@ -243,10 +249,7 @@ def _thrust_message(found: Prospects) -> str:
         "not": "kt cannot be found",
     }[thrust.prospect]
     if not thrust.followed:
-        return (
-            f"thrust changes by {change:.0f} %: {verdict}, if at all: neither roll nor pitch "
-            "follows the commands"
-        )
+        return f"thrust changes by {change:.0f} %: {verdict}, if at all: {_unexplained(found)}"
     if thrust.agree or thrust.from_weight is None:
         sure = " well" if thrust.prospect == "well" else ", changes of thrust being too few"
         return f"thrust changes by {change:.0f} %: {verdict}{sure}"
@@ -262,14 +265,36 @@ def _thrust_message(found: Prospects) -> str:
     )
 
 
-def _axis_message(axis: Excitation, thrust: Thrust) -> str:
+def _unexplained(found: Prospects) -> str:
+    """Say what may be wrong where commands do not explain the turns that a pilot flies."""
+    if found.motors is None:
+        return "neither roll nor pitch follows the commands"
+    words = "the commands explain quick turns, but not the slow ones that a pilot flies"
+    commands = found.commands
+    if commands is None:
+        return words
+    if commands.rate < SLOW_COMMANDS:
+        return f"{words}: they come at {commands.rate:.0f} Hz, too slow to tell"
+    causes = [] if commands.law_known else ["the law from command to rotor speed is not known"]
+    if commands.limited >= LEAST_LIMITED_COMMANDS:
+        causes.append(f"a motor is at its limit in {100.0 * commands.limited:.0f} % of the flight")
+    if abs(commands.lag - commands.seen_lag) > MUCH_LAG:
+        causes.append(
+            f"slow turns fit a motor lag of {1e3 * commands.lag:.0f} ms, quick ones "
+            f"{1e3 * commands.seen_lag:.0f} ms"
+        )
+    cure = "log the rotor speed, or give law and lag under [motors]"
+    return "; ".join([f"{words}: {', '.join(causes)}" if causes else words, cure])
+
+
+def _axis_message(axis: Excitation, found: Prospects) -> str:
     rho = f"over {MOST_SHOWN:.0f}" if axis.rho > MOST_SHOWN else short(axis.rho)
     what, others = WHAT[axis.axis]
     verdict = {
         # The scale of Izz hangs on small terms of all equations, which only an estimate weighs.
         "well": f"{what} can be found well{others and f'; {others} less surely'}",
-        "roughly": f"{what} roughly{others and f', {others} less surely'}: {_reason(axis, thrust)}",
-        "not": f"{what}{others and f', {others}'} cannot be found: {_reason(axis, thrust)}",
+        "roughly": f"{what} roughly{others and f', {others} less surely'}: {_reason(axis, found)}",
+        "not": f"{what}{others and f', {others}'} cannot be found: {_reason(axis, found)}",
     }[axis.prospect]
     return (
         f"{axis.axis}: {short(axis.turning)} rad/s^2, signal-to-noise {rho} "
@@ -277,15 +302,15 @@ def _axis_message(axis: Excitation, thrust: Thrust) -> str:
     )
 
 
-def _reason(axis: Excitation, thrust: Thrust) -> str:
+def _reason(axis: Excitation, found: Prospects) -> str:
     """Explain why the number of an axis is not found well."""
+    if axis.rho < LEAST_EXCITATION and axis.prospect == "not":
+        if not found.thrust.followed and found.motors is not None:
+            return "the commands do not explain it, see thrust"
+        return "noise and disturbances hide the motion"
     if axis.rho < LEAST_EXCITATION:
-        return (
-            "noise and disturbances hide the motion"
-            if axis.prospect == "not"
-            else "disturbances are not small against this motion"
-        )
-    if axis.axis != "yaw" and thrust.prospect != "well":
+        return "disturbances are not small against this motion"
+    if axis.axis != "yaw" and found.thrust.prospect != "well":
         return "no better than kt"
     return "fly more of this motion"
 
