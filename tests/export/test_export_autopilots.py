@@ -489,3 +489,29 @@ def test_the_copter_arms():
     text = text_of(a_result(law=late), "ardupilot")
     assert not [name for name in copter(text) if name.startswith("MOT_SPIN")]
     assert "MOT_SPIN_MIN would be 0.4, with which ArduPilot does not arm" in text
+
+
+@pytest.mark.parametrize(
+    "target", ["gazebo", "gazebo-motors", "mujoco", "rotorpy", "crazyflow", "casadi", "urdf"]
+)
+def test_thrust_at_full_command_is_enough_for_a_simulator(target):
+    """kt per squared command is that thrust [N]: a nominal speed, which the file declares."""
+    each = {f"kt_{i}": None for i in range(1, 5)}
+    kt = {"unit": "N per squared command", "value": 4.2, "interval": (4.1, 4.3)}
+    kd = {"unit": "N m per squared command", "value": 0.063, "interval": (0.06, 0.066)}
+    result = changed(a_result(law=None), kt=kt, kd=kd, Jr=None, **each)
+    result = replace(result, settings={**result.settings, "motors": {"speed": "commanded"}})
+    text = text_of(result, target, assumed={"motor_lag": 0.03})
+    if target == "mujoco":
+        assert 'ctrlrange="0 4.2"' in text and "-0.015" in text
+        return
+    assert "max_speed = 1000 rad/s [ASSUMED: nominal: the log does not tell it" in text
+    if target.startswith("gazebo"):
+        value = {n: float(text.split(f"<{n}>")[1].split("<")[0]) for n in (
+            "motorConstant", "maxRotVelocity", "momentConstant")}  # fmt: skip
+        assert value["motorConstant"] * value["maxRotVelocity"] ** 2 == pytest.approx(4.2)
+        assert value["momentConstant"] == pytest.approx(0.015)
+    if target == "crazyflow":
+        assert tomllib.loads(text)["export_me"]["thrust_max"] == pytest.approx(4.2)
+    real = text_of(result, target, assumed={"motor_lag": 0.03, "max_speed": 800.0})
+    assert "nominal" not in real and "max_speed = 800 rad/s [ASSUMED]" in real

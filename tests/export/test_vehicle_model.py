@@ -244,7 +244,7 @@ def test_commands_without_a_law_need_the_full_speed():
 
 def test_an_autopilot_needs_only_the_thrust_at_full_command():
     with pytest.raises(OutputError, match="max_speed"):
-        text_of(in_commands(), "gazebo", assumed={"motor_lag": 0.03})
+        text_of(in_commands(), "paparazzi", assumed={"motor_lag": 0.03})
     text = text_of(in_commands(), "px4")
     lines = [line.split("\t") for line in text.splitlines() if not line.startswith("#")]
     found = {line[2]: float(line[3]) for line in lines}

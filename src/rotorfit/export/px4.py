@@ -36,7 +36,12 @@ from rotorfit.export.vehicle import Spread, VehicleModel, refuse_no_lag, spread
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
 from rotorfit.model.terms.air import DRAG_NAMES, TURN_DAMPING
 from rotorfit.preprocessing.airborne import GRAVITY
-from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve, speeds, thrust_curve
+from rotorfit.preprocessing.motors.thrust_curve import (
+    ThrustCurve,
+    full_speed_of,
+    speeds,
+    thrust_curve,
+)
 
 MOST_ROTORS = 12
 """PX4's NUM_ROTORS_MAX."""
@@ -179,8 +184,11 @@ def write_px4_gazebo(model: VehicleModel, head: Sequence[str]) -> str:
 
 
 def _idle(model: VehicleModel) -> float:
-    """Return the rotor speed at no command [rad/s]."""
-    return 0.0 if model.law is None else float(speeds(model.law, np.zeros(1))[0])
+    """Return the rotor speed at no command [rad/s]; a law may be of shares of full speed."""
+    if model.law is None:
+        return 0.0
+    share = float(speeds(model.law, np.zeros(1))[0]) / full_speed_of(model.law)
+    return share * model.max_speed
 
 
 ROLL, PITCH, YAW, FORWARD, RIGHT, DOWN = range(6)

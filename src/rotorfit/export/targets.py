@@ -33,7 +33,7 @@ RandomTargetName = Literal["samples", "isaac-lab", "pegasus", "crazyflow-worlds"
 """Files of many vehicles, drawn from the posterior."""
 AnyTargetName = Literal[TargetName, RandomTargetName, "table"]
 """And ``table``, which is of flights (`rotorfit.export.table`)."""
-Speed = Literal["rad/s", "full-command"]
+Speed = Literal["rad/s", "full-command", "nominal"]
 
 INERTIA_COM: Final = ("Ixx_com", "Iyy_com", "Izz_com", "Ixy_com", "Ixz_com", "Iyz_com")
 MASS: Final = ("mass", "com_x", "com_y", "com_z")
@@ -74,7 +74,8 @@ class Target:
     module
         Of `rotorfit.export`, with the function ``write_TARGET``.
     speed
-        Whether the file holds rotor speeds, or only what a rotor does at full command.
+        Whether the file holds rotor speeds, only what a rotor does at full command, or speeds of
+        which a nominal one will do, since the consumer flies by thrust and torque alone.
     terms
         Optional terms of the model that it holds.
     intervals

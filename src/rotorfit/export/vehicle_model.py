@@ -78,6 +78,10 @@ def vehicle_model(
     return projected(model, result)
 
 
+NOMINAL_SPEED: Final = 1000.0
+"""Of a rotor at full command, where any will do [rad/s]: the largest that PX4's Gazebo takes."""
+
+
 def _law(result: IdentificationResult, experiment: Experiment) -> SpeedLaw | None:
     """Select the law of the motors: declared, or found between commands and measured speeds."""
     if experiment.motors.law is not None:
@@ -97,6 +101,14 @@ def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed
         remark = "as a fraction of its maximum: no law gives it in rad/s"
         if law is None:
             remark = "taken as proportional to the command: no law is known"
+    elif speed == "nominal" and is_per_command(result):
+        remark = (
+            "nominal: the log does not tell it; thrust and torque at full command are those of the "
+            "flights, and rotor speeds, kt and kd here are of rotors that turn so fast"
+        )
+        return Number(
+            name="max_speed", value=NOMINAL_SPEED, unit="rad/s", origin="assumed", remark=remark
+        )
     else:
         return None
     return Number(name="max_speed", value=value, unit=unit, origin="law", remark=remark)
