@@ -1,7 +1,7 @@
 """Draw the picture of the first page:  rotorfit demo -o DIR && python docs/pictures/make.py DIR
 
-95 % intervals of the demo's configuration A, by the default method and by ordinary least squares as in the paper, in
-percent of the truth.
+95 % intervals of the demo's configuration A, by the default method and by ordinary least squares as
+in the paper, in percent of the truth.
 """
 
 import json
