@@ -90,6 +90,14 @@ def test_any_two_swapped_motors_are_refused(flights, name):
         assert words in refusal(data, reordered(vehicle, order))
 
 
+def test_a_known_motor_order_is_offered_by_its_name(flights):
+    data, vehicle = flights["A"]
+    words = refusal(data, swapped(vehicle, 0, 1))
+    assert 'listed in the order 2, 1, 3, 4 (layout = "quad-plus", order = "p' in words
+    data, props_out = flights["quad-x"]
+    assert "(layout = " not in refusal(data, swapped(props_out, 0, 1))
+
+
 def test_swapped_motors_of_eight_are_refused_where_they_matter(flights):
     data, vehicle = flights["octo"]
     # Neighbours but one of equal spin, such as 3 and 5, are so alike that their swap costs only

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import permutations
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import scipy.linalg
@@ -22,6 +23,7 @@ from rotorfit.dataset.dataset import LoadedFlight
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.model.layouts import LAYOUTS, layout_rotors
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.preprocessing.imu_tilt import LEAST_TILT, mean_force_tilt, tilt_phrase
@@ -397,13 +399,31 @@ def _others(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
     for order in _orders(len(rotors)):
         ordered = [rotors[i] for i in order]
         named = ", ".join(str(i + 1) for i in order)
-        words = f"your rotors listed in the order {named}"
+        words = f"your rotors listed in the order {named}{_named_order(ordered)}"
         yield _with_rotors(vehicle, ordered), words
         yield _with_rotors(vehicle, map(reversed_rotor, ordered)), f"{words} and {flipped}"
         moved = [replace(o, spin=r.spin) for o, r in zip(ordered, rotors, strict=True)]
         if moved != ordered:
             words = f"the positions alone, without the spins, listed in the order {named}"
             yield _with_rotors(vehicle, moved), words
+
+
+SAME_SEAT: Final = 0.94
+"""Cosine of the 20 degrees, seen from the middle, within which a rotor is at a layout's."""
+
+
+def _named_order(rotors: Sequence[Rotor]) -> str:
+    """Name the autopilot whose order of a layout the rotors are in; empty without one."""
+    places = np.array([rotor.position[:2] for rotor in rotors])
+    places = places - places.mean(axis=0)
+    for layout, order in LAYOUTS:
+        seats = layout_rotors(layout, arm=1.0, order=order)
+        if [seat.spin for seat in seats] != [rotor.spin for rotor in rotors]:
+            continue
+        along = (places * np.array([seat.position[:2] for seat in seats])).sum(axis=1)
+        if bool((along >= SAME_SEAT * np.linalg.norm(places, axis=1)).all()):
+            return f' (layout = "{layout}", order = "{order}")'
+    return ""
 
 
 def _orders(n: int) -> list[tuple[int, ...]]:
