@@ -113,7 +113,11 @@ def test_the_file_has_every_key_of_the_format(result):
         if parameter["verdict"] == "ratio-only":
             assert parameter["with"] in ("Izz", "kd")
     for derived in plain["derived"]:
-        assert derived.keys() == {"name", "configuration", "value", "std", "interval", "unit"}
+        assert derived.keys() == {
+            *["name", "configuration", "value", "std", "interval", "unit"],
+            "verdict",
+            "reason",
+        }
     for flight in plain["flights"]:
         assert flight.keys() >= {"file", "sha256", "seconds_used", "samples_used", "warnings"}
         assert len(flight["sha256"]) == 64

@@ -62,15 +62,6 @@ def percent(number: Parameter | Derived) -> float | None:
     return None if half is None or not value else 100.0 * half / abs(value)
 
 
-def percent_words(value: float) -> str:
-    """Return a percentage with two digits, or whole above 10."""
-    if value >= 9.5:
-        return f"{value:.0f} %"
-    if value < 0.001:
-        return "0.001 %"
-    return f"{float(f'{value:.1g}' if value < 1 else f'{value:.2g}'):g} %"
-
-
 WIDTH, HEIGHT, MARGIN = 132.0, 18.0, 5.0
 
 FAMILIES = (

@@ -6,14 +6,23 @@ from typing import Any
 
 from rotorfit.formatting.digits import known, with_interval
 from rotorfit.logs.files import file_name
-from rotorfit.model.parameters import NUISANCE
+from rotorfit.model.parameters import NUISANCE, OF_FLIGHT
 from rotorfit.model.terms.air import DRAG_MOMENTS
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
 from rotorfit.report.parameters import COM_FIRST, VERDICT_MEANING, Entry, body_entry, percent
-from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
+from rotorfit.results.result import (
+    Derived,
+    IdentificationResult,
+    Parameter,
+    configuration_names,
+    verdict_of,
+)
 from rotorfit.results.verdicts import WEAK, twin_of
 
-ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
+ROTOR_DERIVED = (
+    *("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed"),
+    *OF_FLIGHT,
+)
 DOUBTFUL = ("weak", "doubtful", "ratio-only", "not-identified", "removed")
 """Verdicts that need a word of explanation, and mostly of advice."""
 WIDTH = 100
@@ -54,14 +63,16 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
 
-def _title(result: IdentificationResult) -> str:
+def flights_in_words(result: IdentificationResult) -> str:
+    """Name the result, and say how much was flown for it."""
     seconds = sum(flight.seconds_used for flight in result.flights)
     count = len(result.flights)
     flights = "1 flight" if count == 1 else f"{count} flights"
-    return (
-        f"{result.name}: {flights}, {seconds:.1f} s in the air, method {result.method}; "
-        "+- is half of the 95 % interval"
-    )
+    return f"{result.name}: {flights}, {seconds:.1f} s in the air"
+
+
+def _title(result: IdentificationResult) -> str:
+    return f"{flights_in_words(result)}, method {result.method}; +- is half of the 95 % interval"
 
 
 def _rotor_lines(result: IdentificationResult) -> list[Line]:
@@ -92,7 +103,7 @@ def _law_lines(result: IdentificationResult, width: int) -> list[str]:
 
 def _rotor_derived(result: IdentificationResult, owners: Container[str | None]) -> list[Line]:
     return [
-        (d, "")
+        (d, verdict_of(result, d))
         for d in result.derived
         if d.name in ROTOR_DERIVED and d.configuration in owners and known(d.value) is not None
     ]
@@ -178,6 +189,14 @@ def _meanings(result: IdentificationResult) -> list[str]:
 
 def advice_of(result: IdentificationResult) -> list[str]:
     """Collect each advice once, after its numbers and what is wrong with them."""
+    return [
+        "; ".join(f"{', '.join(names)} ({wrong})" for wrong, names in group.items()) + f": {advice}"
+        for advice, group in _advised(result).items()
+    ]
+
+
+def _advised(result: IdentificationResult) -> dict[str, dict[str, list[str]]]:
+    """Collect numbers by advice, and by what is wrong with them."""
     groups: dict[str, dict[str, list[str]]] = {}
     for entry in _judged(result):
         if entry.advice is None or entry.verdict not in DOUBTFUL or entry.number.name in NUISANCE:
@@ -185,10 +204,22 @@ def advice_of(result: IdentificationResult) -> list[str]:
         names = groups.setdefault(entry.advice, {}).setdefault(_wrong(entry), [])
         name = entry.number.name
         names += [name] if name not in names else []
-    return [
-        "; ".join(f"{', '.join(names)} ({wrong})" for wrong, names in group.items()) + f": {advice}"
-        for advice, group in groups.items()
-    ]
+    return groups
+
+
+def next_step_of(result: IdentificationResult) -> str | None:
+    """Choose what to do next: what ends a doubt of a number, else what sharpens the most."""
+    steps = [one.next_step for one in result.findings if one.doubtful_because and one.next_step]
+    if steps:
+        return steps[0]
+    groups = {
+        advice: [name for names in group.values() for name in names]
+        for advice, group in _advised(result).items()
+    }
+    if not groups:
+        return None
+    advice, names = max(groups.items(), key=lambda group: len(group[1]))
+    return f"{advice} (for {', '.join(names)})"
 
 
 def _wrong(entry: Entry) -> str:

@@ -29,7 +29,16 @@ def in_command_units(result: IdentificationResult, dataset: Dataset) -> Identifi
     motors = dataset.motors
     if motors.speed == "measured" or not motors.law_is_relative or dataset.speeds_commanded:
         return result
-    relative = doubt("no-speed-law", NO_LAW if motors.law is None else RELATIVE_LAW)
+    relative = doubt("no-speed-law", RELATIVE_LAW)
+    if motors.law is None:
+        relative = doubt(
+            "no-speed-law",
+            NO_LAW,
+            numbers=("thrust_to_weight", "max_thrust"),
+            doubtful_because="thrust is taken to grow with the square of the command",
+            next_step="log the rotor speed, or measure thrust over command and give law under "
+            "[motors]",
+        )
     return dataclasses.replace(
         result,
         parameters=tuple(

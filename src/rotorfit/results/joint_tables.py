@@ -15,7 +15,7 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.model.parameters import DERIVED, PARAMETERS, ROW_ORDER, UNREPORTED
+from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS, ROW_ORDER, UNREPORTED
 from rotorfit.model.terms.body import BIAS_STD
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.reduction.frequency_bands import STRETCH
@@ -186,7 +186,7 @@ def _derived_numbers(
         )
         for entry in (None, *entries)
         for name in DERIVED
-        if (name in SHARED_NUMBERS) == (entry is None)
+        if name not in OF_FLIGHT and (name in SHARED_NUMBERS) == (entry is None)
     ]
 
 
