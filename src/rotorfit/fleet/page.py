@@ -240,7 +240,7 @@ def _number_cell(number: NumberStatistics, vehicle: int) -> _Cell:
     place = number.vehicles.index(vehicle)
     now = _interval_text(float(number.now[place]), float(number.now_std[place]))
     drawn = _interval_text(float(number.shrunk[place]), float(number.shrunk_std[place]))
-    hint = f"with what the type tells: {drawn}" if drawn != "–" else ""
+    hint = f"with the other vehicles' numbers as well: {drawn}" if drawn != "–" else ""
     if number.changes[place]:
         hint = "after its change, by its own flights"
     key = float(number.now[place])

@@ -20,23 +20,21 @@ from rotorfit.results.verdicts import ADVICE, body_verdict, motion_for, relative
 TITLES = {name: info.title for name, info in EVERY.items()}
 
 VERDICT_MEANING = {
-    "identified": "uncertainty up to 25 % of the value or its relevant size (docs/method.md)",
-    "weak": "uncertainty over 25 % of value and relevant size, or mostly prior (marked so)",
+    "identified": "+- up to 25 % of the value, or of the size that matters (docs/method.md)",
+    "weak": "+- over 25 % of value and of the size that matters, or mostly prior (marked so)",
     "doubtful": "may be outside its interval: a check contradicts it, the reason is given",
     "ratio-only": "known only together with another parameter",
-    "not-identified": "this flight does not show it",
+    "not-identified": "these flights do not determine it",
     "given": "given to rotorfit, not estimated",
     "removed": "taken out of the model as unessential",
 }
 
-PREDICTED_WELL = (
-    "Good: Fz up to 5 % (the weight is in it), moments up to 30 % (a tenth of their power is left)."
-)
+PREDICTED_WELL = "Good: thrust (Fz) up to 5 %, moments (Mx roll, My pitch, Mz yaw) up to 30 %."
 """What relative errors on flights kept apart are worth."""
 NOTHING_PREDICTED = (
     "At 100 % and over the model predicts nothing of that component: the rotors hardly moved it "
-    "in this flight (validate on one that does), or the parameters do not hold for it (vehicle "
-    "changed since, wrong configuration; identify from both flights)."
+    "in this flight (validate on a livelier one), or the vehicle has changed or is another "
+    "configuration (identify from both flights)."
 )
 
 

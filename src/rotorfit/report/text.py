@@ -26,7 +26,7 @@ ROTOR_DERIVED = (
 DOUBTFUL = ("weak", "doubtful", "ratio-only", "not-identified", "removed")
 """Verdicts that need a word of explanation, and mostly of advice."""
 WIDTH = 100
-UNEXPLAINED = "Flights kept apart: what is left unexplained"
+UNEXPLAINED = "Flights kept apart: prediction error"
 
 Line = tuple[Parameter | Derived, str]
 """A number with the words that follow its unit."""

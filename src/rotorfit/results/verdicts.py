@@ -47,8 +47,8 @@ ADVISED: Final[Mapping[str, Manoeuvre]] = {
 ADVICE: Final[Mapping[str, str]] = {
     **{motion: FLOWN[manoeuvre] for motion, manoeuvre in ADVISED.items()},
     "air": "fly fast to and fro along every axis, 20 s",
-    "scale": "nothing in the yaw equation fixes the scale; a measured Izz, or an estimate from "
-    "all equations at once, would",
+    "scale": "measure Izz (bifilar pendulum), or identify with method banded: the yaw equation "
+    "alone gives only ratios",
 }
 
 
@@ -97,7 +97,7 @@ def judge(
     hopeless = not relative <= (HOPELESS_YAW if little and axis == "yaw" else HOPELESS)
     reason = f"known only to +-{100 * relative:.0f} %"
     if abs(value) < scale:
-        reason += " of a size that matters for it"
+        reason = f"near zero, and its interval is {relative / WEAK:.1f} times too wide"
     if hopeless:
         reason = "the interval is wider than the value itself"
     if little:
