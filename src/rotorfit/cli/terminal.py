@@ -89,7 +89,7 @@ COLOURS: Final = {
 Colour = Literal["auto", "always", "never"]
 COLOUR: ContextVar[Colour] = ContextVar("colour", default="auto")
 _VERDICT: Final = re.compile(
-    r"^(?P<row>  [A-Za-z]\S* .* )"
+    r"^(?P<row>(?: {2}| {8})[A-Za-z]\S* .* )"
     r"(?P<verdict>not-identified|identified|weak|doubtful|ratio-only|given|removed)(?= with \S+$|$)"
     r"|\b(?P<stand>better|WORSE)\b(?= \(error)|(?<=\()(?P<aside>weak|doubtful)(?=\)(?:,|$))",
     re.MULTILINE,

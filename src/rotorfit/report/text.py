@@ -5,6 +5,7 @@ from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
 from rotorfit.formatting.digits import known, with_interval
+from rotorfit.formatting.sheet import table_lines
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import NUISANCE, OF_FLIGHT
 from rotorfit.model.terms.air import DRAG_MOMENTS
@@ -44,10 +45,10 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
     """
     sections = [
         textwrap.wrap(_title(result), width),
-        _table("Rotors", _rotor_lines(result)),
+        _table("Rotors", _rotor_lines(result), width),
         _law_lines(result, width),
         *(
-            _table(f"Body, configuration {name}", _body_lines(result, name))
+            _table(f"Body, configuration {name}", _body_lines(result, name), width)
             for name in configuration_names(result)
         ),
         _listed(UNEXPLAINED, map(_validated, result.validation), width),
@@ -161,7 +162,7 @@ def _verdict(of: Parameter | Entry) -> str:
     return f"{of.verdict} with {of.partner}" if with_partner else of.verdict
 
 
-def _table(title: str, lines: list[Line]) -> list[str]:
+def _table(title: str, lines: list[Line], width: int) -> list[str]:
     """Align numbers one below the other, units and verdicts each in their column."""
     if not lines:
         return []
@@ -169,11 +170,15 @@ def _table(title: str, lines: list[Line]) -> list[str]:
     names = max(15, *(len(number.name) for number, _ in lines))
     room = max(14, *map(len, units))
     rows = [
-        f"  {number.name:<{names}} {with_interval(number.value, number.interval):>24}  "
-        f"{unit:<{room}} {words}"
+        (
+            f"  {number.name:<{names}}",
+            f"{with_interval(number.value, number.interval):>24} ",
+            f"{unit:<{room}}",
+            words,
+        )
         for (number, words), unit in zip(lines, units, strict=True)
     ]
-    return [title, *(row.rstrip() for row in rows)]
+    return [title, *table_lines(rows, width)]
 
 
 def _validated(row: Mapping[str, Any]) -> str:
