@@ -195,12 +195,12 @@ def _text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
     lines = [f"{flights} identified, of {_count(vehicles, 'vehicle')}"]
     lines += _failures_line(fleet, folder)
     for one in types:
-        told = [
+        found = [
             f"{one.statistics.vehicles[f.vehicle]}: {f.sentence} What to do: {f.next_step}."
             for f in _findings(one)
         ]
         lines += ["", *([f"Type {one.name}:"] if len(types) > 1 else [])]
-        for words in told or [nothing_found(one.statistics)]:
+        for words in found or [nothing_found(one.statistics)]:
             lines += textwrap.wrap(words, terminal_width(), break_on_hyphens=False)
     tests = sum(one.statistics.tests for one in types)
     if tests:

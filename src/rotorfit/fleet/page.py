@@ -213,8 +213,8 @@ def _table(
     """Return each vehicle's flights, main numbers as they are now, and findings."""
     counts = Counter(record.vehicle for record in records)
     seen = Counter(finding.vehicle for finding in found)
-    told = [n for n in statistics.numbers if n.name in SHOWN and np.isfinite(n.now).any()]
-    numbers = told[:TABLE_NUMBERS]
+    named = [n for n in statistics.numbers if n.name in SHOWN and np.isfinite(n.now).any()]
+    numbers = named[:TABLE_NUMBERS]
     order = sorted(range(len(statistics.vehicles)), key=lambda v: (-seen[v], v))[:MOST_ROWS]
     rows = [
         (

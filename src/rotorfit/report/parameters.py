@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rotorfit.formatting.digits import Number, finite_interval, known, number_of
-from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
+from rotorfit.model.parameters import COM, EVERY, INERTIA_COM, OF_FLIGHT
 from rotorfit.model.terms.air import DRAG_MOMENTS
 from rotorfit.report.pages import drawing, tag
 from rotorfit.results.result import (
@@ -148,7 +148,7 @@ def _body_tables(result: IdentificationResult, configuration: str) -> list[Param
     # With one configuration the rotors' table has the ratios; with several they differ by body.
     elsewhere = _ROTOR_DERIVED if len(configuration_names(result)) == 1 else ()
     others = [
-        Entry(number=d, verdict="")
+        Entry(number=d, verdict=d.verdict or "", reason=d.reason)
         for d in derived.values()
         if d.name not in (*COM_FIRST, *elsewhere) and known(d.value) is not None
     ]
@@ -165,14 +165,14 @@ def _body_tables(result: IdentificationResult, configuration: str) -> list[Param
     ]
 
 
-_ROTOR_DERIVED = ("kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag_total")
+_ROTOR_DERIVED = ("kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag_total", *OF_FLIGHT)
 
 
 def _shared_derived(result: IdentificationResult) -> list[Entry]:
     """Collect the derived numbers of the rotors; with one configuration its ratios too."""
     names = _ROTOR_DERIVED if len(configuration_names(result)) == 1 else ()
     return [
-        Entry(number=d, verdict="")
+        Entry(number=d, verdict=d.verdict or "", reason=d.reason)
         for d in result.derived
         if (d.configuration is None or d.name in names) and known(d.value) is not None
     ]
