@@ -10,7 +10,7 @@ from rotorfit.experiment.law_table import LawEntry, SqrtEntry
 from rotorfit.findings import doubt
 from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS
 from rotorfit.results.assemble import mark_doubtful
-from rotorfit.results.flight_numbers import NO_COMMANDS, NO_MASS, with_flight_numbers
+from rotorfit.results.command_units import NO_COMMANDS, NO_MASS, with_flight_numbers
 from rotorfit.results.numbers import Derived, Parameter
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import refuse_unsound

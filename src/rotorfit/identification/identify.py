@@ -34,8 +34,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import mark_doubtful, with_diagnosis, with_setting
-from rotorfit.results.command_units import in_command_units
-from rotorfit.results.flight_numbers import with_flight_numbers
+from rotorfit.results.command_units import in_command_units, with_flight_numbers
 from rotorfit.results.joint_tables import joint_result
 from rotorfit.results.law_tables import add_motor_law
 from rotorfit.results.paper_tables import paper_result
