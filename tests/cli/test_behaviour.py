@@ -26,7 +26,7 @@ from rotorfit.errors import EstimationError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.logs import read_log
-from rotorfit.report.text import result_text
+from rotorfit.report.summary import summary_text
 from rotorfit.results.result import IdentificationResult
 
 PROGRAM = Path(sys.executable).with_name("rotorfit")
@@ -75,7 +75,7 @@ def stored(folder: Path) -> dict:
 def test_the_result_loads_and_prints_the_same(saved):
     result = IdentificationResult.load(saved / "result.json")
     assert result.parameter("kt").value == pytest.approx(3.63e-6, rel=0.03)
-    assert result_text(result, width=80) == (saved / "printed.txt").read_text()
+    assert summary_text(result, width=80) == (saved / "printed.txt").read_text()
 
 
 def test_the_same_from_another_folder_as_json_and_twice(run, saved, tmp_path, monkeypatch):
@@ -369,14 +369,18 @@ def test_verdicts_in_colour_on_a_terminal(monkeypatch, when, variables, expected
     monkeypatch.setenv("TERM", "xterm")
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    text = "  kt   3 +- 1  N  identified\n  kd   -   N m  ratio-only with Izz\n  identified: words"
+    text = (
+        "  kt   3 +- 1  N  identified\n  kd   -   N m  ratio-only with Izz\n"
+        "  lag  3 +- 1 (doubtful), words\n  com_x (weak): words\n  identified: words"
+    )
     rest = colour_from(["identify", "--color", when, "log.csv"])
     assert rest == ["identify", "log.csv"]
     green, yellow = "\x1b[32midentified\x1b[0m\n", "\x1b[33mratio-only\x1b[0m with Izz\n"
     with redirect_stdout(Terminal()):
         shown = coloured(text)
     COLOUR.set("auto")
-    assert (green in shown, yellow in shown) == (expected, expected)
+    red = "3 +- 1 (\x1b[31mdoubtful\x1b[0m), words\n  com_x (weak): words"
+    assert [part in shown for part in (green, yellow, red)] == [expected] * 3
     assert shown.endswith("  identified: words")
     assert re.sub(r"\x1b\[\d+m", "", shown) == text
 

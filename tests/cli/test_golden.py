@@ -60,9 +60,17 @@ def outline(text: str) -> str:
 
 
 def test_result_as_text(run, here, golden):
-    ended = run("identify", "experiment.toml")
+    ended = run("identify", "experiment.toml", "--full")
     assert (ended.code, ended.err) == (0, "")
     golden("result.txt", outline(ended.out))
+
+
+def test_a_result_in_about_ten_lines(run, here, golden, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    ended = run("identify", "experiment.toml")
+    assert (ended.code, ended.err) == (0, "")
+    assert len(ended.out.splitlines()) <= 14
+    golden("result-in-short.txt", re.sub(r"\d+(?:\.\d+)?", "x", ended.out))
 
 
 def test_inspection_as_text(run, here, golden, monkeypatch):

@@ -27,6 +27,6 @@ def test_a_component_of_which_nothing_is_predicted_is_named(yaw, said):
     text = validation_text([flight(Fz=0.01, Mx=0.1, My=0.2), flight(Fz=0.02, Mz=yaw)])
     words = " ".join(text.split())
     assert (NOTHING_PREDICTED in words) == said
-    assert "Good: Fz up to 5 % (the weight is in it), moments up to 30 %" in words
+    assert "Good: thrust (Fz) up to 5 %, moments (Mx roll, My pitch, Mz yaw) up to 30 %" in words
     assert f"{100 * yaw:.2f}" in text
     assert max(map(len, text.splitlines())) <= 80

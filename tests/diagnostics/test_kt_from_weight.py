@@ -131,7 +131,7 @@ def test_what_chance_may_do_is_no_doubt(changes, doubted):
 
 def test_the_power_of_a_command_is_said_without_a_law():
     said = agreement(balance(0.75, 0.02, law_std=0.25), COMMANDED).sentence
-    assert "its power 1.5 in hover" in said
+    assert "to the power of 1.5, not 2" in said
     assert "power" not in agreement(balance(0.75, 0.02), COMMANDED).sentence
 
 

@@ -83,7 +83,9 @@ def test_a_sound_flight_has_no_warnings_and_lists_its_inputs(flight, sound):
     assert "400 mm front to back, 400 mm left to right" in hanging[1]
     assert "rpm)" in hanging[2]
     assert "clock" in hanging[3]
-    assert "the centre of mass hangs on the place of the IMU (0, 0, 0 mm)" in hanging[4]
+    assert (
+        "the centre of mass is as good as the declared place of the IMU (0, 0, 0 mm)" in hanging[4]
+    )
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.0, 10.0), (-8.0, 6.0)])
@@ -171,9 +173,9 @@ def test_two_vehicles_in_one_configuration_are_told(tmp_path, flight, columns):
     for axis in "xyz":
         slower[f"gyro_{axis}"] = slower[f"gyro_{axis}"] * 0.7
     result = identified(tmp_path, flight, columns, more=(slower,))
-    assert len(said(result, "times what chance explains")) == 1
+    assert len(said(result, "standard deviations apart")) == 1
     alike = identified(tmp_path, flight, columns, more=(table_of(other),))
-    assert not said(alike, "times what chance explains")
+    assert not said(alike, "standard deviations apart")
 
 
 def test_a_propeller_that_breaks_is_named(tmp_path, flight, columns):

@@ -64,7 +64,7 @@ def test_findings_come_first_with_what_to_check(html):
     assert first.count('class="find ') == 3
     assert "Thrust coefficient of rotor 2 falls by" in first
     assert "check or replace propeller 2" in first
-    assert "the chance that any change is said at all would be 5 %" in first
+    assert "False alarms: in 5 of 100 fleets without any change" in first
 
 
 def test_every_flight_has_its_report_or_its_command(html):
@@ -82,9 +82,23 @@ def test_vehicles_can_be_sorted_and_changes_are_marked(html):
 
 def test_a_quiet_fleet_says_so():
     records = a_fleet(seed=1, vehicles=5, flights=4)
-    assert "Nothing changed and no vehicle is unlike" in fleet_html(
+    assert "No change was found, and no vehicle is unlike the others." in fleet_html(
         fleet_statistics(records), records
     )
+
+
+@pytest.mark.parametrize(("flights", "said"), [(3, "nothing to compare yet"), (5, "No change")])
+def test_one_vehicle_has_no_column_of_dashes(flights, said):
+    records = a_fleet(seed=1, vehicles=1, flights=flights)
+    page = fleet_html(fleet_statistics(records), records)
+    assert said in page
+    assert ("False alarms" in page) is (flights > 3)
+    assert "a vehicle unlike the others takes 5 vehicles" in page
+    kept = page[
+        page.index('<table class="fleet-type">') : page.index('aria-labelledby="over-time"')
+    ]
+    assert "Mean ±" not in kept and "Between vehicles" not in kept
+    assert "Between flights" in kept and ">–<" not in kept
 
 
 def test_many_flights_are_averaged_in_drawings_and_not_listed():

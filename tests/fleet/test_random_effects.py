@@ -157,7 +157,7 @@ def test_few_groups_are_not_drawn_to_a_mean():
 
 
 def test_a_number_that_nobody_tells_is_refused():
-    with pytest.raises(EstimationError, match="told by no repeat"):
+    with pytest.raises(EstimationError, match="no value in any flight"):
         random_effects(repeated(np.full((3, 1), np.nan), np.ones((3, 1, 1)), np.arange(3)))
 
 

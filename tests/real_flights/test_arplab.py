@@ -92,8 +92,8 @@ def test_inertia_is_in_the_bands_of_its_authors(result):
 
 def test_the_law_is_said_to_be_neither_linear_nor_square(result):
     assert any(
-        "thrust is proportional neither to the command nor to its square" in words
-        and "give it under [motors]" in words
+        "in hover thrust grows with the command to the power of 1.5, not 2" in words
+        and "give the law under [motors]" in words
         for words in result.warnings
     )
 

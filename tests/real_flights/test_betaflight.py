@@ -29,7 +29,10 @@ def test_thrust_per_mass_is_what_carries_the_weight(result):
     assert kt.value == pytest.approx(19.6, abs=0.3)
     assert kt.interval[0] < 18.0
     assert kt.interval[1] > 20.1  # by the commands themselves, not the speeds behind them
-    assert any("kt is taken from the weight" in words for words in result.warnings)
+    assert any(
+        "the result has the latter, and the intervals of inertia" in words
+        for words in result.warnings
+    )
 
 
 def test_lag_and_delay_are_those_of_the_likeliest_fit(result):

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from rotorfit.findings import doubt
+from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
 from rotorfit.results.result import (
     Derived,
     FlightRecord,
@@ -20,6 +21,23 @@ ROTORS = [
     {"position": [-0.1, -0.2, 0.01], "spin": "cw"},
 ]
 VERDICTS = ("identified", "weak", "ratio-only", "not-identified", "given", "removed")
+FOUND = CommandLaw(
+    form="power",
+    numbers=(
+        LawNumber(name="full_speed", value=1000.0, interval=(990.0, 1010.0), unit="rad/s"),
+        LawNumber(name="exponent", value=1.0, interval=(0.99, 1.01), unit="1"),
+    ),
+    nominal_voltage=None,
+    known=True,
+    commands=(0.2, 0.8),
+    relative_error=0.05,
+    held_out={"power": 1.0},
+    rotor_factors=(None,) * 4,
+    points=(LawPoint(command=0.5, low=480.0, median=500.0, high=520.0),),
+    motors={},
+    estimator="",
+)
+"""A law between commands and measured speeds."""
 NAMES = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 
 

@@ -4,12 +4,11 @@ import re
 from dataclasses import replace
 
 import pytest
-from report_material import ROTORS, a_comparison, a_result
+from report_material import FOUND, ROTORS, a_comparison, a_result
 
 from rotorfit.report.motor_law import law_picture, law_section
 from rotorfit.report.result_page import figure_texts, report_html
 from rotorfit.report.wrenches import excitation_chart, excitation_figure, excitation_sentences
-from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
 from rotorfit.validation.wrench_comparison import wrench_spectra
 
 TOLD = {
@@ -17,22 +16,6 @@ TOLD = {
     "motors": {"speed": "commanded", "law": {"linear": [0.0, 1000.0]}},
     "configuration": [{"name": "A", "mass": 1.0, "flights": ["A1.csv"]}],
 }
-FOUND = CommandLaw(
-    form="power",
-    numbers=(
-        LawNumber(name="full_speed", value=1000.0, interval=(990.0, 1010.0), unit="rad/s"),
-        LawNumber(name="exponent", value=1.0, interval=(0.99, 1.01), unit="1"),
-    ),
-    nominal_voltage=None,
-    known=True,
-    commands=(0.2, 0.8),
-    relative_error=0.05,
-    held_out={"power": 1.0},
-    rotor_factors=(None,) * 4,
-    points=(LawPoint(command=0.5, low=480.0, median=500.0, high=520.0),),
-    motors={},
-    estimator="",
-)
 
 
 def test_each_component_is_excited_where_it_was_moved() -> None:

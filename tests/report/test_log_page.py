@@ -101,7 +101,7 @@ def test_names_from_a_log_cannot_become_elements() -> None:
     )  # fmt: skip
     page = log_report_html(inspect_log(evil))
     assert "<b>" not in page and "<img" not in page and "alert(1)</script>" not in page
-    assert "their speed is not in the log" in page
+    assert "cannot be matched to the rotors: log their speed" in page
 
 
 def test_a_page_of_two_logs_has_both(report: LogReport) -> None:

@@ -6,11 +6,12 @@ Screenshots and the printed page go to $ROTORFIT_SCREENSHOTS if it is set.
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from report_material import a_comparison, a_result
+from report_material import FOUND, a_comparison, a_result
 
 from real_browser import opened_browser
 from rotorfit.report.result_page import write_report
@@ -21,7 +22,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     wanted = os.environ.get("ROTORFIT_SCREENSHOTS")
     path = Path(wanted) if wanted else tmp_path_factory.mktemp("browser")
     path.mkdir(parents=True, exist_ok=True)
-    result = a_result()
+    told = {"law": {"power": {"full_speed": 1234.567890, "offset": 0.0123, "exponent": 0.9}}}
+    result = a_result(command_law=replace(FOUND, motors=told))
     flights = [a_comparison(), a_comparison(configuration="B", seed=2)]
     write_report(path / "report.html", result, comparisons=flights, paper=True, force=True)
     return path
@@ -147,6 +149,7 @@ def test_it_fits_the_screen(page: Any, folder: Path, name: str, width: int) -> N
     page.set_viewport_size({"width": width, "height": 900})
     page.wait_for_timeout(200)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.locator(".heat .scroll").evaluate("e => e.scrollWidth - e.clientWidth") == 0
     view = page.locator("svg.wrench").first.get_attribute("viewBox").split()
     assert float(view[2]) <= width
     page.screenshot(path=folder / f"{name}.png", full_page=True)

@@ -19,7 +19,6 @@ from rotorfit.formatting.digits import number_of
 from rotorfit.formatting.series import Series, column_starts, extremes, thinned
 from rotorfit.report.chart import encoded, encoded_time, path_of
 from rotorfit.report.pages import HINT, nice_step, tick_label, ticks, write_drawings
-from rotorfit.report.parameters import percent_words
 from rotorfit.report.result_page import figure_texts
 from rotorfit.report.scene import scene_of
 from rotorfit.report.vehicle import SIDE, TOP, whole_view
@@ -179,12 +178,6 @@ def test_numbers_have_two_digits_of_their_half_width(
     if shown == "1.00 ± 0.30":
         shown = "1.00 (0.90 to 1.50)"
     assert str(number_of(value, interval)) == shown
-
-
-def test_percentages_have_two_digits() -> None:
-    assert [percent_words(v) for v in (0.0001, 0.034, 0.62, 2.34, 12.4)] == [
-        "0.001 %", "0.03 %", "0.6 %", "2.3 %", "12 %",
-    ]  # fmt: skip
 
 
 def test_figures_are_svg_files_that_stand_alone(

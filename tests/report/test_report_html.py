@@ -100,18 +100,20 @@ def test_inertia_about_the_com_precedes_inertia_at_the_origin() -> None:
 
 
 def test_the_summary_says_how_well_and_what_to_do() -> None:
-    (_, rotors), (_, body), _ = summary_of(a_result()).groups
-    sentences = {f.subject: (f.words, f.advice) for f in (*rotors, *body)}
-    assert sentences["Thrust coefficient"] == (
-        "(3.630 ± 0.020) × 10⁻⁶ N s²/rad²: known to 0.6 %",
-        None,
-    )
-    words, advice = sentences["Drag torque coefficient"]
-    assert words == "known only as a ratio to the yaw inertia"
-    assert advice is not None and advice.startswith("yaw while rolling")
-    assert sentences["Yaw inertia"][0] == "not known"
-    com = sentences["Centre of mass"][0]
-    assert com == "10.0 ± 1.0 mm in front of, 10.0 ± 1.0 mm left of, 10.0 ± 1.0 mm above the origin"
+    summary = summary_of(a_result())
+    (title, body), _ = summary.groups
+    lines = {line.heading: line for line in body}
+    assert title == "Body, configuration A"
+    com = lines["centre of mass [mm]"]
+    assert [(p.words, p.shown, p.doubt) for p in com.parts] == [
+        (way, "10.0 ± 1.0", "") for way in ("forward", "left", "up")
+    ]
+    assert com.remark == "from the origin"
+    roll, _, yaw = lines["inertia [1e-2 kg m^2]"].parts
+    assert (roll.words, roll.shown) == ("roll", "1.210 ± 0.020")
+    assert (yaw.words, yaw.shown) == ("yaw", "not known")
+    assert summary.next_step is not None
+    assert summary.next_step.startswith("yaw while rolling: fly 20 s of alternating turns (for ")
 
 
 def test_counts_of_verdicts_are_those_of_the_result() -> None:
@@ -301,47 +303,10 @@ def test_error_norms_of_the_result_are_shown_without_figures() -> None:
     assert any(row.startswith("A2.csv A 1.23 % – – –") for row in rows)
 
 
-def test_percentages_of_the_paper_are_said_to_be_its_own() -> None:
+def test_intervals_of_the_paper_are_said_to_be_its_own() -> None:
     page = Page(report_html(a_result(method="tls")))
-    assert "N s²/rad²: known to 0.6 %, by the paper's formula" in page.text
-    assert "by the paper's formula" not in Page(report_html(a_result())).text
-
-
-def test_no_percentage_of_a_number_near_zero() -> None:
-    result = a_result()
-    rotors = [p for p in result.parameters if p.configuration is None]
-    own = {p.name: p for p in rotors}
-    unit = {"unit": "s", "partner": None, "reason": None, "advice": None}
-    near_zero = dataclasses.replace(
-        own["kt"],
-        **{**unit, "name": "motor_delay", "value": 1.7e-3, "interval": (1e-4, 3.3e-3)},
-    )
-    assumed = dataclasses.replace(
-        own["kt"], name="kt_1", verdict="weak", reason="little more than that rotors are alike"
-    )
-    wide = dataclasses.replace(assumed, name="kt_2", interval=(2e-6, 6e-6), value=4e-6)
-    result = dataclasses.replace(result, parameters=(*result.parameters, near_zero, assumed, wide))
-    findings = summary_of(result).groups[0][1]
-    words = {f.subject: f.words for f in findings}
-    assert words["Motor delay"] == "0.0017 ± 0.0016 s"
-    assert words["Thrust coefficient of rotor 1"].endswith(
-        "N s²/rad²: little more than that rotors are alike"
-    )
-    assert words["Thrust coefficient of rotor 2"] == (
-        "(4.0 ± 2.0) × 10⁻⁶ N s²/rad²: known only to 50 %"
-    )
-
-
-def test_a_ratio_in_the_summary_has_its_value_and_interval() -> None:
-    ratio = dataclasses.replace(
-        a_result().derived[0], name="kd_over_Izz", value=1.8, interval=(1.7, 1.9), unit="1/rad^2"
-    )
-    result = a_result()
-    result = dataclasses.replace(result, derived=(*result.derived, ratio))
-    words = {f.subject: f.words for f in summary_of(result).groups[0][1]}
-    assert words["Drag torque coefficient"] == (
-        "known only as a ratio to the yaw inertia: 1.80 ± 0.10 1/rad²"
-    )
+    assert "(Six et al. 2020), intervals by their formula" in page.text
+    assert "by their formula" not in Page(report_html(a_result())).text
 
 
 def test_only_the_condition_of_rotors_and_bodies_is_judged() -> None:

@@ -204,6 +204,15 @@ def test_one_screen():
     assert "None" not in "\n".join(lines) and "nan" not in "\n".join(lines)
 
 
+def test_a_narrow_terminal_gets_columns_below_one_another():
+    wide, narrow = result_text(sample()), result_text(sample(), width=60)
+    assert max(map(len, narrow.splitlines())) <= 60 < max(map(len, wide.splitlines()))
+    assert narrow.split() == wide.split()
+    row = next(line for line in wide.splitlines() if line.startswith("  kd "))
+    first, second = re.search(r"\n(  kd .*)\n( {8}\S.*)\n", narrow).groups()
+    assert [*first.split(), *second.split()] == row.split()
+
+
 def test_word_by_word(golden):
     golden("report/text.txt", result_text(sample()))
 

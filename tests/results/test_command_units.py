@@ -163,7 +163,11 @@ def test_without_a_law_units_are_per_command_but_not_of_products(tmp_path, fligh
 def test_the_weight_reveals_thrust_not_quadratic_in_the_command(tmp_path, flight):
     """Thrust in proportion to the command, taken for its square."""
     result = identified(tmp_path, flight, motors="", recorded=lambda speed: speed**2)
-    doubts = [words for words in result.warnings if "kt is taken from the weight" in words]
+    doubts = [
+        words
+        for words in result.warnings
+        if "the result has the latter, and the intervals of inertia" in words
+    ]
     assert len(doubts) == 1
     assert re.search(r"about its power 1\.[0-3] in hover", doubts[0])
     truth, w = flight.truth, float(flight.max_speed)

@@ -59,7 +59,7 @@ def test_too_little_excitation_is_the_reason_that_is_named(half, verdict):
 def test_a_percentage_says_of_what_it_is():
     assert judge(0.8, 0.6, scale=0.2, axis="force").reason == "known only to +-75 %"
     near_zero = judge(0.1, 0.12, scale=0.2, axis="force").reason
-    assert near_zero == "known only to +-60 % of a size that matters for it"
+    assert near_zero == "near zero, and its interval is 2.4 times too wide"
 
 
 @pytest.mark.parametrize(
@@ -113,7 +113,11 @@ def test_the_file_has_every_key_of_the_format(result):
         if parameter["verdict"] == "ratio-only":
             assert parameter["with"] in ("Izz", "kd")
     for derived in plain["derived"]:
-        assert derived.keys() == {"name", "configuration", "value", "std", "interval", "unit"}
+        assert derived.keys() == {
+            *["name", "configuration", "value", "std", "interval", "unit"],
+            "verdict",
+            "reason",
+        }
     for flight in plain["flights"]:
         assert flight.keys() >= {"file", "sha256", "seconds_used", "samples_used", "warnings"}
         assert len(flight["sha256"]) == 64

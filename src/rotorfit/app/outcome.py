@@ -27,7 +27,7 @@ from rotorfit.report.parameters import PREDICTED_WELL, ParameterTable, Row, para
 from rotorfit.report.plan_card import card_html
 from rotorfit.report.plan_text import plan_text
 from rotorfit.report.result_page import report_html
-from rotorfit.report.summary import summary_of
+from rotorfit.report.summary import Line, summary_of
 from rotorfit.report.text import advice_of, assumptions_of, result_text, warnings_of
 from rotorfit.results.result import IdentificationResult, configuration_names
 from rotorfit.results.sound_result import load_sound
@@ -97,9 +97,11 @@ def outcome_of(result: IdentificationResult) -> dict[str, Any]:
         "text": result_text(result),
         "tables": [_table(one) for one in parameter_tables(result)],
         "summary": [
-            {"title": title, "findings": [dataclasses.asdict(one) for one in found]}
-            for title, found in summary.groups
+            {"title": title, "lines": [_line(one) for one in lines]}
+            for title, lines in summary.groups
         ],
+        "in_short": list(summary.doubts),
+        "next_step": summary.next_step,
         "counts": [{"verdict": v, "count": n, "meaning": words} for v, n, words in summary.counts],
         "validation": [
             {
@@ -115,6 +117,16 @@ def outcome_of(result: IdentificationResult) -> dict[str, Any]:
         "hangs_on": assumptions_of(result),
         "configurations": configuration_names(result),
         "result": json.loads(result.to_json()),
+    }
+
+
+def _line(line: Line) -> dict[str, Any]:
+    return {
+        "title": line.heading,
+        "parts": [
+            {"words": part.words, "shown": part.shown, "verdict": part.doubt} for part in line.parts
+        ],
+        "remark": line.remark,
     }
 
 

@@ -142,12 +142,14 @@ def _latency_note(results: Sequence[IdentificationResult]) -> list[str]:
 
 def comparison_text(comparison: Comparison) -> str:
     """Format a comparison for a terminal: a line a number, a column a result."""
+    from rotorfit.formatting.sheet import table_lines
+
     several = len({n.configuration for n in comparison.numbers} - {None}) > 1
     first, *others = comparison.labels
     rows = [["", first, *(cell for label in others for cell in (label, "differs")), ""]]
     rows += [_cells(number, several=several) for number in comparison.numbers]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [_line(row, widths) for row in rows]
+    lines = table_lines([_padded(row, widths) for row in rows], terminal_width())
     disjoint = [
         _name(number, several=several)
         for number in comparison.numbers
@@ -167,11 +169,11 @@ def comparison_text(comparison: Comparison) -> str:
     return "\n".join(lines)
 
 
-def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+def _padded(cells: Sequence[str], widths: Sequence[int]) -> list[str]:
     """Align name and unit to the left of their columns, numbers to the right."""
     name, *numbers, unit = cells
     shown = [f"{cell:>{width}}" for cell, width in zip(numbers, widths[1:-1], strict=True)]
-    return " ".join([f"{name:<{widths[0]}}", *shown, unit]).rstrip()
+    return [f"{name:<{widths[0]}}", *shown, unit]
 
 
 def _cells(number: ComparedNumber, *, several: bool) -> list[str]:

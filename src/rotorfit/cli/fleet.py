@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorfit.cli.options import AsJson, Force
-from rotorfit.cli.terminal import paced, print_result, print_status, steps
+from rotorfit.cli.terminal import paced, print_result, print_status, steps, terminal_width
 from rotorfit.errors import LogError
 
 if TYPE_CHECKING:
@@ -186,23 +187,33 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
 
 def _text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
     """Summarise a fleet in some lines."""
+    from rotorfit.fleet.findings import nothing_found
     from rotorfit.fleet.statistics import ALARM
 
     vehicles = sum(len(one.statistics.vehicles) for one in types)
-    lines = [f"{_identified_count(fleet)} flights identified, of {vehicles} vehicles"]
+    flights = _count(_identified_count(fleet), "flight")
+    lines = [f"{flights} identified, of {_count(vehicles, 'vehicle')}"]
     lines += _failures_line(fleet, folder)
     for one in types:
-        findings = _findings(one)
-        lines += ["", *([f"Type {one.name}:"] if len(types) > 1 else [])]
-        lines += [
+        found = [
             f"{one.statistics.vehicles[f.vehicle]}: {f.sentence} What to do: {f.next_step}."
-            for f in findings
+            for f in _findings(one)
         ]
-        if not findings:
-            lines.append("Nothing changed, and no vehicle stands apart.")
+        lines += ["", *([f"Type {one.name}:"] if len(types) > 1 else [])]
+        for words in found or [nothing_found(one.statistics)]:
+            lines += textwrap.wrap(words, terminal_width(), break_on_hyphens=False)
     tests = sum(one.statistics.tests for one in types)
-    chance = f"{100 * ALARM:.0f} % of fleets in which nothing changed show a change by chance"
-    return "\n".join([*lines, "", f"({chance}; {tests} series of flights were looked at.)"])
+    if tests:
+        chance = (
+            f"(False alarms: {100 * ALARM:.0f} of 100 fleets without any change show one; {tests} "
+            "series of flights were searched.)"
+        )
+        lines += ["", *textwrap.wrap(chance, terminal_width())]
+    return "\n".join(lines)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _identified_count(fleet: Fleet) -> int:

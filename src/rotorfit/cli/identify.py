@@ -70,6 +70,13 @@ Preset = Annotated[
     typer.Option(help="paper: exactly as Six et al. 2020, their standard deviations included."),
 ]
 
+Full = Annotated[
+    bool,
+    typer.Option(
+        "--full", help="Print every number with unit and verdict, all advice and all doubts."
+    ),
+]
+
 
 def identify(
     source: Source,
@@ -85,6 +92,7 @@ def identify(
     motion: Motion = None,
     method: Method = None,
     preset: Preset = None,
+    full: Full = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -93,6 +101,7 @@ def identify(
     From an experiment file, which names airframe, masses and flights, or from one log with --mass
     and --airframe, which a log of PX4 with its own rotor geometry does not need.
     """
+    from rotorfit.report.summary import summary_text
     from rotorfit.report.text import result_text
 
     window = {"log": log, "start": start, "end": end}
@@ -114,8 +123,9 @@ def identify(
         print_status(f"wrote {output}")
     if report is not None or figures is not None:
         _write_pictures(result, experiment, report, figures, force=force)
-    text = coloured(result_text(result, width=terminal_width()))
-    print_result((result.to_json() if as_json else text).rstrip())
+    written = result_text if full else summary_text
+    text = result.to_json() if as_json else coloured(written(result, width=terminal_width()))
+    print_result(text.rstrip())
 
 
 def identify_quietly(experiment: Experiment) -> IdentificationResult:

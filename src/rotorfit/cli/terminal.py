@@ -89,12 +89,12 @@ COLOURS: Final = {
 Colour = Literal["auto", "always", "never"]
 COLOUR: ContextVar[Colour] = ContextVar("colour", default="auto")
 _VERDICT: Final = re.compile(
-    r"^(?P<row>  [A-Za-z]\S* .* )"
+    r"^(?P<row>(?: {2}| {8})[A-Za-z]\S* .* )"
     r"(?P<verdict>not-identified|identified|weak|doubtful|ratio-only|given|removed)(?= with \S+$|$)"
-    r"|\b(?P<stand>better|WORSE)\b(?= \(error)",
+    r"|\b(?P<stand>better|WORSE)\b(?= \(error)|(?<=\()(?P<aside>weak|doubtful)(?=\)(?:,|$))",
     re.MULTILINE,
 )
-"""The end of a table's row, and how errors compare to others; prose that ends so is none."""
+"""The end of a table's row, a number's bracket, how errors compare; prose that ends so is none."""
 
 
 def coloured(text: str) -> str:
@@ -103,7 +103,7 @@ def coloured(text: str) -> str:
 
 
 def _coloured_verdict(found: re.Match[str]) -> str:
-    word = found["verdict"] or found["stand"]
+    word = found["verdict"] or found["stand"] or found["aside"]
     return f"{found['row'] or ''}\x1b[{COLOURS[word]}m{word}\x1b[0m"
 
 

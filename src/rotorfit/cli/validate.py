@@ -60,8 +60,8 @@ def validation_text(comparisons: "list[WrenchComparison]") -> str:
 
     width = max(len(c.flight) for c in comparisons)
     lines = [
-        "Thrust and moments below 3 Hz: what the motion needs against what the rotors",
-        "produce; norm of the difference, in % of the rotors' own",
+        "Prediction error of thrust and moments below 3 Hz: root mean square of what the",
+        "rotors produce less what the motion needs, in % of what the rotors produce",
         f"  {'':<{width}}  configuration" + "".join(f"{name:>8}" for name in SHOWN),
     ]
     for c in comparisons:

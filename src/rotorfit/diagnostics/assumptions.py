@@ -59,10 +59,10 @@ def assumptions(
 def _shared(configuration: str, flights: int) -> str:
     """Return what stays in the intervals of however many flights, in words."""
     return (
-        f"{configuration}: what changes from flight to flight (trim, air, gusts) averages out over "
-        f"{flights} flights; what all share does not, and stays in every interval: mass, arms and "
-        "the place of the IMU, when the log has the motors' speed, what is not known of the "
-        "autopilot's answer to gusts, and what the model lacks in all of them (drag, say)"
+        f"{configuration}: {flights} flights average out what changes between them (trim, air, "
+        "gusts), but not what they share, which stays in every interval: mass, arms, place of the "
+        "IMU, time stamps of the motor data, the autopilot's response to gusts, and effects that "
+        "the model lacks (drag, say)"
     )
 
 
@@ -73,9 +73,9 @@ def _imu_place(dataset: Dataset) -> str:
         return "com_x, com_y, com_z and inertia at the origin are counted from the origin"
     x, y, z = (1e3 * length for length in place)
     return (
-        f"the centre of mass hangs on the place of the IMU ({x:.0f}, {y:.0f}, {z:.0f} mm): one "
-        "that sits higher than declared moves com_z by as much, one further forward or to the left "
-        "com_x or com_y by up to as much"
+        f"the centre of mass is as good as the declared place of the IMU ({x:.0f}, {y:.0f}, "
+        f"{z:.0f} mm): an IMU 1 mm higher moves com_z by 1 mm, one 1 mm further forward or left "
+        "com_x or com_y by up to 1 mm"
     )
 
 

@@ -37,11 +37,10 @@ LEFT_SCALE: Final = (0.05, 0.01)
 of yaw; with a small one the rotors' gyroscopic torque vanishes from roll and pitch, as it does in
 such a program, and the ratios stay what they are."""
 SENTENCE: Final = (
-    "this flight does not move like a rigid body: where roll, pitch and yaw are flown together, "
-    "none affects another (log-likelihood {gain:+.0f} without w x I w): a simulator without "
-    "gyroscopic terms? "
-    "They alone give the scale of yaw, so that Izz, kd and Jr are not given, only their ratios; on "
-    "a real vehicle the gyro's axes, scale or clock would be wrong"
+    "this flight does not move like a rigid body: turns about two axes do not act on the third, as "
+    "in a simulator without gyroscopic terms (leaving w x I w out raises the log-likelihood by "
+    "{gain:.0f}). Izz, kd and Jr need these terms, and only their ratios are given; on a real "
+    "vehicle check the gyro's axes, scale and clock"
 )
 REASON: Final = "the flight shows no gyroscopic coupling, which alone gives the scale of yaw"
 ADVICE: Final = (

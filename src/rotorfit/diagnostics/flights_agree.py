@@ -49,7 +49,7 @@ def odd_flight(fit: Fit) -> Iterator[Finding]:
         size, words = max(found)
         yield doubt(
             "flight-differs",
-            f"{words}, {size:.1f} times what chance explains: its vehicle, load, propellers or "
+            f"{words}, {size:.1f} standard deviations apart: its vehicle, load, propellers or "
             "battery differed from those of the other flights; identify it separately, or as a "
             "configuration of its own",
         )
@@ -95,7 +95,7 @@ def _outlying(
         std = float(np.hypot(half, weights.sum() ** -0.5)) / 1.96
         size = abs(value - mean) / std if np.isfinite(std) else 0.0
         if size > SURE and abs(value - mean) > LEAST_SHARE * abs(mean):
-            yield size, f" gives {name} = {value:.3g}, the others {mean:.3g}"
+            yield size, f" gives {name} = {value:.3g}, the other flights {mean:.3g}"
 
 
 CHECKS: Final = (odd_flight,)

@@ -211,8 +211,8 @@ def thrust_sags(found: Sequence[HoverThrust], *, commanded: bool) -> Finding:
     sentence = (
         f"{_of_flight(worst, found)}: the same motor data give {100 * abs(change):.0f} % {way} "
         f"thrust at the end of the flight than at its beginning: {battery if commanded else ''}"
-        "drag carried part of the weight in climb or descent, or the ground's cushion, a wall or a "
-        "tether did: fly slower and higher, away from all; the intervals cover the change"
+        "drag in climb or descent, ground effect, a wall or a tether carried part of the weight: "
+        "fly slower, higher and clear of obstacles; the intervals cover the change"
     )
     return doubt_or_passed(kind, sentence, measured, flights=(file_name(worst.flight),))
 

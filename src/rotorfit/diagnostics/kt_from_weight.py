@@ -249,23 +249,22 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
     changes, weight, kt = balance.changes, balance.weight, balance.kt
     assert changes is not None
     seen = (
-        f"changes of thrust with the squared {_SPEED[motors.speed]} give kt = {changes.value:.3g} "
-        f"+- {1.96 * changes.std:.2g}, but carrying the weight takes {weight.value:.3g} +- "
-        f"{1.96 * weight.std:.2g}"
+        f"kt is {changes.value:.3g} +- {1.96 * changes.std:.2g} by changes of thrust with the "
+        f"squared {_SPEED[motors.speed]}, but {weight.value:.3g} +- {1.96 * weight.std:.2g} by the "
+        "weight"
     )
     if balance.law_std > 0.0:
         power = 2.0 * changes.value / weight.value
         return (
-            f"{seen}: kt is taken from the weight, and the intervals of inertia cover both; thrust "
-            "is proportional neither to the command nor to its square, but in between (about its "
-            f"power {power:.1f} in hover): measure the law on a thrust stand and give it under "
-            "[motors], or log the rotor speed"
+            f"{seen}: the result has the latter, and the intervals of inertia cover both; in hover "
+            f"thrust grows with the command to the power of {power:.1f}, not 2: measure thrust "
+            "over command on a stand and give the law under [motors], or log the rotor speed"
         )
     cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"
     if motors.law is not None:
         cure = f"measure the law under [motors] again, {cure}"
     return (
-        f"{seen}: kt is their mean ({kt.value:.3g}), each by how sure it is, and its interval and "
-        "that of inertia are widened for the difference; which of them is off the flight does not "
-        f"tell: {cure}, or weigh again"
+        f"{seen}: the result has their weighted mean ({kt.value:.3g}), and the intervals of kt and "
+        "inertia cover the difference; the flight does not show which of the two is wrong: "
+        f"{cure}, or weigh again"
     )

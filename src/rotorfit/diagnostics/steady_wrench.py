@@ -45,9 +45,9 @@ def missing_constant_wrench(fit: Fit) -> Iterator[Finding]:
     worst = chosen[int(np.argmax(np.where(outside, size, 0.0)))]
     value = float(estimate.estimate.values[worst])
     sentence = (
-        f"{names[worst].replace('@', ' of ')}: {value:.3g} with the mean of every stretch of "
-        f"flight, {value + float(shift.values[worst]):.3g} without: a constant force or torque is "
-        "missing in the model, such as that of tilted motors; check that they are upright"
+        f"{names[worst].replace('@', ' of ')} is {value:.3g}, but "
+        f"{value + float(shift.values[worst]):.3g} by the changes of motion alone: the model lacks "
+        "a constant force or torque, such as that of tilted motors; set them upright"
     )
     yield doubt_or_passed(
         "constant-wrench-missing",

@@ -12,8 +12,9 @@ from typing import Final
 import numpy as np
 
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fleet.changes import NORMAL_95, Change
+from rotorfit.fleet.changes import LEAST_SERIES, NORMAL_95, Change
 from rotorfit.fleet.compared import IN_METRES, ROTORS, THRUST
+from rotorfit.fleet.random_effects import LEAST_GROUPS
 from rotorfit.fleet.records import KT_WEIGHT, TRIM, FlightRecord
 from rotorfit.fleet.statistics import FleetStatistics, LoadingDifference, NumberStatistics
 from rotorfit.logs.files import file_name
@@ -90,6 +91,19 @@ def findings(statistics: FleetStatistics, records: Sequence[FlightRecord]) -> li
         out += _outlier(statistics, vehicle)
         out += _loadings(statistics, vehicle)
     return out
+
+
+def nothing_found(statistics: FleetStatistics) -> str:
+    """Say that nothing was found, or what a fleet needs before anything can be."""
+    needs: list[str] = []
+    if not statistics.tests:
+        needs.append(f"a change takes {LEAST_SERIES} flights of one vehicle")
+    if len(statistics.vehicles) < LEAST_GROUPS:
+        needs.append(f"a vehicle unlike the others takes {LEAST_GROUPS} vehicles")
+    nothing = "No change was found" if statistics.tests else "There is nothing to compare yet"
+    if not needs:
+        return f"{nothing}, and no vehicle is unlike the others."
+    return f"{nothing}: to be seen, {', and '.join(needs)}."
 
 
 def lead_number(statistics: FleetStatistics, finding: Finding) -> NumberStatistics:

@@ -158,8 +158,8 @@ def _airframe(cell: str, base: Path, defaults: Defaults) -> Path:
         return base / cell
     if defaults.airframe is None:
         raise ExperimentError(
-            "nobody says where the rotors are: give --airframe FILE (rotorfit airframe LOG writes "
-            "one), or a table with a column airframe"
+            "no airframe is given: add --airframe FILE (rotorfit airframe LOG writes one), or a "
+            "table with a column airframe"
         )
     return defaults.airframe
 
@@ -168,7 +168,7 @@ def _mass(cell: str, name: str, defaults: Defaults) -> Mass:
     if not cell:
         if defaults.mass is None:
             raise ExperimentError(
-                f"{name}: nobody says its mass: give --mass KG, a table with a column mass, or "
+                f"{name}: no mass is given: add --mass KG, a table with a column mass, or "
                 "--mass unknown (all numbers are per kilogram then)"
             )
         return defaults.mass

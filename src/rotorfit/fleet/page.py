@@ -18,6 +18,7 @@ from rotorfit.fleet.findings import (
     findings,
     flights_of,
     lead_number,
+    nothing_found,
     number_phrase,
 )
 from rotorfit.fleet.random_effects import LEAST_GROUPS
@@ -72,6 +73,9 @@ def report_command(
     return shlex.join(["rotorfit", "identify", record.file, *options])
 
 
+UNKNOWN: Final = "–"
+SPREADS: Final = ("mean", "between", "within")
+"""Columns of the type's table that a small fleet may leave empty."""
 NO_LINKS: Final = Links(report=lambda record: "", command=report_command)
 
 
@@ -85,6 +89,7 @@ def fleet_html(
 ) -> str:
     """Render a fleet as one self-contained page."""
     found = findings(statistics, records)
+    type_rows = [_type_row(n, statistics.vehicles) for n in statistics.numbers]
     return render_page(
         "fleet",
         *("page", "figure", "fleet", "dark"),
@@ -95,9 +100,11 @@ def fleet_html(
         refused=refused,
         found=[_finding(f, statistics, records) for f in found[:MOST_FINDINGS]],
         more_found=max(len(found) - MOST_FINDINGS, 0),
-        type_rows=[_type_row(n, statistics.vehicles) for n in statistics.numbers],
+        type_rows=type_rows,
+        type_columns=[key for key in SPREADS if any(row[key] != UNKNOWN for row in type_rows)],
         weather=sorted({n.weather for n in statistics.numbers} - {"none"}),
-        draws_to_type=len(statistics.vehicles) >= LEAST_GROUPS,
+        least_vehicles=LEAST_GROUPS,
+        none_found=nothing_found(statistics),
         sections=_sections(statistics, found),
         table=_table(statistics, records, found),
         flights=_flight_lists(statistics, records, found, links),
@@ -138,7 +145,7 @@ def _type_row(number: NumberStatistics, names: Sequence[str]) -> Rendered:
     return {
         "title": _title(number),
         "name": number.name,
-        "mean": str(mean) if estimated and mean is not None else "–",
+        "mean": str(mean) if estimated and mean is not None else UNKNOWN,
         "unit": unit_words(unit_of(number.name)),
         "between": _spread(number.between, number),
         "within": _spread(number.within, number),
@@ -150,7 +157,7 @@ def _type_row(number: NumberStatistics, names: Sequence[str]) -> Rendered:
 def _spread(std: float, number: NumberStatistics) -> str:
     """Format a standard deviation in percent of the mean, or in millimetres."""
     if not np.isfinite(std):
-        return "–"
+        return UNKNOWN
     if number.name in IN_METRES:
         return f"{1e3 * std:.2g} mm"
     return f"{100.0 * std / abs(number.mean):.2g} %"
@@ -206,7 +213,8 @@ def _table(
     """Return each vehicle's flights, main numbers as they are now, and findings."""
     counts = Counter(record.vehicle for record in records)
     seen = Counter(finding.vehicle for finding in found)
-    numbers = [n for n in statistics.numbers if n.name in SHOWN][:TABLE_NUMBERS]
+    named = [n for n in statistics.numbers if n.name in SHOWN and np.isfinite(n.now).any()]
+    numbers = named[:TABLE_NUMBERS]
     order = sorted(range(len(statistics.vehicles)), key=lambda v: (-seen[v], v))[:MOST_ROWS]
     rows = [
         (
@@ -228,11 +236,11 @@ def _table(
 def _number_cell(number: NumberStatistics, vehicle: int) -> _Cell:
     """Return a vehicle's number by its own flights, with the one drawn towards the type as hint."""
     if vehicle not in number.vehicles:
-        return _Cell(text="–", key=float("-inf"))
+        return _Cell(text=UNKNOWN, key=float("-inf"))
     place = number.vehicles.index(vehicle)
     now = _interval_text(float(number.now[place]), float(number.now_std[place]))
     drawn = _interval_text(float(number.shrunk[place]), float(number.shrunk_std[place]))
-    hint = f"with what the type tells: {drawn}" if drawn != "–" else ""
+    hint = f"with the other vehicles' numbers as well: {drawn}" if drawn != "–" else ""
     if number.changes[place]:
         hint = "after its change, by its own flights"
     key = float(number.now[place])

@@ -129,7 +129,7 @@ def random_effects(data: Repeated) -> RandomEffects:
     covariances are averaged over what the likelihood leaves open of them.
     """
     if not data.known.any(axis=0).all():
-        raise EstimationError("a number is told by no repeat: leave it out")
+        raise EstimationError("a number has no value in any flight: leave it out")
     center = np.nanmedian(data.values, axis=0)
     scale = _spread(data.values - center, data.covariance)
     unit = Repeated(

@@ -103,3 +103,26 @@ def pandas() -> Any:
         raise OutputError(
             f"a frame needs pandas ({error}): pip install pandas, then call this again"
         ) from error
+
+
+INDENT: Final = 8
+"""Of what a narrow terminal pushes to the next line."""
+
+
+def table_lines(rows: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Join the cells of rows, which are padded to columns; columns that do not fit follow below."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    groups: list[list[int]] = [[]]
+    used = -1
+    for i, wide in enumerate(widths):
+        if groups[-1] and used + 1 + wide > width:
+            groups.append([])
+            used = INDENT - 1
+        groups[-1].append(i)
+        used += 1 + wide
+    joined = (
+        " " * INDENT * bool(n) + " ".join(row[i] for i in group)
+        for row in rows
+        for n, group in enumerate(groups)
+    )
+    return [line.rstrip() for line in joined if line.strip()]

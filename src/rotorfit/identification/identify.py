@@ -34,7 +34,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import mark_doubtful, with_diagnosis, with_setting
-from rotorfit.results.command_units import in_command_units
+from rotorfit.results.command_units import in_command_units, with_flight_numbers
 from rotorfit.results.joint_tables import joint_result
 from rotorfit.results.law_tables import add_motor_law
 from rotorfit.results.paper_tables import paper_result
@@ -123,6 +123,7 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
     result = dataclasses.replace(result, findings=(*found, *result.findings))
     result = in_command_units(result, dataset)
     result = add_motor_law(result, dataset, report)
+    result = with_flight_numbers(result, dataset.motors)
     dataset = dataset if fit is None else fit.dataset
     joint = () if fit is None else fit.configurations
     result = with_setting(result, hangs_on=list(assumptions(result, dataset, joint)))

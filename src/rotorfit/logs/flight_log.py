@@ -48,8 +48,8 @@ CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
 COMPONENTS: Final = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 """Of vectors and quaternions; rotors are counted from 1."""
 AS_A_TABLE: Final = (
-    "this format says its own units and axes, and a columns map is not taken for it: correct them "
-    "where the log is made, or export it as a table (docs/logs.md) and declare them there"
+    "logs of this format carry their own units and axes, and take no columns map: correct them "
+    "where the log is made, or export the log as a CSV table (docs/logs.md) and declare them there"
 )
 
 

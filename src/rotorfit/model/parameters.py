@@ -154,8 +154,25 @@ DERIVED: Final[dict[str, ParameterInfo]] = {
     "motor_lag_total": ParameterInfo(
         "s", 0, "motor lag plus delay", title="Motor lag and delay together"
     ),
+    "max_thrust": ParameterInfo(
+        "N", 0, "thrust of the mean rotor at full command", title="Largest thrust of a motor"
+    ),
+    "motor_imbalance": ParameterInfo(
+        "1",
+        0,
+        "strongest less weakest rotor's thrust coefficient, over the mean",
+        title="Imbalance of the motors",
+    ),
+    "hover_throttle": ParameterInfo(
+        "1", 0, "motor command that carries the weight", title="Throttle in hover"
+    ),
+    "thrust_to_weight": ParameterInfo(
+        "1", 0, "thrust at full command over the weight", title="Thrust over weight"
+    ),
 }
 """Everything that stands under ``derived`` of a result."""
+OF_FLIGHT: Final = ("max_thrust", "motor_imbalance", "hover_throttle", "thrust_to_weight")
+"""Derived numbers that follow from the others once the motors' law is known."""
 
 EVERY: Final = PARAMETERS | DERIVED
 EFFECTIVE_UNITS: Final[dict[str, str]] = {

@@ -101,7 +101,7 @@ def _pairs(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Pair, ..
 
 def _pair_phrase(value: float) -> str:
     together = "an error in one goes with an error of the same sign in the other"
-    against = "an error in one is made up by an error of the opposite sign in the other"
+    against = "an error in one is offset by an error of the opposite sign in the other"
     # Knowing one would leave sqrt(1 - r^2) of the other's uncertainty.
     left = 100 * math.sqrt(max(0.0, 1 - value**2))
     return (

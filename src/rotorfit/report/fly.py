@@ -56,7 +56,7 @@ WIDTH = 80
 BAND = "95 % band"
 EVEN = 0.05
 """Errors that differ by less count as equal."""
-FORCE_HELD = "first mean held"
+FORCE_HELD = "first value kept"
 
 
 def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
@@ -134,7 +134,7 @@ def rate_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
 
 
 def force_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
-    """Tabulate the errors of the specific force: each label, then the first mean held."""
+    """Tabulate the errors of the specific force: each label, then the first value kept."""
     rows = [(label, force_errors(outcome.replays, label).tolist()) for label in outcome.labels]
     return [*rows, (FORCE_HELD, force_errors(outcome.replays, HOLD).tolist())]
 

@@ -364,15 +364,13 @@ def spectrum_sentences(pictures: LogPictures) -> list[str]:
         sentence = f"The rotors turn at {band.low:.0f} to {band.high:.0f} Hz"
         if band.high > 0.5 * first.sample_rate:
             sentence += (
-                f", over half of the log's {first.sample_rate:.0f} Hz: what they shake stands "
-                "folded down to lower frequencies, where little of it can be named; log at "
-                f"{_faster(2.2 * band.high)} Hz or more to see it"
+                f", over half of the log's {first.sample_rate:.0f} Hz: their vibration appears at "
+                "lower, false frequencies (aliasing); log at "
+                f"{_faster(2.2 * band.high)} Hz or more to see it where it is"
             )
         words.append(f"{sentence}.")
     elif any(found.peaks for found in pictures.spectra):
-        words.append(
-            "No peak can be named after the rotors: their speed is not in the log (ESC telemetry)."
-        )
+        words.append("The peaks cannot be matched to the rotors: log their speed (ESC telemetry).")
     if not first.airborne:
         words.append("The spectra are of the whole log: which part was airborne is not known.")
     return [*words, *(_sentence(one.words) for one in pictures.filters)]

@@ -24,7 +24,7 @@ LEFT, RIGHT, TOP, BOTTOM = 70.0, 16.0, 14.0, 46.0
 CURVE_POINTS: Final = 101
 NAMES: Final = {
     "full_speed": "speed at full command",
-    "offset": "offset: what the motors get at command 0, of full",
+    "offset": "offset: motor input at command 0, as a share of full",
     "exponent": "exponent",
     "thr_mdl_fac": "factor of the square",
     "voltage_exponent": "exponent of the battery's voltage",
@@ -98,7 +98,7 @@ def _declared_section(
         return None
     seen = [c.speeds for c in comparisons if c.speeds is not None]
     commands = None
-    sentences = ["the law is as it was told; no measured speed is there to hold against it"]
+    sentences = ["the law is the declared one: the log has no rotor speed to check it by"]
     if seen:
         low, high = min(s[0] for s in seen), max(s[1] for s in seen)
         grid = np.linspace(0.0, 1.0, 1001)
@@ -147,9 +147,8 @@ def law_sentences(law: CommandLaw) -> tuple[str, ...]:
         if name != law.form
     ]
     parts = [
-        f"measured speeds are within {100.0 * law.relative_error:.2g} % of it (root mean square); "
-        "other forms, by their error on stretches left out of the fit over this one's: "
-        + ", ".join(others),
+        f"measured speeds are within {100.0 * law.relative_error:.2g} % of it (root mean square)"
+        + (f"; other forms predict worse: {', '.join(others)} the error" if others else ""),
         f"commands in flight were {law.commands[0]:.2f} to {law.commands[1]:.2f}; outside, the "
         "law is extrapolated",
     ]

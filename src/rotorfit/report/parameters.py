@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rotorfit.formatting.digits import Number, finite_interval, known, number_of
-from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
+from rotorfit.model.parameters import COM, EVERY, INERTIA_COM, OF_FLIGHT
 from rotorfit.model.terms.air import DRAG_MOMENTS
 from rotorfit.report.pages import drawing, tag
 from rotorfit.results.result import (
@@ -20,23 +20,21 @@ from rotorfit.results.verdicts import ADVICE, body_verdict, motion_for, relative
 TITLES = {name: info.title for name, info in EVERY.items()}
 
 VERDICT_MEANING = {
-    "identified": "uncertainty up to 25 % of the value or its relevant size (docs/method.md)",
-    "weak": "uncertainty over 25 % of value and relevant size, or mostly prior (marked so)",
+    "identified": "+- up to 25 % of the value, or of the size that matters (docs/method.md)",
+    "weak": "+- over 25 % of value and of the size that matters, or mostly prior (marked so)",
     "doubtful": "may be outside its interval: a check contradicts it, the reason is given",
     "ratio-only": "known only together with another parameter",
-    "not-identified": "this flight does not show it",
+    "not-identified": "these flights do not determine it",
     "given": "given to rotorfit, not estimated",
     "removed": "taken out of the model as unessential",
 }
 
-PREDICTED_WELL = (
-    "Good: Fz up to 5 % (the weight is in it), moments up to 30 % (a tenth of their power is left)."
-)
+PREDICTED_WELL = "Good: thrust (Fz) up to 5 %, moments (Mx roll, My pitch, Mz yaw) up to 30 %."
 """What relative errors on flights kept apart are worth."""
 NOTHING_PREDICTED = (
     "At 100 % and over the model predicts nothing of that component: the rotors hardly moved it "
-    "in this flight (validate on one that does), or the parameters do not hold for it (vehicle "
-    "changed since, wrong configuration; identify from both flights)."
+    "in this flight (validate on a livelier one), or the vehicle has changed or is another "
+    "configuration (identify from both flights)."
 )
 
 
@@ -60,15 +58,6 @@ def percent(number: Parameter | Derived) -> float | None:
     """Compute the half-width relative to the value [%]; silly where the value is near zero."""
     half, value = half_width(number), known(number.value)
     return None if half is None or not value else 100.0 * half / abs(value)
-
-
-def percent_words(value: float) -> str:
-    """Return a percentage with two digits, or whole above 10."""
-    if value >= 9.5:
-        return f"{value:.0f} %"
-    if value < 0.001:
-        return "0.001 %"
-    return f"{float(f'{value:.1g}' if value < 1 else f'{value:.2g}'):g} %"
 
 
 WIDTH, HEIGHT, MARGIN = 132.0, 18.0, 5.0
@@ -159,7 +148,7 @@ def _body_tables(result: IdentificationResult, configuration: str) -> list[Param
     # With one configuration the rotors' table has the ratios; with several they differ by body.
     elsewhere = _ROTOR_DERIVED if len(configuration_names(result)) == 1 else ()
     others = [
-        Entry(number=d, verdict="")
+        Entry(number=d, verdict=d.verdict or "", reason=d.reason)
         for d in derived.values()
         if d.name not in (*COM_FIRST, *elsewhere) and known(d.value) is not None
     ]
@@ -176,14 +165,14 @@ def _body_tables(result: IdentificationResult, configuration: str) -> list[Param
     ]
 
 
-_ROTOR_DERIVED = ("kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag_total")
+_ROTOR_DERIVED = ("kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag_total", *OF_FLIGHT)
 
 
 def _shared_derived(result: IdentificationResult) -> list[Entry]:
     """Collect the derived numbers of the rotors; with one configuration its ratios too."""
     names = _ROTOR_DERIVED if len(configuration_names(result)) == 1 else ()
     return [
-        Entry(number=d, verdict="")
+        Entry(number=d, verdict=d.verdict or "", reason=d.reason)
         for d in result.derived
         if (d.configuration is None or d.name in names) and known(d.value) is not None
     ]

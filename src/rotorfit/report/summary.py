@@ -1,229 +1,316 @@
-"""The top of the page, in plain sentences, and its end: use of the flights, settings, versions."""
+"""The head of page and terminal: ten lines that a pilot reads; and the end of the page."""
 
 import json
-from collections.abc import Mapping, Sequence
+import re
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from math import floor, log10, pi
+from typing import Any, Final, cast
 
-from rotorfit.formatting.digits import known, number_of
+from rotorfit.findings import Finding
+from rotorfit.formatting.digits import known, number_of, with_interval
 from rotorfit.logs.files import file_name
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.report.pages import drawing, label, labelled_ticks, tag, text
-from rotorfit.report.parameters import (
-    VERDICT_MEANING,
-    half_width,
-    percent,
-    percent_words,
-    title_of,
-    unit_words,
-)
+from rotorfit.report.parameters import VERDICT_MEANING
+from rotorfit.report.text import flights_in_words, next_step_of
 from rotorfit.results.result import (
     Derived,
     FlightRecord,
     IdentificationResult,
     Parameter,
     configuration_names,
+    verdict_of,
 )
-from rotorfit.results.verdicts import WEAK, body_verdict, twin_of
 from rotorfit.validation.wrench_comparison import WrenchComparison
 
-SUBJECTS = {
-    "kt": "thrust coefficient",
-    "kd": "drag torque coefficient",
-    "Jr": "rotor inertia",
-    "motor_lag": "motor lag",
-    "motor_delay": "motor delay",
-    "Ixx_com": "roll inertia",
-    "Iyy_com": "pitch inertia",
-    "Izz_com": "yaw inertia",
-    "Ixx": "roll inertia",
-    "Iyy": "pitch inertia",
-    "Izz": "yaw inertia",
-    "mass": "mass",
+DIRECTIONS: Final = {
+    "com_x": ("forward", "back"),
+    "com_y": ("left", "right"),
+    "com_z": ("up", "down"),
 }
-DIRECTIONS = {
-    "com_x": ("in front of", "behind"),
-    "com_y": ("left of", "right of"),
-    "com_z": ("above", "below"),
-}
+MOST_DOUBTS: Final = 3
+"""In short; the others are counted."""
+TITLE_WIDTH: Final = 26
+REST: Final = "Full tables{more}: --full; a page: --report FILE.html; data: --json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """One sentence: a subject, what is known of it, and what to do where it is not."""
+class Part:
+    """One number of a line in the line's unit; `words` say which, or are empty."""
 
-    verdict: str
-    subject: str
     words: str
-    advice: str | None = None
+    value: float | None
+    interval: tuple[float, float] | None
+    verdict: str
+
+    @property
+    def shown(self) -> str:
+        """Format the number with half of its interval."""
+        lost = "only as a ratio" if self.verdict == "ratio-only" else "not known"
+        return str(number_of(self.value, self.interval) or lost)
+
+    @property
+    def doubt(self) -> str:
+        """Its verdict where the number itself does not say it; empty of a good one."""
+        return "" if self.value is None or self.verdict == "identified" else self.verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """What a pilot asks for, with a remark on all parts; without parts it says why."""
+
+    title: str
+    unit: str
+    parts: tuple[Part, ...]
+    remark: str
+
+    @property
+    def heading(self) -> str:
+        """Write the title with the unit in brackets."""
+        return f"{self.title} [{self.unit}]" if self.unit else self.title
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """Findings on the rotors and on each configuration, and how many verdicts of each kind."""
+    """A result in ten lines, by what they are of, with doubts, next step, counts of verdicts.
 
-    groups: tuple[tuple[str, tuple[Finding, ...]], ...]
+    Attributes
+    ----------
+    doubts
+        The most serious ones in short.
+    more
+        How many other doubts and notes there are.
+    counts
+        Verdict, how many parameters have it, what it means.
+    """
+
+    groups: tuple[tuple[str, tuple[Line, ...]], ...]
+    doubts: tuple[str, ...]
+    more: int
+    next_step: str | None
     counts: tuple[tuple[str, int, str], ...]
 
 
 def summary_of(result: IdentificationResult) -> Summary:
-    """Summarise a result in plain sentences."""
-    shared = [p for p in result.parameters if p.configuration is None]
-    # The paper's sigmas do not hold: what is said to be known is said to be so by its formula.
-    source = ", by the paper's formula" if result.method == "tls" else ""
-    groups = [("Rotors", _merged(_of_rotors(shared, result.derived)))]
+    """Summarise a result in the numbers that a pilot asks for."""
     names = configuration_names(result)
-    for name in names:
-        title = "Body" if len(names) == 1 else f"Body, configuration {name}"
-        groups.append((title, _merged(_body(result, name))))
+    motors, bodies = _motor_lines(result), {name: _body_lines(result, name) for name in names}
+    if len(names) == 1:
+        thrust, place = bodies[names[0]]
+        groups = [("", _once((*thrust, *motors, *place)))]
+    else:
+        groups = [("Motors", tuple(motors))]
+        groups += [(f"Body, configuration {n}", (*a, *b)) for n, (a, b) in bodies.items()]
     verdicts = [p.verdict for p in result.parameters]
-    counts = tuple(
-        (word, verdicts.count(word), meaning)
-        for word, meaning in VERDICT_MEANING.items()
-        if word in verdicts
-    )
+    doubts, more = _doubts(result)
     return Summary(
-        groups=tuple((title, _sourced(found, source)) for title, found in groups if found),
-        counts=counts,
+        groups=tuple(group for group in groups if group[1]),
+        doubts=doubts,
+        more=more,
+        next_step=next_step_of(result),
+        counts=tuple(
+            (word, verdicts.count(word), meaning)
+            for word, meaning in VERDICT_MEANING.items()
+            if word in verdicts
+        ),
     )
 
 
-def _sourced(findings: tuple[Finding, ...], source: str) -> tuple[Finding, ...]:
-    """Add to the findings whose formula made their percentages."""
-    return tuple(
-        replace(f, words=f.words + source) if f.verdict in ("identified", "weak") else f
-        for f in findings
+def summary_text(result: IdentificationResult, *, width: int) -> str:
+    """Write a result for a terminal in about ten lines; what has no verdict is identified."""
+    summary = summary_of(result)
+    lines = textwrap.wrap(f"{flights_in_words(result)}; +- is half of the 95 % interval", width)
+    for title, members in summary.groups:
+        lines += [title] if title else []
+        for member in members:
+            lines += _wrapped(f"  {member.heading:<{TITLE_WIDTH}}", _body(member), width)
+    for words in summary.doubts:
+        lines += _wrapped("Doubt: ", words, width)
+    if summary.next_step:
+        lines += _wrapped("Next:  ", summary.next_step, width)
+    more = f", {summary.more} more remarks" if summary.more else ""
+    lines += _wrapped("", REST.format(more=more), width)
+    return "\n".join(lines) + "\n"
+
+
+def _once(lines: Sequence[Line]) -> tuple[Line, ...]:
+    """Leave out lines without a number that say why in the words of one before."""
+    said = [line.remark for line in lines]
+    return tuple(x for i, x in enumerate(lines) if x.parts or x.remark not in said[:i])
+
+
+def _wrapped(begin: str, words: str, width: int) -> list[str]:
+    """Wrap words behind a beginning."""
+    return textwrap.wrap(
+        words,
+        width,
+        initial_indent=begin,
+        subsequent_indent=" " * len(begin),
+        break_on_hyphens=False,
     )
 
 
-def _of_rotors(shared: list[Parameter], derived: Sequence[Derived]) -> list[Finding]:
-    """Describe the rotors; single ones together where all are known."""
-    single = [p for p in shared if p.name.startswith("kt_") and p.verdict == "identified"]
-    shares = [share for p in single if (share := percent(p)) is not None]
-    if len(shares) < 2:
-        return [_finding(p, p, derived) for p in shared]
-    each = Finding(
-        verdict="identified",
-        subject="Each rotor's own thrust",
-        words=f"{', '.join(_number(p) for p in single)}: "
-        f"known to {percent_words(max(shares))} or better",
+def _body(line: Line) -> str:
+    parts = [*map(_part_in_ascii, line.parts), *([line.remark] if line.remark else [])]
+    return ", ".join(parts)
+
+
+def _part_in_ascii(part: Part) -> str:
+    number = part.shown if part.value is None else with_interval(part.value, part.interval)
+    return " ".join(filter(None, (part.words, number, part.doubt and f"({part.doubt})")))
+
+
+def _doubts(result: IdentificationResult) -> tuple[tuple[str, ...], int]:
+    """Select the doubts that say the most, in short, and count what else there is to know."""
+    doubts = [one for one in result.findings if one.severity == "doubt"]
+    doubts.sort(key=lambda one: one.doubtful_because is None)
+    shown = tuple(dict.fromkeys(map(_in_short, doubts)))[:MOST_DOUBTS]
+    every = len(result.warnings) + sum(len(flight.warnings) for flight in result.flights)
+    return shown, max(every - len(shown), 0)
+
+
+def _in_short(finding: Finding) -> str:
+    """Return what was met, without remarks in brackets, consequence and advice."""
+    if finding.doubtful_because and finding.numbers:
+        names = ", ".join(finding.numbers)
+        return f"{names} may be outside their intervals: {finding.doubtful_because}"
+    plain = re.sub(r" \([^()]*\)", "", finding.sentence)
+    return re.split(r"(?<=.{20})(?:: |; )", plain, maxsplit=1)[0]
+
+
+def _motor_lines(result: IdentificationResult) -> list[Line]:
+    """Describe the motors: largest thrust, lag, imbalance."""
+    shared = {n.name: n for n in (*result.derived, *result.parameters) if n.configuration is None}
+    lag = next(
+        (
+            (title, number)
+            for name, title in (("motor_lag", "motor lag"), ("motor_lag_total", "lag and delay"))
+            if (number := shared.get(name)) is not None and known(number.value) is not None
+        ),
+        ("motor lag", None),
     )
-    findings = [_finding(p, p, derived) for p in shared if p not in single]
-    return [*findings[:1], each, *findings[1:]]
-
-
-def _merged(findings: list[Finding]) -> tuple[Finding, ...]:
-    """Join findings that say and advise the same."""
-    groups: dict[tuple[str, str, str | None], list[str]] = {}
-    for i, f in enumerate(findings):
-        key = (f.verdict, f.words if f.advice else f"{f.words}\0{i}", f.advice)
-        groups.setdefault(key, []).append(f.subject)
-    return tuple(
-        Finding(
-            verdict=verdict,
-            subject=" and ".join([names[0], *(n[0].lower() + n[1:] for n in names[1:])]),
-            words=words.split("\0")[0],
-            advice=advice,
-        )
-        for (verdict, words, advice), names in groups.items()
-    )
-
-
-def _body(result: IdentificationResult, configuration: str) -> list[Finding]:
-    parameters = {p.name: p for p in result.parameters if p.configuration == configuration}
-    derived = {d.name: d for d in result.derived if d.configuration == configuration}
-    findings = [_finding(p, p) for n, p in parameters.items() if n == "mass"]
-    if all(name in derived for name in DIRECTIONS):
-        findings.append(_com(derived, parameters))
-    for name in ("Ixx_com", "Iyy_com", "Izz_com"):
-        twin = parameters.get(twin_of(name))
-        if twin is not None:
-            findings.append(_finding(derived.get(name, twin), twin))
-    return findings
-
-
-def _finding(
-    number: Parameter | Derived, twin: Parameter, ratios: Sequence[Derived] = ()
-) -> Finding:
-    """Describe one number; `twin` is the parameter with its verdict, `ratios` are derived."""
-    verdict = body_verdict(number, twin) if isinstance(number, Derived) else twin.verdict
-    subject = SUBJECTS.get(number.name, title_of(number.name))
-    return Finding(
-        verdict=verdict,
-        subject=subject[0].upper() + subject[1:],
-        words=_words(number, verdict, twin, ratios),
-        advice=None if verdict in ("identified", "given", "removed") else twin.advice,
-    )
-
-
-def _words(
-    number: Parameter | Derived, verdict: str, twin: Parameter, ratios: Sequence[Derived]
-) -> str:
-    if verdict == "given":
-        return f"given, {_number(number)}"
-    if verdict == "ratio-only":
-        other = SUBJECTS.get(twin.partner or "", title_of(twin.partner or "other parameters"))
-        return f"known only as a ratio to the {other}{_ratio(twin, ratios)}"
-    if verdict == "removed":
-        return "left out as unessential"
-    if verdict not in ("identified", "weak", "doubtful"):
-        return "not known"
-    share, shown = percent(number), _number(number)
-    if share is None:
-        return shown
-    if verdict == "doubtful":
-        return f"{shown}, which {twin.reason}" if twin.reason else shown
-    narrow = share <= 100.0 * WEAK
-    if verdict == "weak" and narrow and number is twin and twin.reason:
-        return f"{shown}: {twin.reason}"
-    if verdict == "weak" and share <= 100.0:
-        return f"{shown}: known only to {percent_words(share)}"
-    # Judged by a size that matters, not by its value: no percentage of that.
-    return f"{shown}: known to {percent_words(share)}" if narrow else shown
-
-
-def _number(number: Parameter | Derived) -> str:
-    shown = number_of(number.value, number.interval)
-    return f"{shown or ''} {unit_words(number.unit)}".strip()
-
-
-def _ratio(number: Parameter, ratios: Sequence[Derived]) -> str:
-    """Write the ratio itself, of each configuration that has one."""
-    name = f"{number.name}_over_{number.partner}"
-    found = [d for d in ratios if d.name == name and known(d.value) is not None]
-    values = [_number(d) + (f" ({d.configuration})" if len(found) > 1 else "") for d in found]
-    return f": {', '.join(values)}" if values else ""
-
-
-def _com(derived: dict[str, Derived], parameters: dict[str, Parameter]) -> Finding:
-    """Describe where the centre of mass is, in millimetres and directions."""
-    verdicts = [body_verdict(derived[n], parameters.get(twin_of(n))) for n in DIRECTIONS]
-    origin = "IMU" if "rotor_center_x" in parameters else "origin"
-    words: list[str] = []
-    for name, (positive, negative) in DIRECTIONS.items():
-        value, half = known(derived[name].value), half_width(derived[name])
-        if value is None:
-            words.append(f"not known how far {positive} or {negative}")
-        else:
-            margin = "" if half is None else f" ± {_mm(half)}"
-            words.append(f"{_mm(abs(value))}{margin} mm {positive if value >= 0 else negative}")
-    order = (
-        *("not-identified", "ratio-only", "removed"),
-        *("doubtful", "weak", "identified", "given"),
-    )
-    worst = min(verdicts, key=order.index)
-    advice = [
-        p.advice for n in DIRECTIONS if (p := parameters.get(twin_of(n))) is not None and p.advice
+    imbalance = _strong_and_weak(result)
+    return [
+        *_line(result, "full thrust, a motor", "g", 1e3 / GRAVITY, shared.get("max_thrust")),
+        *_line(result, lag[0], "ms", 1e3, lag[1]),
+        *_line(
+            result,
+            "imbalance of motors",
+            "%",
+            100.0,
+            shared.get("motor_imbalance"),
+            remark=imbalance,
+        ),
     ]
-    return Finding(
-        verdict=worst,
-        subject="Centre of mass",
-        words=f"{', '.join(words)} the {origin}",
-        advice="; ".join(dict.fromkeys(advice)) if worst != "identified" and advice else None,
+
+
+def _strong_and_weak(result: IdentificationResult) -> str:
+    """Name the motors that pull most and least, where the difference is seen."""
+    rotors = [p for p in result.parameters if p.name.startswith("kt_") and p.value]
+    found = next((d for d in result.derived if d.name == "motor_imbalance"), None)
+    if len(rotors) < 2 or found is None or found.interval is None or found.interval[0] <= 0.0:
+        return ""
+    rotors.sort(key=lambda p: p.value or 0.0)
+    weak, strong = (p.name.removeprefix("kt_") for p in (rotors[0], rotors[-1]))
+    return f"motor {strong} pulls most, {weak} least"
+
+
+def _body_lines(
+    result: IdentificationResult, configuration: str
+) -> tuple[tuple[Line, ...], tuple[Line, ...]]:
+    """Describe thrust against weight, and the place and inertia of the mass."""
+    own = {d.name: d for d in result.derived if d.configuration == configuration}
+    throttle, hover = own.get("hover_throttle"), own.get("hover_speed")
+    if throttle is not None and throttle.value is None and hover is not None and hover.value:
+        hovering = _line(result, "hover speed", "rpm", 30.0 / pi, hover)
+    else:
+        hovering = _line(result, "hover throttle", "%", 100.0, throttle)
+    center = any(p.name == "rotor_center_x" for p in result.parameters)
+    place = [_directed(own[name], DIRECTIONS[name]) for name in DIRECTIONS if name in own]
+    turns = [
+        (word, own[name])
+        for word, name in (("roll", "Ixx_com"), ("pitch", "Iyy_com"), ("yaw", "Izz_com"))
+        if name in own
+    ]
+    power, unit = _power_of_ten([d for _, d in turns])
+    return (
+        (*hovering, *_line(result, "thrust to weight", "", 1.0, own.get("thrust_to_weight"))),
+        (
+            *_lines(
+                result,
+                "centre of mass",
+                "mm",
+                1e3,
+                place,
+                remark=f"from the {'IMU' if center else 'origin'}",
+            ),
+            *_lines(result, "inertia", unit, 10.0**-power, turns),
+        ),
     )
 
 
-def _mm(metres: float) -> str:
-    return f"{1e3 * metres:.1f}"
+def _directed(number: Derived, ways: tuple[str, str]) -> tuple[str, Derived]:
+    """Name the direction of a number, which then is positive."""
+    value, interval = known(number.value), number.interval
+    if value is None or value >= 0.0:
+        return ways[0], number
+    turned = None if interval is None else (-interval[1], -interval[0])
+    return ways[1], replace(number, value=-value, interval=turned)
+
+
+def _power_of_ten(numbers: Sequence[Derived]) -> tuple[int, str]:
+    """Choose the power of ten that all inertia is written in, and its unit."""
+    sizes = [abs(value) for d in numbers if (value := known(d.value))]
+    power = floor(log10(max(sizes))) if sizes else 0
+    unit = numbers[0].unit if numbers else ""
+    return (power, f"1e{power} {unit}") if power < -1 else (0, unit)
+
+
+def _line(
+    result: IdentificationResult,
+    title: str,
+    unit: str,
+    factor: float,
+    number: Parameter | Derived | None,
+    *,
+    remark: str = "",
+) -> Iterator[Line]:
+    numbers = [] if number is None else [("", number)]
+    return _lines(result, title, unit, factor, numbers, remark=remark)
+
+
+def _lines(
+    result: IdentificationResult,
+    title: str,
+    unit: str,
+    factor: float,
+    numbers: Sequence[tuple[str, Parameter | Derived]],
+    *,
+    remark: str = "",
+) -> Iterator[Line]:
+    """Write numbers in one line; none where there are none."""
+    if not numbers:
+        return
+    parts = tuple(_scaled(result, words, number, factor) for words, number in numbers)
+    if all(part.value is None for part in parts):
+        reasons = [number.reason for _, number in numbers if number.reason]
+        why = reasons[0] if reasons else "these flights do not show it"
+        parts, remark = (), f"not known: {why}"
+    yield Line(title=title, unit=unit if parts else "", parts=parts, remark=remark)
+
+
+def _scaled(
+    result: IdentificationResult, words: str, number: Parameter | Derived, factor: float
+) -> Part:
+    value, ends = known(number.value), number.interval
+    return Part(
+        words=words,
+        value=None if value is None else factor * value,
+        interval=None if ends is None else (factor * ends[0], factor * ends[1]),
+        verdict=verdict_of(result, number),
+    )
 
 
 WIDTH, HEIGHT, BAR = 920.0, 56.0, 22.0
@@ -321,7 +408,7 @@ def time_bar(flight: FlightRecord, shades: dict[str, int]) -> str:
 
 METHODS = {
     "ols": "equation by equation, weighted by frequency band",
-    "tls": "total least squares of all equations (Six et al. 2020)",
+    "tls": "total least squares of all equations (Six et al. 2020), intervals by their formula",
     "banded": "all equations and configurations at once, weighted by frequency band",
 }
 

@@ -5,19 +5,29 @@ from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
 from rotorfit.formatting.digits import known, with_interval
+from rotorfit.formatting.sheet import table_lines
 from rotorfit.logs.files import file_name
-from rotorfit.model.parameters import NUISANCE
+from rotorfit.model.parameters import NUISANCE, OF_FLIGHT
 from rotorfit.model.terms.air import DRAG_MOMENTS
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
 from rotorfit.report.parameters import COM_FIRST, VERDICT_MEANING, Entry, body_entry, percent
-from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
+from rotorfit.results.result import (
+    Derived,
+    IdentificationResult,
+    Parameter,
+    configuration_names,
+    verdict_of,
+)
 from rotorfit.results.verdicts import WEAK, twin_of
 
-ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
+ROTOR_DERIVED = (
+    *("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed"),
+    *OF_FLIGHT,
+)
 DOUBTFUL = ("weak", "doubtful", "ratio-only", "not-identified", "removed")
 """Verdicts that need a word of explanation, and mostly of advice."""
 WIDTH = 100
-UNEXPLAINED = "Flights kept apart: what is left unexplained"
+UNEXPLAINED = "Flights kept apart: prediction error"
 
 Line = tuple[Parameter | Derived, str]
 """A number with the words that follow its unit."""
@@ -35,10 +45,10 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
     """
     sections = [
         textwrap.wrap(_title(result), width),
-        _table("Rotors", _rotor_lines(result)),
+        _table("Rotors", _rotor_lines(result), width),
         _law_lines(result, width),
         *(
-            _table(f"Body, configuration {name}", _body_lines(result, name))
+            _table(f"Body, configuration {name}", _body_lines(result, name), width)
             for name in configuration_names(result)
         ),
         _listed(UNEXPLAINED, map(_validated, result.validation), width),
@@ -54,14 +64,16 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
 
-def _title(result: IdentificationResult) -> str:
+def flights_in_words(result: IdentificationResult) -> str:
+    """Name the result, and say how much was flown for it."""
     seconds = sum(flight.seconds_used for flight in result.flights)
     count = len(result.flights)
     flights = "1 flight" if count == 1 else f"{count} flights"
-    return (
-        f"{result.name}: {flights}, {seconds:.1f} s in the air, method {result.method}; "
-        "+- is half of the 95 % interval"
-    )
+    return f"{result.name}: {flights}, {seconds:.1f} s in the air"
+
+
+def _title(result: IdentificationResult) -> str:
+    return f"{flights_in_words(result)}, method {result.method}; +- is half of the 95 % interval"
 
 
 def _rotor_lines(result: IdentificationResult) -> list[Line]:
@@ -92,7 +104,7 @@ def _law_lines(result: IdentificationResult, width: int) -> list[str]:
 
 def _rotor_derived(result: IdentificationResult, owners: Container[str | None]) -> list[Line]:
     return [
-        (d, "")
+        (d, verdict_of(result, d))
         for d in result.derived
         if d.name in ROTOR_DERIVED and d.configuration in owners and known(d.value) is not None
     ]
@@ -150,7 +162,7 @@ def _verdict(of: Parameter | Entry) -> str:
     return f"{of.verdict} with {of.partner}" if with_partner else of.verdict
 
 
-def _table(title: str, lines: list[Line]) -> list[str]:
+def _table(title: str, lines: list[Line], width: int) -> list[str]:
     """Align numbers one below the other, units and verdicts each in their column."""
     if not lines:
         return []
@@ -158,11 +170,15 @@ def _table(title: str, lines: list[Line]) -> list[str]:
     names = max(15, *(len(number.name) for number, _ in lines))
     room = max(14, *map(len, units))
     rows = [
-        f"  {number.name:<{names}} {with_interval(number.value, number.interval):>24}  "
-        f"{unit:<{room}} {words}"
+        (
+            f"  {number.name:<{names}}",
+            f"{with_interval(number.value, number.interval):>24} ",
+            f"{unit:<{room}}",
+            words,
+        )
         for (number, words), unit in zip(lines, units, strict=True)
     ]
-    return [title, *(row.rstrip() for row in rows)]
+    return [title, *table_lines(rows, width)]
 
 
 def _validated(row: Mapping[str, Any]) -> str:
@@ -178,6 +194,14 @@ def _meanings(result: IdentificationResult) -> list[str]:
 
 def advice_of(result: IdentificationResult) -> list[str]:
     """Collect each advice once, after its numbers and what is wrong with them."""
+    return [
+        "; ".join(f"{', '.join(names)} ({wrong})" for wrong, names in group.items()) + f": {advice}"
+        for advice, group in _advised(result).items()
+    ]
+
+
+def _advised(result: IdentificationResult) -> dict[str, dict[str, list[str]]]:
+    """Collect numbers by advice, and by what is wrong with them."""
     groups: dict[str, dict[str, list[str]]] = {}
     for entry in _judged(result):
         if entry.advice is None or entry.verdict not in DOUBTFUL or entry.number.name in NUISANCE:
@@ -185,10 +209,22 @@ def advice_of(result: IdentificationResult) -> list[str]:
         names = groups.setdefault(entry.advice, {}).setdefault(_wrong(entry), [])
         name = entry.number.name
         names += [name] if name not in names else []
-    return [
-        "; ".join(f"{', '.join(names)} ({wrong})" for wrong, names in group.items()) + f": {advice}"
-        for advice, group in groups.items()
-    ]
+    return groups
+
+
+def next_step_of(result: IdentificationResult) -> str | None:
+    """Choose what to do next: what ends a doubt of a number, else what sharpens the most."""
+    steps = [one.next_step for one in result.findings if one.doubtful_because and one.next_step]
+    if steps:
+        return steps[0]
+    groups = {
+        advice: [name for names in group.values() for name in names]
+        for advice, group in _advised(result).items()
+    }
+    if not groups:
+        return None
+    advice, names = max(groups.items(), key=lambda group: len(group[1]))
+    return f"{advice} (for {', '.join(names)})"
 
 
 def _wrong(entry: Entry) -> str:

@@ -16,6 +16,7 @@ from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Finding, diagnostics_of
 from rotorfit.results.parameter_tables import RATIOS
 from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
+from rotorfit.results.verdicts import judged_derived
 
 
 def assembled(
@@ -92,7 +93,7 @@ def withheld(result: IdentificationResult, finding: Finding) -> IdentificationRe
         for p in result.parameters
     )
     derived = tuple(
-        dataclasses.replace(d, value=None, std=None, interval=None)
+        dataclasses.replace(d, value=None, std=None, interval=None, reason=finding.withheld_because)
         if finding.is_about(d.full_name)
         else d
         for d in result.derived
@@ -130,10 +131,11 @@ def _without_value(
 
 
 def mark_doubtful(result: IdentificationResult) -> IdentificationResult:
-    """Give the verdict `doubtful` to numbers that a finding says not to trust."""
+    """Judge the derived numbers, and call doubtful what a finding says not to trust."""
     disowning = [one for one in result.findings if one.doubtful_because is not None]
     parameters = tuple(_judged_again(p, disowning) for p in result.parameters)
-    return dataclasses.replace(result, parameters=parameters)
+    derived = (_derived_again(d, disowning) for d in judged_derived(parameters, result.derived))
+    return dataclasses.replace(result, parameters=parameters, derived=tuple(derived))
 
 
 def _judged_again(parameter: Parameter, disowning: Sequence[Finding]) -> Parameter:
@@ -141,14 +143,25 @@ def _judged_again(parameter: Parameter, disowning: Sequence[Finding]) -> Paramet
     about = [one for one in disowning if one.is_about(parameter.full_name)]
     if not about or parameter.verdict not in ("identified", "weak"):
         return parameter
-    reasons = " and ".join(dict.fromkeys(str(one.doubtful_because) for one in about))
     steps = [one.next_step for one in about if one.next_step]
     return dataclasses.replace(
         parameter,
         verdict="doubtful",
-        reason=f"may be outside its interval, because {reasons}",
+        reason=_why_doubtful(about),
         advice=steps[0] if steps else parameter.advice,
     )
+
+
+def _derived_again(derived: Derived, disowning: Sequence[Finding]) -> Derived:
+    about = [one for one in disowning if one.is_about(derived.full_name)]
+    if not about or derived.verdict not in ("identified", "weak"):
+        return derived
+    return dataclasses.replace(derived, verdict="doubtful", reason=_why_doubtful(about))
+
+
+def _why_doubtful(about: Sequence[Finding]) -> str:
+    reasons = " and ".join(dict.fromkeys(str(one.doubtful_because) for one in about))
+    return f"may be outside its interval, because {reasons}"
 
 
 def with_setting(result: IdentificationResult, **used: Any) -> IdentificationResult:

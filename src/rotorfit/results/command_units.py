@@ -1,12 +1,30 @@
-"""Results from commanded rotor speed: units where no law makes speeds of commands, and doubts."""
+"""What commands make of a result: its units where no law gives rotor speeds, and a pilot's numbers.
 
-import dataclasses
+These are the throttle in hover, the thrust over the weight and of a motor, and how equally the
+motors pull.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import hypot, isfinite, sqrt
 from typing import Final
 
+import numpy as np
+
 from rotorfit.dataset.dataset import Dataset
+from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.findings import doubt
-from rotorfit.model.parameters import EFFECTIVE_UNITS
-from rotorfit.results.result import IdentificationResult
+from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
+from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS
+from rotorfit.preprocessing.motors.thrust_curve import GRID, full_speed_of, speeds
+from rotorfit.results.result import (
+    Derived,
+    IdentificationResult,
+    Parameter,
+    configuration_names,
+)
+from rotorfit.results.verdicts import judge
 
 _PER_MASS: Final = " per kg"
 
@@ -22,6 +40,18 @@ RELATIVE_LAW: Final = (
     "and CoM are "
     "physical"
 )
+NO_COMMANDS: Final = (
+    "no rotor speed at full command: log the motor commands beside the speeds, or give law under "
+    "[motors]"
+)
+NO_MASS: Final = "weigh the vehicle as it flies, battery included"
+NO_KT: Final = "the flights do not tell the thrust coefficients"
+
+SEEN_IN_TRIM: Final = 0.1
+"""Difference between motors that matters to a pilot, as a share of the mean one."""
+
+Range = tuple[float, float]
+"""A value with half of its 95 % interval as a share of it."""
 
 
 def in_command_units(result: IdentificationResult, dataset: Dataset) -> IdentificationResult:
@@ -29,15 +59,22 @@ def in_command_units(result: IdentificationResult, dataset: Dataset) -> Identifi
     motors = dataset.motors
     if motors.speed == "measured" or not motors.law_is_relative or dataset.speeds_commanded:
         return result
-    relative = doubt("no-speed-law", NO_LAW if motors.law is None else RELATIVE_LAW)
-    return dataclasses.replace(
+    relative = doubt("no-speed-law", RELATIVE_LAW)
+    if motors.law is None:
+        relative = doubt(
+            "no-speed-law",
+            NO_LAW,
+            numbers=("thrust_to_weight", "max_thrust"),
+            doubtful_because="thrust is taken to grow with the square of the command",
+            next_step="log the rotor speed, or measure thrust over command and give law under "
+            "[motors]",
+        )
+    return replace(
         result,
         parameters=tuple(
-            dataclasses.replace(p, unit=effective_unit(p.name, p.unit)) for p in result.parameters
+            replace(p, unit=effective_unit(p.name, p.unit)) for p in result.parameters
         ),
-        derived=tuple(
-            dataclasses.replace(d, unit=effective_unit(d.name, d.unit)) for d in result.derived
-        ),
+        derived=tuple(replace(d, unit=effective_unit(d.name, d.unit)) for d in result.derived),
     ).found(relative)
 
 
@@ -53,3 +90,137 @@ def is_per_command(result: IdentificationResult) -> bool:
     """Return whether the coefficients of a result are per squared command, not per rad/s."""
     kt = result.parameter("kt").unit.removesuffix(_PER_MASS)
     return kt == EFFECTIVE_UNITS["kt"]
+
+
+def with_flight_numbers(result: IdentificationResult, motors: MotorsEntry) -> IdentificationResult:
+    """Add hover throttle, thrust over weight, largest thrust of a motor and their imbalance."""
+    law = _law(result, motors)
+    full = None if law is None else _full_speed(result, law)
+    bodies = [
+        number
+        for owner in configuration_names(result)
+        for number in (_throttle(result, owner, law, full), _thrust_to_weight(result, owner, full))
+    ]
+    shared = (_max_thrust(result, full), _imbalance(result))
+    return replace(result, derived=(*result.derived, *shared, *bodies))
+
+
+def _law(result: IdentificationResult, motors: MotorsEntry) -> SpeedLaw | None:
+    """Select the law from command to speed; the command itself where speeds are in commands."""
+    found = result.command_law
+    if found is not None and found.known:
+        return found.law
+    if motors.law is not None:
+        return speed_law_of(motors.law)
+    proportional = SpeedLaw(curve=PowerLaw(full_speed=1.0, offset=0.0, exponent=1.0))
+    return proportional if is_per_command(result) else None
+
+
+def _full_speed(result: IdentificationResult, law: SpeedLaw) -> Range:
+    """Return the speed at full command [rad/s, or 1 of relative speeds]."""
+    fitted = next((p for p in result.parameters if p.name == "max_speed"), None)
+    return (fitted and _range(fitted)) or (full_speed_of(law), 0.0)
+
+
+def _range(number: Parameter | Derived) -> Range | None:
+    if number.value is None or not isfinite(number.value) or not number.value:
+        return None
+    low, high = number.interval or (number.value, number.value)
+    return number.value, 0.5 * (high - low) / abs(number.value)
+
+
+def _hover_speed(result: IdentificationResult, owner: str) -> Range | None:
+    hover = (d for d in result.derived if (d.name, d.configuration) == ("hover_speed", owner))
+    return next((_range(d) for d in hover), None)
+
+
+def _throttle(
+    result: IdentificationResult, owner: str, law: SpeedLaw | None, full: Range | None
+) -> Derived:
+    """Return the command, 0 to 1, whose speed carries the weight."""
+    hover = _hover_speed(result, owner)
+    if law is None or full is None or hover is None:
+        return _unknown("hover_throttle", owner, NO_COMMANDS if hover else NO_KT)
+    speed, share = hover[0], hypot(hover[1], full[1])
+    # Where a law is flat its speeds do not tell the command: np.interp takes the last.
+    low, value, high = np.interp(
+        [speed * (1.0 - share), speed, speed * (1.0 + share)], speeds(law, GRID), GRID
+    ).tolist()
+    return _known("hover_throttle", owner, value, max(high - value, value - low))
+
+
+def _thrust_to_weight(result: IdentificationResult, owner: str, full: Range | None) -> Derived:
+    """Return the thrust of all rotors at full command over the weight."""
+    hover = _hover_speed(result, owner)
+    if full is None or hover is None:
+        return _unknown("thrust_to_weight", owner, NO_COMMANDS if hover else NO_KT)
+    value = (full[0] / hover[0]) ** 2
+    return _known("thrust_to_weight", owner, value, 2.0 * hypot(full[1], hover[1]) * value)
+
+
+def _max_thrust(result: IdentificationResult, full: Range | None) -> Derived:
+    """Return the thrust of the mean rotor at full command [N]."""
+    parameter = next((p for p in result.parameters if p.name == "kt"), None)
+    kt = None if parameter is None else _range(parameter)
+    if parameter is None or kt is None or full is None:
+        return _unknown("max_thrust", None, NO_COMMANDS if kt else NO_KT)
+    if parameter.unit.endswith(" per kg"):
+        return _unknown("max_thrust", None, NO_MASS)
+    value = kt[0] * full[0] ** 2
+    return _known("max_thrust", None, value, hypot(kt[1], 2.0 * full[1]) * value)
+
+
+def _imbalance(result: IdentificationResult) -> Derived:
+    """Return the largest thrust coefficient less the smallest, over the mean.
+
+    Of equal motors chance alone makes it larger than zero: half of the interval is that of the
+    difference, and one that reaches to zero says that none is seen.
+    """
+    rotors = list(_rotors(result))
+    if len(rotors) < 2:
+        reasons = [p.reason for p in result.parameters if p.name.startswith("kt_") and p.reason]
+        return _unknown("motor_imbalance", None, reasons[0] if reasons else NO_KT)
+    mean = float(np.mean([value for _, value in rotors]))
+    (strong, most), (weak, least) = (pick(rotors, key=lambda r: r[1]) for pick in (max, min))
+    ends = [result.covariance_names.index(name) for name in (strong, weak)]
+    C = result.covariance[np.ix_(ends, ends)]
+    std = sqrt(max(float(C[0, 0] + C[1, 1] - 2.0 * C[0, 1]), 0.0)) / mean
+    half = 1.96 * std
+    return _known("motor_imbalance", None, (most - least) / mean, half, scale=SEEN_IN_TRIM)
+
+
+def _rotors(result: IdentificationResult) -> Iterator[tuple[str, float]]:
+    for p in result.parameters:
+        if p.name.startswith("kt_") and p.value and p.name in result.covariance_names:
+            yield p.name, p.value
+
+
+def _known(
+    name: str, owner: str | None, value: float, half: float, *, scale: float = 0.0
+) -> Derived:
+    judgement = judge(value, half, scale=scale, axis="force")
+    if judgement.verdict == "not-identified":
+        return _unknown(name, owner, judgement.reason or "")
+    return Derived(
+        name=name,
+        configuration=owner,
+        value=value,
+        std=half / 1.96,
+        interval=(max(value - half, 0.0), value + half),
+        unit=DERIVED[name].unit,
+        verdict=judgement.verdict,
+        reason=judgement.reason,
+    )
+
+
+def _unknown(name: str, owner: str | None, why: str) -> Derived:
+    return Derived(
+        name=name,
+        configuration=owner,
+        value=None,
+        std=None,
+        interval=None,
+        unit=DERIVED[name].unit,
+        verdict="not-identified",
+        reason=why,
+    )

@@ -15,7 +15,7 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.model.parameters import DERIVED, PARAMETERS, ROW_ORDER, UNREPORTED
+from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS, ROW_ORDER, UNREPORTED
 from rotorfit.model.terms.body import BIAS_STD
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.reduction.frequency_bands import STRETCH
@@ -186,7 +186,7 @@ def _derived_numbers(
         )
         for entry in (None, *entries)
         for name in DERIVED
-        if (name in SHARED_NUMBERS) == (entry is None)
+        if name not in OF_FLIGHT and (name in SHARED_NUMBERS) == (entry is None)
     ]
 
 
@@ -232,7 +232,7 @@ def _judgement(rotors: int, *, grouped: bool) -> Judgement:
         advice = 'give the rotors that are alike the same group (group = "..." in [airframe])'
     else:
         # Kept: with the CoM they make the trim of hover, and one without the other is none.
-        reason = "it cannot be told apart from the average rotor"
+        reason = "the flights hardly separate this rotor from the average one"
         advice = "roll, pitch and yaw more briskly"
         return Judgement(verdict="weak", reason=reason, advice=advice)
     return Judgement(verdict="not-identified", reason=reason, advice=advice)

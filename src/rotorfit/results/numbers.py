@@ -55,6 +55,8 @@ class Derived:
         `configuration` is None for what all configurations share.
     value, std, interval
         SI; None where the parameters do not give it. The interval is 95 %.
+    verdict, reason
+        As of a `Parameter`; doubtful where a number is that it depends on.
     """
 
     name: str
@@ -63,6 +65,8 @@ class Derived:
     std: float | None
     interval: tuple[float, float] | None
     unit: str
+    verdict: Verdict | None = None
+    reason: str | None = None
 
     @property
     def full_name(self) -> str:

@@ -115,6 +115,8 @@ def number_derived(
         std=half / 1.96 if known else None,
         interval=(value - half, value + half) if known else None,
         unit=unit_of(DERIVED[base], entry),
+        verdict=judged[name].verdict if name in numbers.names else "not-identified",
+        reason=judged[name].reason if name in numbers.names else None,
     )
 
 

@@ -296,7 +296,7 @@ def _sheet(result: IdentificationResult) -> Sheet:
 
 def verdict_of(result: IdentificationResult, entry: Parameter | Derived) -> str:
     """Return the verdict on a number, on one about the CoM as the report has it."""
-    if isinstance(entry, Parameter):
+    if entry.verdict is not None:
         return entry.verdict
     if entry.name not in (*COM, *INERTIA_COM):
         return ""

@@ -12,7 +12,7 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.intervals.other_settings import widened
 from rotorfit.fit.rows.row_fits import ROWS, RowFits, fit_rows
 from rotorfit.fit.rows.row_parameters import number_scale, row_numbers
-from rotorfit.model.parameters import DERIVED, PARAMETERS, ROW_ORDER, SHARED, full_name
+from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS, ROW_ORDER, SHARED, full_name
 from rotorfit.results.assemble import assembled
 from rotorfit.results.parameter_tables import (
     RATIOS,
@@ -62,6 +62,7 @@ def row_tables(
             entry=entry,
         )
         for name in DERIVED
+        if name not in OF_FLIGHT
     ]
     return assembled(
         experiment,

@@ -1,14 +1,15 @@
 """From an estimate to words: how well is it known, why not better, and what to fly next."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Final
 
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.fit.intervals.numbers import moments_of_product
-from rotorfit.model.parameters import EVERY, INERTIA_COM
+from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
 from rotorfit.model.terms.body import product_scale
+from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.model.terms.term import Motion
 from rotorfit.results.numbers import Derived, Parameter, Verdict
 from rotorfit.simulation.pilot import Manoeuvre
@@ -46,8 +47,8 @@ ADVISED: Final[Mapping[str, Manoeuvre]] = {
 ADVICE: Final[Mapping[str, str]] = {
     **{motion: FLOWN[manoeuvre] for motion, manoeuvre in ADVISED.items()},
     "air": "fly fast to and fro along every axis, 20 s",
-    "scale": "nothing in the yaw equation fixes the scale; a measured Izz, or an estimate from "
-    "all equations at once, would",
+    "scale": "measure Izz (bifilar pendulum), or identify with method banded: the yaw equation "
+    "alone gives only ratios",
 }
 
 
@@ -96,7 +97,7 @@ def judge(
     hopeless = not relative <= (HOPELESS_YAW if little and axis == "yaw" else HOPELESS)
     reason = f"known only to +-{100 * relative:.0f} %"
     if abs(value) < scale:
-        reason += " of a size that matters for it"
+        reason = f"near zero, and its interval is {relative / WEAK:.1f} times too wide"
     if hopeless:
         reason = "the interval is wider than the value itself"
     if little:
@@ -138,6 +139,58 @@ def body_verdict(
     # Where a moment is not known, the estimate had a better idea of what matters than the value.
     measured = twin is not None and _size(derived, kin or {}) is None
     return "identified" if measured and verdict == "identified" else "weak"
+
+
+DEPENDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "hover_speed": ("kt",),
+    "kd_over_kt": ("kd", "kt"),
+    **{f"{name}_over_kt": (name, "kt") for name in ("Ixx", "Iyy", "Izz")},
+    "max_thrust": ("kt", "max_speed"),
+    "thrust_to_weight": ("kt", "max_speed"),
+    "hover_throttle": ("kt", "max_speed"),
+    "motor_imbalance": tuple(f"kt_{i}" for i in range(1, MOST_ROTORS + 1)),
+}
+"""Parameters whose doubts a derived number shares. Ratios to Izz and lag plus delay are known
+better than their parts: they have the doubts of findings about them."""
+
+
+def judged_derived(
+    parameters: Sequence[Parameter], derived: Sequence[Derived]
+) -> tuple[Derived, ...]:
+    """Judge derived numbers by their intervals, and by the verdicts of what they depend on."""
+    return tuple(
+        _about_com(d, parameters, derived)
+        if d.name in (*COM, *INERTIA_COM)
+        else _of_parts(d, parameters)
+        for d in derived
+    )
+
+
+def _about_com(
+    number: Derived, parameters: Sequence[Parameter], derived: Sequence[Derived]
+) -> Derived:
+    twins = (p for p in parameters if p.configuration == number.configuration)
+    twin = next((p for p in twins if p.name == twin_of(number.name)), None)
+    kin = {d.name: d for d in derived if d.configuration == number.configuration}
+    verdict = body_verdict(number, twin, kin)
+    reason = twin.reason if twin is not None and twin.verdict == verdict else None
+    return replace(number, verdict=verdict, reason=reason)
+
+
+def _of_parts(number: Derived, parameters: Sequence[Parameter]) -> Derived:
+    value, names = _known(number.value), DEPENDS.get(number.name, ())
+    if value is None:
+        return replace(number, verdict="not-identified")
+    parts = [
+        p for p in parameters if p.name in names and p.configuration in (None, number.configuration)
+    ]
+    for verdict in ("not-identified", "doubtful"):
+        worse = next((p for p in parts if p.verdict == verdict), None)
+        if worse is not None:
+            return replace(number, verdict=verdict, reason=worse.reason)
+    low, high = number.interval or (value, value)
+    wide = high - low > 2.0 * WEAK * abs(value)
+    return replace(number, verdict=number.verdict or ("weak" if wide else "identified"))
 
 
 def relative_width(derived: Derived, kin: Mapping[str, Derived]) -> float | None:

@@ -40,14 +40,22 @@ function counts({ counts: all }) {
     h("span", { class: "count", title: meaning }, h("b", {}, String(count)), verdict(word))));
 }
 
-function inShort({ summary }) {
-  return h("div", { class: "findings" }, summary.map(({ title, findings }) =>
-    h("div", {}, h("h3", {}, title), h("ul", {}, findings.map(finding)))));
+function inShort({ summary, in_short: doubts, next_step: next }) {
+  return [
+    summary.map(({ title, lines }) => [
+      title && h("h3", {}, title),
+      h("table", { class: "pilot" }, h("tbody", {}, lines.map(line))),
+    ]),
+    h("ul", { class: "findings" }, doubts.map((words) => h("li", { class: "finding doubtful" }, words.replaceAll("+-", "± "))),
+      next && h("li", { class: "finding plain" }, h("b", {}, "Next"), ` ${next}`)),
+  ];
 }
 
-function finding({ verdict: word, subject, words, advice }) {
-  return h("li", { class: `finding ${word}` }, h("b", {}, subject), ` ${words.replaceAll(" %", "\u00a0%")}`,
-    advice && h("span", { class: "advice" }, advice));
+function line({ title, parts, remark }) {
+  return h("tr", {}, h("th", { scope: "row" }, title), h("td", {},
+    parts.map(({ words, shown, verdict: word }, i) => [
+      i ? ", " : "", words && `${words} `, h("b", {}, shown), word && [" ", verdict(word)]]),
+    remark && `${parts.length ? ", " : ""}${remark}`));
 }
 
 function remarks(title, lines) {

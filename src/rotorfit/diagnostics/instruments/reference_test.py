@@ -72,11 +72,10 @@ def _matters(one: Instrumented, numbers: Numbers, name: str) -> bool:
 def _sentence(name: str, axis: str, one: Instrumented) -> str:
     numbers = "kd / Izz and Jr / Izz" if axis == "yaw" else f"kt / I{'xy'[axis == 'pitch'] * 2}"
     return (
-        f"{name}: by what was asked for the response in {axis} ({numbers}) is {one.ratio:.3f} +- "
-        f"{one.half_width:.3f} times that of the fit: the autopilot responded to gusts "
-        "differently than assumed, or what was asked for is not what moved the vehicle; fly "
-        "again in calm air with "
-        "larger, quicker sticks"
+        f"{name}: the response in {axis} ({numbers}), measured by the commanded rates alone, is "
+        f"{one.ratio:.3f} +- {one.half_width:.3f} times that of the fit: the autopilot responded "
+        "to gusts differently than assumed, or the logged commands are not what moved the "
+        "vehicle; fly again in calm air with larger, quicker sticks"
     )
 
 

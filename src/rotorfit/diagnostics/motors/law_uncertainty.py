@@ -59,9 +59,9 @@ def _uncertain(numbers: Numbers, std: float) -> Finding:
         kind=LAW,
         severity="note",
         sentence=(
-            f"the law under [motors] gives the speeds to +-{196 * std:.1f} %: so much of Jr, and "
-            "twice as much of kt and kd, are in their intervals; log the rotor speed, or the "
-            "battery's voltage beside a law that has it"
+            f"the law under [motors] gives the rotor speeds to +-{196 * std:.1f} %: the interval "
+            "of Jr includes as much, those of kt and kd twice as much; log the rotor speed, or "
+            "the battery's voltage beside a law that depends on it"
         ),
         numbers=tuple(n for n in numbers.names if n.partition("@")[0] in BY_SPEED),
         evidence=(Evidence(name="law_speed_std", value=std),),

@@ -72,7 +72,7 @@ def _sentence(flight: LoadedFlight) -> str:
     return (
         f"{Path(flight.entry.file).name}: the motors are at their limits for {low + high:.0f} % of "
         f"the flight ({low:.0f} % at the lowest command, {high:.0f} % at the highest), where their "
-        "speed is not what the law says; the intervals hold some per cent of it: "
+        "speed is not what the law says; the intervals cover a few percent of it: "
         f"{GAINS.format(arrivals=limits.arrivals) if swinging else GENTLY}"
     )
 

@@ -86,7 +86,7 @@ def mounting_sentence(tilt: ImuTilt) -> str:
     return (
         f"the IMU is mounted {tilt_phrase(tilt)} relative to the plane of the rotors: in flight "
         "the thrust is tilted by that angle in the IMU's axes, and the flight fits far better with "
-        "it. The readings are turned back; measure the mounting, and declare it under [airframe] "
+        "it. rotorfit corrects the readings; measure the mounting, and declare it under [airframe] "
         f"(imu_tilt_deg = [{roll:.1f}, {pitch:.1f}])"
     )
 

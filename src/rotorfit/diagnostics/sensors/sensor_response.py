@@ -139,12 +139,14 @@ def _sentence(found: FoundFilter) -> str:
     low, high = found.interval
     at = f"{found.cutoff:.0f} Hz ({low:.0f} to {high:.0f})"
     if found.shape == "gyro low-passed":
-        seen = f"lag and shrink as behind a low-pass of about {at}: the gyro in the log is filtered"
+        seen = (
+            f"look late and small, as behind a low-pass of about {at}: the logged gyro is filtered"
+        )
         todo = "log the gyro unfiltered"
     else:
         seen = (
-            f"grow against what the rotors make of them as if at {at} the IMU swung on its mount, "
-            "or the rotor speeds were low-passed"
+            f"look larger than the rotors make them, as if the IMU swung on its mount at {at}, or "
+            "the rotor speeds were low-passed"
         )
         todo = "mount the IMU stiffly, and log rotor speeds unfiltered"
     most = 100.0 * max(abs(value) for value in found.factors.values())
