@@ -17,6 +17,9 @@ from rotorfit.findings import Finding, diagnostics_of
 from rotorfit.results.parameter_tables import RATIOS
 from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
 
+FLYABLE = ("weak", "ratio-only", "not-identified")
+"""Verdicts that more flying might better."""
+
 
 def assembled(
     experiment: Experiment,
@@ -130,10 +133,25 @@ def _without_value(
 
 
 def mark_doubtful(result: IdentificationResult) -> IdentificationResult:
-    """Give the verdict `doubtful` to numbers that a finding says not to trust."""
+    """Give the verdict `doubtful` to numbers that a finding says not to trust.
+
+    Numbers for which flying is useless get the finding's next step in place of a manoeuvre.
+    """
     disowning = [one for one in result.findings if one.doubtful_because is not None]
-    parameters = tuple(_judged_again(p, disowning) for p in result.parameters)
+    useless = [one for one in result.findings if one.useless_because is not None]
+    parameters = tuple(
+        _advised_first(_judged_again(p, disowning), useless) for p in result.parameters
+    )
     return dataclasses.replace(result, parameters=parameters)
+
+
+def _advised_first(parameter: Parameter, useless: Sequence[Finding]) -> Parameter:
+    """Return a parameter with the step without which no flying helps it."""
+    about = next((one for one in useless if one.is_about(parameter.full_name)), None)
+    if about is None or parameter.verdict not in FLYABLE:
+        return parameter
+    reason = parameter.reason if parameter.verdict == "weak" else about.useless_because
+    return dataclasses.replace(parameter, reason=reason, advice=about.next_step)
 
 
 def _judged_again(parameter: Parameter, disowning: Sequence[Finding]) -> Parameter:
