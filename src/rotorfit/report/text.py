@@ -8,7 +8,6 @@ from rotorfit.formatting.digits import known, with_interval
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import NUISANCE
 from rotorfit.model.terms.air import DRAG_MOMENTS
-from rotorfit.planning.next_step import next_step
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
 from rotorfit.report.parameters import COM_FIRST, VERDICT_MEANING, Entry, body_entry, percent
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
@@ -44,8 +43,7 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
         ),
         _listed(UNEXPLAINED, map(_validated, result.validation), width),
         _listed("What the verdicts mean", _meanings(result), width),
-        _listed("Next step", [next_step(result).sentence], width),
-        _listed("What to do for each number", advice_of(result), width),
+        _listed("What to do next", advice_of(result), width),
         _listed("To know", warnings_of(result), width),
         _listed(
             "No flight can check these: make sure that they are right",
@@ -180,7 +178,6 @@ def _meanings(result: IdentificationResult) -> list[str]:
 
 def advice_of(result: IdentificationResult) -> list[str]:
     """Collect each advice once, after its numbers and what is wrong with them."""
-    first = next_step(result).action
     groups: dict[str, dict[str, list[str]]] = {}
     for entry in _judged(result):
         if entry.advice is None or entry.verdict not in DOUBTFUL or entry.number.name in NUISANCE:
@@ -189,8 +186,7 @@ def advice_of(result: IdentificationResult) -> list[str]:
         name = entry.number.name
         names += [name] if name not in names else []
     return [
-        "; ".join(f"{', '.join(names)} ({wrong})" for wrong, names in group.items())
-        + f": {'the next step' if advice == first else advice}"
+        "; ".join(f"{', '.join(names)} ({wrong})" for wrong, names in group.items()) + f": {advice}"
         for advice, group in groups.items()
     ]
 
