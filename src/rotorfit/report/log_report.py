@@ -9,7 +9,7 @@ from rotorfit.dataset.checks.gravity import GravitySeen
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.inspection.frequency_sweep import AXES, Sweep
 from rotorfit.inspection.inspect_log import LogReport
-from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
+from rotorfit.inspection.prospects import Excitation, Prospects
 from rotorfit.inspection.recording import LATEST, SEARCHED, ChannelReport
 from rotorfit.inspection.settings import settings_file
 from rotorfit.inspection.spectra import Spectrum
@@ -18,7 +18,7 @@ from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry
 JSON_KEYS: Final = (
     *("file", "format", "log", "seconds", "channels", "airborne", "vibration", "sweeps"),
     *("motor_lateness", "telemetry", "gravity", "prospects", "verdicts", "not_judged"),
-    *("filters", "trouble", "settings", "notes", "metadata"),
+    *("filters", "trouble", "settings", "notes", "metadata", "next_step"),
 )
 MOST_SPANS: Final = 6
 SLOWED: Final = 0.8
@@ -31,8 +31,6 @@ SHAKES: Final = ((10.0, "strong: balance the propellers"), (3.0, "moderate"), (0
 """Levels of vibration [m/s^2] and their words."""
 LEAST_CHANGE: Final = 3.0
 """Change of thrust below which kt is found from the weight alone [%]."""
-MOST_SHOWN: Final = 1000.0
-"""Ratio above which its figure says nothing more."""
 WHAT: Final = {"roll": ("Ixx", ""), "pitch": ("Iyy", ""), "yaw": ("kd / Izz", "Izz, kd and Jr")}
 """What an axis tells, and what it tells with all the others."""
 KNOW: Final = "To know"
@@ -80,6 +78,7 @@ def sections(report: LogReport) -> list[tuple[str, list[str]]]:
         ),
         (KNOW, list(report.trouble)),
         ("Settings to change", setting_messages(report)),
+        ("Next step", [] if report.next_step is None else [report.next_step.sentence]),
     ]
     return [(title, words) for title, words in found if words]
 
@@ -228,7 +227,7 @@ def prospect_messages(found: Prospects | None) -> list[str]:
         return []
     return [
         _thrust_message(found),
-        *(_axis_message(axis, found.thrust) for axis in found.excitation),
+        *(_axis_message(axis, found) for axis in found.excitation),
     ]
 
 
@@ -262,30 +261,30 @@ def _thrust_message(found: Prospects) -> str:
     )
 
 
-def _axis_message(axis: Excitation, thrust: Thrust) -> str:
-    rho = f"over {MOST_SHOWN:.0f}" if axis.rho > MOST_SHOWN else short(axis.rho)
+def _axis_message(axis: Excitation, found: Prospects) -> str:
     what, others = WHAT[axis.axis]
+    width = "" if axis.width is None else f" (to about +-{short(100.0 * axis.width)} %)"
+    reason = _reason(axis, found)
     verdict = {
         # The scale of Izz hangs on small terms of all equations, which only an estimate weighs.
-        "well": f"{what} can be found well{others and f'; {others} less surely'}",
-        "roughly": f"{what} roughly{others and f', {others} less surely'}: {_reason(axis, thrust)}",
-        "not": f"{what}{others and f', {others}'} cannot be found: {_reason(axis, thrust)}",
+        "well": f"{what} can be found well{width}{others and f'; {others} less surely'}",
+        "roughly": f"{what} roughly{width}{others and f', {others} less surely'}: {reason}",
+        "not": f"{what}{others and f', {others}'} cannot be found: {reason}",
     }[axis.prospect]
-    return (
-        f"{axis.axis}: {short(axis.turning)} rad/s^2, signal-to-noise {rho} "
-        f"(need {LEAST_EXCITATION:.0f}): {verdict}"
-    )
+    return f"{axis.axis}: {short(axis.turning)} rad/s^2: {verdict}"
 
 
-def _reason(axis: Excitation, thrust: Thrust) -> str:
-    """Explain why the number of an axis is not found well."""
+def _reason(axis: Excitation, found: Prospects) -> str:
+    """Explain why the number of an axis is not found well, in an estimate's words."""
+    if found.useless_because is not None:
+        return found.useless_because
     if axis.rho < LEAST_EXCITATION:
-        return (
+        return f"signal-to-noise {short(axis.rho)}, need {LEAST_EXCITATION:.0f}: " + (
             "noise and disturbances hide the motion"
             if axis.prospect == "not"
             else "disturbances are not small against this motion"
         )
-    if axis.axis != "yaw" and thrust.prospect != "well":
+    if axis.axis != "yaw" and found.thrust.prospect != "well":
         return "no better than kt"
     return "fly more of this motion"
 

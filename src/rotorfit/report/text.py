@@ -17,6 +17,8 @@ ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", 
 DOUBTFUL = ("weak", "doubtful", "ratio-only", "not-identified", "removed")
 """Verdicts that need a word of explanation, and mostly of advice."""
 WIDTH = 100
+MOST_NAMED = 3
+"""Flights of which one note is true."""
 UNEXPLAINED = "Flights kept apart: what is left unexplained"
 
 Line = tuple[Parameter | Derived, str]
@@ -198,13 +200,30 @@ def _wrong(entry: Entry) -> str:
 
 def warnings_of(result: IdentificationResult) -> list[str]:
     """Collect the warnings of the result and its flights, without advice already given."""
-    doubts = list(result.warnings)
-    for flight in result.flights:
-        doubts += [f"{file_name(flight.file)}: {doubt}" for doubt in flight.warnings]
+    doubts = [*result.warnings, *flight_notes(result)]
     for parameter in result.parameters:
         if parameter.advice:
             doubts = [doubt.replace(f"; {parameter.advice}", "") for doubt in doubts]
     return list(dict.fromkeys(doubts))
+
+
+def flight_notes(result: IdentificationResult) -> list[str]:
+    """Collect what is to be known of single flights; the same of several is one line."""
+    flights: dict[str, list[str]] = {}
+    for flight in result.flights:
+        for words in dict.fromkeys(flight.warnings):
+            flights.setdefault(words, []).append(file_name(flight.file))
+    return [
+        f"{names[0]}: {words}"
+        if len(names) == 1
+        else f"{len(names)} of {len(result.flights)} flights ({_first_names(names)}): {words}"
+        for words, names in flights.items()
+    ]
+
+
+def _first_names(names: list[str]) -> str:
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return f"{', '.join(names[:MOST_NAMED])}{more}"
 
 
 def assumptions_of(result: IdentificationResult) -> list[str]:
