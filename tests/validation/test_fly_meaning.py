@@ -121,6 +121,12 @@ def test_the_worst_axis_decides(errors, level):
     assert judgement((), comparisons=[compared(**errors)]).level == level
 
 
+def test_a_replay_that_beats_rates_held_is_not_nothing():
+    """A moment as small as its gusts, and rates that are right: yaw of calm flights."""
+    made = replace(outcome(growing).replays[0], comparison=compared(Fz=0.02, Mx=1.2, My=1.2))
+    assert [one.level for one in judgement([made]).axes[1:]] == ["rough", "nothing", "good"]
+
+
 def with_band(made, half):
     """Return a replay whose parameters have a 95 % band of so many rad/s."""
     (own,) = made.replays[0].predicted

@@ -175,7 +175,8 @@ def meaning(outcome: FlyOutcome) -> list[str]:
             "wind, unequal rotors); a controller with integral action removes it, a prediction "
             "does not"
         )
-    if outcome.judgement.level in ("good", "with-feedback"):
+    turns = [one for one in outcome.judgement.axes if one.axis in AXES]
+    if all(one.level in ("good", "with-feedback") for one in turns):
         words.append(
             "closed loop, for tuning and simulation, errors of this size do not add up: the "
             "controller corrects them from sample to sample"

@@ -167,7 +167,8 @@ def _judged_axis(
     if error is None and held is None:
         level = "unknown"
     elif error is not None and error > GOOD_ERROR[axis]:
-        level = "rough" if error < 1.0 else "nothing"
+        beats_rates_held = held is not None and held < 1.0
+        level = "rough" if error < 1.0 or beats_rates_held else "nothing"
     elif held is not None and held > 1.0:
         level = "with-feedback"
     return AxisJudgement(
