@@ -36,6 +36,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.intervals.excitation import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.rows.row_fits import RowFits, angular_log_likelihood, fit_rows
+from rotorfit.fit.timing.timing_search import CLEAR_GAIN
 from rotorfit.inspection.recording import LOW_PASS
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.layouts import layout_rotors
@@ -209,7 +210,11 @@ def prospects(
         motors = best if best.lag > LAGS[0] else motors
         timed = replace(prepared, data=retimed(prepared, motors))
     fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
-    followed = max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
+    if commanded and motors is not None and not _followed(fits):
+        clearer = _clearer_lag(prepared, vehicle, model, motors)
+        timed = replace(prepared, data=retimed(prepared, clearer))
+        fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
+    followed = _followed(fits)
     thrust = _thrust(timed.data, vehicle, fits, followed=followed, commanded=commanded)
     return Prospects(
         excitation=tuple(
@@ -247,10 +252,31 @@ def _best_lag(
     )
 
 
-def _likelihood(prepared: PreparedFlight, vehicle: Vehicle, model: Regressor) -> float:
-    """Return the log-likelihood of the turns in the pilot's band."""
+def _clearer_lag(
+    prepared: PreparedFlight, vehicle: Vehicle, model: Regressor, motors: MotorResponse
+) -> MotorResponse:
+    """Find the lag of all bands where that of the pilot's is clearly wrong, as an estimate does."""
+    tried = [motors, *(replace(motors, lag=lag) for lag in LAGS)]
+    gains = [
+        _likelihood(replace(prepared, data=retimed(prepared, at)), vehicle, model, every=True)
+        for at in tried
+    ]
+    best = int(np.argmax(gains))
+    return tried[best] if gains[best] - gains[0] > CLEAR_GAIN else motors
+
+
+def _followed(fits: RowFits) -> bool:
+    """Test whether roll or pitch tells more of the motors than of disturbances."""
+    return max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
+
+
+def _likelihood(
+    prepared: PreparedFlight, vehicle: Vehicle, model: Regressor, *, every: bool = False
+) -> float:
+    """Return the log-likelihood of the turns in the pilot's band, or in every one."""
     factors = _factors(prepared, vehicle)
-    return angular_log_likelihood(factors, model, mass=1.0, counted=slow_bands(factors))
+    counted = slow_bands(factors) | every
+    return angular_log_likelihood(factors, model, mass=1.0, counted=counted)
 
 
 def _thrust(
