@@ -149,5 +149,5 @@ def test_no_motion_is_asked_for_of_a_log_that_is_too_slow():
         useless_because="10 Hz show no quick motion, whatever is flown",
     )
     assert prospect_messages(slow)[1] == (
-        "roll: 51 rad/s^2: Ixx cannot be found: the log is too slow, see the next step"
+        "roll: 51 rad/s^2: Ixx cannot be found: the log is too slow"
     )

@@ -277,7 +277,7 @@ def _axis_message(axis: Excitation, found: Prospects) -> str:
 def _reason(axis: Excitation, found: Prospects) -> str:
     """Explain why the number of an axis is not found well, in an estimate's words."""
     if found.useless_because is not None:
-        return "the log is too slow, see the next step"
+        return "the log is too slow"
     if axis.rho < LEAST_EXCITATION:
         return f"signal-to-noise {short(axis.rho)}, need {LEAST_EXCITATION:.0f}: " + (
             "noise and disturbances hide the motion"
