@@ -56,6 +56,8 @@ class Finding:
     doubtful_because
         Why the numbers may be outside their intervals, which makes them `doubtful`; None where the
         intervals cover what the check found.
+    useless_because
+        Why no flying helps the numbers before the next step is taken; None where it does.
     """
 
     kind: str
@@ -67,6 +69,7 @@ class Finding:
     next_step: str | None = None
     withheld_because: str | None = None
     doubtful_because: str | None = None
+    useless_because: str | None = None
 
     @property
     def diagnostics(self) -> dict[str, float]:
@@ -74,8 +77,12 @@ class Finding:
         return {one.name: one.value for one in self.evidence}
 
     def is_about(self, full_name: str) -> bool:
-        """Whether it names a number such as ``Ixx@A``, or its like of every configuration."""
-        return full_name in self.numbers or full_name.partition("@")[0] in self.numbers
+        """Whether it names a number such as ``Ixx@A``, or its like of every configuration.
+
+        The thrust coefficients of single rotors, ``kt_1`` and so on, go with ``kt``.
+        """
+        base = full_name.partition("@")[0]
+        return bool({full_name, base, base.rstrip("0123456789").rstrip("_")} & {*self.numbers})
 
 
 def doubt(kind: str, sentence: str, **about: Any) -> Finding:

@@ -17,8 +17,8 @@ from rotorfit.report.correlations import correlation
 from rotorfit.report.parameters import unit_words
 from rotorfit.report.wrenches import COMPONENT, series_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
-from rotorfit.validation.fly_outcome import AXES, IDENTIFIED
-from rotorfit.validation.replay import HOLD, Replay, Timed, replay_flights
+from rotorfit.validation.judgement import AXES
+from rotorfit.validation.replay import HOLD, IDENTIFIED, Replay, Timed, replay_flights
 from rotorfit.validation.replay_vehicle import replay_vehicle
 from rotorfit.validation.validate import fitted_response
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison

@@ -5,6 +5,7 @@ import pytest
 
 from rotorfit.cli.validate import validation_text
 from rotorfit.report.parameters import NOTHING_PREDICTED
+from rotorfit.validation.judgement import judgement
 from rotorfit.validation.wrench_comparison import WrenchComparison
 
 
@@ -24,7 +25,8 @@ def flight(**errors: float) -> WrenchComparison:
 
 @pytest.mark.parametrize(("yaw", "said"), [(0.9999, False), (1.0, True), (1.0193, True)])
 def test_a_component_of_which_nothing_is_predicted_is_named(yaw, said):
-    text = validation_text([flight(Fz=0.01, Mx=0.1, My=0.2), flight(Fz=0.02, Mz=yaw)])
+    flights = [flight(Fz=0.01, Mx=0.1, My=0.2), flight(Fz=0.02, Mz=yaw)]
+    text = validation_text(flights, [judgement((), comparisons=[one]) for one in flights])
     words = " ".join(text.split())
     assert (NOTHING_PREDICTED in words) == said
     assert "Good: thrust (Fz) up to 5 %, moments (Mx roll, My pitch, Mz yaw) up to 30 %" in words

@@ -101,18 +101,17 @@ def test_two_kt_with_measured_speed_are_the_accelerometers():
     [
         (
             YAW,
-            "yaw: 0.7 rad/s^2, signal-to-noise 137 (need 5): kd / Izz can be found well; Izz, kd",
+            "yaw: 0.7 rad/s^2: kd / Izz can be found well (to about +-2 %); Izz, kd and Jr less",
         ),
-        (replace(YAW, rho=1e6), "signal-to-noise over 1000 (need 5): kd / Izz can be found well"),
         (
             replace(YAW, rho=1.2, width=None),
-            "1.2 (need 5): kd / Izz, Izz, kd and Jr cannot be found: noise and disturbances hide",
+            "kd / Izz, Izz, kd and Jr cannot be found: signal-to-noise 1.2, need 5: noise and",
         ),
         (
             ROLL,
-            "roll: 51 rad/s^2, signal-to-noise 4 (need 5): Ixx roughly: disturbances are not small",
+            "roll: 51 rad/s^2: Ixx roughly (to about +-40 %): signal-to-noise 4, need 5: disturb",
         ),
-        (replace(ROLL, rho=40.0), "40 (need 5): Ixx roughly: fly more of this motion"),
+        (replace(ROLL, rho=40.0), "Ixx roughly (to about +-40 %): fly more of this motion"),
     ],
 )
 def test_an_axis(axis, words):
@@ -121,7 +120,9 @@ def test_an_axis(axis, words):
 
 def test_an_axis_that_waits_for_kt():
     weak = replace(THRUST, width=0.5)
-    assert said(weak, replace(ROLL, rho=40.0))[1].endswith("Ixx roughly: no better than kt")
+    assert said(weak, replace(ROLL, rho=40.0))[1].endswith(
+        "Ixx roughly (to about +-40 %): no better than kt"
+    )
 
 
 def report(**changes):
@@ -165,3 +166,16 @@ def test_commands_that_follow_the_motion_are_an_autopilot_alone():
     assert told.startswith("the commands follow the motion by 6 ms instead of leading it")
     [told] = flight_messages(report(channels=(command,), motor_lateness=-0.1))
     assert "their clocks are apart" in told
+
+
+def test_no_motion_is_asked_for_of_a_log_that_is_too_slow():
+    slow = Prospects(
+        excitation=(replace(ROLL, width=None),),
+        thrust=THRUST,
+        commanded=True,
+        motors=None,
+        useless_because="10 Hz show no quick motion, whatever is flown",
+    )
+    assert prospect_messages(slow)[1] == (
+        "roll: 51 rad/s^2: Ixx cannot be found: the log is too slow"
+    )

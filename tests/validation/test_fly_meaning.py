@@ -1,11 +1,15 @@
 """What the errors of a replay mean: how long it is good for, and whether trim is most of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rotorfit.report.fly import meaning
-from rotorfit.validation.fly_outcome import FlyOutcome, horizon, steady_share
+from rotorfit.validation.fly_outcome import FlyOutcome, steady_share
+from rotorfit.validation.judgement import band_sentences, horizon, judgement
 from rotorfit.validation.replay import Predicted, Replay
+from rotorfit.validation.wrench_comparison import WrenchComparison
 
 WINDOWS, STEPS, STEP = 40, 51, 0.01
 
@@ -59,7 +63,7 @@ def growing(sign, t):
 def test_how_long_the_rates_are_predicted():
     made = outcome(growing)
     rms = np.sqrt((made.replays[0].rates ** 2).mean(axis=(0, 1)))
-    seconds = horizon(made, 0.2)
+    seconds = horizon(made.replays, 0.2)
     reached = 0.2 * rms / np.array([0.2, 1.9, 0.78])
     assert seconds == pytest.approx(np.minimum(np.floor(100 * reached) / 100, 0.5), abs=1e-9)
     assert seconds[1] < seconds[2] < seconds[0] == 0.5
@@ -73,8 +77,74 @@ def test_the_sentences_say_what_to_do():
     words = meaning(outcome(growing))
     assert words[0].startswith("open loop (planning, MPC) the rates stay within 20 %")
     assert "roll 0.5 s, pitch 0.1" in words[0]
-    assert words[1].startswith("pitch: over 0.5 s the model is worse than holding the rate")
+    assert words[1].startswith("pitch: after 0.5 s without feedback the model is worse than rates")
     assert words[2].startswith("yaw: most of the error is steady, which is trim")
-    assert len(words) == 3
+    assert words[3].startswith("closed loop, for tuning and simulation")  # what judges good
+    assert len(words) == 4
     small = meaning(outcome(lambda sign, t: 0.1 * growing(sign, t)))
     assert small[-1].startswith("closed loop, for tuning and simulation")
+
+
+def compared(**errors):
+    """Wrenches of which so much is left, by component."""
+    return WrenchComparison(
+        configuration="A", flight="a.csv", sha256="", used_in_fit=False, time=np.zeros(1),
+        body_wrench=np.zeros((1, 6)), rotor_wrench=np.zeros((1, 6)), relative_error=errors,
+        whiteness={},
+    )  # fmt: skip
+
+
+def test_wrench_and_replay_make_one_judgement():
+    """Roll good in both, pitch worse than rates held, yaw with half of its moment left."""
+    made = replace(
+        outcome(growing).replays[0], comparison=compared(Fz=0.02, Mx=0.1, My=0.2, Mz=0.5)
+    )
+    found = judgement([made], doubtful=("kd",))
+    assert [one.level for one in found.axes] == ["good", "good", "with-feedback", "rough"]
+    assert found.sentence == (
+        "Does it fly as flown? Roughly. Good: thrust (error 2 %), roll (error 10 %); good for "
+        "tuning and simulation, but not to predict without feedback: pitch (right for 0.11 s); "
+        "rough: yaw (error 50 %); it rests on doubtful numbers: kd."
+    )
+
+
+@pytest.mark.parametrize(
+    ("errors", "level"),
+    [
+        ({"Fz": 0.05, "Mx": 0.3, "My": 0.3, "Mz": 0.3}, "good"),
+        ({"Fz": 0.051, "Mx": 0.3, "My": 0.3, "Mz": 0.3}, "rough"),
+        ({"Fz": 0.05, "Mx": 0.3, "My": 0.3}, "unknown"),
+        ({"Fz": 0.05, "Mx": 1.0, "My": 0.3}, "nothing"),
+    ],
+)
+def test_the_worst_axis_decides(errors, level):
+    assert judgement((), comparisons=[compared(**errors)]).level == level
+
+
+def test_a_replay_that_beats_rates_held_is_not_nothing():
+    """A moment as small as its gusts, and rates that are right: yaw of calm flights."""
+    made = replace(outcome(growing).replays[0], comparison=compared(Fz=0.02, Mx=1.2, My=1.2))
+    assert [one.level for one in judgement([made]).axes[1:]] == ["rough", "nothing", "good"]
+
+
+def with_band(made, half):
+    """Return a replay whose parameters have a 95 % band of so many rad/s."""
+    (own,) = made.replays[0].predicted
+    band = replace(own, rates_std=np.full_like(own.rates, half / 1.96))
+    return [replace(made.replays[0], predicted=(band,))]
+
+
+def test_an_error_beyond_the_band_is_laid_to_band_or_model():
+    """Roll's goes with the predicted change, pitch's is chance, yaw's is steady."""
+    random = np.random.default_rng(5)
+
+    def error(sign, t):
+        chance = random.choice([-1.0, 1.0])
+        return np.stack([0.5 * sign * t, 0.8 * chance * t, 0.78 * t], axis=1)
+
+    words = band_sentences(with_band(outcome(error), 0.02))
+    assert [one.split(":")[0] for one in words] == ["roll", "pitch", "yaw"]
+    assert "goes with the motion: the intervals of inertia" in words[0]
+    assert "which the model lacks and no interval of a parameter holds" in words[1]
+    assert "is steady: the trim changed" in words[2]
+    assert band_sentences(with_band(outcome(error), 0.2)) == []

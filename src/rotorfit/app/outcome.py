@@ -21,6 +21,7 @@ from rotorfit.identification.identify import identify
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.progress import watched
 from rotorfit.planning.after import check_same_vehicle, result_mass
+from rotorfit.planning.next_step import with_best_manoeuvre
 from rotorfit.planning.plan import PlanRequest, plan
 from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.report.parameters import PREDICTED_WELL, ParameterTable, Row, parameter_tables
@@ -47,6 +48,7 @@ def identified(folder: Path, form: Mapping[str, Any], *, progress: Progress) -> 
     with warnings.catch_warnings(), watched(report_reading):
         warnings.simplefilter("ignore", RotorfitWarning)
         result = identify(experiment, progress=report_step)
+        result = with_best_manoeuvre(result, report=report_step)
         report_step("drawing")
         comparisons = drawn_comparisons(result, experiment)
     result = _with_shown_names(folder, result)

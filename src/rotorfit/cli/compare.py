@@ -161,12 +161,25 @@ def comparison_text(comparison: Comparison) -> str:
             f"{', '.join(disjoint)}"
         )
         lines += ["", *textwrap.wrap(remark, terminal_width(), subsequent_indent="  ")]
+    for label, names in _doubtful(comparison, several=several).items():
+        remark = f"doubtful in {label}, may be outside their intervals: {', '.join(names)}"
+        lines += ["", *textwrap.wrap(remark, terminal_width(), subsequent_indent="  ")]
     remark = (
         f"differs: from the value of {first}, in percent; left empty where its interval "
         "includes zero."
     )
     lines += ["", *textwrap.wrap(remark, terminal_width())]
     return "\n".join(lines)
+
+
+def _doubtful(comparison: Comparison, *, several: bool) -> dict[str, list[str]]:
+    """List the numbers that a result calls doubtful, by its label."""
+    found: dict[str, list[str]] = {}
+    for number in comparison.numbers:
+        for label, entry in zip(comparison.labels, number.entries, strict=True):
+            if entry.verdict == "doubtful":
+                found.setdefault(label, []).append(_name(number, several=several))
+    return found
 
 
 def _padded(cells: Sequence[str], widths: Sequence[int]) -> list[str]:

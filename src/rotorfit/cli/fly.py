@@ -152,7 +152,7 @@ def _sides(
     against: list[Path],
 ) -> dict[str, _Side]:
     """Collect the sets of parameters to compare, by label; raise if they are of other vehicles."""
-    from rotorfit.validation.fly_outcome import IDENTIFIED
+    from rotorfit.validation.replay import IDENTIFIED
 
     sides = {IDENTIFIED: _side(result, owner, assumed, draws=DRAWS)}
     if bench:
@@ -175,8 +175,9 @@ def _outcome(
 ) -> FlyOutcome:
     """Replay the flights with every side, and fly the model in MuJoCo where it is installed."""
     from rotorfit.export.mujoco_flight import has_mujoco
-    from rotorfit.validation.fly_outcome import IDENTIFIED, FlyOutcome
-    from rotorfit.validation.replay import WINDOW, replay_flights
+    from rotorfit.validation.fly_outcome import FlyOutcome
+    from rotorfit.validation.judgement import doubtful_numbers
+    from rotorfit.validation.replay import IDENTIFIED, WINDOW, replay_flights
 
     identified = sides[IDENTIFIED]
     with quiet_steps() as report_progress:
@@ -202,6 +203,7 @@ def _outcome(
         replays=tuple(replays),
         manoeuvres=manoeuvres,
         notes=(*replay_notes(result, identified.model, bench), *notes),
+        doubtful=doubtful_numbers(result, owner),
     )
 
 
@@ -210,7 +212,8 @@ def _manoeuvres(
 ) -> tuple[dict[str, tuple[ModelFlight, ...]], list[str]]:
     """Fly the identified model by autopilots tuned to each side; note the numbers supplied."""
     from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable
-    from rotorfit.validation.fly_outcome import IDENTIFIED, MANOEUVRES
+    from rotorfit.validation.fly_outcome import MANOEUVRES
+    from rotorfit.validation.replay import IDENTIFIED
 
     model, notes = flyable(sides[IDENTIFIED].model)
     flown = {

@@ -117,7 +117,7 @@ def identify(
         from rotorfit.report.result_page import ALWAYS
 
         refuse_output_folder(figures, ALWAYS, force=force)
-    result = identify_quietly(experiment)
+    result = _with_next_step(identify_quietly(experiment))
     if output is not None:
         result.save(output, force=force)
         print_status(f"wrote {output}")
@@ -134,6 +134,14 @@ def identify_quietly(experiment: Experiment) -> IdentificationResult:
 
     with quiet_steps() as report_progress:
         return identify(experiment, progress=report_progress)
+
+
+def _with_next_step(result: IdentificationResult) -> IdentificationResult:
+    """Predict what the manoeuvre gives that sharpens the result most."""
+    from rotorfit.planning.next_step import with_best_manoeuvre
+
+    with quiet_steps() as report_progress:
+        return with_best_manoeuvre(result, report=report_progress)
 
 
 def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment:

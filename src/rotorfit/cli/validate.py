@@ -2,6 +2,7 @@
 
 import json
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ from rotorfit.cli.options import AsJson, End, LogNumber, ResultFile, Start
 from rotorfit.cli.terminal import print_result, quiet_steps, terminal_width
 
 if TYPE_CHECKING:
+    from rotorfit.validation.judgement import Judgement
     from rotorfit.validation.wrench_comparison import WrenchComparison
 
 
@@ -36,25 +38,40 @@ def validate(
     Compares what the motion needs with what the rotors produce, for thrust and the three moments.
     """
     from rotorfit.results.sound_result import load_sound
-    from rotorfit.validation.validate import validate_file, validation_rows
+    from rotorfit.validation.judgement import doubtful_numbers, judgement
+    from rotorfit.validation.replay import validated_flight
+    from rotorfit.validation.validate import unseen_flight, validation_rows
 
     loaded = load_sound(result)
     comparisons: list[WrenchComparison] = []
+    judgements: list[Judgement] = []
     with quiet_steps() as report_progress:
         for flight in flights:
             report_progress(f"reading {flight.name}")
-            comparison = validate_file(
-                loaded, flight, configuration=configuration, log_number=log, start=start, end=end
+            used = unseen_flight(loaded, flight, log_number=log, start=start, end=end)
+            compared, replays = validated_flight(loaded, used, configuration=configuration)
+            comparisons.append(compared)
+            judgements.append(
+                judgement(
+                    replays,
+                    comparisons=() if replays else (compared,),
+                    doubtful=doubtful_numbers(loaded, compared.configuration),
+                )
             )
-            comparisons.append(comparison)
     if as_json:
-        print_result(json.dumps(list(validation_rows(comparisons)), indent=1, allow_nan=False))
+        rows = [
+            {**row, "judgement": one.to_plain()}
+            for row, one in zip(validation_rows(comparisons), judgements, strict=True)
+        ]
+        print_result(json.dumps(rows, indent=1, allow_nan=False))
     else:
-        print_result(validation_text(comparisons))
+        print_result(validation_text(comparisons, judgements))
 
 
-def validation_text(comparisons: "list[WrenchComparison]") -> str:
-    """Format the relative errors as a table, in percent."""
+def validation_text(
+    comparisons: "Sequence[WrenchComparison]", judgements: "Sequence[Judgement]"
+) -> str:
+    """Format the relative errors as a table, in percent, and what each flight says."""
     from rotorfit.report.parameters import NOTHING_PREDICTED, PREDICTED_WELL
     from rotorfit.validation.wrench_comparison import SHOWN
 
@@ -71,6 +88,9 @@ def validation_text(comparisons: "list[WrenchComparison]") -> str:
     if any(len(c.relative_error) < len(SHOWN) for c in comparisons):
         lines.append("  -: the result does not know the parameters of that component")
     lines += textwrap.wrap(PREDICTED_WELL, terminal_width())
+    for c, one in zip(comparisons, judgements, strict=True):
+        name = f"{c.flight}: " if len(comparisons) > 1 else ""
+        lines += textwrap.wrap(f"{name}{one.sentence}", terminal_width())
     if any(error >= 1.0 for c in comparisons for error in c.relative_error.values()):
         lines += textwrap.wrap(NOTHING_PREDICTED, terminal_width())
     return "\n".join(lines)

@@ -19,7 +19,7 @@ from rotorfit.diagnostics import (
 from rotorfit.diagnostics.coupling import NO_COUPLING
 from rotorfit.diagnostics.instruments import reference_test
 from rotorfit.diagnostics.motors import changed_rotor, motor_limits
-from rotorfit.diagnostics.sensors import clocks, imu_tilt
+from rotorfit.diagnostics.sensors import clocks, imu_tilt, log_settings
 from rotorfit.findings import Finding
 from rotorfit.fit.fit import Fit
 from rotorfit.results.parameter_tables import little_excitation, unknown_origin
@@ -40,6 +40,7 @@ def of_steps(fit: Fit) -> Iterator[Finding]:
 
 
 DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
+    *log_settings.CHECKS,
     absent_coupling,
     little_excitation,
     unknown_origin,

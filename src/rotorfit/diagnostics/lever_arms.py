@@ -225,6 +225,8 @@ def lever_arms(fit: Fit) -> Iterator[Finding]:
             severity="doubt",
             sentence=sentence,
             doubtful_because="the flight shows other distances between the rotors",
+            next_step="measure the rotors' distances, front to back and left to right, from motor "
+            "to motor, and correct their positions under [airframe]",
         )
     yield found
 

@@ -158,6 +158,7 @@ def _contradiction(fit: Fit) -> Finding:
         numbers=numbers,
         evidence=evidence,
         doubtful_because="the flights fit other spins better",
+        next_step="look which way each rotor turns, seen from above, and correct the spins",
     )
 
 

@@ -17,7 +17,7 @@ from rotorfit.findings import Evidence, Finding, doubt, note, sentences
 from rotorfit.identification.identify import identify
 from rotorfit.inspection.frequency_sweep import Sweep, frequency_sweeps
 from rotorfit.inspection.pictures import LogPictures, log_pictures
-from rotorfit.inspection.prospects import Prospects, prospects
+from rotorfit.inspection.prospects import Prospects, foreseen_step, prospects
 from rotorfit.inspection.recording import (
     LATEST,
     SEARCHED,
@@ -32,6 +32,7 @@ from rotorfit.inspection.settings import settings_for
 from rotorfit.logs.firmware import Filter, Setting
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.formats import BY_NAME
+from rotorfit.planning.next_step import NextStep, next_step
 from rotorfit.preprocessing.mocap.camera import camera_clock
 from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry, telemetry
@@ -72,6 +73,7 @@ class LogReport:
     settings: tuple[Setting, ...] = ()
     metadata: dict[str, str] = field(default_factory=dict[str, str])
     findings: tuple[Finding, ...] = ()
+    next_step: NextStep | None = None
     pictures: LogPictures | None = None
 
     @property
@@ -163,8 +165,18 @@ def inspect_log(
         settings=settings_for(log.format, lacking, log.metadata),
         metadata=dict(log.metadata),
         findings=tuple(finding for check in CHECKS for finding in check(look)),
+        next_step=_next_step(look, foreseen),
         pictures=pictures,
     )
+
+
+def _next_step(look: _Look, foreseen: Prospects | None) -> NextStep | None:
+    """Choose what to do next: that of the identification, else what it is going to be."""
+    if look.result is not None:
+        return next_step(look.result)
+    if look.prepared is None or foreseen is None:
+        return None
+    return foreseen_step(look.log, look.prepared, foreseen)
 
 
 def _flight(log: FlightLog) -> tuple[PreparedFlight | None, str | None]:

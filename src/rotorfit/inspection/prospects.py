@@ -25,15 +25,24 @@ from rotorfit.diagnostics.kt_from_weight import (
     bias_at_rest,
     pooled_weight,
 )
+from rotorfit.diagnostics.sensors.log_settings import (
+    LEAST_RATE,
+    faster_log,
+    log_with_speed,
+    slow_words,
+)
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.intervals.excitation import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.rows.row_fits import RowFits, angular_log_likelihood, fit_rows
+from rotorfit.fit.timing.timing_search import CLEAR_GAIN
 from rotorfit.inspection.recording import LOW_PASS
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.planning.next_step import NextStep
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.prepare import PreparedFlight
@@ -42,7 +51,8 @@ from rotorfit.reduction.frequency_bands import EDGES, PILOT_BAND, STRETCH, retim
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.reduction.reduce import BandPlan, band_factors
 from rotorfit.results.result import Verdict
-from rotorfit.results.verdicts import judge
+from rotorfit.results.verdicts import ADVISED, FLOWN, judge
+from rotorfit.simulation.pilot import Manoeuvre
 
 Axis = Literal["roll", "pitch", "yaw"]
 Prospect = Literal["well", "roughly", "not"]
@@ -72,6 +82,7 @@ MOST_TRIED: Final = 12
 LEAST_SPIN_FIT: Final = 0.3
 """Share of what the best spins explain of yaw from which others might be the true ones."""
 MOST_SPINS: Final = 6
+IDENTIFY: Final = "identify it: rotorfit identify LOG --mass KG --airframe AIRFRAME"
 LEAST_MOVED: Final = 0.02
 """Motion of the rotors against each other, over the strongest, below which it is noise: six rotors
 are moved in four ways only."""
@@ -163,13 +174,35 @@ class Commands:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prospects:
-    """What a flight can show; `motors` names the layout and order that explain the motion."""
+    """What a flight can show; `motors` names the layout and order that explain the motion.
+
+    `useless_because`: why no other flight shows more in such a log; None where one does.
+    """
 
     excitation: tuple[Excitation, ...]
     thrust: Thrust
     commanded: bool
     motors: str | None
     commands: Commands | None = None
+    useless_because: str | None = None
+
+
+def foreseen_step(log: FlightLog, prepared: PreparedFlight, found: Prospects) -> NextStep:
+    """Choose what to do after a flight that is not identified yet, as after an identification."""
+    # What yaw lacks first: kd, Jr and Izz at once.
+    axes = reversed(found.excitation)
+    lacking: list[Manoeuvre] = [ADVISED[a.axis] for a in axes if a.prospect != "well"]
+    if found.thrust.prospect != "well":
+        lacking.append(ADVISED["force"])
+    if not lacking:
+        return NextStep(kind="done", action=IDENTIFY)
+    faster = faster_log(log, prepared) if found.commanded else None
+    if faster is not None:
+        return NextStep(kind="log", action=faster, because=slow_words(prepared))
+    with_speed = log_with_speed(log) if found.commanded else None
+    if with_speed is not None:
+        return NextStep(kind="log", action=with_speed)
+    return NextStep(kind="fly", action=FLOWN[lacking[0]])
 
 
 def _prospect(width: float | None, *, axis: str, excitation: float | None = None) -> Prospect:
@@ -213,7 +246,11 @@ def prospects(
             rate=prepared.slowest_rate,
         )
     fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
-    followed = max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
+    if commanded and motors is not None and not _followed(fits):
+        clearer = _clearer_lag(prepared, vehicle, model, motors)
+        timed = replace(prepared, data=retimed(prepared, clearer))
+        fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
+    followed = _followed(fits)
     thrust = _thrust(timed.data, vehicle, fits, followed=followed, commanded=commanded)
     return Prospects(
         excitation=tuple(
@@ -229,6 +266,9 @@ def prospects(
         commanded=commanded,
         motors=None if known is None else known[1],
         commands=commands,
+        useless_because=slow_words(prepared)
+        if commanded and prepared.slowest_rate < LEAST_RATE
+        else None,
     )
 
 
@@ -256,10 +296,31 @@ def _best_lag(
     )
 
 
-def _likelihood(prepared: PreparedFlight, vehicle: Vehicle, model: Regressor) -> float:
-    """Return the log-likelihood of the turns in the pilot's band."""
+def _clearer_lag(
+    prepared: PreparedFlight, vehicle: Vehicle, model: Regressor, motors: MotorResponse
+) -> MotorResponse:
+    """Find the lag of all bands where that of the pilot's is clearly wrong, as an estimate does."""
+    tried = [motors, *(replace(motors, lag=lag) for lag in LAGS)]
+    gains = [
+        _likelihood(replace(prepared, data=retimed(prepared, at)), vehicle, model, every=True)
+        for at in tried
+    ]
+    best = int(np.argmax(gains))
+    return tried[best] if gains[best] - gains[0] > CLEAR_GAIN else motors
+
+
+def _followed(fits: RowFits) -> bool:
+    """Test whether roll or pitch tells more of the motors than of disturbances."""
+    return max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
+
+
+def _likelihood(
+    prepared: PreparedFlight, vehicle: Vehicle, model: Regressor, *, every: bool = False
+) -> float:
+    """Return the log-likelihood of the turns in the pilot's band, or in every one."""
     factors = _factors(prepared, vehicle)
-    return angular_log_likelihood(factors, model, mass=1.0, counted=slow_bands(factors))
+    counted = slow_bands(factors) | every
+    return angular_log_likelihood(factors, model, mass=1.0, counted=counted)
 
 
 def _thrust(

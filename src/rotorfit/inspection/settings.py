@@ -5,8 +5,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from rotorfit.logs.firmware import NO_SPEED, Advice, Lack, Setting
-from rotorfit.logs.formats import BY_NAME, load
+from rotorfit.logs.firmware import Lack, Setting, advice_for
 
 UNKNOWN: Final[Mapping[str, str]] = MappingProxyType({})
 
@@ -15,18 +14,11 @@ def settings_for(
     log_format: str, lacks: Set[Lack], metadata: Mapping[str, str] = UNKNOWN
 ) -> tuple[Setting, ...]:
     """Select the settings to change before the next flight, by what the log lacks and has set."""
-    advice = _advice(log_format, lacks, metadata)
+    advice = advice_for(log_format, lacks, metadata)
     return () if advice is None else advice.settings
 
 
 def settings_file(log_format: str, metadata: Mapping[str, str] = UNKNOWN) -> Path | None:
     """Return the file that holds the settings of a log's firmware; None where there is none."""
-    advice = _advice(log_format, frozenset(), metadata)
+    advice = advice_for(log_format, frozenset(), metadata)
     return None if advice is None else Path(__file__).parent / "settings_files" / advice.file
-
-
-def _advice(log_format: str, lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice | None:
-    form = BY_NAME.get(log_format)
-    if "Simulator" in metadata:  # no wire to tell the speed over
-        lacks = lacks - NO_SPEED
-    return load(form.advice)(lacks, metadata) if form is not None and form.advice else None

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from rotorfit.logs.flight_log import FlightLog
+from rotorfit.logs.formats import BY_NAME, load
 
 # Advice
 
@@ -57,6 +58,14 @@ class Advice:
 
     settings: tuple[Setting, ...]
     file: str
+
+
+def advice_for(log_format: str, lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice | None:
+    """Advise settings by what a log lacks and has set; None where its firmware has no settings."""
+    form = BY_NAME.get(log_format)
+    if "Simulator" in metadata:  # no wire to tell the speed over
+        lacks = lacks - NO_SPEED
+    return load(form.advice)(lacks, metadata) if form is not None and form.advice else None
 
 
 def settings_of(*rows: tuple[str, str, str, frozenset[Lack]]) -> tuple[Setting, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf, isfinite
 from typing import Final
 
 import numpy as np
@@ -17,7 +18,13 @@ from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
 from rotorfit.planning.wanted import IN_MM, WANTABLE
-from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict
+from rotorfit.results.result import (
+    Derived,
+    IdentificationResult,
+    Parameter,
+    Verdict,
+    verdict_of,
+)
 from rotorfit.results.verdicts import (
     ADVICE,
     ADVISED,
@@ -45,7 +52,7 @@ AS_GOOD: Final = 1.1
 """A manoeuvre this close to the best one is as good."""
 SHARED: Final = ("kt", "kd", "Jr")
 RATIOS: Final = {"kd_over_Izz": "kd", "Jr_over_Izz": "Jr"}
-LACKING: Final = ("weak", "ratio-only", "not-identified")
+LACKING: Final = ("doubtful", "weak", "ratio-only", "not-identified")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,23 +91,52 @@ class Missing:
 
     Attributes
     ----------
-    name, verdict
-        As in the result.
+    name, full_name, verdict
+        As in the result; those of a body about its CoM, of the plan's configuration.
+    now
+        Half of its interval over the value (or its scale); None where it has none to trust.
     manoeuvre
-        Which of the plan helps most; None where none makes it better than weak.
+        Which of the plan helps most; None where none helps.
     relative, predicted
-        Half of the interval predicted after 20 s of it, over the value (or its scale), and the
-        verdict then.
+        The same as `now` after 20 s of it, never more, and the verdict then.
+    after
+        The same after 20 s of each manoeuvre.
     advice
-        What to do, as the result says it.
+        What to do.
     """
 
     name: str
+    full_name: str
     verdict: Verdict
+    now: float | None
     manoeuvre: Manoeuvre | None
     relative: float
     predicted: Verdict
+    after: Mapping[Manoeuvre, float]
     advice: str
+
+    @property
+    def gain(self) -> str:
+        """How far the manoeuvre sharpens it, such as ``from +-18 to +-6 %``."""
+        return gain_phrase(self.now, self.relative)
+
+    def sharper(self, manoeuvre: Manoeuvre) -> float:
+        """Compute how many times narrower a manoeuvre makes it; from all of it, where unknown."""
+        return min(1.0 if self.now is None else self.now, 1.0) / self.after[manoeuvre]
+
+    def is_helped_by(self, manoeuvre: Manoeuvre) -> bool:
+        """Test whether a manoeuvre gives the number, or makes it clearly narrower."""
+        return self.manoeuvre is not None and self.sharper(manoeuvre) > AS_GOOD
+
+
+def gain_phrase(now: float | None, after: float) -> str:
+    """Write how far an interval shrinks, relative half-widths; `now` is None where unknown."""
+    before = "unknown" if now is None else f"+-{_digits(100.0 * now)}"
+    return f"from {before} to +-{_digits(100.0 * after)} %"
+
+
+def _digits(value: float) -> str:
+    return f"{value:.0f}" if value >= 9.95 else f"{value:.1f}"
 
 
 def check_same_vehicle(result: IdentificationResult, vehicle: Vehicle) -> None:
@@ -173,7 +209,7 @@ def knowledge_of(result: IdentificationResult, problem: Problem) -> Knowledge:
     halves: dict[str, float] = {}
     values: dict[str, float] = {}
     for name, full in WANTABLE.items():
-        entry = _entry(result, full.partition("@")[0], configuration)
+        entry = _trusted(result, full.partition("@")[0], configuration)
         if entry is not None and entry.value is not None and entry.std is not None:
             halves[name], values[name] = 1.96 * entry.std, entry.value
     return Knowledge(
@@ -185,40 +221,48 @@ def knowledge_of(result: IdentificationResult, problem: Problem) -> Knowledge:
     )
 
 
-def missing_numbers(
-    problem: Problem, pieces: Mapping[tuple[Manoeuvre, str], Evidence], known: Knowledge
-) -> tuple[Missing, ...]:
-    """List what a result lacks, and which manoeuvre would help each most."""
-    trials: dict[Manoeuvre, Numbers] = {
-        manoeuvre: predicted(
-            problem, combined([(pieces[manoeuvre, BARE], PRACTICE_SECONDS)]), known.information
-        )
-        for manoeuvre in PRACTICE
+def practised(
+    problem: Problem, pieces: Mapping[Manoeuvre, Evidence], known: Knowledge
+) -> dict[Manoeuvre, Numbers]:
+    """Predict the numbers after `PRACTICE_SECONDS` of each manoeuvre, besides what is known."""
+    return {
+        manoeuvre: predicted(problem, combined([(piece, PRACTICE_SECONDS)]), known.information)
+        for manoeuvre, piece in pieces.items()
     }
+
+
+def missing_numbers(
+    problem: Problem, pieces: Mapping[Manoeuvre, Evidence], known: Knowledge
+) -> tuple[Missing, ...]:
+    """List what a result lacks, and which of the manoeuvres flown would help each most."""
+    trials = practised(problem, pieces, known)
     names = next(iter(trials.values())).names
     return tuple(
-        _missing(number, problem, trials)
-        for number in _judged(known)
+        _missing(number, problem, trials, known)
+        for number in judged_numbers(known.result, known.configuration)
         if number.verdict in LACKING and number.name not in NUISANCE and number.full_name in names
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Number:
-    """A number as reports have it: those of a body are about its CoM."""
+class JudgedNumber:
+    """A number as reports have it: those of a body are about its CoM.
+
+    `full_name`: in a plan; `parameter`: the full name in the result, by which findings go.
+    """
 
     name: str
     full_name: str
+    parameter: str
     verdict: Verdict
     advice: str | None
 
 
-def _judged(known: Knowledge) -> list[_Number]:
-    """List the numbers of a result, each with the verdict that its report shows."""
-    result, owner = known.result, known.configuration
+def judged_numbers(result: IdentificationResult, owner: str) -> list[JudgedNumber]:
+    """List the numbers of a configuration, each with the verdict that its report shows."""
     derived = {d.name: d for d in result.derived if d.configuration == owner}
     about = {twin_of(name): derived[name] for name in (*COM, *INERTIA_COM) if name in derived}
-    found: list[_Number] = []
+    found: list[JudgedNumber] = []
     for p in result.parameters:
         if p.configuration not in (None, owner):
             continue
@@ -226,9 +270,10 @@ def _judged(known: Knowledge) -> list[_Number]:
         verdict = p.verdict if shown is None else body_verdict(shown, p, derived)
         name = p.name if shown is None else shown.name
         found.append(
-            _Number(
+            JudgedNumber(
                 name=name,
                 full_name=name if p.configuration is None else f"{name}@{BARE}",
+                parameter=p.full_name,
                 verdict=verdict,
                 advice=p.advice if verdict == p.verdict else ADVICE[motion_for(name)],
             )
@@ -236,40 +281,60 @@ def _judged(known: Knowledge) -> list[_Number]:
     return found
 
 
-def _missing(number: _Number, problem: Problem, trials: Mapping[Manoeuvre, Numbers]) -> Missing:
-    bare = problem.configurations[0]
-    relative: dict[Manoeuvre, float] = {}
-    for manoeuvre, numbers in trials.items():
-        value, half = numbers.number(number.full_name)
-        scale = number_scale(numbers, number.full_name, mass=bare.mass, vehicle=bare.vehicle)
-        relative[manoeuvre] = half / max(abs(value), scale)
+def _missing(
+    number: JudgedNumber, problem: Problem, trials: Mapping[Manoeuvre, Numbers], known: Knowledge
+) -> Missing:
+    """Predict what the manoeuvres make of a number; none that does not better it is advised."""
+    now, size = _now(number, problem, next(iter(trials.values())), known)
+    relative: dict[Manoeuvre, float] = {
+        m: min(n.number(number.full_name)[1] / size, now) for m, n in trials.items()
+    }
     manoeuvre = _helpful(number, relative)
-    verdict = judge(1.0, relative[manoeuvre], scale=0.0, axis="yaw").verdict
-    given = number.advice
-    if given is not None and given not in FLOWN.values():  # not for want of a manoeuvre
-        chosen, advice = None, given
-    elif verdict == "not-identified":
+    after = relative[manoeuvre]
+    verdict = judge(1.0, after, scale=0.0, axis="yaw").verdict
+    advice = number.advice
+    if advice is not None and advice not in FLOWN.values():  # not for want of a manoeuvre
         chosen = None
-        advice = f"{given or FLOWN[manoeuvre]}; that alone is not enough, see the plan"
+    elif verdict == "not-identified" or after * AS_GOOD > now:
+        chosen = None
+        advice = f"no manoeuvre of {PRACTICE_SECONDS:.0f} s alone betters it: fly longer, or with "
+        advice += "the payload of the plan"
     else:
         chosen, advice = manoeuvre, FLOWN[manoeuvre]
     return Missing(
         name=number.name,
+        full_name=number.full_name,
         verdict=number.verdict,
+        now=now if isfinite(now) else None,
         manoeuvre=chosen,
-        relative=relative[manoeuvre],
+        relative=after,
         predicted=verdict,
+        after=relative,
         advice=advice,
     )
 
 
-def _helpful(number: _Number, relative: Mapping[Manoeuvre, float]) -> Manoeuvre:
+def _now(
+    number: JudgedNumber, problem: Problem, numbers: Numbers, known: Knowledge
+) -> tuple[float, float]:
+    """Return half of a number's interval now over its size, infinite for none, and that size."""
+    bare = problem.configurations[0]
+    entry = _trusted(known.result, number.name, known.configuration)
+    found = 0.0 if entry is None or entry.value is None else entry.value
+    scale = number_scale(numbers, number.full_name, mass=bare.mass, vehicle=bare.vehicle)
+    size = max(abs(numbers.number(number.full_name)[0]), abs(found), scale)
+    half = inf if entry is None or entry.std is None else 1.96 * entry.std
+    return half / size, size
+
+
+def _helpful(number: JudgedNumber, relative: Mapping[Manoeuvre, float]) -> Manoeuvre:
     """Select what the result advises where that is enough or as good as any, else the best."""
     least = min(relative.values())
     good: list[Manoeuvre] = [m for m, value in relative.items() if value <= AS_GOOD * least]
     advised = ADVISED.get(motion_for(number.name))
-    enough = advised is not None and relative[advised] <= max(WEAK, AS_GOOD * least)
-    return advised if advised is not None and enough else good[0]
+    if advised is not None and relative.get(advised, inf) <= max(WEAK, AS_GOOD * least):
+        return advised
+    return good[0]
 
 
 def _information(
@@ -280,7 +345,10 @@ def _information(
     total = np.zeros((len(names), len(names)))
     rows: list[int] = []
     places: list[int] = []
+    untrusted = {p.full_name for p in result.parameters if p.verdict == "doubtful"}
     for row, name in enumerate(result.covariance_names):
+        if name in untrusted:
+            continue
         base, _, owner = name.partition("@")
         planned = base if base in SHARED else f"{base}@{BARE}"
         if (base in SHARED or (base in MOMENTS and owner == configuration)) and planned in names:
@@ -327,6 +395,14 @@ def _inverse(covariance: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
     strengths, vectors = np.linalg.eigh(covariance / np.outer(s, s))
     strengths = np.maximum(strengths, 1e-9)
     return (vectors / strengths) @ vectors.T / np.outer(s, s)
+
+
+def _trusted(
+    result: IdentificationResult, name: str, configuration: str
+) -> Parameter | Derived | None:
+    """Return a number whose interval no finding disowns."""
+    entry = _entry(result, name, configuration)
+    return None if entry is None or verdict_of(result, entry) == "doubtful" else entry
 
 
 def _entry(

@@ -18,6 +18,7 @@ from rotorfit.formatting.digits import finite_json
 from rotorfit.formatting.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.after import (
+    PRACTICE,
     Knowledge,
     Missing,
     knowledge_of,
@@ -295,8 +296,13 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
         enough=enough,
         best=min(candidates, key=lambda c: (worst(c, request.wanted), *_effort(c))),
         remedies=() if shortest or enough else tuple(_remedies(study, pieces)),
-        missing=() if known is None else missing_numbers(problem, pieces, known),
+        missing=() if known is None else missing_numbers(problem, _bare(pieces), known),
     )
+
+
+def _bare(pieces: Pieces) -> dict[Manoeuvre, Evidence]:
+    """Select the evidence of the simple manoeuvres, flown without a payload."""
+    return {manoeuvre: pieces[manoeuvre, BARE] for manoeuvre in PRACTICE}
 
 
 def _payload_mass(request: PlanRequest) -> float:

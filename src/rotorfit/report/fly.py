@@ -20,9 +20,6 @@ from rotorfit.report.pages import (
     template_text,
 )
 from rotorfit.validation.fly_outcome import (
-    AXES,
-    GOOD_SHARE,
-    IDENTIFIED,
     MANOEUVRES,
     STEADY,
     STEP,
@@ -32,7 +29,6 @@ from rotorfit.validation.fly_outcome import (
     ModelFlight,
     band,
     departure,
-    horizon,
     is_lost,
     manoeuvre_of,
     overshoot,
@@ -42,8 +38,10 @@ from rotorfit.validation.fly_outcome import (
     settling_time,
     steady_share,
 )
+from rotorfit.validation.judgement import AXES, GOOD_SHARE, band_sentences, horizon
 from rotorfit.validation.replay import (
     HOLD,
+    IDENTIFIED,
     NORMAL_95,
     Replay,
     band_growth,
@@ -63,6 +61,7 @@ def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
     """Write replay, manoeuvres and notes as plain text, lines of that width."""
     lines = [
         *_wrapped(headline(outcome), width, "", ""),
+        *_wrapped(outcome.judgement.sentence, width, "", ""),
         "",
         "Replay: rms error of the rates [rad/s], this long after the start of a window",
     ]
@@ -155,7 +154,7 @@ def verdicts(outcome: FlyOutcome) -> list[str]:
 def meaning(outcome: FlyOutcome) -> list[str]:
     """Explain what the errors mean for who uses the model."""
     end = reported_times(outcome)[-1]
-    seconds, steady = horizon(outcome, GOOD_SHARE).tolist(), steady_share(outcome).tolist()
+    seconds, steady = horizon(outcome.replays, GOOD_SHARE).tolist(), steady_share(outcome).tolist()
     held = ratio_to(outcome, HOLD, end).tolist()
     good = [f"{axis} {t:.2g} s" for axis, t in zip(AXES, seconds, strict=True)]
     words = [
@@ -165,9 +164,10 @@ def meaning(outcome: FlyOutcome) -> list[str]:
     worse = [axis for axis, ratio in zip(AXES, held, strict=True) if ratio > 1.0]
     if worse:
         words.append(
-            f"{' and '.join(worse)}: over {end:.2g} s the model is worse than holding the rate; "
-            "do not predict that axis with it: fly livelier about it and identify again"
+            f"{' and '.join(worse)}: after {end:.2g} s without feedback the model is worse than "
+            "rates held: correct it by the gyro within the time above, as an autopilot does"
         )
+    words += band_sentences(outcome.replays)
     trim = [axis for axis, share in zip(AXES, steady, strict=True) if share > STEADY]
     if trim:
         words.append(
@@ -175,7 +175,8 @@ def meaning(outcome: FlyOutcome) -> list[str]:
             "wind, unequal rotors); a controller with integral action removes it, a prediction "
             "does not"
         )
-    if not worse:
+    turns = [one for one in outcome.judgement.axes if one.axis in AXES]
+    if all(one.level in ("good", "with-feedback") for one in turns):
         words.append(
             "closed loop, for tuning and simulation, errors of this size do not add up: the "
             "controller corrects them from sample to sample"
@@ -265,6 +266,8 @@ def fly_html(outcome: FlyOutcome) -> str:
         *("page", "figure", "fly", "dark"),
         outcome=outcome,
         headline=headline(outcome),
+        judgement=outcome.judgement.sentence,
+        meaning=meaning(outcome),
         times=reported_times(outcome),
         axes=AXES,
         rates=rate_rows(outcome),

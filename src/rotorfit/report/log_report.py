@@ -18,7 +18,7 @@ from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry
 JSON_KEYS: Final = (
     *("file", "format", "log", "seconds", "channels", "airborne", "vibration", "sweeps"),
     *("motor_lateness", "telemetry", "gravity", "prospects", "verdicts", "not_judged"),
-    *("filters", "trouble", "settings", "notes", "metadata"),
+    *("filters", "trouble", "settings", "notes", "metadata", "next_step"),
 )
 MOST_SPANS: Final = 6
 SLOWED: Final = 0.8
@@ -37,8 +37,6 @@ MUCH_LAG: Final = 0.01
 """Difference of two lags that is said [s]."""
 LEAST_CHANGE: Final = 3.0
 """Change of thrust below which kt is found from the weight alone [%]."""
-MOST_SHOWN: Final = 1000.0
-"""Ratio above which its figure says nothing more."""
 WHAT: Final = {"roll": ("Ixx", ""), "pitch": ("Iyy", ""), "yaw": ("kd / Izz", "Izz, kd and Jr")}
 """What an axis tells, and what it tells with all the others."""
 KNOW: Final = "To know"
@@ -86,6 +84,7 @@ def sections(report: LogReport) -> list[tuple[str, list[str]]]:
         ),
         (KNOW, list(report.trouble)),
         ("Settings to change", setting_messages(report)),
+        ("Next step", [] if report.next_step is None else [report.next_step.sentence]),
     ]
     return [(title, words) for title, words in found if words]
 
@@ -288,28 +287,30 @@ def _unexplained(found: Prospects) -> str:
 
 
 def _axis_message(axis: Excitation, found: Prospects) -> str:
-    rho = f"over {MOST_SHOWN:.0f}" if axis.rho > MOST_SHOWN else short(axis.rho)
     what, others = WHAT[axis.axis]
+    width = "" if axis.width is None else f" (to about +-{short(100.0 * axis.width)} %)"
+    reason = _reason(axis, found)
     verdict = {
         # The scale of Izz hangs on small terms of all equations, which only an estimate weighs.
-        "well": f"{what} can be found well{others and f'; {others} less surely'}",
-        "roughly": f"{what} roughly{others and f', {others} less surely'}: {_reason(axis, found)}",
-        "not": f"{what}{others and f', {others}'} cannot be found: {_reason(axis, found)}",
+        "well": f"{what} can be found well{width}{others and f'; {others} less surely'}",
+        "roughly": f"{what} roughly{width}{others and f', {others} less surely'}: {reason}",
+        "not": f"{what}{others and f', {others}'} cannot be found: {reason}",
     }[axis.prospect]
-    return (
-        f"{axis.axis}: {short(axis.turning)} rad/s^2, signal-to-noise {rho} "
-        f"(need {LEAST_EXCITATION:.0f}): {verdict}"
-    )
+    return f"{axis.axis}: {short(axis.turning)} rad/s^2: {verdict}"
 
 
 def _reason(axis: Excitation, found: Prospects) -> str:
-    """Explain why the number of an axis is not found well."""
-    if axis.rho < LEAST_EXCITATION and axis.prospect == "not":
-        if not found.thrust.followed and found.motors is not None:
-            return "the commands do not explain it, see thrust"
-        return "noise and disturbances hide the motion"
+    """Explain why the number of an axis is not found well, in an estimate's words."""
+    if found.useless_because is not None:
+        return "the log is too slow"
     if axis.rho < LEAST_EXCITATION:
-        return "disturbances are not small against this motion"
+        if axis.prospect == "not" and not found.thrust.followed and found.motors is not None:
+            return "the commands do not explain it, see thrust"
+        return f"signal-to-noise {short(axis.rho)}, need {LEAST_EXCITATION:.0f}: " + (
+            "noise and disturbances hide the motion"
+            if axis.prospect == "not"
+            else "disturbances are not small against this motion"
+        )
     if axis.axis != "yaw" and found.thrust.prospect != "well":
         return "no better than kt"
     return "fly more of this motion"

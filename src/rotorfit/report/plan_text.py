@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from rotorfit.planning.next_step import NextStep, best_manoeuvre, next_step
 from rotorfit.planning.plan import SCHEDULES, FlightPlan
 from rotorfit.planning.vehicle import payload_rotors
 from rotorfit.planning.wanted import IN_MM, WANTABLE, Candidate, ScheduleName, shown_width
@@ -70,6 +71,7 @@ def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
     """
     sections = [
         [line for words in _title(plan) for line in textwrap.wrap(words, width)],
+        _first(plan, width),
         _conclusion(plan, width),
         _missing(plan, width),
         _steps(plan, width),
@@ -94,6 +96,21 @@ def _title(plan: FlightPlan) -> list[str]:
         f"{rough.vehicle.arm:.3g} m from their centre, rotor speed {request.speed}",
         f"Wanted: {wanted_phrase(plan)} (half of the 95 % interval)",
     ]
+
+
+def _first(plan: FlightPlan, width: int) -> list[str]:
+    """Say what the earlier result asks for first, in its own words."""
+    step = step_after(plan)
+    if step is None:
+        return []
+    head = "Next step" if step.kind in ("fly", "done") else "Before any flight of this plan"
+    return _wrapped(width, f"{head}: {step.sentence}.")
+
+
+def step_after(plan: FlightPlan) -> NextStep | None:
+    """Choose the next step after the earlier result of a plan; None without one."""
+    after = plan.request.after
+    return None if after is None else next_step(after, predicted=best_manoeuvre(plan.missing))
 
 
 def _conclusion(plan: FlightPlan, width: int) -> list[str]:
@@ -159,11 +176,7 @@ def _missing(plan: FlightPlan, width: int) -> list[str]:
     )
     for missing in plan.missing:
         head = f"  {missing.name:<14} {missing.verdict:<15}"
-        then = (
-            ""
-            if missing.manoeuvre is None
-            else (f" (then +-{digits(100.0 * missing.relative)} %, {missing.predicted})")
-        )
+        then = "" if missing.manoeuvre is None else f" ({missing.gain}, {missing.predicted})"
         lines += textwrap.wrap(
             f"{missing.advice}{then}",
             width,

@@ -11,10 +11,11 @@ from typing import Any, Final, cast
 from rotorfit.findings import Finding
 from rotorfit.formatting.digits import known, number_of, with_interval
 from rotorfit.logs.files import file_name
+from rotorfit.planning.next_step import next_step
 from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.report.pages import drawing, label, labelled_ticks, tag, text
 from rotorfit.report.parameters import VERDICT_MEANING
-from rotorfit.report.text import flights_in_words, next_step_of
+from rotorfit.report.text import flight_notes, flights_in_words
 from rotorfit.results.result import (
     Derived,
     FlightRecord,
@@ -109,7 +110,7 @@ def summary_of(result: IdentificationResult) -> Summary:
         groups=tuple(group for group in groups if group[1]),
         doubts=doubts,
         more=more,
-        next_step=next_step_of(result),
+        next_step=next_step(result).sentence,
         counts=tuple(
             (word, verdicts.count(word), meaning)
             for word, meaning in VERDICT_MEANING.items()
@@ -167,7 +168,7 @@ def _doubts(result: IdentificationResult) -> tuple[tuple[str, ...], int]:
     doubts = [one for one in result.findings if one.severity == "doubt"]
     doubts.sort(key=lambda one: one.doubtful_because is None)
     shown = tuple(dict.fromkeys(map(_in_short, doubts)))[:MOST_DOUBTS]
-    every = len(result.warnings) + sum(len(flight.warnings) for flight in result.flights)
+    every = len(result.warnings) + len(flight_notes(result))
     return shown, max(every - len(shown), 0)
 
 

@@ -27,6 +27,8 @@ ROTOR_DERIVED = (
 DOUBTFUL = ("weak", "doubtful", "ratio-only", "not-identified", "removed")
 """Verdicts that need a word of explanation, and mostly of advice."""
 WIDTH = 100
+MOST_NAMED = 3
+"""Flights of which one note is true."""
 UNEXPLAINED = "Flights kept apart: prediction error"
 
 Line = tuple[Parameter | Derived, str]
@@ -212,21 +214,6 @@ def _advised(result: IdentificationResult) -> dict[str, dict[str, list[str]]]:
     return groups
 
 
-def next_step_of(result: IdentificationResult) -> str | None:
-    """Choose what to do next: what ends a doubt of a number, else what sharpens the most."""
-    steps = [one.next_step for one in result.findings if one.doubtful_because and one.next_step]
-    if steps:
-        return steps[0]
-    groups = {
-        advice: [name for names in group.values() for name in names]
-        for advice, group in _advised(result).items()
-    }
-    if not groups:
-        return None
-    advice, names = max(groups.items(), key=lambda group: len(group[1]))
-    return f"{advice} (for {', '.join(names)})"
-
-
 def _wrong(entry: Entry) -> str:
     # How wide a weak interval is, is seen in the table.
     return entry.verdict if entry.verdict == "weak" else entry.reason or "-"
@@ -234,13 +221,30 @@ def _wrong(entry: Entry) -> str:
 
 def warnings_of(result: IdentificationResult) -> list[str]:
     """Collect the warnings of the result and its flights, without advice already given."""
-    doubts = list(result.warnings)
-    for flight in result.flights:
-        doubts += [f"{file_name(flight.file)}: {doubt}" for doubt in flight.warnings]
+    doubts = [*result.warnings, *flight_notes(result)]
     for parameter in result.parameters:
         if parameter.advice:
             doubts = [doubt.replace(f"; {parameter.advice}", "") for doubt in doubts]
     return list(dict.fromkeys(doubts))
+
+
+def flight_notes(result: IdentificationResult) -> list[str]:
+    """Collect what is to be known of single flights; the same of several is one line."""
+    flights: dict[str, list[str]] = {}
+    for flight in result.flights:
+        for words in dict.fromkeys(flight.warnings):
+            flights.setdefault(words, []).append(file_name(flight.file))
+    return [
+        f"{names[0]}: {words}"
+        if len(names) == 1
+        else f"{len(names)} of {len(result.flights)} flights ({_first_names(names)}): {words}"
+        for words, names in flights.items()
+    ]
+
+
+def _first_names(names: list[str]) -> str:
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return f"{', '.join(names[:MOST_NAMED])}{more}"
 
 
 def assumptions_of(result: IdentificationResult) -> list[str]:

@@ -18,6 +18,9 @@ from rotorfit.results.parameter_tables import RATIOS
 from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
 from rotorfit.results.verdicts import judged_derived
 
+FLYABLE = ("weak", "ratio-only", "not-identified")
+"""Verdicts that more flying might better."""
+
 
 def assembled(
     experiment: Experiment,
@@ -131,11 +134,26 @@ def _without_value(
 
 
 def mark_doubtful(result: IdentificationResult) -> IdentificationResult:
-    """Judge the derived numbers, and call doubtful what a finding says not to trust."""
+    """Judge the derived numbers, and call doubtful what a finding says not to trust.
+
+    Numbers for which flying is useless get the finding's next step in place of a manoeuvre.
+    """
     disowning = [one for one in result.findings if one.doubtful_because is not None]
-    parameters = tuple(_judged_again(p, disowning) for p in result.parameters)
+    useless = [one for one in result.findings if one.useless_because is not None]
+    parameters = tuple(
+        _advised_first(_judged_again(p, disowning), useless) for p in result.parameters
+    )
     derived = (_derived_again(d, disowning) for d in judged_derived(parameters, result.derived))
     return dataclasses.replace(result, parameters=parameters, derived=tuple(derived))
+
+
+def _advised_first(parameter: Parameter, useless: Sequence[Finding]) -> Parameter:
+    """Return a parameter with the step without which no flying helps it."""
+    about = next((one for one in useless if one.is_about(parameter.full_name)), None)
+    if about is None or parameter.verdict not in FLYABLE:
+        return parameter
+    reason = parameter.reason if parameter.verdict == "weak" else about.useless_because
+    return dataclasses.replace(parameter, reason=reason, advice=about.next_step)
 
 
 def _judged_again(parameter: Parameter, disowning: Sequence[Finding]) -> Parameter:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rotorfit.errors import ExperimentError
-from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,7 +20,7 @@ class Entry:
     value, interval
         SI; None where the result has none. The interval is 95 %.
     verdict
-        Of a parameter; None for derived numbers and for what is not in the result.
+        None for derived numbers that have none, and for what is not in the result.
     difference
         From the first result, as a fraction of its value; None for the first, where either has no
         value, and where the first is zero.
@@ -91,19 +91,26 @@ def compare_results(results: Sequence[IdentificationResult], labels: Sequence[st
         numbers=tuple(
             _compared(key, [table.get(key) for table in tables], labels)
             for key in keys
-            if any(key in table and table[key].value is not None for table in tables)
+            if any(key in table and table[key][0].value is not None for table in tables)
         ),
     )
 
 
 _Key = tuple[str, str, str | None]
-_Table = dict[_Key, Parameter | Derived]
+_Judged = tuple[Parameter | Derived, str | None]
+"""A number with its verdict."""
+_Table = dict[_Key, _Judged]
 
 
 def _numbers(result: IdentificationResult) -> _Table:
     """Return every number of a result by kind, name and configuration."""
-    table: _Table = {("parameter", p.name, p.configuration): p for p in result.parameters}
-    return table | {("derived", d.name, d.configuration): d for d in result.derived}
+    table: _Table = {
+        ("parameter", p.name, p.configuration): (p, p.verdict) for p in result.parameters
+    }
+    return table | {
+        ("derived", d.name, d.configuration): (d, verdict_of(result, d) or None)
+        for d in result.derived
+    }
 
 
 def _configurations(result: IdentificationResult) -> list[str]:
@@ -119,10 +126,10 @@ def _renamed(table: _Table, configuration: str) -> _Table:
     }
 
 
-def _compared(
-    key: _Key, numbers: Sequence[Parameter | Derived | None], labels: Sequence[str]
-) -> ComparedNumber:
+def _compared(key: _Key, judged: Sequence[_Judged | None], labels: Sequence[str]) -> ComparedNumber:
     """Return one number of all results."""
+    numbers = [None if one is None else one[0] for one in judged]
+    verdicts = [None if one is None else one[1] for one in judged]
     units = {n.unit: label for n, label in zip(numbers, labels, strict=True) if n is not None}
     if len(units) > 1:
         (one, here), (other, there), *_ = units.items()
@@ -135,11 +142,18 @@ def _compared(
         name=key[1],
         configuration=key[2],
         unit=next(iter(units)),
-        entries=tuple(_entry(n, None if n is reference else reference) for n in numbers),
+        entries=tuple(
+            _entry(n, verdict, None if n is reference else reference)
+            for n, verdict in zip(numbers, verdicts, strict=True)
+        ),
     )
 
 
-def _entry(number: Parameter | Derived | None, reference: Parameter | Derived | None) -> Entry:
+def _entry(
+    number: Parameter | Derived | None,
+    verdict: str | None,
+    reference: Parameter | Derived | None,
+) -> Entry:
     """Return what a result says of a number, and how far that is from the reference."""
     if number is None:
         return Entry(value=None, interval=None, verdict=None, difference=None, overlap=None)
@@ -152,7 +166,7 @@ def _entry(number: Parameter | Derived | None, reference: Parameter | Derived | 
     return Entry(
         value=number.value,
         interval=number.interval,
-        verdict=number.verdict if isinstance(number, Parameter) else None,
+        verdict=verdict,
         difference=difference,
         overlap=overlap,
     )

@@ -134,7 +134,7 @@ def excitation_findings(numbers: Numbers, *, several: bool = False) -> Iterator[
             where = f" in configuration {owner}" if several else ""
             yield doubt(
                 "little-excitation",
-                f"{axis}{where}: signal-to-noise only {rho:.1f}; {ADVICE[axis]}",
+                f"{axis}{where}: signal-to-noise only {rho:.1f}",
                 evidence=(
                     Evidence(name=f"excitation_{key}", value=rho, limit=2.0 * LEAST_EXCITATION),
                 ),

@@ -63,6 +63,7 @@ def weak_directions(fit: Fit) -> Iterator[Finding]:
         weak_sentence(directions, doubtful),
         {"condition_bodies": condition_number(directions)},
         numbers=tuple(directions[0].parts),
+        next_step=ADVICE[motion_for(next(iter(directions[0].parts)).partition("@")[0])],
     )
 
 
@@ -115,7 +116,7 @@ def condition_words(condition: float) -> str:
 
 
 def weak_sentence(directions: Sequence[WeakDirection], doubtful: Collection[str]) -> str | None:
-    """Return what the flights cannot tell apart, and what to fly; None where all is well.
+    """Return what the flights cannot tell apart; None where all is well.
 
     Parameters
     ----------
@@ -131,8 +132,7 @@ def weak_sentence(directions: Sequence[WeakDirection], doubtful: Collection[str]
     names = [name.replace("@", " of ") for name in weakest.parts]
     together = f"{', '.join(names[:-1])} and {names[-1]}"
     what = "are known only as a ratio" if weakest.is_ratio else "are known only together"
-    advice = ADVICE[motion_for(next(iter(weakest.parts)).partition("@")[0])]
     return (
         f"{together} {what} (condition number {condition:.0f}: {condition_words(condition)}; "
-        f"{GOOD:.0f} and less is good): {advice}"
+        f"{GOOD:.0f} and less is good)"
     )

@@ -9,8 +9,10 @@ from typing import Any, Final, Literal
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.validation.judgement import AXES, GOOD_SHARE, Judgement, horizon, judgement
 from rotorfit.validation.replay import (
     HOLD,
+    IDENTIFIED,
     Replay,
     band_growth,
     error_growth,
@@ -29,12 +31,8 @@ LOST: Final = 1.2
 """Tilt beyond which a vehicle counts as lost [rad]."""
 WITHIN: Final = 0.1
 """Share of the step about its end: then it is settled."""
-IDENTIFIED: Final = "identified"
-AXES: Final = ("roll", "pitch", "yaw")
 EARLY: Final = 0.1
 """The time, besides the end of a window, at which errors are reported [s]."""
-GOOD_SHARE: Final = 0.2
-"""Of the flown rates, within which a prediction is called good."""
 STEADY: Final = 0.7
 """Share of an error from which on it is mostly steady: trim."""
 
@@ -95,6 +93,8 @@ class FlyOutcome:
     manoeuvres
         By label: the identified model, flown by an autopilot tuned to those parameters; empty
         where there is no MuJoCo.
+    doubtful
+        Names of doubtful numbers that the model rests on.
     """
 
     name: str
@@ -105,11 +105,17 @@ class FlyOutcome:
     replays: tuple[Replay, ...]
     manoeuvres: Mapping[str, tuple[ModelFlight, ...]]
     notes: tuple[str, ...]
+    doubtful: tuple[str, ...] = ()
 
     @property
     def windows(self) -> int:
         """Of all flights."""
         return sum(len(replay.time) for replay in self.replays)
+
+    @property
+    def judgement(self) -> Judgement:
+        """Whether it flies as flown: what `rotorfit validate` says of the same flights."""
+        return judgement(self.replays, doubtful=self.doubtful)
 
     def to_json(self) -> str:
         """Return the numbers as JSON text."""
@@ -149,16 +155,6 @@ def manoeuvre_of(outcome: FlyOutcome, label: str, name: Manoeuvre) -> ModelFligh
     return next(flight for flight in outcome.manoeuvres[label] if flight.manoeuvre == name)
 
 
-def horizon(outcome: FlyOutcome, share: float) -> Float[np.ndarray, " 3"]:
-    """Compute how long the rates stay within a share of what was flown, per axis [s]."""
-    flown = np.concatenate([replay.rates.reshape(-1, 3) for replay in outcome.replays])
-    limit = share * np.sqrt((flown**2).mean(axis=0))
-    time = growth_time(outcome.replays)
-    late = error_growth(outcome.replays, IDENTIFIED) > limit
-    first = np.where(late.any(axis=0), late.argmax(axis=0), len(time) - 1)
-    return time[np.where(late.any(axis=0), np.maximum(first - 1, 0), first)]
-
-
 def steady_share(outcome: FlyOutcome) -> Float[np.ndarray, " 3"]:
     """Compute the mean of the errors at the end of the windows over their rms, per axis: 0 to 1."""
     errors = np.concatenate(
@@ -192,7 +188,7 @@ def _plain(outcome: FlyOutcome) -> dict[str, Any]:
             }
             for time in reported_times(outcome)
         ],
-        "open_loop_seconds": _by_axis(horizon(outcome, GOOD_SHARE)),
+        "open_loop_seconds": _by_axis(horizon(outcome.replays, GOOD_SHARE)),
         "steady_share": _by_axis(steady_share(outcome)),
         "force_errors": {
             "unit": "m/s^2",
@@ -206,6 +202,7 @@ def _plain(outcome: FlyOutcome) -> dict[str, Any]:
             for label, flights in outcome.manoeuvres.items()
         },
         "notes": list(outcome.notes),
+        "judgement": outcome.judgement.to_plain(),
     }
 
 

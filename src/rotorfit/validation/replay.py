@@ -17,6 +17,7 @@ What was flown is smoothed without delay (30 Hz) before windows start from it an
 it: the gyro's noise at one instant would else be carried through the whole window.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,8 +39,9 @@ from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.signals import smooth
 from rotorfit.reduction.frequency_bands import retimed
 from rotorfit.results.result import IdentificationResult
-from rotorfit.validation.replay_vehicle import ReplayVehicle
-from rotorfit.validation.validate import fitted_flights
+from rotorfit.validation.replay_vehicle import ReplayVehicle, replay_vehicle
+from rotorfit.validation.validate import compare_wrenches, fitted_flights, fitted_response
+from rotorfit.validation.wrench_comparison import WrenchComparison
 
 WINDOW: Final = 0.5
 """[s] Long enough for an error of inertia to show, too short for rates to drift out of hand."""
@@ -49,6 +51,7 @@ SMOOTH: Final = 30.0
 BLOCK: Final = 0.05
 """Accelerations are compared in means over this time [s], without most of the vibration."""
 HOLD: Final = "rate held"
+IDENTIFIED: Final = "identified"
 NORMAL_95: Final = 1.96
 
 
@@ -84,6 +87,8 @@ class Replay:
         As flown, smoothed [rad/s], and means over blocks [m/s^2].
     predicted
         The first one is the result's.
+    comparison
+        Of the wrenches of the same flight; None where it is too short.
     """
 
     flight: str
@@ -94,6 +99,7 @@ class Replay:
     rates: Float[np.ndarray, "K S 3"]
     force: Float[np.ndarray, "K B 3"]
     predicted: tuple[Predicted, ...]
+    comparison: WrenchComparison | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -335,23 +341,52 @@ def replay_flights(
         if report is not None:
             report(f"replaying {Path(entry.file).name}")
         used = load_flight(entry, experiment) if entries else _unchanged(result, experiment, entry)
-        replays.append(
-            replay(
-                used.prepared.data,
-                {
-                    label: Entrant(
-                        vehicle=timed.vehicle,
-                        rotor_speed=retimed(used.prepared, timed.response).rotor_speed,
-                    )
-                    for label, timed in vehicles.items()
-                },
-                flight=Path(entry.file).name,
-                sha256=used.log.sha256,
-                configuration=owner,
-                seconds=seconds,
-            )
-        )
+        replays.append(_replayed(result, used, owner, vehicles, seconds=seconds))
     return replays
+
+
+def _replayed(
+    result: IdentificationResult,
+    used: LoadedFlight,
+    owner: str,
+    vehicles: Mapping[str, Timed],
+    *,
+    seconds: float = WINDOW,
+) -> Replay:
+    """Replay one loaded flight, and compare its wrenches."""
+    found = replay(
+        used.prepared.data,
+        {
+            label: Entrant(
+                vehicle=timed.vehicle,
+                rotor_speed=retimed(used.prepared, timed.response).rotor_speed,
+            )
+            for label, timed in vehicles.items()
+        },
+        flight=Path(used.entry.file).name,
+        sha256=used.log.sha256,
+        configuration=owner,
+        seconds=seconds,
+    )
+    try:
+        compared = compare_wrenches(result, used, configuration=owner)
+    except FlightError:
+        return found
+    return dataclasses.replace(found, comparison=compared)
+
+
+def validated_flight(
+    result: IdentificationResult, used: LoadedFlight, *, configuration: str | None = None
+) -> tuple[WrenchComparison, tuple[Replay, ...]]:
+    """Compare the wrenches of a flight, and replay it where the result has all that it takes."""
+    compared = compare_wrenches(result, used, configuration=configuration)
+    owner = compared.configuration
+    try:
+        vehicle = replay_vehicle(result, owner)
+        timed = Timed(vehicle=vehicle, response=fitted_response(result))
+        return compared, (_replayed(result, used, owner, {IDENTIFIED: timed}),)
+    except (ExperimentError, FlightError):
+        return compared, ()
 
 
 def _flights_of(experiment: Experiment, owner: str) -> list[FlightEntry]:

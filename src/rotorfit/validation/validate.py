@@ -55,6 +55,20 @@ SPEED_PERCENTILES = (0.1, 99.9)
 ROTOR_KT = re.compile(r"kt_[0-9]+")
 
 
+def unseen_flight(
+    result: IdentificationResult,
+    path: Path,
+    *,
+    log_number: int | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> LoadedFlight:
+    """Load a flight that a fit has not seen, as its experiment says; see `validate_file`."""
+    experiment = experiment_of_settings(result.settings)
+    entry = named_flight(path, log_number=log_number, start=start, end=end)
+    return _load_unseen(entry, experiment, result)
+
+
 def validate_file(
     result: IdentificationResult,
     path: Path,
@@ -87,9 +101,7 @@ def validate_file(
     ExperimentError
         If the flight was used in the fit, or the configuration is not in the result.
     """
-    experiment = experiment_of_settings(result.settings)
-    entry = named_flight(path, log_number=log_number, start=start, end=end)
-    used = _load_unseen(entry, experiment, result)
+    used = unseen_flight(result, path, log_number=log_number, start=start, end=end)
     return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
 
 

@@ -72,7 +72,13 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
     yield (
         found
         if sentence is None
-        else replace(found, severity="doubt", sentence=sentence, doubtful_because=because)
+        else replace(
+            found,
+            severity="doubt",
+            sentence=sentence,
+            doubtful_because=because,
+            next_step=f"check rotor {rotor + 1}: its propeller, and the poles of its motor",
+        )
     )
 
 

@@ -1,0 +1,89 @@
+"""Does the log have what the numbers need? Where it is too slow, no flying helps: log it anew."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from rotorfit.dataset.dataset import LoadedFlight
+from rotorfit.findings import Finding, note
+from rotorfit.fit.fit import Fit
+from rotorfit.logs.firmware import NO_SPEED, SLOW_IMU, SLOW_MOTORS, Lack, Setting, advice_for
+from rotorfit.logs.flight_log import FlightLog
+from rotorfit.model.parameters import EVERY
+from rotorfit.preprocessing.prepare import PreparedFlight
+
+TOO_SLOW: Final = "log-too-slow"
+NO_ROTOR_SPEED: Final = "no-rotor-speed"
+LEAST_RATE: Final = 40.0
+"""Of commands and IMU, below which all of the motion is lost that inertia shows in [Hz]."""
+WANTED_RATE: Final = 150.0
+"""From which on nothing is lost [Hz]."""
+FAST: Final = tuple(
+    name
+    for name, info in EVERY.items()
+    if info.motion in ("roll", "pitch", "yaw", "height") or name.startswith("motor_")
+)
+"""Numbers that show in quick motion."""
+BY_SPEED: Final = ("kt", "kd", "Jr", "Ixx", "Iyy", "Izz", "motor_lag", "motor_delay")
+
+
+def slow_log(fit: Fit) -> Iterator[Finding]:
+    """Name the settings without which no flying shows inertia: commands or IMU are too slow."""
+    for flight in _commanded(fit):
+        step = faster_log(flight.log, flight.prepared)
+        if step is not None:
+            because = slow_words(flight.prepared)
+            yield note(TOO_SLOW, "", numbers=FAST, next_step=step, useless_because=because)
+            return
+
+
+def unlogged_speed(fit: Fit) -> Iterator[Finding]:
+    """Name the settings with which the log has the rotors' speed, where the firmware has any."""
+    for flight in _commanded(fit):
+        step = log_with_speed(flight.log)
+        if step is not None:
+            yield note(NO_ROTOR_SPEED, "", numbers=BY_SPEED, next_step=step)
+            return
+
+
+def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
+    """Say how to log commands and IMU faster; None where they are fast enough for inertia."""
+    if prepared.slowest_rate >= LEAST_RATE:
+        return None
+    slow_imu = prepared.data.sample_rate < WANTED_RATE
+    wanted = _settings(log, SLOW_MOTORS | SLOW_IMU if slow_imu else SLOW_MOTORS)
+    plain = f"log gyro, accelerometer and motors {WANTED_RATE:.0f} times a second or faster"
+    return f"{wanted or plain}, then fly again"
+
+
+def slow_words(prepared: PreparedFlight) -> str:
+    """Say why a slow log makes flying useless."""
+    return f"{prepared.slowest_rate:.0f} Hz show no quick motion, whatever is flown"
+
+
+def log_with_speed(log: FlightLog) -> str | None:
+    """Say how to log the rotors' speed; None where the firmware has no setting for it."""
+    wanted = _settings(log, NO_SPEED)
+    return f"log the rotor speed: {wanted}, then fly again" if wanted else None
+
+
+def _commanded(fit: Fit) -> list[LoadedFlight]:
+    if fit.dataset.motors.speed != "commanded":
+        return []
+    return [flight for c in fit.dataset.configurations for flight in c.flights]
+
+
+def _settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
+    """List the settings that the log's firmware asks for, empty where it has none."""
+    found = advice_for(log.format, lacks, log.metadata)
+    if found is None or not found.settings:
+        return ""
+    file = " (rotorfit settings LOG writes the file)" if any(s.new for s in found.settings) else ""
+    return f"set {', '.join(map(_phrase, found.settings))}{file}"
+
+
+def _phrase(setting: Setting) -> str:
+    head = f"{setting.name} " if setting.name.endswith(":") else f"{setting.name} = "
+    return f"{head}{setting.new or setting.value}"
+
+
+CHECKS: Final = (slow_log, unlogged_speed)

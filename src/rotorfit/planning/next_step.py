@@ -1,0 +1,231 @@
+"""What to do next with a vehicle: one step, chosen here for every command, report and page.
+
+First what makes all flying pointless (settings of the log, rotor speed that is not logged, what was
+declared wrongly), then the one manoeuvre that sharpens most, and how far; nothing to fly where all
+that matters is known.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, TOO_SLOW
+from rotorfit.errors import ExperimentError
+from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.experiment import experiment_of_settings
+from rotorfit.findings import Evidence, Finding, note
+from rotorfit.model.parameters import COM, INERTIA_COM
+from rotorfit.planning import bound
+from rotorfit.planning.after import (
+    LACKING,
+    JudgedNumber,
+    Missing,
+    gain_phrase,
+    judged_numbers,
+    knowledge_of,
+    missing_numbers,
+    result_mass,
+    values_of,
+)
+from rotorfit.planning.bound import BARE, Problem, evidence, fly, planned_problem
+from rotorfit.planning.vehicle import (
+    GUESSABLE,
+    assumptions_for,
+    default_payload,
+    payload_pair,
+    rough_vehicle,
+)
+from rotorfit.results.result import IdentificationResult, configuration_names
+from rotorfit.results.verdicts import ADVISED, FLOWN, WEAK, motion_for
+from rotorfit.simulation.pilot import Manoeuvre
+
+BEST_MANOEUVRE: Final = "best-manoeuvre"
+"""Kind of the note that a result keeps of what its best manoeuvre gives."""
+MAIN: Final = ("kt", "kd", "Jr", *COM, *INERTIA_COM[:3])
+"""Numbers for which a step is worth a flight."""
+DONE: Final = "nothing more to fly: check it on another flight (rotorfit validate RESULT LOG)"
+UNHELPED: Final = (
+    "no manoeuvre of 20 s betters what is left: longer flights or a payload may (rotorfit plan "
+    "AIRFRAME --after RESULT)"
+)
+NAMED: Final = 2
+"""Of the numbers that a manoeuvre sharpens."""
+Kind = Literal["log", "declare", "fly", "done"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NextStep:
+    """The one thing to do next.
+
+    Attributes
+    ----------
+    kind
+        ``log``: set the log; ``declare``: mend what was declared, or the vehicle; ``fly``: a
+        manoeuvre; ``done``: nothing that a simple flight betters.
+    action
+        What to do.
+    because
+        Why this comes before any flying; None for the others.
+    gain
+        What it gives, such as ``kd from +-18 to +-6 %``; None where that is not predicted.
+    numbers
+        Names of the numbers that it is for.
+    """
+
+    kind: Kind
+    action: str
+    because: str | None = None
+    gain: str | None = None
+    numbers: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one sentence."""
+        gain = "" if self.gain is None else f" (gives {self.gain})"
+        because = "" if self.because is None else f", because {self.because}"
+        return f"{self.action}{gain}{because}"
+
+
+def next_step(result: IdentificationResult, *, predicted: Finding | None = None) -> NextStep:
+    """Choose the next step of a result, by its findings and verdicts.
+
+    `predicted` is the best manoeuvre, where the result itself does not keep it.
+    """
+    lacking = _lacking(result)
+    stored = next((one for one in result.findings if one.kind == BEST_MANOEUVRE), predicted)
+    return (
+        _before_flying(result, lacking)
+        or (None if stored is None else _stored(stored))
+        or _advised(lacking)
+    )
+
+
+def with_best_manoeuvre(
+    result: IdentificationResult, *, report: Callable[[str], None] | None = None
+) -> IdentificationResult:
+    """Add to a result which manoeuvre sharpens it most, and how far, by simulated flights.
+
+    The result stays as it is where something else comes first, where all is known, and where no
+    flight of the vehicle can be simulated.
+    """
+    if next_step(result).kind != "fly":
+        return result
+    try:
+        if report is not None:
+            report("simulating what to fly next")
+        _, mass = result_mass(result, None)
+        problem = _problem(result, mass)
+        asked = _asked([one.name for one in _lacking(result) if one.advice in FLOWN.values()])
+        pieces: dict[Manoeuvre, bound.Evidence] = {
+            m: evidence(problem, fly(problem, m, BARE), BARE) for m in asked
+        }
+        missing = missing_numbers(problem, pieces, knowledge_of(result, problem))
+    except ExperimentError:
+        return result
+    return result.found(best_manoeuvre(missing))
+
+
+def best_manoeuvre(missing: Sequence[Missing]) -> Finding:
+    """Note the manoeuvre that sharpens most of what a result lacks; none where none helps.
+
+    The most numbers made sharp count, then how much all are sharpened.
+    """
+    main = [one for one in missing if one.name in MAIN and one.verdict != "doubtful"]
+    best: tuple[tuple[int, float], Manoeuvre, list[Missing]] | None = None
+    for manoeuvre in _asked([one.name for one in main if one.manoeuvre is not None]):
+        helped = [one for one in main if one.is_helped_by(manoeuvre)]
+        sharp = sum(one.after[manoeuvre] <= WEAK for one in helped)
+        score = (sharp, sum(one.sharper(manoeuvre) for one in helped))
+        if helped and (best is None or score > best[0]):
+            best = (score, manoeuvre, helped)
+    if best is None:
+        return note(BEST_MANOEUVRE, "")
+    _, manoeuvre, helped = best
+    helped.sort(key=lambda one: -one.sharper(manoeuvre))
+    return note(
+        BEST_MANOEUVRE,
+        "",
+        next_step=FLOWN[manoeuvre],
+        numbers=tuple(one.name for one in helped),
+        evidence=tuple(
+            Evidence(name=one.name, value=one.after[manoeuvre], limit=one.now) for one in helped
+        ),
+    )
+
+
+def _lacking(result: IdentificationResult) -> list[JudgedNumber]:
+    """List the numbers of all configurations that matter and are not known well, each once."""
+    found = [
+        number
+        for owner in configuration_names(result)
+        for number in judged_numbers(result, owner)
+        if number.verdict in LACKING and number.name in MAIN
+    ]
+    return list({one.parameter: one for one in found}.values())
+
+
+def _before_flying(
+    result: IdentificationResult, lacking: Sequence[JudgedNumber]
+) -> NextStep | None:
+    """Find the step without which more flying is pointless, if there is one."""
+    usable = [
+        (one, numbers)
+        for one in result.findings
+        if one.next_step is not None
+        and (numbers := [n.name for n in lacking if one.is_about(n.parameter)])
+    ]
+    logs = [pair for kind in (TOO_SLOW, NO_ROTOR_SPEED) for pair in usable if pair[0].kind == kind]
+    disowning = [p for p in usable if p[0].doubtful_because or p[0].withheld_because]
+    for one, numbers in (*logs, *disowning):
+        return NextStep(
+            kind="log" if (one, numbers) in logs else "declare",
+            action=one.next_step or "",
+            because=one.useless_because or one.doubtful_because or one.withheld_because,
+            numbers=tuple(dict.fromkeys(numbers)),
+        )
+    return None
+
+
+def _stored(best: Finding) -> NextStep:
+    """Describe the manoeuvre that a result keeps, and what it gives."""
+    if best.next_step is None:
+        return NextStep(kind="done", action=UNHELPED)
+    parts = [f"{one.name} {gain_phrase(one.limit, one.value)}" for one in best.evidence[:NAMED]]
+    gain = " and ".join(parts)
+    return NextStep(kind="fly", action=best.next_step, gain=gain, numbers=best.numbers)
+
+
+def _advised(lacking: Sequence[JudgedNumber]) -> NextStep:
+    """Choose what the verdicts advise for most numbers, without a prediction."""
+    groups: dict[str, list[str]] = {}
+    for one in lacking:
+        if one.advice is not None:
+            groups.setdefault(one.advice, []).append(one.name)
+    if not groups:
+        return NextStep(kind="done", action=DONE)
+    action = max(groups, key=lambda advice: len(groups[advice]))
+    kind: Kind = "fly" if action in FLOWN.values() else "declare"
+    return NextStep(kind=kind, action=action, numbers=tuple(dict.fromkeys(groups[action])))
+
+
+def _asked(names: Sequence[str]) -> list[Manoeuvre]:
+    """Select the manoeuvres that numbers ask for, by name, those for most numbers first."""
+    asked: list[Manoeuvre] = [
+        ADVISED[motion_for(name)] for name in names if motion_for(name) in ADVISED
+    ]
+    return sorted(set(asked), key=lambda m: (-asked.count(m), m))
+
+
+def _problem(result: IdentificationResult, mass: float) -> Problem:
+    """Return the problem of a plan for the vehicle of a result, as `rotorfit plan` poses it."""
+    experiment = experiment_of_settings(result.settings)
+    vehicle, motors = vehicle_of(experiment.airframe), experiment.motors
+    assumed = assumptions_for(mass)
+    known = {n: v for n, v in values_of(result, vehicle).items() if n in GUESSABLE}
+    return planned_problem(
+        rough_vehicle(vehicle, mass=mass, known=known),
+        payload_pair(vehicle, default_payload(mass), mass_std=0.5 * assumed.mass_step),
+        assumed=assumed,
+        commanded=motors.speed == "commanded",
+        timed=motors.delay is None and (motors.speed == "measured" or motors.lag is None),
+    )

@@ -1,0 +1,61 @@
+"""The next step: what makes flying useless first, then what was doubted, then the manoeuvre."""
+
+import numpy as np
+
+from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, TOO_SLOW
+from rotorfit.findings import Evidence, doubt, note
+from rotorfit.planning.next_step import BEST_MANOEUVRE, DONE, UNHELPED, next_step
+from rotorfit.results.assemble import mark_doubtful
+from rotorfit.results.result import IdentificationResult, Parameter
+from rotorfit.results.verdicts import FLOWN
+
+SLOW = note(TOO_SLOW, "", numbers=("Jr",), next_step="set it", useless_because="it is slow")
+SPEED = note(NO_ROTOR_SPEED, "", numbers=("kd",), next_step="log the speed")
+SPINS = doubt("spins", "s", numbers=("kd",), next_step="look", doubtful_because="they differ")
+ROLL = note(
+    BEST_MANOEUVRE,
+    "",
+    next_step=FLOWN["turns"],
+    numbers=("kd",),
+    evidence=(Evidence(name="kd", value=0.062, limit=0.18), Evidence(name="Jr", value=0.12)),
+)
+
+
+def step(*findings, kd="weak", Jr="identified"):
+    """Return the next step of a result of kt, kd and Jr with these findings and verdicts."""
+    advice = {"weak": FLOWN["turns"], "not-identified": FLOWN["roll"]}
+    parameters = tuple(
+        Parameter(
+            name=name, configuration=owner, value=1.0, std=0.1, interval=(0.8, 1.2), unit="",
+            verdict=verdict, advice=advice.get(verdict),
+        )
+        for name, owner, verdict in (("kt", "A", "identified"), ("kd", None, kd), ("Jr", None, Jr))
+    )  # fmt: skip
+    result = IdentificationResult(
+        name="made", method="banded", parameters=parameters, derived=(), flights=(),
+        covariance_names=(), covariance=np.zeros((0, 0)), settings={}, versions={},
+    )  # fmt: skip
+    return next_step(mark_doubtful(result.found(*findings)))
+
+
+def test_a_log_that_is_too_slow_comes_before_all_else():
+    found = step(ROLL, SPINS, SPEED, SLOW, Jr="not-identified")
+    assert (found.kind, found.numbers) == ("log", ("Jr",))
+    assert found.sentence == "set it, because it is slow"
+
+
+def test_what_no_number_lacks_is_no_step():
+    assert step(SLOW, ROLL).kind == "fly"  # Jr is known in spite of it
+    assert step(SPEED, SPINS).action == "log the speed"
+    assert step(SPINS).sentence == "look, because they differ"
+
+
+def test_a_manoeuvre_says_what_it_gives():
+    gain = "kd from +-18 to +-6.2 % and Jr from unknown to +-12 %"
+    assert step(ROLL).sentence == f"{FLOWN['turns']} (gives {gain})"
+
+
+def test_nothing_is_flown_for_nothing():
+    assert step(note(BEST_MANOEUVRE, "")).action == UNHELPED
+    assert step(kd="identified").action == DONE
+    assert step().action == FLOWN["turns"]
