@@ -25,7 +25,7 @@ from benchmarks.worlds.pilot import STEP
 from benchmarks.worlds.sensing import write_world
 from benchmarks.worlds.world import World, draw_world
 
-from rotorfit.control_loop.filters import Response, hold
+from rotorfit.control_loop.filters import GyroFilter, Response, hold
 from rotorfit.control_loop.loop import AxisLoop, judge_flight
 from rotorfit.control_loop.margins import margins
 from rotorfit.control_loop.rate_controller import RateController
@@ -74,8 +74,9 @@ def controller_of(world: World) -> RateController:
     """Return the rate controller of roll and pitch."""
     a = world.autopilot
     return RateController(
-        P=a.rate, I=a.rate * a.integral, D=0.0, FF=0.0, angle=a.attitude, period=STEP
-    )
+        P=a.rate, I=a.rate * a.integral, D=0.0, FF=0.0, angle=a.attitude, period=STEP,
+        hears_through=(GyroFilter(frequency=a.lowpass, order=a.order),),
+    )  # fmt: skip
 
 
 def gyro_filter(world: World, z: Response) -> Response:

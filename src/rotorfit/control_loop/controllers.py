@@ -12,6 +12,7 @@ libraries/AC_AttitudeControl/AC_AttitudeControl_Multi.cpp rate_controller_run.
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from rotorfit.control_loop.filters import GyroFilter
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.logs.controller_log import ControllerLog
 
@@ -34,6 +35,7 @@ def px4(log: ControllerLog, axis: int) -> RateController:
         slope_of="rate",
         slope_lowpass=log.number("IMU_DGYRO_CUTOFF"),
         output_lowpass=log.parameters.get("MC_YAW_TQ_CUTOFF", 0.0) if name == "YAW" else 0.0,
+        hears_through=_low_pass(log, "IMU_GYRO_CUTOFF"),
     )
 
 
@@ -55,7 +57,14 @@ def arducopter(log: ControllerLog, axis: int) -> RateController:
         error_lowpass=gain("FLTE"),
         slope_lowpass=gain("FLTD"),
         set_point_age=1,
+        hears_through=_low_pass(log, "INS_GYRO_FILTER"),
     )
+
+
+def _low_pass(log: ControllerLog, name: str) -> tuple[GyroFilter, ...]:
+    """Read the low-pass of the gyro; none where it is off."""
+    cutoff = log.parameters.get(name, 0.0)
+    return (GyroFilter(frequency=cutoff, order=2),) if cutoff > 0.0 else ()
 
 
 CONTROLLERS: Final[Mapping[str, Callable[[ControllerLog, int], RateController]]] = {

@@ -188,9 +188,10 @@ def _axis(
 ) -> AxisLoop:
     frequency = np.geomspace(LOWEST, 0.45 / controller.period, POINTS)
     body = plant(
-        result, owner, flight, axis=axis, gyro_lowpass=log.gyro_lowpass, draws=draws, seed=seed
+        result, owner, flight, axis=axis, period=controller.period,
+        gyro_lowpass=log.gyro_lowpass, draws=draws, seed=seed,
     )
-    filtered = controller_response(log, flight, axis, frequency)
+    filtered = controller_response(log, flight, controller, axis, frequency)
     inner = _rate_loops(controller, body, filtered, frequency)
     closed = inner[0] / (1.0 + inner[0])
     closed *= controller.from_set_point(frequency) / controller.from_rate(frequency)

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from scipy import signal
 
 from rotorfit.control_loop.filters import (
+    GyroFilter,
     Response,
     delays,
     difference,
@@ -40,6 +41,8 @@ class RateController:
         Whether D acts on the error or on the measured rate.
     set_point_age
         How many runs old the set point is when it is used.
+    hears_through
+        Filters between the gyro and the rate.
     """
 
     P: float
@@ -54,10 +57,18 @@ class RateController:
     output_lowpass: float = 0.0
     slope_of: Literal["error", "rate"] = "error"
     set_point_age: int = 0
+    hears_through: tuple[GyroFilter, ...] = ()
 
     def scaled(self, factor: float) -> "RateController":
         """Return the controller with P, I and D times a factor."""
         return replace(self, P=factor * self.P, I=factor * self.I, D=factor * self.D)
+
+    def hearing(self, frequency: Float[np.ndarray, " f"]) -> Response:
+        """Compute the response of the rate that it hears to the gyro, by its filters."""
+        heard = np.ones(len(frequency), dtype=complex)
+        for one in self.hears_through:
+            heard = heard * one.response(frequency)
+        return heard
 
     def from_rate(self, frequency: Float[np.ndarray, " f"]) -> Response:
         """Compute the response of the output to the rate, with the sign turned."""

@@ -3,10 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 from scipy import signal
 
+from rotorfit.control_loop.filters import GyroFilter
 from rotorfit.control_loop.plant import Plant
+from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.errors import EstimationError, LogError
 from rotorfit.experiment.declared_vehicle import motor_model_of, vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
@@ -24,6 +26,8 @@ HIGHEST = 40.0
 """Frequency up to which a smooth response is fitted to them [Hz]; loops cross far below."""
 SAME = 0.9
 """Coherence above which they show the filter between them."""
+LEAST_VARIANCE = 1e-6
+"""Of their ratio in a bin."""
 INERTIA = ("Ixx_over_kt", "Iyy_over_kt")
 
 
@@ -37,10 +41,16 @@ class Flown:
         Of the controller, flying rows only.
     squares
         Squared speed of each rotor, in the result's units.
+    free
+        Whether no motor was at an end of its range.
+    held
+        How long a command holds until the next one of the log [s].
     """
 
     log: ControllerLog
     squares: Float[np.ndarray, "n N"]
+    free: Bool[np.ndarray, " n"]
+    held: float
 
 
 def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResult) -> Flown:
@@ -64,7 +74,8 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
         values = speed_from_command(values, law, battery=volts)
     # The mixer runs behind the controller: its command is the first one from then on.
     row = np.searchsorted(command.time, controller.time - 0.1 * controller.period)
-    squares = values[np.minimum(row, len(values) - 1)] ** 2
+    row_of = np.minimum(row, len(values) - 1)
+    squares = values[row_of] ** 2
     mean = squares.mean(axis=1)
     flying = (mean > FLYING * np.median(mean)) & (row < len(values))
     flying &= np.isfinite(squares).all(axis=1)
@@ -80,7 +91,17 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
             slope=None if controller.slope is None else controller.slope[rows],
         ),
         squares=squares[rows],
+        free=_between_ends(command.values[row_of][rows]),
+        held=float(np.median(np.diff(command.time))),
     )
+
+
+def _between_ends(commands: Float[np.ndarray, "n N"]) -> Bool[np.ndarray, " n"]:
+    """Find the rows in which no motor is at an end of the range that was flown.
+
+    A motor's limit is met again and again; without one this leaves out a row or two.
+    """
+    return ((commands > commands.min()) & (commands < commands.max())).all(axis=1)
 
 
 def _longest(flying: np.ndarray) -> tuple[int, int]:
@@ -92,10 +113,13 @@ def _longest(flying: np.ndarray) -> tuple[int, int]:
 
 
 def mix(flight: Flown) -> Float[np.ndarray, "3 N"]:
-    """Measure the change of each rotor's squared speed by the output of each axis."""
-    output = flight.log.output
-    columns = np.column_stack([output, flight.squares.mean(axis=1), np.ones(len(output))])
-    found, *_ = np.linalg.lstsq(columns, flight.squares, rcond=None)
+    """Measure the change of each rotor's squared speed by the output of each axis.
+
+    Where no motor is at an end of its range: there it follows the output no more.
+    """
+    output, squares = flight.log.output[flight.free], flight.squares[flight.free]
+    columns = np.column_stack([output, squares.mean(axis=1), np.ones(len(output))])
+    found, *_ = np.linalg.lstsq(columns, squares, rcond=None)
     return found[:3]
 
 
@@ -105,6 +129,7 @@ def plant(
     flight: Flown,
     *,
     axis: int,
+    period: float,
     gyro_lowpass: float | None,
     draws: int,
     seed: int = 0,
@@ -128,6 +153,8 @@ def plant(
         gain = torque / moment
         damping = _damping(result, owner, axis) / moment
     lag, delay = _times(result, normal[1:])
+    # Identified with commands that hold until the next one of the log; in flight, to the next run.
+    delay = delay + 0.5 * (flight.held - period)
     filtered = 0.0 if gyro_lowpass is None else np.sqrt(2.0) / (2.0 * np.pi * gyro_lowpass)
     return Plant(
         gain=gain,
@@ -205,12 +232,17 @@ def _times(
 
 
 def controller_response(
-    log: FlightLog, flight: Flown, axis: int, frequency: Float[np.ndarray, " f"]
+    log: FlightLog,
+    flight: Flown,
+    controller: RateController,
+    axis: int,
+    frequency: Float[np.ndarray, " f"],
 ) -> Complex[np.ndarray, " f"]:
     """Compute the response of the controller's rate to the gyro that identified the vehicle.
 
-    Of the low-pass that the logged samples went through already, by its cut-off; what the
-    controller's rate went through beyond them, by comparing the two records.
+    That of its filters, times what they leave of the ratio of the two records: a delay (their
+    stamps differ), and a size that falls or grows with the frequency squared (a record that is a
+    mean over its period).
     """
     gyro, rows = log.channels["gyro"], flight.log
     at = np.arange(rows.time[0], rows.time[-1], rows.period)
@@ -224,45 +256,39 @@ def controller_response(
         raise LogError(
             f"{log.path}: the gyro and the rate that the controller heard are not of one flight"
         )
-    seen = cross[used] / power[used]
-    response = smooth_response(grid[used], seen, same[used], frequency)
-    if log.gyro_lowpass is not None:
-        s = 1j * frequency / log.gyro_lowpass
-        response = response / (1.0 + np.sqrt(2.0) * s + s * s)
-    return response
+    at_bins, same = grid[used], same[used]
+    expected = controller.hearing(at_bins) / recorded_through(log, at_bins)
+    late, growth = left_of_filters(at_bins, cross[used] / power[used] / expected, same)
+    grown = np.exp(growth * np.minimum(frequency, at_bins[-1]) ** 2)
+    return controller.hearing(frequency) * grown * np.exp(-2j * np.pi * frequency * late)
 
 
-def smooth_response(
-    grid: Float[np.ndarray, " b"],
-    seen: Complex[np.ndarray, " b"],
-    coherence: Float[np.ndarray, " b"],
-    frequency: Float[np.ndarray, " f"],
+def recorded_through(
+    log: FlightLog, frequency: Float[np.ndarray, " f"]
 ) -> Complex[np.ndarray, " f"]:
-    """Smooth the measured response of a filter, whose first powers of frequency tell all of it.
-
-    A filter that lets constants pass has the logarithm c f^2 + d f^4 - i (a f + b f^3) at low
-    frequencies; beyond the measured ones its size stays, and its delay.
-    """
-    weight = np.sqrt(coherence / np.maximum(1.0 - coherence, 1e-6))
-    top = grid[-1]
-    x = grid / top
-    turned: Float[np.ndarray, " b"] = np.asarray(np.unwrap(np.angle(seen)), dtype=float)
-    phase = turned - 2.0 * np.pi * np.round(float(turned[0]) / (2.0 * np.pi))
-    odd = _coefficients(np.column_stack([x, x**3]), phase, weight)
-    even = _coefficients(np.column_stack([x**2, x**4]), np.log(np.abs(seen)), weight)
-    y = np.minimum(frequency / top, 1.0)
-    late = (odd[0] + odd[1] * y**2) * frequency / top
-    return np.exp(even[0] * y**2 + even[1] * y**4 + 1j * late)
+    """Compute the response of the low-pass that the logged samples went through on board."""
+    if log.gyro_lowpass is None:
+        return np.ones(len(frequency), dtype=complex)
+    return GyroFilter(frequency=log.gyro_lowpass, order=2).response(frequency)
 
 
-def _coefficients(
-    columns: Float[np.ndarray, "b 2"],
-    right: Float[np.ndarray, " b"],
-    weight: Float[np.ndarray, " b"],
+def left_of_filters(
+    frequency: Float[np.ndarray, " b"],
+    left: Complex[np.ndarray, " b"],
+    coherence: Float[np.ndarray, " b"],
 ) -> tuple[float, float]:
-    """Solve for the two coefficients of weighted columns."""
-    found, *_ = np.linalg.lstsq(columns * weight[:, None], right * weight, rcond=None)
-    return float(found[0]), float(found[1])
+    """Fit a delay [s] and a growth with the frequency squared [s^2] to a measured response.
+
+    Noise in the first record makes its size too small by up to the coherence: half of that, give
+    or take as much.
+    """
+    chance = (1.0 - coherence) / (2.0 * coherence) + LEAST_VARIANCE
+    bias = -0.5 * np.log(coherence)
+    turn = 2.0 * np.pi * frequency / chance
+    late = -(turn @ np.angle(left)) / (turn @ (2.0 * np.pi * frequency))
+    square = frequency**2 / (chance + bias**2)
+    growth = (square @ (np.log(np.abs(left)) + bias)) / (square @ frequency**2)
+    return float(late), float(growth)
 
 
 def cross_spectrum(
