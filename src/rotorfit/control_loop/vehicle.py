@@ -7,7 +7,7 @@ from jaxtyping import Bool, Complex, Float
 from scipy import signal
 
 from rotorfit.control_loop.filters import GyroFilter
-from rotorfit.control_loop.plant import Plant
+from rotorfit.control_loop.plant import Plant, from_lag
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.errors import EstimationError, LogError
 from rotorfit.experiment.declared_vehicle import motor_model_of, vehicle_of
@@ -112,15 +112,27 @@ def _longest(flying: np.ndarray) -> tuple[int, int]:
     return max(runs, key=lambda run: run[1] - run[0])
 
 
-def mix(flight: Flown) -> Float[np.ndarray, "3 N"]:
-    """Measure the change of each rotor's squared speed by the output of each axis.
+def _mixing(flight: Flown) -> Float[np.ndarray, "5 N"]:
+    """Measure each rotor's squared speed by the three outputs, the mean square, and a constant.
 
     Where no motor is at an end of its range: there it follows the output no more.
     """
     output, squares = flight.log.output[flight.free], flight.squares[flight.free]
     columns = np.column_stack([output, squares.mean(axis=1), np.ones(len(output))])
     found, *_ = np.linalg.lstsq(columns, squares, rcond=None)
-    return found[:3]
+    return found
+
+
+def mix(flight: Flown) -> Float[np.ndarray, "3 N"]:
+    """Measure the change of each rotor's squared speed by the output of each axis."""
+    return _mixing(flight)[:3]
+
+
+def withheld_output(flight: Flown) -> Float[np.ndarray, "n 3"]:
+    """Compute what motors at an end of their range add to the output of each axis."""
+    found = _mixing(flight)
+    put_out = (flight.squares - found[4]) @ np.linalg.pinv(found[:4])[:, :3]
+    return np.where(flight.free[:, None], 0.0, put_out - flight.log.output)
 
 
 def plant(
@@ -156,12 +168,8 @@ def plant(
     # Identified with commands that hold until the next one of the log; in flight, to the next run.
     delay = delay + 0.5 * (flight.held - period)
     filtered = 0.0 if gyro_lowpass is None else np.sqrt(2.0) / (2.0 * np.pi * gyro_lowpass)
-    return Plant(
-        gain=gain,
-        damping=damping,
-        lag=np.maximum(lag + np.minimum(delay - filtered, 0.0), 0.0),
-        delay=np.maximum(delay - filtered, 0.0),
-    )
+    lag, delay = from_lag(lag, delay - filtered)
+    return Plant(gain=gain, damping=damping, lag=lag, delay=delay)
 
 
 def _torque(result: IdentificationResult, owner: str, flight: Flown, axis: int) -> float:
