@@ -17,6 +17,7 @@ from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.speed_law import speed_from_command
 from rotorfit.preprocessing.signals import true_runs
 from rotorfit.results.result import IdentificationResult
+from rotorfit.results.samples import Values, about_com, normal_draws
 
 FLYING = 0.5
 """Of the median squared speed, above which a vehicle flies."""
@@ -153,18 +154,16 @@ def plant(
     EstimationError
         If the result does not know the axis.
     """
-    random = np.random.default_rng([seed, axis])
-    normal = random.standard_normal((3, 1 + draws))
-    normal[:, 0] = 0.0
+    drawn = _drawn(result, owner, draws, seed)
     torque = _torque(result, owner, flight, axis)
     if axis == 2:
-        gain = torque * _drawn(result, "kd_over_Izz", owner, normal[0])
+        gain = torque * _of(result, "kd_over_Izz", owner, drawn)
         damping = np.zeros_like(gain)
     else:
-        moment = _drawn(result, INERTIA[axis], owner, normal[0])
+        moment = _of(result, INERTIA[axis], owner, drawn)
         gain = torque / moment
         damping = _damping(result, owner, axis) / moment
-    lag, delay = _times(result, normal[1:])
+    lag, delay = _times(result, drawn)
     # Identified with commands that hold until the next one of the log; in flight, to the next run.
     delay = delay + 0.5 * (flight.held - period)
     filtered = 0.0 if gyro_lowpass is None else np.sqrt(2.0) / (2.0 * np.pi * gyro_lowpass)
@@ -203,40 +202,64 @@ def _value(result: IdentificationResult, name: str, owner: str | None) -> float:
     return 0.0
 
 
-def _drawn(
-    result: IdentificationResult, name: str, owner: str, normal: Float[np.ndarray, " D"]
+def _drawn(result: IdentificationResult, owner: str, draws: int, seed: int) -> Values:
+    """Draw a configuration's numbers together with the motors' times, the nominal ones first."""
+    random = np.random.default_rng(seed)
+    shift = np.zeros((1 + draws, len(result.covariance_names)))
+    shift[1:] = normal_draws(result.covariance, draws, random)
+    columns = {name: i for i, name in enumerate(result.covariance_names)}
+    values: Values = {"mass": np.full(1 + draws, _value(result, "mass", owner) or 1.0)}
+    for p in result.parameters:
+        if p.configuration not in (None, owner) or p.value is None:
+            continue
+        if p.full_name in columns:
+            values[p.name] = p.value + shift[:, columns[p.full_name]]
+        elif p.std:
+            values[p.name] = p.value + np.r_[0.0, p.std * random.standard_normal(draws)]
+    return about_com(values)
+
+
+RATIOS = {
+    "Ixx_over_kt": ("Ixx_com", "kt"),
+    "Iyy_over_kt": ("Iyy_com", "kt"),
+    "kd_over_Izz": ("kd", "Izz_com"),
+}
+
+
+def _of(
+    result: IdentificationResult, name: str, owner: str, drawn: Values
 ) -> Float[np.ndarray, " D"]:
+    """Draw a ratio: as wide as its interval, together with the others as the numbers in it are."""
     number = next((d for d in result.derived if d.name == name and d.configuration == owner), None)
+    parts = [drawn.get(part) for part in RATIOS[name]]
     if number is None or number.value is None or number.interval is None:
         raise EstimationError(
             f"{name} of configuration {owner} is not known from these flights: the loop of that "
             "axis has no gain; fly the axis briskly and identify again"
         )
+    above, below = parts
+    if above is None or below is None:
+        return np.full_like(drawn["mass"], number.value)
+    ratio = above / below
+    off = ratio / ratio[0] - 1.0
     half = 0.5 * (number.interval[1] - number.interval[0])
-    return number.value * (1.0 + half / 1.96 / abs(number.value) * normal)
+    wide = half / 1.96 / abs(number.value) / max(float(off[1:].std()), np.finfo(float).tiny)
+    return number.value * (1.0 + wide * off)
 
 
 def _times(
-    result: IdentificationResult, normal: Float[np.ndarray, "2 D"]
+    result: IdentificationResult, drawn: Values
 ) -> tuple[Float[np.ndarray, " D"], Float[np.ndarray, " D"]]:
-    """Draw lag and delay with the correlation that the deviation of their sum gives [s]."""
-    numbers = {n.name: n for n in (*result.parameters, *result.derived)}
-    lag, delay = numbers["motor_lag"], numbers.get("motor_delay")
-    if lag.value is None:
+    """Draw lag and delay [s]."""
+    lag = _value(result, "motor_lag", None)
+    if not any(p.name == "motor_lag" and p.value is not None for p in result.parameters):
         raise EstimationError(
             "the motor lag is not known from these flights: nobody can say how late the loop is; "
             "fly roll and pitch briskly and identify again"
         )
-    total = numbers.get("motor_lag_total")
-    first = lag.std or 0.0
-    second = 0.0 if delay is None else delay.std or 0.0
-    summed = first if total is None or total.std is None else total.std
-    tie = 0.0
-    if first > 0.0 and second > 0.0:
-        tie = float(np.clip((summed**2 - first**2 - second**2) / (2 * first * second), -1.0, 1.0))
-    mean_delay = 0.0 if delay is None else delay.value or 0.0
-    across = tie * normal[0] + np.sqrt(1.0 - tie**2) * normal[1]
-    return lag.value + first * normal[0], mean_delay + second * across
+    still = np.zeros_like(drawn["mass"])
+    delay = drawn.get("motor_delay", still + _value(result, "motor_delay", None))
+    return np.maximum(drawn.get("motor_lag", still + lag), 0.0), delay
 
 
 def controller_response(
