@@ -220,8 +220,12 @@ def _axis(
     bands = bands_of(inner[0])
     rate_loop = _measures(margins(frequency, inner))
     doubts = doubts or _too_little(rate_loop.crossover.value, bands, error)
-    outer = inner * (1.0 + controller.from_angle(frequency) / controller.from_rate(frequency))
-    gains = [(factor, _peak(margins(frequency, factor * outer))) for factor in FACTORS]
+    outer = _with_attitude(inner, controller, frequency)
+    gains = [
+        (factor, _peak(margins(frequency, _with_attitude(factor * inner, scaled, frequency))))
+        for factor in FACTORS
+        for scaled in [controller.scaled(factor)]
+    ]
     return AxisLoop(
         axis=AXES[axis],
         controller=controller,
@@ -247,6 +251,15 @@ def _rate_loops(
     """Compute the open rate loops, cut at the torque command."""
     response = vehicles.response(frequency, controller.period)
     return controller.from_rate(frequency) * filtered * response
+
+
+def _with_attitude(
+    inner: Complex[np.ndarray, "D f"],
+    controller: RateController,
+    frequency: Float[np.ndarray, " f"],
+) -> Complex[np.ndarray, "D f"]:
+    """Compute the open loops with the attitude loop; the feed-forward is in it, and not scaled."""
+    return inner * (1.0 + controller.from_angle(frequency) / controller.from_rate(frequency))
 
 
 def _bands(
@@ -315,8 +328,9 @@ def _contradictions(
     doubts: list[str] = []
     if not replay.is_right:
         doubts.append(
-            f"the logged output is {replay.slope:.2f} times that of the controller as its "
-            "parameters set it: a filter or a gain is not what they say, or changed in flight"
+            f"the logged output is {replay.slope:.2f} times, and the rate's derivative "
+            f"{replay.derivative:.2f} times, that of the controller as its parameters set it: a "
+            "filter or a gain is not what they say, or changed in flight"
         )
     if error.is_wrong(vehicles):
         gain, late = error.half_widths

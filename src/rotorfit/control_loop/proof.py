@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex, Float
+from scipy import signal
 
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.rate_controller import RateController
@@ -39,21 +40,27 @@ EXACT = 1e-5
 """Of a set point's stamp [s]."""
 ABOVE = 3.0
 """Times the crossover up to which the closed loop is judged."""
+SMOOTH = 15.0
+"""Frequency up to which derivatives are compared [Hz]: the log is slower than the gyro."""
 SLOPE = 0.03
 """Of the replayed output from one, beyond which the controller was not read rightly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayedOutput:
-    """How the logged output follows the replayed one: slope, and share that is left."""
+    """How the logged output follows the replayed one: slope, and share that is left.
+
+    `derivative`: the slope of the logged derivative of the rate, where the log has it.
+    """
 
     slope: float
     left: float
+    derivative: float = 1.0
 
     @property
     def is_right(self) -> bool:
         """Whether the controller was read rightly."""
-        return abs(self.slope - 1.0) <= SLOPE
+        return max(abs(self.slope - 1.0), abs(self.derivative - 1.0)) <= SLOPE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,14 +168,28 @@ def replay_output(controller: RateController, flight: Flown, axis: int) -> Repla
     made = controller.replayed(
         log.set_point[:, axis], log.rate[:, axis], None if log.slope is None else log.slope[:, axis]
     )
+    slope, left = _followed(made, log.output[:, axis], log.period)
+    derivative = 1.0
+    if log.slope is not None:
+        smooth = signal.butter(2, SMOOTH, fs=1.0 / log.period, output="sos")
+        both = [controller.derivative(log.rate[:, axis]), log.slope[:, axis]]
+        low = [np.asarray(signal.sosfiltfilt(smooth, x), dtype=float) for x in both]
+        derivative, _ = _followed(low[0], low[1], log.period)
+    return ReplayedOutput(slope=slope, left=left, derivative=derivative)
+
+
+def _followed(
+    made: Float[np.ndarray, " n"], logged: Float[np.ndarray, " n"], period: float
+) -> tuple[float, float]:
+    """Return slope of a logged series over a made one, and the share that is left."""
     # The integral's start, and what a take-off leaves in it, are no part of the comparison.
-    edge = min(len(made) // 8, round(2.0 / log.period))
+    edge = min(len(made) // 8, round(2.0 / period))
     rows = slice(edge, len(made) - edge)
     columns = np.column_stack([made[rows], np.ones(len(made[rows]))])
-    out = log.output[rows, axis]
+    out = logged[rows]
     (slope, offset), *_ = np.linalg.lstsq(columns, out, rcond=None)
     left = np.std(out - columns @ [slope, offset]) / max(float(np.std(out)), 1e-12)
-    return ReplayedOutput(slope=float(slope), left=float(left))
+    return float(slope), float(left)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -288,10 +309,10 @@ def loop_error(bands: list[Band], crossover: float, stamp_std: float) -> LoopErr
     rows = np.concatenate([np.real(slopes), np.imag(slopes)]) / std[:, None]
     right = np.concatenate([np.real(off), np.imag(off)]) / std
     known = np.diag([0.0, 0.0, max(stamp_std, EXACT) ** -2])
-    covariance = np.linalg.inv(rows.T @ rows + known)
-    found = covariance @ rows.T @ right
+    covariance: Float[np.ndarray, "3 3"] = np.linalg.inv(rows.T @ rows + known)
+    found: Float[np.ndarray, " 3"] = covariance @ rows.T @ right
     # What neither explains shows how far the bands are off beyond their own scatter.
-    left = right - rows @ found
+    left: Float[np.ndarray, " r"] = right - rows @ found
     scale = max(1.0, float(left @ left) / (len(left) - len(found) + 1))
     return LoopError(
         gain=float(np.exp(found[0])), delay=float(found[1]), covariance=scale * covariance[:2, :2]

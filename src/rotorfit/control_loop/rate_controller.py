@@ -109,8 +109,7 @@ class RateController:
         asked = self._low(set_point, self.set_point_lowpass)
         error = self._low(asked - rate, self.error_lowpass)
         followed = error if self.slope_of == "error" else -rate
-        change = np.diff(followed, prepend=followed[:1]) / self.period
-        steep = self._low(change, self.slope_lowpass) if slope is None else -slope
+        steep = self.derivative(followed) if slope is None else -slope
         late = self.slope_of == "rate"
         weight = np.maximum(0.0, 1.0 - (error / FULL_INTEGRAL) ** 2) if late else 1.0
         total = np.cumsum(weight * error) * self.period
@@ -118,6 +117,11 @@ class RateController:
             total = np.concatenate([[0.0], total[:-1]])
         out = self.P * error + self.I * total + self.D * steep + self.FF * asked
         return self._low(out, self.output_lowpass)
+
+    def derivative(self, values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Compute the derivative that D acts on."""
+        change = np.diff(values, prepend=values[:1]) / self.period
+        return self._low(change, self.slope_lowpass)
 
     def _low(self, values: Float[np.ndarray, " n"], cutoff: float) -> Float[np.ndarray, " n"]:
         alpha = smoothing(cutoff, self.period)
