@@ -306,8 +306,10 @@ def loop_error(bands: list[Band], crossover: float, stamp_std: float) -> LoopErr
     std = np.array([np.hypot(b.uncertainty / 1.96 / b.ratio, MODEL) for b in used])
     # Each bin's complex variance stands in both of its parts: half of it in each.
     std = np.tile(std, 2) / np.sqrt(2.0)
-    rows = np.concatenate([np.real(slopes), np.imag(slopes)]) / std[:, None]
-    right = np.concatenate([np.real(off), np.imag(off)]) / std
+    rows: Float[np.ndarray, "r 3"] = (
+        np.concatenate([np.real(slopes), np.imag(slopes)]) / std[:, None]
+    )
+    right: Float[np.ndarray, " r"] = np.concatenate([np.real(off), np.imag(off)]) / std
     known = np.diag([0.0, 0.0, max(stamp_std, EXACT) ** -2])
     covariance: Float[np.ndarray, "3 3"] = np.linalg.inv(rows.T @ rows + known)
     found: Float[np.ndarray, " 3"] = covariance @ rows.T @ right
