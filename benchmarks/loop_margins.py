@@ -78,7 +78,7 @@ def controller_of(world: World) -> RateController:
     a = world.autopilot
     return RateController(
         P=a.rate, I=a.rate * a.integral, D=0.0, FF=0.0, angle=a.attitude, period=STEP,
-        hears_through=(GyroFilter(frequency=a.lowpass, order=a.order),),
+        gyro_filters=(GyroFilter(frequency=a.lowpass, order=a.order),),
     )  # fmt: skip
 
 

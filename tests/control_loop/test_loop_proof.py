@@ -121,7 +121,7 @@ def test_a_forgotten_gyro_filter_is_measured_instead(result):
     known, forgot = (
         judge_flight(result, "A", flight, one, draws=DRAWS).axes[0] for one in (log, wrong)
     )
-    assert forgot.controller.hears_through == ()
+    assert forgot.controller.gyro_filters == ()
     phases = [loop.with_attitude.phase.value for loop in (known, forgot)]
     assert phases[1] == pytest.approx(phases[0], abs=1.0)
 

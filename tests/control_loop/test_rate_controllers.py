@@ -110,7 +110,7 @@ def test_notches_of_arducopter_are_read(mode, middle):
         changed=(), time=np.arange(3) / 400.0, set_point=np.zeros((3, 3)),
         rate=np.zeros((3, 3)), output=np.zeros((3, 3)),
     )  # fmt: skip
-    low, first, third = rate_controller(log, 0).hears_through
+    low, first, third = rate_controller(log, 0).gyro_filters
     assert (low.frequency, low.order) == (20.0, 2)
     assert [first.frequency, third.frequency] == [middle, 3.0 * middle]
     assert abs(first.response(np.array([middle]))[0]) == pytest.approx(0.01)

@@ -40,7 +40,7 @@ def px4(log: ControllerLog, axis: int) -> RateController:
         slope_of="rate",
         slope_lowpass=log.number("IMU_DGYRO_CUTOFF"),
         output_lowpass=log.parameters.get("MC_YAW_TQ_CUTOFF", 0.0) if name == "YAW" else 0.0,
-        hears_through=_px4_filters(log),
+        gyro_filters=_px4_filters(log),
     )
 
 
@@ -62,7 +62,7 @@ def arducopter(log: ControllerLog, axis: int) -> RateController:
         error_lowpass=gain("FLTE"),
         slope_lowpass=gain("FLTD"),
         set_point_age=1,
-        hears_through=_arducopter_filters(log),
+        gyro_filters=_arducopter_filters(log),
     )
 
 

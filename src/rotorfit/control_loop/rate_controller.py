@@ -41,7 +41,7 @@ class RateController:
         Whether D acts on the error or on the measured rate.
     set_point_age
         How many runs old the set point is when it is used.
-    hears_through
+    gyro_filters
         Filters between the gyro and the rate.
     """
 
@@ -57,18 +57,18 @@ class RateController:
     output_lowpass: float = 0.0
     slope_of: Literal["error", "rate"] = "error"
     set_point_age: int = 0
-    hears_through: tuple[GyroFilter, ...] = ()
+    gyro_filters: tuple[GyroFilter, ...] = ()
 
     def scaled(self, factor: float) -> "RateController":
         """Return the controller with P, I and D times a factor."""
         return replace(self, P=factor * self.P, I=factor * self.I, D=factor * self.D)
 
-    def hearing(self, frequency: Float[np.ndarray, " f"]) -> Response:
+    def gyro_response(self, frequency: Float[np.ndarray, " f"]) -> Response:
         """Compute the response of the rate that it hears to the gyro, by its filters."""
-        heard = np.ones(len(frequency), dtype=complex)
-        for one in self.hears_through:
-            heard = heard * one.response(frequency)
-        return heard
+        response = np.ones(len(frequency), dtype=complex)
+        for one in self.gyro_filters:
+            response = response * one.response(frequency)
+        return response
 
     def from_rate(self, frequency: Float[np.ndarray, " f"]) -> Response:
         """Compute the response of the output to the rate, with the sign turned."""

@@ -288,10 +288,10 @@ def controller_response(
             f"{log.path}: the gyro and the rate that the controller heard are not of one flight"
         )
     at_bins, same = grid[used], same[used]
-    expected = controller.hearing(at_bins) / recorded_through(log, at_bins)
+    expected = controller.gyro_response(at_bins) / recorded_through(log, at_bins)
     late, growth = left_of_filters(at_bins, cross[used] / power[used] / expected, same)
     grown = np.exp(growth * np.minimum(frequency, at_bins[-1]) ** 2)
-    return controller.hearing(frequency) * grown * np.exp(-2j * np.pi * frequency * late)
+    return controller.gyro_response(frequency) * grown * np.exp(-2j * np.pi * frequency * late)
 
 
 def recorded_through(
