@@ -1,12 +1,14 @@
 """Do the intervals of a loop's margins hold? Simulated flights of known controllers and vehicles.
 
     python -m benchmarks.loop_margins [--flights 40] [--seed 1]
+    python -m benchmarks.loop_margins --logs DATA
 
 Flies worlds of `benchmarks.worlds` without hazards (an engine and a rate loop of their own, gains
 over a factor of four, one in five close to oscillating), identifies each from its commands, judges
 its roll and pitch loops, and compares with the margins of the exact loop: controller and filter as
 discrete responses, motors, mixer and body as the engine has them. Prints how often each interval
 holds, with its median half-width and error, how many loops were proved, and the doubts of others.
+With --logs: the table of docs/loop.md, of the logs of real autopilot programs in a folder of data.
 """
 
 import argparse
@@ -20,13 +22,14 @@ from tempfile import TemporaryDirectory
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from benchmarks.real_flights import cases
 from benchmarks.worlds.engine import Batch, Record, low_pass
 from benchmarks.worlds.pilot import STEP
 from benchmarks.worlds.sensing import write_world
 from benchmarks.worlds.world import World, draw_world
 
-from rotorfit.control_loop.filters import Response, hold
-from rotorfit.control_loop.loop import AxisLoop, judge_flight
+from rotorfit.control_loop.filters import GyroFilter, Response, hold
+from rotorfit.control_loop.loop import AxisLoop, judge_flight, judge_loop
 from rotorfit.control_loop.margins import margins
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.errors import RotorfitError
@@ -74,8 +77,9 @@ def controller_of(world: World) -> RateController:
     """Return the rate controller of roll and pitch."""
     a = world.autopilot
     return RateController(
-        P=a.rate, I=a.rate * a.integral, D=0.0, FF=0.0, angle=a.attitude, period=STEP
-    )
+        P=a.rate, I=a.rate * a.integral, D=0.0, FF=0.0, angle=a.attitude, period=STEP,
+        gyro_filters=(GyroFilter(frequency=a.lowpass, order=a.order),),
+    )  # fmt: skip
 
 
 def gyro_filter(world: World, z: Response) -> Response:
@@ -122,6 +126,43 @@ def judged(world: World, record: Record, batch: Recorded, i: int, folder: Path) 
     return list(outcome.axes[:2])
 
 
+def table_of_logs(data: Path) -> None:
+    """Print replay, agreement by bands, and margins of the logs of autopilots."""
+    heads = ("log", "axis", "replay", "size and phase at 1, 3, 8, 17 Hz", "crossover", "phase")
+    heads = (*heads, "gain", "peak")
+    print(f"| {' | '.join(heads)} |\n|{' --- |' * len(heads)}")
+    for case in (one for one in cases(data) if one.group == "autopilots"):
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "experiment.toml"
+            path.write_text(case.declaration, encoding="utf-8")
+            experiment = load_experiment(path)
+            log = Path(str(experiment.configuration[0].flights[0].file))
+            try:
+                outcome = judge_loop(identify(experiment), "A", log)
+            except RotorfitError as error:
+                print(f"| {case.name} | | {str(error).partition(': ')[2]} | | | | | |")
+                continue
+        for loop in outcome.axes[:2]:
+            print(f"| {case.name} | {loop.axis} | {_row(loop)} |")
+
+
+def _row(loop: AxisLoop) -> str:
+    found = loop.with_attitude
+    near = [next(b for b in loop.bands if b.low <= at < b.high) for at in (1.0, 3.0, 8.0, 17.0)]
+    return " | ".join(
+        [
+            f"{loop.replay.slope:.3f}, {100 * loop.replay.left:.1f} % left",
+            ", ".join(
+                f"{b.ratio:.2f} {b.degrees:+.0f}" if b.uncertainty < 0.25 else "-" for b in near
+            ),
+            f"{found.crossover.value:.1f} Hz",
+            f"{found.phase.value:.0f} ({found.phase.low:.0f}..{found.phase.high:.0f})",
+            f"{found.gain.value:.1f} ({found.gain.low:.1f}..{found.gain.high:.1f})",
+            f"{found.sensitivity.value:.2f}" if not loop.doubts else f"unproved: {loop.doubts[0]}",
+        ]
+    )
+
+
 def main() -> None:
     """Run the study."""
     parser = argparse.ArgumentParser(
@@ -129,8 +170,12 @@ def main() -> None:
     )
     parser.add_argument("--flights", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--logs", type=Path, metavar="DATA")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
+    if asked.logs is not None:
+        table_of_logs(asked.logs)
+        return
     worlds = [world_of(asked.seed, i) for i in range(asked.flights)]
     batch = Recorded(worlds)
     records = batch.flown()

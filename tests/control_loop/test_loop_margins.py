@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from rotorfit.control_loop.filters import delays, first_order, integral, second_order, smoothing
+from rotorfit.control_loop.filters import GyroFilter, delays, first_order, integral, smoothing
 from rotorfit.control_loop.margins import margins
 
 GRID = np.geomspace(0.05, 90.0, 1500)
@@ -54,12 +54,23 @@ def test_a_loop_at_its_gain_margin_oscillates():
 def test_low_passes_are_those_of_scipy(cutoff):
     period = 1 / 250
     z = delays(GRID, period)
-    b, a = signal.butter(2, cutoff, fs=250)
-    _, expected = signal.freqz(b, a, GRID, fs=250)
-    assert np.allclose(second_order(z, cutoff, period), expected)
+    for order in (1, 2):
+        _, expected = signal.freqs(*signal.butter(order, cutoff, analog=True), GRID)
+        assert np.allclose(GyroFilter(frequency=cutoff, order=order).response(GRID), expected)
     alpha = smoothing(cutoff, period)
     _, expected = signal.freqz([alpha], [1, alpha - 1], GRID, fs=250)
     assert np.allclose(first_order(z, cutoff, period), expected)
+
+
+def test_a_notch_leaves_its_floor_and_passes_what_is_far():
+    notch = GyroFilter(frequency=80.0, order=0, width=40.0, floor=0.01)
+    assert np.abs(notch.response(np.array([1e-3, 80.0, 1e5]))) == pytest.approx(
+        [1.0, 0.01, 1.0], abs=1e-3
+    )
+    b, a = signal.iirnotch(80.0, 80.0 / 40.0, fs=20000)
+    deep = GyroFilter(frequency=80.0, order=0, width=40.0)
+    _, expected = signal.freqz(b, a, GRID, fs=20000)
+    assert np.allclose(deep.response(GRID), expected, atol=0.01)
 
 
 @pytest.mark.parametrize("late", [False, True])

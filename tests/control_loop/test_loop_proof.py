@@ -6,6 +6,7 @@ import os
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rotorfit.control_loop.loop import judge_flight, judge_loop
@@ -101,5 +102,50 @@ def test_a_gain_read_wrongly_withholds_the_margins(result):
     parameters = {**log.parameters, "MC_ROLLRATE_P": 1.15 * log.parameters["MC_ROLLRATE_P"]}
     wrong = dataclasses.replace(log, parameters=parameters)
     roll, pitch, _ = judge_flight(result, "A", read_log(LOG), wrong, draws=DRAWS).axes
-    assert "times that of the controller as its parameters set it" in roll.doubts[0]
+    assert "of the controller as its parameters set it" in roll.doubts[0]
     assert pitch.doubts == ()
+
+
+def test_a_forgotten_filter_of_d_withholds_the_margins(result):
+    log = read_controller_log(LOG)
+    wrong = dataclasses.replace(log, parameters={**log.parameters, "IMU_DGYRO_CUTOFF": 0.0})
+    for loop in judge_flight(result, "A", read_log(LOG), wrong, draws=DRAWS).axes[:2]:
+        assert not loop.replay.is_right
+        assert loop.replay.slope == pytest.approx(1.0, abs=0.03)
+        assert "the rate's derivative" in loop.doubts[0]
+
+
+def test_a_forgotten_gyro_filter_is_measured_instead(result):
+    log, flight = read_controller_log(LOG), read_log(LOG)
+    wrong = dataclasses.replace(log, parameters={**log.parameters, "IMU_GYRO_CUTOFF": 0.0})
+    known, forgot = (
+        judge_flight(result, "A", flight, one, draws=DRAWS).axes[0] for one in (log, wrong)
+    )
+    assert forgot.controller.gyro_filters == ()
+    phases = [loop.with_attitude.phase.value for loop in (known, forgot)]
+    assert phases[1] == pytest.approx(phases[0], abs=1.0)
+
+
+def test_other_gains_leave_the_feed_forward_alone(result):
+    log = read_controller_log(LOG)
+    forward = dataclasses.replace(log, parameters={**log.parameters, "MC_ROLLRATE_FF": 0.1})
+    with_it, without = (
+        judge_flight(result, "A", read_log(LOG), one, draws=DRAWS).axes[0] for one in (forward, log)
+    )
+    assert with_it.controller.scaled(1.5).FF == 0.1
+    assert with_it.gains[1][1] == pytest.approx(with_it.with_attitude.sensitivity.high, rel=0.02)
+    assert with_it.gains[3][1] != pytest.approx(without.gains[3][1], rel=1e-3)
+
+
+def test_times_go_with_the_inertia_in_the_result(result):
+    names = list(result.covariance_names)
+    std = np.sqrt(np.diag(result.covariance))
+    for name in ("motor_lag", "motor_delay"):
+        assert std[names.index(name)] == pytest.approx(result.parameter(name).std)
+    lag, delay, inertia = (names.index(n) for n in ("motor_lag", "motor_delay", "Ixx@A"))
+    total = next(d for d in result.derived if d.name == "motor_lag_total")
+    of_sum = result.covariance[np.ix_([lag, delay], [lag, delay])].sum() ** 0.5
+    assert of_sum == pytest.approx(total.std)
+    assert result.covariance[lag, inertia] / std[lag] / std[inertia] < -0.4
+    drawn = result.samples(4000).values
+    assert np.corrcoef(drawn["motor_lag"], drawn["Ixx_com"])[0, 1] < -0.4

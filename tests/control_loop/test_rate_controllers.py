@@ -10,10 +10,11 @@ import pytest
 from rotorfit.control_loop.controllers import rate_controller
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.errors import LogError
-from rotorfit.logs.controller_log import read_controller_log
+from rotorfit.logs.controller_log import ControllerLog, read_controller_log
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 LOGS = DATA / "autopilot-sitl"
+GAINS = ("P", "I", "D", "FF", "FLTT", "FLTE", "FLTD")
 PX4_LIKE = RateController(
     P=0.15, I=0.2, D=0.003, FF=0.02, angle=4.0, period=0.004, slope_of="rate", slope_lowpass=20.0,
     set_point_age=1,
@@ -92,6 +93,27 @@ def test_a_gain_read_wrongly_does_not_replay():
     made = controller.replayed(log.set_point[:, 0], log.rate[:, 0])
     middle = slice(len(made) // 4, 3 * len(made) // 4)
     assert abs(np.polyfit(made[middle], log.output[middle, 0], 1)[0] - 1.0) > 0.03
+
+
+@pytest.mark.parametrize(("mode", "middle"), [(0, 80.0), (1, 160.0)])
+def test_notches_of_arducopter_are_read(mode, middle):
+    log = ControllerLog(
+        autopilot="ArduCopter",
+        firmware="made",
+        parameters={
+            **dict.fromkeys((f"ATC_RAT_RLL_{n}" for n in GAINS), 0.1),
+            "ATC_ANG_RLL_P": 4.5, "INS_GYRO_FILTER": 20.0, "INS_HNTCH_ENABLE": 1.0,
+            "INS_HNTCH_MODE": mode, "INS_HNTCH_FREQ": 80.0, "INS_HNTCH_BW": 40.0,
+            "INS_HNTCH_ATT": 40.0, "INS_HNTCH_HMNCS": 5.0, "INS_HNTCH_REF": 0.1,
+            "MOT_THST_HOVER": 0.4,
+        },
+        changed=(), time=np.arange(3) / 400.0, set_point=np.zeros((3, 3)),
+        rate=np.zeros((3, 3)), output=np.zeros((3, 3)),
+    )  # fmt: skip
+    low, first, third = rate_controller(log, 0).gyro_filters
+    assert (low.frequency, low.order) == (20.0, 2)
+    assert [first.frequency, third.frequency] == [middle, 3.0 * middle]
+    assert abs(first.response(np.array([middle]))[0]) == pytest.approx(0.01)
 
 
 def test_a_missing_gain_is_named():

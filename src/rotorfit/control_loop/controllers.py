@@ -12,10 +12,16 @@ libraries/AC_AttitudeControl/AC_AttitudeControl_Multi.cpp rate_controller_run.
 from collections.abc import Callable, Mapping
 from typing import Final
 
+import numpy as np
+
+from rotorfit.control_loop.filters import GyroFilter
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.logs.controller_log import ControllerLog
 
 AXES: Final = ("roll", "pitch", "yaw")
+FIXED, BY_THROTTLE = 0, 1
+"""Modes of ArduPilot's harmonic notches (INS_HNTCH_MODE)."""
+HARMONICS: Final = 16
 
 
 def px4(log: ControllerLog, axis: int) -> RateController:
@@ -34,6 +40,7 @@ def px4(log: ControllerLog, axis: int) -> RateController:
         slope_of="rate",
         slope_lowpass=log.number("IMU_DGYRO_CUTOFF"),
         output_lowpass=log.parameters.get("MC_YAW_TQ_CUTOFF", 0.0) if name == "YAW" else 0.0,
+        gyro_filters=_px4_filters(log),
     )
 
 
@@ -55,7 +62,61 @@ def arducopter(log: ControllerLog, axis: int) -> RateController:
         error_lowpass=gain("FLTE"),
         slope_lowpass=gain("FLTD"),
         set_point_age=1,
+        gyro_filters=_arducopter_filters(log),
     )
+
+
+def _px4_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
+    """Read low-pass and fixed notches of the gyro; of those that follow the rotors the log tells.
+
+    Their delay, that is: `controller_response` measures what these filters leave of it.
+    """
+    found = _low_pass(log, "IMU_GYRO_CUTOFF")
+    for name in ("IMU_GYRO_NF0", "IMU_GYRO_NF1"):
+        at, width = (log.parameters.get(f"{name}_{what}", 0.0) for what in ("FRQ", "BW"))
+        if at > 0.0 and width > 0.0:
+            found += (GyroFilter(frequency=at, order=0, width=width),)
+    return found
+
+
+def _arducopter_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
+    """Read low-pass and harmonic notches, fixed or by the throttle of hover, of the gyro.
+
+    HarmonicNotchFilter.cpp, NotchFilter.cpp: A = 10^(-ATT / 40) leaves A^2 in the middle, and all
+    harmonics have one quality. Those that follow a measured speed are treated as PX4's are.
+    """
+    found = _low_pass(log, "INS_GYRO_FILTER")
+    for name in ("INS_HNTCH", "INS_HNTC2"):
+        mode = log.parameters.get(f"{name}_MODE", 0.0)
+        at, width, depth, bits = (
+            log.parameters.get(f"{name}_{what}", 0.0) for what in ("FREQ", "BW", "ATT", "HMNCS")
+        )
+        on = log.parameters.get(f"{name}_ENABLE", 0.0) > 0.0 and 0.0 < 0.5 * width < at
+        if not on or mode not in (FIXED, BY_THROTTLE):
+            continue
+        reference = log.parameters.get(f"{name}_REF", 0.0)
+        if mode == BY_THROTTLE and reference > 0.0:
+            hover = log.parameters.get("MOT_THST_HOVER", reference)
+            at *= max(log.parameters.get(f"{name}_FM_RAT", 1.0), (hover / reference) ** 0.5)
+        octaves = 2.0 * float(np.log2(at / (at - 0.5 * width)))
+        quality = 2.0 ** (0.5 * octaves) / (2.0**octaves - 1.0)
+        found += tuple(
+            GyroFilter(
+                frequency=(i + 1) * at,
+                order=0,
+                width=(i + 1) * at / quality,
+                floor=10.0 ** (-0.05 * depth),
+            )
+            for i in range(HARMONICS)
+            if int(bits) >> i & 1
+        )
+    return found
+
+
+def _low_pass(log: ControllerLog, name: str) -> tuple[GyroFilter, ...]:
+    """Read the low-pass of the gyro; none where it is off."""
+    cutoff = log.parameters.get(name, 0.0)
+    return (GyroFilter(frequency=cutoff, order=2),) if cutoff > 0.0 else ()
 
 
 CONTROLLERS: Final[Mapping[str, Callable[[ControllerLog, int], RateController]]] = {

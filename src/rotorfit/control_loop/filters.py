@@ -1,4 +1,6 @@
-"""Frequency responses of the filters that autopilots run, exact for samples."""
+"""Frequency responses of the filters that autopilots run."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -26,19 +28,6 @@ def first_order(z: Response, cutoff: float, period: float) -> Response:
     return alpha / (1.0 - (1.0 - alpha) / z)
 
 
-def second_order(z: Response, cutoff: float, period: float) -> Response:
-    """Compute the response of a Butterworth low-pass of two poles, by the bilinear transform.
-
-    `LowPassFilter2p` of PX4 and ArduPilot alike; 1 where the cut-off [Hz] is 0.
-    """
-    if cutoff <= 0.0 or cutoff >= 0.5 / period:
-        return np.ones_like(z)
-    k = np.tan(np.pi * cutoff * period)
-    c = 1.0 + np.sqrt(2.0) * k + k * k
-    top = k * k * (1.0 + 2.0 / z + 1.0 / z**2)
-    return top / (c + 2.0 * (k * k - 1.0) / z + (1.0 - np.sqrt(2.0) * k + k * k) / z**2)
-
-
 def integral(z: Response, period: float, *, late: bool) -> Response:
     """Compute the response of a running sum times the period [s]; late: of earlier samples only."""
     return period / (z - 1.0) if late else period / (1.0 - 1.0 / z)
@@ -53,3 +42,38 @@ def hold(frequency: Float[np.ndarray, " f"], period: float) -> Response:
     """Compute the response of a command that is held from sample to sample [s]."""
     s = 2j * np.pi * frequency * period
     return (1.0 - np.exp(-s)) / s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GyroFilter:
+    """A filter on board between the gyro and the rate controller; it runs at the gyro's rate.
+
+    `LowPassFilter2p` and `NotchFilter` of PX4 and ArduPilot, in continuous time: what their samples
+    add is in the delay that the log shows (`controller_response`).
+
+    Attributes
+    ----------
+    frequency
+        Cut-off of a low-pass, middle of a notch [Hz].
+    order
+        Of a low-pass: 1, or 2 (Butterworth); 0 is a notch.
+    width
+        Of a notch [Hz].
+    floor
+        Share that a notch leaves in its middle.
+    """
+
+    frequency: float
+    order: int
+    width: float = 0.0
+    floor: float = 0.0
+
+    def response(self, frequency: Float[np.ndarray, " f"]) -> Response:
+        """Compute its response at frequencies [Hz]."""
+        s = 1j * frequency / self.frequency
+        if self.order == 1:
+            return 1.0 / (1.0 + s)
+        if self.order == 2:
+            return 1.0 / (1.0 + np.sqrt(2.0) * s + s * s)
+        damped = self.width / self.frequency * s
+        return (1.0 + self.floor * damped + s * s) / (1.0 + damped + s * s)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -12,11 +13,14 @@ from rotorfit.control_loop.controllers import AXES, rate_controller
 from rotorfit.control_loop.margins import Margins, margins
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.proof import (
+    UNKNOWN,
     Band,
     LoopError,
+    MeasuredLoop,
     ReplayedOutput,
     closed_loop_bands,
     loop_error,
+    measured_loop,
     replay_output,
 )
 from rotorfit.control_loop.rate_controller import RateController
@@ -34,6 +38,12 @@ FACTORS: Final = (0.8, 1.0, 1.25, 1.5)
 """Of the rate gains in the table of what a gain would do."""
 NEAR: Final = 2.0
 """Factor about the crossover in which the closed loop must be proved."""
+STEPS: Final = 6
+"""Of finding how far the flown loop is from the predicted one."""
+STEP: Final = (0.3, 5e-3)
+"""The longest of them: logarithm of the effectiveness, and delay [s]."""
+LIMITED: Final = 0.02
+"""Share of a flight with a motor at its limit, from which it is said."""
 PROVED_AXES: Final = (0, 1)
 """Yaw's closed loop is not predicted well enough to be proved."""
 SIDES: Final = (0.025, 0.975)
@@ -188,26 +198,39 @@ def _axis(
 ) -> AxisLoop:
     frequency = np.geomspace(LOWEST, 0.45 / controller.period, POINTS)
     body = plant(
-        result, owner, flight, axis=axis, gyro_lowpass=log.gyro_lowpass, draws=draws, seed=seed
+        result,
+        owner,
+        flight,
+        axis=axis,
+        period=controller.period,
+        gyro_lowpass=log.gyro_lowpass,
+        draws=draws,
+        seed=seed,
     )
-    filtered = controller_response(log, flight, axis, frequency)
-    inner = _rate_loops(controller, body, filtered, frequency)
-    closed = inner[0] / (1.0 + inner[0])
-    closed *= controller.from_set_point(frequency) / controller.from_rate(frequency)
-    bands = closed_loop_bands(frequency, closed, inner[0], controller, flight, axis)
-    predicted = _measures(margins(frequency, inner))
-    error = loop_error(bands, predicted.crossover.value)
+    filtered = controller_response(log, flight, controller, axis, frequency)
+    loops = partial(_rate_loops, controller, filtered=filtered, frequency=frequency)
+    bands_of = partial(
+        _bands, measured_loop(controller, flight, axis), controller, frequency=frequency
+    )
+    error = _closed_loop_error(body.nominal, loops, bands_of, frequency, flight.log.set_point_std)
     replay = replay_output(controller, flight, axis)
-    doubts = _doubts(axis, replay, predicted, bands, error, body)
-    if not doubts:
-        inner = _rate_loops(controller, error.corrected(body, seed), filtered, frequency)
-    outer = inner * (1.0 + controller.from_angle(frequency) / controller.from_rate(frequency))
-    gains = [(factor, _peak(margins(frequency, factor * outer))) for factor in FACTORS]
+    doubts = _contradictions(axis, replay, error, body, flight)
+    vehicles = body if doubts else error.corrected(body, seed)
+    inner = loops(vehicles)
+    bands = bands_of(inner[0])
+    rate_loop = _measures(margins(frequency, inner))
+    doubts = doubts or _too_little(rate_loop.crossover.value, bands, error)
+    outer = _with_attitude(inner, controller, frequency)
+    gains = [
+        (factor, _peak(margins(frequency, _with_attitude(factor * inner, scaled, frequency))))
+        for factor in FACTORS
+        for scaled in [controller.scaled(factor)]
+    ]
     return AxisLoop(
         axis=AXES[axis],
         controller=controller,
         replay=replay,
-        rate_loop=_measures(margins(frequency, inner)),
+        rate_loop=rate_loop,
         with_attitude=_measures(margins(frequency, outer)),
         bands=tuple(bands),
         error=error,
@@ -221,12 +244,53 @@ def _axis(
 def _rate_loops(
     controller: RateController,
     vehicles: Plant,
+    *,
     filtered: Complex[np.ndarray, " f"],
     frequency: Float[np.ndarray, " f"],
 ) -> Complex[np.ndarray, "D f"]:
     """Compute the open rate loops, cut at the torque command."""
     response = vehicles.response(frequency, controller.period)
     return controller.from_rate(frequency) * filtered * response
+
+
+def _with_attitude(
+    inner: Complex[np.ndarray, "D f"],
+    controller: RateController,
+    frequency: Float[np.ndarray, " f"],
+) -> Complex[np.ndarray, "D f"]:
+    """Compute the open loops with the attitude loop; the feed-forward is in it, and not scaled."""
+    return inner * (1.0 + controller.from_angle(frequency) / controller.from_rate(frequency))
+
+
+def _bands(
+    measured: MeasuredLoop,
+    controller: RateController,
+    loop: Complex[np.ndarray, " f"],
+    *,
+    frequency: Float[np.ndarray, " f"],
+) -> list[Band]:
+    """Compare the measured closed loop with that of an open rate loop."""
+    by_output = loop / (1.0 + loop) / controller.from_rate(frequency)
+    closed = by_output * controller.from_set_point(frequency)
+    return closed_loop_bands(measured, frequency, closed, loop, by_output)
+
+
+def _closed_loop_error(
+    nominal: Plant,
+    loops: Callable[[Plant], Complex[np.ndarray, "D f"]],
+    bands_of: Callable[[Complex[np.ndarray, " f"]], list[Band]],
+    frequency: Float[np.ndarray, " f"],
+    stamp_std: float,
+) -> LoopError:
+    """Find how far the flown loop is from that of the nominal vehicle, step by step."""
+    error = LoopError(gain=1.0, delay=0.0, covariance=UNKNOWN)
+    for _ in range(STEPS):
+        late = np.array([error.delay])
+        inner = loops(nominal.moved(np.log([error.gain]), late))
+        crossover = float(margins(frequency, inner).crossover[0])
+        step = loop_error(bands_of(inner[0]), crossover, stamp_std)
+        error = step.within(STEP).after(error)
+    return error
 
 
 def _measures(found: Margins) -> LoopMeasures:
@@ -255,39 +319,46 @@ def _peak(found: Margins) -> float:
     return float(np.sort(peaks)[int(np.ceil(SIDES[1] * len(peaks))) - 1])
 
 
-def _doubts(
-    axis: int,
-    replay: ReplayedOutput,
-    loop: LoopMeasures,
-    bands: Sequence[Band],
-    error: LoopError,
-    vehicles: Plant,
+def _contradictions(
+    axis: int, replay: ReplayedOutput, error: LoopError, vehicles: Plant, flight: Flown
 ) -> list[str]:
-    """Say why the margins of an axis are not proved."""
+    """Say what contradicts the result, or the controller as it was read."""
     if axis not in PROVED_AXES:
         return ["unproven: drag torque and the rotors' inertia act together"]
     doubts: list[str] = []
     if not replay.is_right:
         doubts.append(
-            f"the logged output is {replay.slope:.2f} times that of the controller as its "
-            "parameters set it: a filter or a gain is not what they say, or changed in flight"
+            f"the logged output is {replay.slope:.2f} times, and the rate's derivative "
+            f"{replay.derivative:.2f} times, that of the controller as its parameters set it: a "
+            "filter or a gain is not what they say, or changed in flight"
         )
     if error.is_wrong(vehicles):
         gain, late = error.half_widths
         when = "later" if error.delay > 0.0 else "earlier"
-        doubts.append(
+        words = (
             f"this flight's closed loop has {error.gain:.2f} +- {gain:.2f} times the predicted "
             f"effectiveness and answers {1e3 * abs(error.delay):.1f} +- {1e3 * late:.1f} ms {when}:"
             " the vehicle, its delay or a filter is another than the result has it"
         )
-    at = loop.crossover.value
-    near = [b for b in bands if b.high > at and b.low < at * NEAR]
-    if not doubts and not (error.is_sharp and any(b.proved for b in near)):
-        doubts.append(
-            f"the flight shows too little of the closed loop about the crossover at {at:.1f} Hz: "
-            "fly 30 s of quick roll and pitch steps"
-        )
+        limited = 1.0 - float(flight.free.mean())
+        if limited > LIMITED:
+            words += (
+                f", or it is the {100 * limited:.0f} % of the flight with a motor at its limit: fly"
+                " with less throttle and smaller steps"
+            )
+        doubts.append(words)
     return doubts
+
+
+def _too_little(crossover: float, bands: Sequence[Band], error: LoopError) -> list[str]:
+    """Say where the flight does not show the closed loop about the crossover [Hz]."""
+    near = [b for b in bands if b.high > crossover and b.low < crossover * NEAR]
+    if error.is_sharp(crossover) and any(b.proved for b in near):
+        return []
+    return [
+        f"the flight shows too little of the closed loop about the crossover at {crossover:.1f} Hz:"
+        " fly 30 s of quick roll and pitch steps"
+    ]
 
 
 def _notes(flight: Flown, log: FlightLog) -> list[str]:

@@ -8,6 +8,14 @@ from jaxtyping import Complex, Float
 from rotorfit.control_loop.filters import hold
 
 
+def from_lag(
+    lag: Float[np.ndarray, " D"], delay: Float[np.ndarray, " D"]
+) -> tuple[Float[np.ndarray, " D"], Float[np.ndarray, " D"]]:
+    """Take from the lag what a delay is below zero [s]; their sum stays."""
+    less = np.minimum(np.maximum(-delay, 0.0), np.maximum(lag, 0.0))
+    return lag - less, delay + less
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plant:
     """One axis of D vehicles, the nominal one first, hovering.
@@ -33,18 +41,21 @@ class Plant:
         late = self.lag + self.delay
         return np.stack([np.log(self.gain / self.gain[0]), late - late[0]])
 
-    def moved(self, gain: Float[np.ndarray, " D"], late: Float[np.ndarray, " D"]) -> "Plant":
-        """Return the vehicles with the logarithm of their gain and their delay [s] changed.
-
-        A delay below zero is taken from the lag.
-        """
-        delay = self.delay + late
-        return replace(
-            self,
-            gain=self.gain * np.exp(gain),
-            lag=np.maximum(self.lag + np.minimum(delay, 0.0), 0.0),
-            delay=np.maximum(delay, 0.0),
+    @property
+    def nominal(self) -> "Plant":
+        """The first of them alone."""
+        first = slice(0, 1)
+        return Plant(
+            gain=self.gain[first],
+            damping=self.damping[first],
+            lag=self.lag[first],
+            delay=self.delay[first],
         )
+
+    def moved(self, gain: Float[np.ndarray, " D"], late: Float[np.ndarray, " D"]) -> "Plant":
+        """Return the vehicles with the logarithm of their gain and their delay [s] changed."""
+        lag, delay = from_lag(self.lag, self.delay + late)
+        return replace(self, gain=self.gain * np.exp(gain), lag=lag, delay=delay)
 
     def response(
         self, frequency: Float[np.ndarray, " f"], period: float

@@ -7,14 +7,15 @@ outer loop's answer to gusts for a response to the pilot.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex, Float
+from scipy import signal
 
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.rate_controller import RateController
-from rotorfit.control_loop.vehicle import Flown, cross_spectrum
+from rotorfit.control_loop.vehicle import Flown, cross_spectrum, withheld_output
 
 EDGES = 0.3 * 1.5 ** np.arange(13)
 """Of the bands [Hz]."""
@@ -26,31 +27,40 @@ SHOWN = 0.25
 """Distance from the prediction, uncertainty included, within which a band proves it."""
 MODEL = 0.02
 """Distance that a linear model of hover leaves, one deviation."""
-GAIN, LATE = 0.08, 0.5e-3
+GAIN, LATE = 0.05, 0.5e-3
 """Errors of effectiveness, and of the delay [s], that a linear model of hover leaves."""
 LEFT = np.diag([0.5 * GAIN, LATE]) ** 2
 """The same as covariance: one deviation of effectiveness and of the time between stamps."""
-SHARP = (0.15, 3e-3)
-"""Half-widths of the two beyond which a flight does not show them."""
+SHARP = 0.15
+"""Half-widths of effectiveness, and of phase at the crossover [rad], from which on a flight does
+not show them."""
 UNKNOWN = np.diag([1.0, 1.0])
 """Covariance where the closed loop shows nothing."""
+EXACT = 1e-5
+"""Of a set point's stamp [s]."""
 ABOVE = 3.0
 """Times the crossover up to which the closed loop is judged."""
+SMOOTH = 15.0
+"""Frequency up to which derivatives are compared [Hz]: the log is slower than the gyro."""
 SLOPE = 0.03
 """Of the replayed output from one, beyond which the controller was not read rightly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayedOutput:
-    """How the logged output follows the replayed one: slope, and share that is left."""
+    """How the logged output follows the replayed one: slope, and share that is left.
+
+    `derivative`: the slope of the logged derivative of the rate, where the log has it.
+    """
 
     slope: float
     left: float
+    derivative: float = 1.0
 
     @property
     def is_right(self) -> bool:
         """Whether the controller was read rightly."""
-        return abs(self.slope - 1.0) <= SLOPE
+        return max(abs(self.slope - 1.0), abs(self.derivative - 1.0)) <= SLOPE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,11 +128,20 @@ class LoopError:
         gain, delay = np.hypot(self.half_widths, spread)
         return abs(np.log(self.gain)) > GAIN + gain or abs(self.delay) > LATE + delay
 
-    @property
-    def is_sharp(self) -> bool:
-        """Whether the flight shows it well enough to prove the prediction."""
+    def is_sharp(self, crossover: float) -> bool:
+        """Whether the flight shows it well enough to prove a prediction with a crossover [Hz]."""
         gain, delay = self.half_widths
-        return gain <= SHARP[0] and delay <= SHARP[1]
+        return max(gain, 2.0 * np.pi * crossover * delay) <= SHARP
+
+    def within(self, longest: tuple[float, float]) -> "LoopError":
+        """Shorten a step to the longest of effectiveness (logarithm) and delay [s]."""
+        by = np.abs([np.log(self.gain), self.delay]) / longest
+        share = 1.0 / max(1.0, float(by.max()))
+        return replace(self, gain=self.gain**share, delay=share * self.delay)
+
+    def after(self, first: "LoopError") -> "LoopError":
+        """Add an error that the prediction was moved by before."""
+        return replace(self, gain=first.gain * self.gain, delay=first.delay + self.delay)
 
     def corrected(self, plant: Plant, seed: int) -> Plant:
         """Move the vehicles to where result and closed loop agree best (ensemble Kalman update)."""
@@ -149,51 +168,112 @@ def replay_output(controller: RateController, flight: Flown, axis: int) -> Repla
     made = controller.replayed(
         log.set_point[:, axis], log.rate[:, axis], None if log.slope is None else log.slope[:, axis]
     )
+    slope, left = _followed(made, log.output[:, axis], log.period)
+    derivative = 1.0
+    if log.slope is not None:
+        smooth = signal.butter(2, SMOOTH, fs=1.0 / log.period, output="sos")
+        both = [controller.derivative(log.rate[:, axis]), log.slope[:, axis]]
+        low = [np.asarray(signal.sosfiltfilt(smooth, x), dtype=float) for x in both]
+        derivative, _ = _followed(low[0], low[1], log.period)
+    return ReplayedOutput(slope=slope, left=left, derivative=derivative)
+
+
+def _followed(
+    made: Float[np.ndarray, " n"], logged: Float[np.ndarray, " n"], period: float
+) -> tuple[float, float]:
+    """Return slope of a logged series over a made one, and the share that is left."""
     # The integral's start, and what a take-off leaves in it, are no part of the comparison.
-    edge = min(len(made) // 8, round(2.0 / log.period))
+    edge = min(len(made) // 8, round(2.0 / period))
     rows = slice(edge, len(made) - edge)
     columns = np.column_stack([made[rows], np.ones(len(made[rows]))])
-    out = log.output[rows, axis]
+    out = logged[rows]
     (slope, offset), *_ = np.linalg.lstsq(columns, out, rcond=None)
     left = np.std(out - columns @ [slope, offset]) / max(float(np.std(out)), 1e-12)
-    return ReplayedOutput(slope=float(slope), left=float(left))
+    return float(slope), float(left)
 
 
-def closed_loop_bands(
-    frequency: Float[np.ndarray, " f"],
-    predicted: Complex[np.ndarray, " f"],
-    inner: Complex[np.ndarray, " f"],
-    controller: RateController,
-    flight: Flown,
-    axis: int,
-) -> list[Band]:
-    """Compare the measured with the predicted closed loop, band by band.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredLoop:
+    """Spectra of one axis: of set point r and rate y, and across with the instrument z.
 
-    `inner`: the open rate loop, by which the closed one changes with gain and delay.
+    Attributes
+    ----------
+    frequency
+        [Hz]
+    zr, zy, zv, ry
+        Cross-spectra; v is what motors at an end of their range add to the output.
+    zz, rr, yy
+        Power spectra.
+    count
+        Of independent windows.
     """
+
+    frequency: Float[np.ndarray, " b"]
+    zr: Complex[np.ndarray, " b"]
+    zy: Complex[np.ndarray, " b"]
+    zv: Complex[np.ndarray, " b"]
+    ry: Complex[np.ndarray, " b"]
+    zz: Float[np.ndarray, " b"]
+    rr: Float[np.ndarray, " b"]
+    yy: Float[np.ndarray, " b"]
+    count: float
+
+
+def measured_loop(controller: RateController, flight: Flown, axis: int) -> MeasuredLoop:
+    """Measure the spectra of an axis in flight."""
     log = flight.log
     at = np.arange(log.time[0], log.time[-1], log.period)
-    asked, rate = (np.interp(at, log.time, values[:, axis]) for values in (log.set_point, log.rate))
+    asked, rate, added = (
+        np.interp(at, log.time, values[:, axis])
+        for values in (log.set_point, log.rate, withheld_output(flight))
+    )
     instrument = np.gradient(asked, log.period) + controller.angle * rate
     length = min(round(LONGEST / log.period), len(at) // 8)
     grid, zr = cross_spectrum(instrument, asked, log.period, length)
     _, zy = cross_spectrum(instrument, rate, log.period, length)
+    _, zv = cross_spectrum(instrument, added, log.period, length)
     _, ry = cross_spectrum(asked, rate, log.period, length)
     zz, rr, yy = (
         np.real(cross_spectrum(v, v, log.period, length)[1]) for v in (instrument, asked, rate)
     )
     count = WINDOWS * (2 * len(at) / length - 1)
-    bands: list[Band] = []
+    return MeasuredLoop(
+        frequency=grid, zr=zr, zy=zy, zv=zv, ry=ry, zz=zz, rr=rr, yy=yy, count=count
+    )
+
+
+def closed_loop_bands(
+    measured: MeasuredLoop,
+    frequency: Float[np.ndarray, " f"],
+    predicted: Complex[np.ndarray, " f"],
+    inner: Complex[np.ndarray, " f"],
+    by_output: Complex[np.ndarray, " f"],
+) -> list[Band]:
+    """Compare the measured with the predicted closed loop, band by band.
+
+    Parameters
+    ----------
+    predicted
+        Rate over set point.
+    inner
+        The open rate loop, by which the closed one changes with gain and delay.
+    by_output
+        Rate over what is added to the output, in closed loop.
+    """
+    m, bands = measured, list[Band]()
     for low, high in itertools.pairwise(EDGES):
-        own = (grid >= low) & (grid < high)
+        own = (m.frequency >= low) & (m.frequency < high)
         if not own.any() or high > frequency[-1]:
             continue
-        at_bins = grid[own]
+        at_bins = m.frequency[own]
         model: Complex[np.ndarray, " b"] = np.interp(at_bins, frequency, predicted)
-        ratio = zy[own].sum() / (model * zr[own]).sum()
+        expected = (model * m.zr[own]).sum()
+        by_limits = np.interp(at_bins, frequency, by_output) * m.zv[own]
+        ratio = (m.zy[own] - by_limits).sum() / expected
         found = ratio * model
-        left = yy[own] - 2.0 * np.real(np.conj(found) * ry[own]) + np.abs(found) ** 2 * rr[own]
-        variance = (np.maximum(left, 0.0) * zz[own]).sum() / np.abs((model * zr[own]).sum()) ** 2
+        left = m.yy[own] - 2.0 * np.real(np.conj(found) * m.ry[own])
+        left += np.abs(found) ** 2 * m.rr[own]
+        variance = (np.maximum(left, 0.0) * m.zz[own]).sum() / np.abs(expected) ** 2
         free = 1.0 / (1.0 + np.interp(at_bins, frequency, inner))
         bands.append(
             Band(
@@ -201,7 +281,7 @@ def closed_loop_bands(
                 high=float(high),
                 ratio=float(abs(ratio)),
                 degrees=float(np.degrees(np.angle(ratio))),
-                uncertainty=1.96 * float(np.sqrt(variance / count)),
+                uncertainty=1.96 * float(np.sqrt(variance / m.count)),
                 by_gain=complex(free.mean()),
                 by_delay=complex((-2j * np.pi * at_bins * free).mean()),
             )
@@ -209,24 +289,33 @@ def closed_loop_bands(
     return bands
 
 
-def loop_error(bands: list[Band], crossover: float) -> LoopError:
+def loop_error(bands: list[Band], crossover: float, stamp_std: float) -> LoopError:
     """Estimate by how much effectiveness and delay differ from the predicted ones.
 
     One step of Gauss and Newton on the logarithm of measured over predicted, up to `ABOVE` times
-    the crossover [Hz].
+    the crossover [Hz]; a set point came when the log says, within `stamp_std` [s].
     """
     used = [b for b in bands if b.low < ABOVE * crossover and b.ratio > 0.0]
     if len(used) < 2:
         return LoopError(gain=1.0, delay=0.0, covariance=UNKNOWN)
-    slopes: Complex[np.ndarray, "b 2"] = np.array([[b.by_gain, b.by_delay] for b in used])
+    stamp = [-1j * np.pi * (b.low + b.high) for b in used]
+    slopes: Complex[np.ndarray, "b 3"] = np.column_stack(
+        [[b.by_gain for b in used], [b.by_delay for b in used], stamp]
+    )
     off: Complex[np.ndarray, " b"] = np.log(np.array([b.complex_ratio for b in used]))
     std = np.array([np.hypot(b.uncertainty / 1.96 / b.ratio, MODEL) for b in used])
-    rows = np.concatenate([np.real(slopes), np.imag(slopes)]) / np.tile(std, 2)[:, None]
-    right = np.concatenate([np.real(off), np.imag(off)]) / np.tile(std, 2)
-    found, *_ = np.linalg.lstsq(rows, right)
     # Each bin's complex variance stands in both of its parts: half of it in each.
+    std = np.tile(std, 2) / np.sqrt(2.0)
+    rows: Float[np.ndarray, "r 3"] = (
+        np.concatenate([np.real(slopes), np.imag(slopes)]) / std[:, None]
+    )
+    right: Float[np.ndarray, " r"] = np.concatenate([np.real(off), np.imag(off)]) / std
+    known = np.diag([0.0, 0.0, max(stamp_std, EXACT) ** -2])
+    covariance: Float[np.ndarray, "3 3"] = np.linalg.inv(rows.T @ rows + known)
+    found: Float[np.ndarray, " 3"] = covariance @ rows.T @ right
+    # What neither explains shows how far the bands are off beyond their own scatter.
+    left: Float[np.ndarray, " r"] = right - rows @ found
+    scale = max(1.0, float(left @ left) / (len(left) - len(found) + 1))
     return LoopError(
-        gain=float(np.exp(found[0])),
-        delay=float(found[1]),
-        covariance=0.5 * np.linalg.inv(rows.T @ rows),
+        gain=float(np.exp(found[0])), delay=float(found[1]), covariance=scale * covariance[:2, :2]
     )

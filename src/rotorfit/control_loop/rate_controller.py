@@ -8,6 +8,7 @@ from jaxtyping import Float
 from scipy import signal
 
 from rotorfit.control_loop.filters import (
+    GyroFilter,
     Response,
     delays,
     difference,
@@ -40,6 +41,8 @@ class RateController:
         Whether D acts on the error or on the measured rate.
     set_point_age
         How many runs old the set point is when it is used.
+    gyro_filters
+        Filters between the gyro and the rate.
     """
 
     P: float
@@ -54,10 +57,18 @@ class RateController:
     output_lowpass: float = 0.0
     slope_of: Literal["error", "rate"] = "error"
     set_point_age: int = 0
+    gyro_filters: tuple[GyroFilter, ...] = ()
 
     def scaled(self, factor: float) -> "RateController":
         """Return the controller with P, I and D times a factor."""
         return replace(self, P=factor * self.P, I=factor * self.I, D=factor * self.D)
+
+    def gyro_response(self, frequency: Float[np.ndarray, " f"]) -> Response:
+        """Compute the response of the rate that it hears to the gyro, by its filters."""
+        response = np.ones(len(frequency), dtype=complex)
+        for one in self.gyro_filters:
+            response = response * one.response(frequency)
+        return response
 
     def from_rate(self, frequency: Float[np.ndarray, " f"]) -> Response:
         """Compute the response of the output to the rate, with the sign turned."""
@@ -98,8 +109,7 @@ class RateController:
         asked = self._low(set_point, self.set_point_lowpass)
         error = self._low(asked - rate, self.error_lowpass)
         followed = error if self.slope_of == "error" else -rate
-        change = np.diff(followed, prepend=followed[:1]) / self.period
-        steep = self._low(change, self.slope_lowpass) if slope is None else -slope
+        steep = self.derivative(followed) if slope is None else -slope
         late = self.slope_of == "rate"
         weight = np.maximum(0.0, 1.0 - (error / FULL_INTEGRAL) ** 2) if late else 1.0
         total = np.cumsum(weight * error) * self.period
@@ -107,6 +117,11 @@ class RateController:
             total = np.concatenate([[0.0], total[:-1]])
         out = self.P * error + self.I * total + self.D * steep + self.FF * asked
         return self._low(out, self.output_lowpass)
+
+    def derivative(self, values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Compute the derivative that D acts on."""
+        change = np.diff(values, prepend=values[:1]) / self.period
+        return self._low(change, self.slope_lowpass)
 
     def _low(self, values: Float[np.ndarray, " n"], cutoff: float) -> Float[np.ndarray, " n"]:
         alpha = smoothing(cutoff, self.period)

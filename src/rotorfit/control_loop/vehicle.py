@@ -3,10 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 from scipy import signal
 
-from rotorfit.control_loop.plant import Plant
+from rotorfit.control_loop.filters import GyroFilter
+from rotorfit.control_loop.plant import Plant, from_lag
+from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.errors import EstimationError, LogError
 from rotorfit.experiment.declared_vehicle import motor_model_of, vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
@@ -15,6 +17,7 @@ from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.speed_law import speed_from_command
 from rotorfit.preprocessing.signals import true_runs
 from rotorfit.results.result import IdentificationResult
+from rotorfit.results.samples import Values, about_com, normal_draws
 
 FLYING = 0.5
 """Of the median squared speed, above which a vehicle flies."""
@@ -24,6 +27,8 @@ HIGHEST = 40.0
 """Frequency up to which a smooth response is fitted to them [Hz]; loops cross far below."""
 SAME = 0.9
 """Coherence above which they show the filter between them."""
+LEAST_VARIANCE = 1e-6
+"""Of their ratio in a bin."""
 INERTIA = ("Ixx_over_kt", "Iyy_over_kt")
 
 
@@ -37,10 +42,16 @@ class Flown:
         Of the controller, flying rows only.
     squares
         Squared speed of each rotor, in the result's units.
+    free
+        Whether no motor was at an end of its range.
+    held
+        How long a command holds until the next one of the log [s].
     """
 
     log: ControllerLog
     squares: Float[np.ndarray, "n N"]
+    free: Bool[np.ndarray, " n"]
+    held: float
 
 
 def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResult) -> Flown:
@@ -64,7 +75,8 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
         values = speed_from_command(values, law, battery=volts)
     # The mixer runs behind the controller: its command is the first one from then on.
     row = np.searchsorted(command.time, controller.time - 0.1 * controller.period)
-    squares = values[np.minimum(row, len(values) - 1)] ** 2
+    row_of = np.minimum(row, len(values) - 1)
+    squares = values[row_of] ** 2
     mean = squares.mean(axis=1)
     flying = (mean > FLYING * np.median(mean)) & (row < len(values))
     flying &= np.isfinite(squares).all(axis=1)
@@ -80,7 +92,17 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
             slope=None if controller.slope is None else controller.slope[rows],
         ),
         squares=squares[rows],
+        free=_between_ends(command.values[row_of][rows]),
+        held=float(np.median(np.diff(command.time))),
     )
+
+
+def _between_ends(commands: Float[np.ndarray, "n N"]) -> Bool[np.ndarray, " n"]:
+    """Find the rows in which no motor is at an end of the range that was flown.
+
+    A motor's limit is met again and again; without one this leaves out a row or two.
+    """
+    return ((commands > commands.min()) & (commands < commands.max())).all(axis=1)
 
 
 def _longest(flying: np.ndarray) -> tuple[int, int]:
@@ -91,12 +113,27 @@ def _longest(flying: np.ndarray) -> tuple[int, int]:
     return max(runs, key=lambda run: run[1] - run[0])
 
 
+def _mixing(flight: Flown) -> Float[np.ndarray, "5 N"]:
+    """Measure each rotor's squared speed by the three outputs, the mean square, and a constant.
+
+    Where no motor is at an end of its range: there it follows the output no more.
+    """
+    output, squares = flight.log.output[flight.free], flight.squares[flight.free]
+    columns = np.column_stack([output, squares.mean(axis=1), np.ones(len(output))])
+    found, *_ = np.linalg.lstsq(columns, squares, rcond=None)
+    return found
+
+
 def mix(flight: Flown) -> Float[np.ndarray, "3 N"]:
     """Measure the change of each rotor's squared speed by the output of each axis."""
-    output = flight.log.output
-    columns = np.column_stack([output, flight.squares.mean(axis=1), np.ones(len(output))])
-    found, *_ = np.linalg.lstsq(columns, flight.squares, rcond=None)
-    return found[:3]
+    return _mixing(flight)[:3]
+
+
+def withheld_output(flight: Flown) -> Float[np.ndarray, "n 3"]:
+    """Compute what motors at an end of their range add to the output of each axis."""
+    found = _mixing(flight)
+    put_out = (flight.squares - found[4]) @ np.linalg.pinv(found[:4])[:, :3]
+    return np.where(flight.free[:, None], 0.0, put_out - flight.log.output)
 
 
 def plant(
@@ -105,6 +142,7 @@ def plant(
     flight: Flown,
     *,
     axis: int,
+    period: float,
     gyro_lowpass: float | None,
     draws: int,
     seed: int = 0,
@@ -116,25 +154,21 @@ def plant(
     EstimationError
         If the result does not know the axis.
     """
-    random = np.random.default_rng([seed, axis])
-    normal = random.standard_normal((3, 1 + draws))
-    normal[:, 0] = 0.0
+    drawn = _drawn(result, owner, draws, seed)
     torque = _torque(result, owner, flight, axis)
     if axis == 2:
-        gain = torque * _drawn(result, "kd_over_Izz", owner, normal[0])
+        gain = torque * _of(result, "kd_over_Izz", owner, drawn)
         damping = np.zeros_like(gain)
     else:
-        moment = _drawn(result, INERTIA[axis], owner, normal[0])
+        moment = _of(result, INERTIA[axis], owner, drawn)
         gain = torque / moment
         damping = _damping(result, owner, axis) / moment
-    lag, delay = _times(result, normal[1:])
+    lag, delay = _times(result, drawn)
+    # Identified with commands that hold until the next one of the log; in flight, to the next run.
+    delay = delay + 0.5 * (flight.held - period)
     filtered = 0.0 if gyro_lowpass is None else np.sqrt(2.0) / (2.0 * np.pi * gyro_lowpass)
-    return Plant(
-        gain=gain,
-        damping=damping,
-        lag=np.maximum(lag + np.minimum(delay - filtered, 0.0), 0.0),
-        delay=np.maximum(delay - filtered, 0.0),
-    )
+    lag, delay = from_lag(lag, delay - filtered)
+    return Plant(gain=gain, damping=damping, lag=lag, delay=delay)
 
 
 def _torque(result: IdentificationResult, owner: str, flight: Flown, axis: int) -> float:
@@ -168,49 +202,78 @@ def _value(result: IdentificationResult, name: str, owner: str | None) -> float:
     return 0.0
 
 
-def _drawn(
-    result: IdentificationResult, name: str, owner: str, normal: Float[np.ndarray, " D"]
+def _drawn(result: IdentificationResult, owner: str, draws: int, seed: int) -> Values:
+    """Draw a configuration's numbers together with the motors' times, the nominal ones first."""
+    random = np.random.default_rng(seed)
+    shift = np.zeros((1 + draws, len(result.covariance_names)))
+    shift[1:] = normal_draws(result.covariance, draws, random)
+    columns = {name: i for i, name in enumerate(result.covariance_names)}
+    values: Values = {"mass": np.full(1 + draws, _value(result, "mass", owner) or 1.0)}
+    for p in result.parameters:
+        if p.configuration not in (None, owner) or p.value is None:
+            continue
+        if p.full_name in columns:
+            values[p.name] = p.value + shift[:, columns[p.full_name]]
+        elif p.std:
+            values[p.name] = p.value + np.r_[0.0, p.std * random.standard_normal(draws)]
+    return about_com(values)
+
+
+RATIOS = {
+    "Ixx_over_kt": ("Ixx_com", "kt"),
+    "Iyy_over_kt": ("Iyy_com", "kt"),
+    "kd_over_Izz": ("kd", "Izz_com"),
+}
+
+
+def _of(
+    result: IdentificationResult, name: str, owner: str, drawn: Values
 ) -> Float[np.ndarray, " D"]:
+    """Draw a ratio: as wide as its interval, together with the others as the numbers in it are."""
     number = next((d for d in result.derived if d.name == name and d.configuration == owner), None)
+    parts = [drawn.get(part) for part in RATIOS[name]]
     if number is None or number.value is None or number.interval is None:
         raise EstimationError(
             f"{name} of configuration {owner} is not known from these flights: the loop of that "
             "axis has no gain; fly the axis briskly and identify again"
         )
+    above, below = parts
+    if above is None or below is None:
+        return np.full_like(drawn["mass"], number.value)
+    ratio = above / below
+    off = ratio / ratio[0] - 1.0
     half = 0.5 * (number.interval[1] - number.interval[0])
-    return number.value * (1.0 + half / 1.96 / abs(number.value) * normal)
+    wide = half / 1.96 / abs(number.value) / max(float(off[1:].std()), np.finfo(float).tiny)
+    return number.value * (1.0 + wide * off)
 
 
 def _times(
-    result: IdentificationResult, normal: Float[np.ndarray, "2 D"]
+    result: IdentificationResult, drawn: Values
 ) -> tuple[Float[np.ndarray, " D"], Float[np.ndarray, " D"]]:
-    """Draw lag and delay with the correlation that the deviation of their sum gives [s]."""
-    numbers = {n.name: n for n in (*result.parameters, *result.derived)}
-    lag, delay = numbers["motor_lag"], numbers.get("motor_delay")
-    if lag.value is None:
+    """Draw lag and delay [s]."""
+    lag = _value(result, "motor_lag", None)
+    if not any(p.name == "motor_lag" and p.value is not None for p in result.parameters):
         raise EstimationError(
             "the motor lag is not known from these flights: nobody can say how late the loop is; "
             "fly roll and pitch briskly and identify again"
         )
-    total = numbers.get("motor_lag_total")
-    first = lag.std or 0.0
-    second = 0.0 if delay is None else delay.std or 0.0
-    summed = first if total is None or total.std is None else total.std
-    tie = 0.0
-    if first > 0.0 and second > 0.0:
-        tie = float(np.clip((summed**2 - first**2 - second**2) / (2 * first * second), -1.0, 1.0))
-    mean_delay = 0.0 if delay is None else delay.value or 0.0
-    across = tie * normal[0] + np.sqrt(1.0 - tie**2) * normal[1]
-    return lag.value + first * normal[0], mean_delay + second * across
+    still = np.zeros_like(drawn["mass"])
+    delay = drawn.get("motor_delay", still + _value(result, "motor_delay", None))
+    return np.maximum(drawn.get("motor_lag", still + lag), 0.0), delay
 
 
 def controller_response(
-    log: FlightLog, flight: Flown, axis: int, frequency: Float[np.ndarray, " f"]
+    log: FlightLog,
+    flight: Flown,
+    controller: RateController,
+    axis: int,
+    frequency: Float[np.ndarray, " f"],
 ) -> Complex[np.ndarray, " f"]:
     """Compute the response of the controller's rate to the gyro that identified the vehicle.
 
-    Of the low-pass that the logged samples went through already, by its cut-off; what the
-    controller's rate went through beyond them, by comparing the two records.
+    That of its filters, times what they leave of the ratio of the two records: a delay (their
+    stamps differ), and a size that falls or grows with the frequency squared (a record that is a
+    mean over its period).
     """
     gyro, rows = log.channels["gyro"], flight.log
     at = np.arange(rows.time[0], rows.time[-1], rows.period)
@@ -224,45 +287,39 @@ def controller_response(
         raise LogError(
             f"{log.path}: the gyro and the rate that the controller heard are not of one flight"
         )
-    seen = cross[used] / power[used]
-    response = smooth_response(grid[used], seen, same[used], frequency)
-    if log.gyro_lowpass is not None:
-        s = 1j * frequency / log.gyro_lowpass
-        response = response / (1.0 + np.sqrt(2.0) * s + s * s)
-    return response
+    at_bins, same = grid[used], same[used]
+    expected = controller.gyro_response(at_bins) / recorded_through(log, at_bins)
+    late, growth = left_of_filters(at_bins, cross[used] / power[used] / expected, same)
+    grown = np.exp(growth * np.minimum(frequency, at_bins[-1]) ** 2)
+    return controller.gyro_response(frequency) * grown * np.exp(-2j * np.pi * frequency * late)
 
 
-def smooth_response(
-    grid: Float[np.ndarray, " b"],
-    seen: Complex[np.ndarray, " b"],
-    coherence: Float[np.ndarray, " b"],
-    frequency: Float[np.ndarray, " f"],
+def recorded_through(
+    log: FlightLog, frequency: Float[np.ndarray, " f"]
 ) -> Complex[np.ndarray, " f"]:
-    """Smooth the measured response of a filter, whose first powers of frequency tell all of it.
-
-    A filter that lets constants pass has the logarithm c f^2 + d f^4 - i (a f + b f^3) at low
-    frequencies; beyond the measured ones its size stays, and its delay.
-    """
-    weight = np.sqrt(coherence / np.maximum(1.0 - coherence, 1e-6))
-    top = grid[-1]
-    x = grid / top
-    turned: Float[np.ndarray, " b"] = np.asarray(np.unwrap(np.angle(seen)), dtype=float)
-    phase = turned - 2.0 * np.pi * np.round(float(turned[0]) / (2.0 * np.pi))
-    odd = _coefficients(np.column_stack([x, x**3]), phase, weight)
-    even = _coefficients(np.column_stack([x**2, x**4]), np.log(np.abs(seen)), weight)
-    y = np.minimum(frequency / top, 1.0)
-    late = (odd[0] + odd[1] * y**2) * frequency / top
-    return np.exp(even[0] * y**2 + even[1] * y**4 + 1j * late)
+    """Compute the response of the low-pass that the logged samples went through on board."""
+    if log.gyro_lowpass is None:
+        return np.ones(len(frequency), dtype=complex)
+    return GyroFilter(frequency=log.gyro_lowpass, order=2).response(frequency)
 
 
-def _coefficients(
-    columns: Float[np.ndarray, "b 2"],
-    right: Float[np.ndarray, " b"],
-    weight: Float[np.ndarray, " b"],
+def left_of_filters(
+    frequency: Float[np.ndarray, " b"],
+    left: Complex[np.ndarray, " b"],
+    coherence: Float[np.ndarray, " b"],
 ) -> tuple[float, float]:
-    """Solve for the two coefficients of weighted columns."""
-    found, *_ = np.linalg.lstsq(columns * weight[:, None], right * weight, rcond=None)
-    return float(found[0]), float(found[1])
+    """Fit a delay [s] and a growth with the frequency squared [s^2] to a measured response.
+
+    Noise in the first record makes its size too small by up to the coherence: half of that, give
+    or take as much.
+    """
+    chance = (1.0 - coherence) / (2.0 * coherence) + LEAST_VARIANCE
+    bias = -0.5 * np.log(coherence)
+    turn = 2.0 * np.pi * frequency / chance
+    late = -(turn @ np.angle(left)) / (turn @ (2.0 * np.pi * frequency))
+    square = frequency**2 / (chance + bias**2)
+    growth = (square @ (np.log(np.abs(left)) + bias)) / (square @ frequency**2)
+    return float(late), float(growth)
 
 
 def cross_spectrum(

@@ -34,6 +34,8 @@ class ControllerLog:
         Rates that it used: asked for, and heard from the gyro behind the filters on board [rad/s].
     output
         Torque that it asked the mixer for, in parts of full output.
+    set_point_std
+        Deviation of the time at which a set point came [s]; 0 where the log has it.
     slope
         Derivative of the rate as the controller used it [rad/s^2]; None where it makes its own.
     """
@@ -46,6 +48,7 @@ class ControllerLog:
     set_point: Float[np.ndarray, "n 3"]
     rate: Float[np.ndarray, "n 3"]
     output: Float[np.ndarray, "n 3"]
+    set_point_std: float = 0.0
     slope: Float[np.ndarray, "n 3"] | None = None
 
     @property

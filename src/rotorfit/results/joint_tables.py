@@ -6,16 +6,31 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
+from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import HEIGHTS, LEAST_EXCITATION
-from rotorfit.fit.intervals.joint_numbers import SHARED_NUMBERS, number_scale
+from rotorfit.fit.intervals.joint_numbers import (
+    SHARED_NUMBERS,
+    formal_covariance,
+    number_scale,
+    physical,
+    timing_shifts,
+)
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS, ROW_ORDER, UNREPORTED
+from rotorfit.fit.timing.timing_fit import SUMMED
+from rotorfit.model.parameters import (
+    DERIVED,
+    MOTOR_TIMES,
+    OF_FLIGHT,
+    PARAMETERS,
+    ROW_ORDER,
+    UNREPORTED,
+)
 from rotorfit.model.terms.body import BIAS_STD
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.reduction.frequency_bands import STRETCH
@@ -67,6 +82,8 @@ def joint_result(fit: Fit, experiment: Experiment) -> IdentificationResult:
     known = [
         p.full_name for p in parameters if p.value is not None and p.full_name in numbers.names
     ]
+    times = [p for p in parameters if p.name in MOTOR_TIMES and p.value is not None and p.std]
+    names, covariance = joint_covariance(fit, known, times)
     return assembled(
         experiment,
         fit.dataset,
@@ -74,8 +91,8 @@ def joint_result(fit: Fit, experiment: Experiment) -> IdentificationResult:
         derived=with_timing_total(
             _derived_numbers(numbers, _judged(fit), entries), fit.dataset.motor_timing
         ),
-        covariance_names=tuple(known),
-        covariance=numbers.covariance(known),
+        covariance_names=names,
+        covariance=covariance,
         used={
             "noise": "variances of the six accelerations, per phase and band",
             "band": "0 to 30 Hz",
@@ -97,6 +114,66 @@ def joint_result(fit: Fit, experiment: Experiment) -> IdentificationResult:
             },
         },
     )
+
+
+def joint_covariance(
+    fit: Fit, known: Sequence[str], times: Sequence[Parameter]
+) -> tuple[tuple[str, ...], Float[np.ndarray, "p p"]]:
+    """Compute the covariance of numbers and of the motors' times that were fitted with them.
+
+    The fit says how they go together. Each number keeps the deviation of its interval, and the
+    times keep theirs and that of their sum, which is told best. Without fitted times: of the
+    numbers alone.
+    """
+    timing, estimate = fit.dataset.motor_timing, fit.estimate.estimate
+    stated = {p.name: p.std or 0.0 for p in times}
+    free = [name for name in SUMMED if name in estimate.names and name in stated]
+    if timing is None or not free:
+        return tuple(known), fit.numbers.covariance(known)
+    own = np.array([np.eye(len(estimate.names))[estimate.names.index(name)] for name in free])
+    # Two times by their sum and the lag.
+    basis = own if len(free) == 1 else np.array([own.sum(axis=0), own[0]])
+    fitted = _fitted(fit, np.vstack([_slopes(fit, known), basis]))
+    n = len(known)
+    spread = np.sqrt(np.diagonal(fitted)[:n])
+    half = np.array([fit.numbers.number(name)[1] for name in known])
+    turn = np.zeros((n + len(times), n + len(free)))
+    turn[:n, :n] = np.diag(half / 1.96 / np.where(spread > 0.0, spread, 1.0))
+    wanted = _of_sum(timing.total_std, [stated[name] for name in free])
+    widened = np.linalg.cholesky(wanted) @ np.linalg.inv(np.linalg.cholesky(fitted[n:, n:]))
+    # Rising and falling go with the mean lag.
+    rows = [[1.0, -1.0] if p.name == "motor_delay" else [0.0, 1.0] for p in times]
+    turn[n:, n:] = (np.ones((len(times), 1)) if len(free) == 1 else np.array(rows)) @ widened
+    return (*known, *stated), turn @ fitted @ turn.T
+
+
+def _slopes(fit: Fit, known: Sequence[str]) -> Float[np.ndarray, "k f"]:
+    """Compute the slopes of numbers by the free parameters."""
+    estimate, mapped = fit.estimate.estimate, fit.estimate.problem.map
+
+    def numbers(phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, " k"]:
+        found = physical(phi, mapped, fit.configurations)
+        return np.array([found[name] for name in known])
+
+    return numerical_jacobian(numbers, estimate.values, estimate.std)
+
+
+def _fitted(fit: Fit, slopes: Float[np.ndarray, "q f"]) -> Float[np.ndarray, "q q"]:
+    """Compute the covariance by chance, by the autopilot's answer, and by faults of the times."""
+    shifts = timing_shifts(fit.estimate, fit.configurations[0].timing)
+    late = np.reshape(shifts, (-1, slopes.shape[1])) @ slopes.T
+    response = response_sensitivity(fit.estimate) @ slopes.T / 1.96
+    return formal_covariance(fit.estimate, slopes) + response.T @ response + late.T @ late
+
+
+def _of_sum(total: float, each: Sequence[float]) -> Float[np.ndarray, "t t"]:
+    """Compute the covariance of the sum and the first of one or two times, by their deviations."""
+    if len(each) == 1:
+        return np.array([[each[0] ** 2]])
+    lag, delay = each
+    most = 0.999 * total * lag
+    together = float(np.clip(0.5 * (total**2 + lag**2 - delay**2), -most, most))
+    return np.array([[total**2, together], [together, lag**2]])
 
 
 def _response_setting(c: JointConfiguration) -> dict[str, dict[str, tuple[float, ...]]]:

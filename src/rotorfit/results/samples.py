@@ -4,7 +4,7 @@ The estimate is normal with its joint covariance, so that what is known only tog
 together (kd and Izz, the inertias and kt). Draws that nature does not have are left out, which
 makes it the posterior under the constraint that there is such a vehicle: second moments of the
 mass, 1/2 tr(I) 1 - I, not negative (Wensing, Kim and Slotine 2017, arXiv 1701.04395), thrust
-upwards, drag torque against the spin, motors that answer after their command.
+upwards, drag torque against the spin, motors without a lag below zero.
 """
 
 import re
@@ -25,7 +25,8 @@ LEAST_KEPT: Final = 0.002
 """Share of the draws that can exist, below which the estimate itself is at fault."""
 BLOCK: Final = 4096
 _ABOVE_ZERO: Final = re.compile(r"mass|kt|kt_\d+|kd|max_speed")
-_NOT_BELOW_ZERO: Final = re.compile(r"Jr|motor_lag(_up|_down)?|motor_delay|command_delay")
+_NOT_BELOW_ZERO: Final = re.compile(r"Jr|motor_lag(_up|_down)?")
+"""A delay is below zero where motors are recorded late."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,6 +18,9 @@ TOPICS: Final = {
     "vehicle_torque_setpoint": ("timestamp", "timestamp_sample", "xyz"),
 }
 
+WITHIN: Final = 0.5
+"""Of a run of the controller: the set point is the last one, or came in that very run."""
+
 
 def read_controller(path: Path) -> ControllerLog:
     """Read the rate controller of a PX4 log."""
@@ -48,6 +51,7 @@ def read_controller(path: Path) -> ControllerLog:
         set_point=used[known] * TURNED,
         rate=rates[row][known] * TURNED,
         output=outputs[known] * TURNED,
+        set_point_std=WITHIN * float(np.median(np.diff(torque.time))),
         slope=slopes[row][known] * TURNED,
     )
 
