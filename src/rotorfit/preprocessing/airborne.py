@@ -358,8 +358,8 @@ def _level_cuts(level: Float[np.ndarray, "m k"], shortest: int) -> list[int]:
     cost[0] = 0.0
     for stop in range(shortest, m + 1):
         first = np.arange(max(stop - LONGEST_LEVEL, 0), stop - shortest + 1)
-        apart = ((sums[stop] - sums[first]) ** 2).sum(axis=1) / (stop - first)
-        total = cost[first] + squares[stop] - squares[first] - apart + price
+        explained = ((sums[stop] - sums[first]) ** 2).sum(axis=1) / (stop - first)
+        total = cost[first] + squares[stop] - squares[first] - explained + price
         best = int(np.argmin(total))
         cost[stop], before[stop] = total[best], first[best]
     cuts = [int(before[m])]
