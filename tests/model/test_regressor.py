@@ -11,7 +11,7 @@ import newton_euler as ne
 from rotorfit.errors import FlightError
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_layout, signal_matrix
-from rotorfit.model.terms.registry import TERMS, added_signals, considered_terms
+from rotorfit.model.terms.registry import TERMS, added_signals
 from rotorfit.model.vehicle import Vehicle
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -217,42 +217,6 @@ def test_rotors_that_the_body_carries_are_dragged_as_well(seed, rotors, tilted):
     unknown = signal_matrix(flight, vehicle, 0, SAMPLES, added=added)
     assert not unknown[:, A.layout.index("Ov_Mz")].any()
     assert added_signals(["rotor_drag"]) == added_signals(["twist"], carried=True) == ()
-
-
-@settings(max_examples=50, deadline=None)
-@given(seed=SEEDS, rotors=ROTORS)
-def test_wind_on_the_rotors_turns_roll_and_pitch(seed, rotors):
-    rng = np.random.default_rng(seed)
-    vehicle = ne.random_vehicle(rng, rotors, tilted=False)
-    height, hub, lost = rng.uniform(0.0, 1e-3, size=3)
-    body = ne.random_body(rng, rotors)
-    alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
-    v = rng.normal(size=(SAMPLES, 3))
-    expected = ne.body_wrench(body, alpha, w, dw) - ne.rotor_wrench(body, vehicle, w, O, dO)
-    for i, place in enumerate(vehicle.positions):
-        wind = v + np.cross(w, place)
-        drag = -O[:, i, None] * wind * [1.0, 1.0, 0.0]
-        turned = np.cross([0.0, 0.0, 1.0], drag) * [height, hub, 0.0]
-        thrust = -lost * O[:, i, None] * wind * [0.0, 0.0, 1.0]
-        expected[:, 3:] -= turned + np.cross(place, thrust) * [1.0, 1.0, 0.0]
-    added = added_signals(["rotor_wind"])
-    flight = ne.flight_of(alpha, w, dw, O, dO)
-    A = regressor(vehicle, added=added)
-    Z = signal_matrix(replace(flight, carried=v), vehicle, 0, SAMPLES, added=added)
-    known = {"wind_x": height, "wind_y": hub, "wind_inflow": lost}
-    actual, size = residual_and_size(A, Z, {**ne.theta_of(body), **known})
-    assert_wrench(actual, expected, size)
-    unknown = signal_matrix(flight, vehicle, 0, SAMPLES, added=added)
-    assert not unknown[:, A.layout.index("Ov_x")].any()
-
-
-def test_wind_on_the_rotors_needs_a_velocity_of_its_own():
-    def considered(**known):
-        return considered_terms(None, **{"velocity": False, "felt": True, **known})
-
-    assert "rotor_wind" in considered(carried=True)
-    assert "rotor_wind" not in considered()
-    assert "rotor_wind" not in considered(carried=True, velocity=True)
 
 
 @settings(max_examples=50, deadline=None)

@@ -56,7 +56,7 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
     _refuse_copies(flights)
     _refuse_mixed_commands(flights)
     carried = any(flight.prepared.data.carried is not None for flight in flights)
-    added = added_signals(_terms_considered(experiment, loaded, carried), carried=carried)
+    added = added_signals(_terms_considered(experiment, loaded), carried=carried)
     if VELOCITY in added and CLIMB in added:
         loaded = tuple(_felt_where_unknown(configuration) for configuration in loaded)
     return Dataset(
@@ -129,7 +129,7 @@ def _logged(flight: LoadedFlight) -> str:
 
 
 def _terms_considered(
-    experiment: Experiment, configurations: Sequence[ConfigurationData], carried: bool
+    experiment: Experiment, configurations: Sequence[ConfigurationData]
 ) -> list[str]:
     """Select the optional terms whose signals the fit needs."""
     if resolved_method(experiment) != "banded":
@@ -139,7 +139,7 @@ def _terms_considered(
     # A flight without a velocity needs what it feels, whatever the others know.
     felt = not wanted or not all(velocity_known(c.flights) for c in configurations)
     felt = felt and experiment.identification.source == "imu"
-    return considered_terms(terms, velocity=wanted, felt=felt, carried=carried)
+    return considered_terms(terms, velocity=wanted, felt=felt)
 
 
 def velocity_wanted(

@@ -99,45 +99,11 @@ def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]
     return flight.velocity[rows]
 
 
-def wind_names(vehicle: Vehicle) -> tuple[str, ...]:
-    """Return the names of sum O_i v_i in the rotors' plane, and of the moments of sum O_i u_i."""
-    del vehicle
-    return "Ov_x", "Ov_y", "Ou_roll", "Ou_pitch"
-
-
-def wind_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n 4"]:
-    """Return what rotors that the body carries feel of the air; zero in a stretch without it."""
-    O, w, v = flight.rotor_speed[rows], flight.angular_velocity[rows], flight.carried
-    if v is None or not np.isfinite(v[rows]).all():
-        return np.zeros((len(O), 4))
-    own = v[rows, None] + np.cross(w[:, None], vehicle.positions)
-    x, y = vehicle.positions[:, 0], vehicle.positions[:, 1]
-    along: Float[np.ndarray, "n 2"] = np.einsum("ni,nik->nk", O, own[:, :, :2])
-    through = O * own[:, :, 2]
-    return np.column_stack([along, through @ y, -through @ x])
-
-
 VELOCITY: Final = AddedSignals(name="velocity", names=velocity_names, of_body=velocity_columns)
 CLIMB: Final = AddedSignals(name="climb", names=climb_names, of_body=climb_columns)
-WIND: Final = AddedSignals(name="wind", names=wind_names, of_rotors=wind_columns, sloped=False)
 INFLOW_OF_ROTORS: Final = AddedSignals(
     name="inflow", names=inflow_names, of_rotors=inflow_columns, sloped=False
 )
-
-
-def rotor_wind(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
-    """Roll and pitch torques of rotors in the air that the body carries them through.
-
-    ``wind_x`` sum O_i v_iy and -``wind_y`` sum O_i v_ix: drag in the rotors' plane, which is above
-    the origin, and the hubs' own moments; ``wind_inflow``: the thrust k O_i u_i that each rotor
-    loses by its velocity along its axis, at its arm.
-    """
-    del vehicle
-    return {
-        "wind_x": block(layout, {(MX, "Ov_y"): -1.0}),
-        "wind_y": block(layout, {(MY, "Ov_x"): 1.0}),
-        "wind_inflow": block(layout, {(MX, "Ou_roll"): 1.0, (MY, "Ou_pitch"): 1.0}),
-    }
 
 
 def climb_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
@@ -257,37 +223,6 @@ CLIMB_DRAG: Final = Term(
     dropped=5,
     one_sided=("climb_drag",),
     # Over a velocity that is felt, not known: told, but no finding with an interval.
-    reported=False,
-)
-ROTOR_WIND: Final = Term(
-    name="rotor_wind",
-    words="roll and pitch torques of rotors that move through the air",
-    when="default",
-    parameters={
-        **{
-            f"wind_{axis}": ParameterInfo(
-                "N s^2/rad",
-                1,
-                f"torque about {axis} over rotor speed and velocity",
-                title=f"Torque of the rotors about {axis} per speed and velocity",
-                prior=lambda s: DRAG_STD * s.mass * s.arm / s.speeds,
-            )
-            for axis in "xy"
-        },
-        "wind_inflow": ParameterInfo(
-            "N s^2/(m rad)",
-            1,
-            "thrust lost over rotor speed and velocity along the axis",
-            title="Thrust lost over rotor speed and velocity along the axis, as a torque",
-            prior=lambda s: INFLOW_STD * s.mass / s.speeds,
-        ),
-    },
-    owner="configuration",
-    entries=rotor_wind,
-    needs="carried",
-    signals=(WIND,),
-    dropped=0,
-    # Between rare positions: enough to keep inertia unbiased, no finding with an interval.
     reported=False,
 )
 DRAG: Final = Term(

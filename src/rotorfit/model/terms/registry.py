@@ -8,14 +8,7 @@ from collections.abc import Collection
 from typing import Final
 
 from rotorfit.model.signals import AddedSignals, SignalLayout
-from rotorfit.model.terms.air import (
-    CLIMB_DRAG,
-    DRAG,
-    INFLOW,
-    ROTOR_WIND,
-    TRANSLATIONAL_LIFT,
-    TURN_DAMPING,
-)
+from rotorfit.model.terms.air import CLIMB_DRAG, DRAG, INFLOW, TRANSLATIONAL_LIFT, TURN_DAMPING
 from rotorfit.model.terms.body import ACCEL_BIAS, FIRST_MOMENTS, INERTIA, MASS, TORQUE_OFFSET
 from rotorfit.model.terms.rotors import (
     LINEAR_DRAG_TORQUE,
@@ -33,7 +26,6 @@ TERMS: Final[tuple[Term, ...]] = (
     *(MASS, FIRST_MOMENTS, INERTIA, THRUST, TORQUE),
     *(ROTOR_INERTIA, ROTOR_SPREAD, ACCEL_BIAS, ROTOR_CENTER, TWIST, ROTOR_DRAG, CLIMB_DRAG),
     *(DRAG, TURN_DAMPING, INFLOW, TRANSLATIONAL_LIFT, TORQUE_OFFSET, LINEAR_DRAG_TORQUE),
-    ROTOR_WIND,
 )
 OPTIONAL: Final = tuple(term for term in TERMS if term.when != "always")
 DEFAULT: Final = tuple(term for term in OPTIONAL if term.when == "default")
@@ -49,9 +41,7 @@ def terms_named(names: Collection[str]) -> tuple[Term, ...]:
     return tuple(term for term in OPTIONAL if term.name in names)
 
 
-def considered_terms(
-    asked: Collection[str] | None, *, velocity: bool, felt: bool, carried: bool = False
-) -> list[str]:
+def considered_terms(asked: Collection[str] | None, *, velocity: bool, felt: bool) -> list[str]:
     """Return the optional terms whose signals a fit needs.
 
     Parameters
@@ -62,16 +52,9 @@ def considered_terms(
         Whether the velocity is known and wanted: all its terms share the same signals.
     felt
         Whether accelerometer and gyro feel the climb, and some flight knows no more.
-    carried
-        Whether any flight knows what carries its rotors.
     """
     usual = [t.name for t in DEFAULT] if asked is None else asked
-    met: dict[str | None, bool] = {
-        "velocity": velocity,
-        "climb": felt,
-        # A velocity that is known has terms of its own.
-        "carried": carried and not velocity,
-    }
+    met: dict[str | None, bool] = {"velocity": velocity, "climb": felt}
     return [
         t.name
         for t in OPTIONAL

@@ -173,7 +173,7 @@ class Term:
     entries: Entries | None = None
     moves: tuple[Move, ...] = ()
     when: Literal["always", "default", "likelihood", "declared"] = "always"
-    needs: Literal["velocity", "carried", "climb", "unknown origin"] | None = None
+    needs: Literal["velocity", "climb", "unknown origin"] | None = None
     signals: tuple[AddedSignals, ...] = ()
     carried: tuple[AddedSignals, ...] = ()
     significance: Significance | None = None
