@@ -20,6 +20,7 @@ from rotorfit.logs.read import read_log
 from rotorfit.preprocessing.airborne import phase_edges
 from rotorfit.preprocessing.motors.motor_model import MotorModel
 from rotorfit.preprocessing.prepare import prepare
+from rotorfit.preprocessing.signals import smooth
 from rotorfit.simulation import (
     STILL,
     Scenario,
@@ -293,6 +294,30 @@ def test_phases_part_calm_from_lively_motion():
     assert edges[0][0] == 0 and edges[-1][1] == len(t)
     assert all(a[1] == b[0] for a, b in pairwise(edges))
     assert min(b - a for a, b in edges) >= 0.6 * 200
+
+
+def test_no_phase_ends_within_a_throw():
+    rng = np.random.default_rng(4)
+    t = np.arange(12 * 250) / 250
+    pulses = sum(
+        size * np.exp(-(((t - at) / 0.04) ** 2))
+        for at, size in ((1.0, 3), (1.1, -2), (1.2, 3), (1.3, -3), (1.5, 2), (1.7, -1.5))
+    )
+    rates = np.outer(pulses, (5.0, 3.0, 1.0)) + 0.01 * rng.normal(size=(len(t), 3))
+    starts = [a / 250 for a, _ in phase_edges(rates, 250.0)[1:]]
+    assert not any(0.95 < start < 1.75 for start in starts)
+    assert any(0.6 < start < 0.95 for start in starts)
+    assert any(1.75 < start < 2.2 for start in starts)
+
+
+def test_vibration_begins_a_phase_whatever_the_motion():
+    rng = np.random.default_rng(5)
+    t = np.arange(20 * 250) / 250
+    noise = np.where(t > 9.0, 0.06, 0.01)[:, None] * rng.normal(size=(len(t), 3))
+    shaken = noise - smooth(noise, 250.0, 40.0)
+    rates = np.sin(np.outer(t, (20.0, 22.0, 15.0))) + shaken
+    ((start, _),) = phase_edges(rates, 250.0)[1:]
+    assert start / 250 == pytest.approx(9.0, abs=0.3)
 
 
 def test_steady_motion_is_one_phase():

@@ -34,8 +34,18 @@ LONGEST_TOUCH = 0.15
 HARDEST_TOUCH = 5.0
 GUARD = 0.04
 """Taken off where flight meets the ground [s]: the low-pass sees a contact only from half."""
-ACTIVITY_RATIO = 3.0
-SHORTEST_PHASE = 0.6
+ACTIVITY_RATIO: Final = 3.0
+"""Of the angular acceleration's rms between phases."""
+SHORTEST_PHASE: Final = 0.6
+LEVEL_WINDOW: Final = 0.3
+LEVEL_STEP: Final = 0.05
+"""[s]: of a phase, of the rms, and between its values."""
+MOTION_CUTOFF: Final = 20.0
+"""Between motion and vibration [Hz]."""
+LEAST_LEVEL: Final = 1e-3
+"""Of the largest: less is rest, or a recording without noise."""
+LONGEST_LEVEL: Final = 1200
+"""Values of one part, for speed alone: parts as long that are alike are joined again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -301,38 +311,73 @@ def rest_rows(motion: Motion, airborne: list[tuple[int, int]]) -> Bool[np.ndarra
 def phase_edges(
     angular_velocity: Float[np.ndarray, "n 3"], sample_rate: float
 ) -> list[tuple[int, int]]:
-    """Cut a stretch into calm and lively phases: start and stop of each.
+    """Cut a stretch into phases of one character: start and stop of each.
 
-    A new phase begins where the angular acceleration (rms over 0.3 s) leaves its median so far
-    by more than a factor of three; none is shorter than 0.6 s. Noise differs between them, and a
-    short lively phase must not drown in a long calm one.
+    Noise differs between them, and a short lively phase must not drown in a long calm one. Two
+    levels tell the character, logarithms of the angular acceleration's rms over 0.3 s: that of the
+    motion, under 20 Hz, and that of vibration and noise above. The cuts are those with which
+    both are nearest to constant in each phase: they lie where a manoeuvre begins and ends, and
+    none within it.
     """
     n = len(angular_velocity)
-    shortest = max(whole_samples(SHORTEST_PHASE * sample_rate), 1)
-    if n < 2 * shortest:
+    if n < 2 * max(whole_samples(SHORTEST_PHASE * sample_rate), 1):
         return [(0, n)]
-    rates = smooth(angular_velocity, sample_rate, 20.0)
-    acceleration: Float[np.ndarray, "n 3"] = central_difference(rates, sample_rate)
-    del rates
+    stride = max(whole_samples(LEVEL_STEP * sample_rate), 1)
+    rates = smooth(angular_velocity, sample_rate, MOTION_CUTOFF)
+    parts = [rates, angular_velocity - rates]
+    level = np.column_stack([_level(part, sample_rate, stride) for part in parts])
+    shortest = int(np.ceil(SHORTEST_PHASE * sample_rate / stride))
+    cuts = _unlike(level, _level_cuts(level, max(shortest, 1)))
+    return list(pairwise([0, *(stride * cut for cut in cuts), n]))
+
+
+def _level(
+    rates: Float[np.ndarray, "n 3"], sample_rate: float, stride: int
+) -> Float[np.ndarray, " m"]:
+    """Compute the logarithm of the angular acceleration's rms, once in a stride."""
+    acceleration = central_difference(rates, sample_rate)
     power: Float[np.ndarray, " n"] = np.einsum("ni,ni->n", acceleration, acceleration)
-    del acceleration
-    window = max(whole_samples(0.3 * sample_rate), 1)
-    mean = ndimage.uniform_filter1d(power, window, mode="nearest")
-    level = 0.5 * np.log(np.maximum(mean, np.finfo(float).tiny))
-    stride = max(window // 4, 1)
-    longest = max(whole_samples(10.0 * sample_rate), 1)
-    edges = [0]
-    row = shortest
-    while row < n - shortest:
-        # One value per stride is enough: the level is a mean over four of them.
-        recent = level[max(edges[-1], row - longest) : row : stride]
-        if abs(level[row] - np.median(recent)) > np.log(ACTIVITY_RATIO):
-            edges.append(row)
-            row += shortest
-        else:
-            row += stride
-    edges.append(n)
-    return list(pairwise(edges))
+    window = max(whole_samples(LEVEL_WINDOW * sample_rate), 1)
+    mean = ndimage.uniform_filter1d(power, window, mode="nearest")[stride // 2 :: stride]
+    floor = max(LEAST_LEVEL**2 * float(mean.max()), float(np.finfo(float).tiny))
+    level: Float[np.ndarray, " m"] = 0.5 * np.log(np.maximum(mean, floor))
+    return level
+
+
+def _level_cuts(level: Float[np.ndarray, "m k"], shortest: int) -> list[int]:
+    """Cut where levels change: the least squares about each part's means, and a price for each.
+
+    A shortest part that differs by the ratio is worth it. By optimal partitioning (Jackson et al.,
+    IEEE Signal Processing Letters 12(2), 2005).
+    """
+    m, price = len(level), shortest * np.log(ACTIVITY_RATIO) ** 2
+    centred = level - level.mean(axis=0)
+    sums = np.concatenate([np.zeros((1, level.shape[1])), np.cumsum(centred, axis=0)])
+    squares = np.concatenate([[0.0], np.cumsum((centred**2).sum(axis=1))])
+    cost, before = np.full(m + 1, np.inf), np.zeros(m + 1, dtype=int)
+    cost[0] = 0.0
+    for stop in range(shortest, m + 1):
+        first = np.arange(max(stop - LONGEST_LEVEL, 0), stop - shortest + 1)
+        explained = ((sums[stop] - sums[first]) ** 2).sum(axis=1) / (stop - first)
+        total = cost[first] + squares[stop] - squares[first] - explained + price
+        best = int(np.argmin(total))
+        cost[stop], before[stop] = total[best], first[best]
+    cuts = [int(before[m])]
+    while cuts[-1] > 0:
+        cuts.append(int(before[cuts[-1]]))
+    return cuts[-2::-1]
+
+
+def _unlike(level: Float[np.ndarray, "m k"], cuts: list[int]) -> list[int]:
+    """Drop cuts between parts whose levels differ by less than the ratio, the least first."""
+    while cuts:
+        means = [level[a:b].mean(axis=0) for a, b in pairwise([0, *cuts, len(level)])]
+        steps = np.abs(np.diff(means, axis=0)).max(axis=1)
+        least = int(np.argmin(steps))
+        if steps[least] > np.log(ACTIVITY_RATIO):
+            break
+        cuts = [*cuts[:least], *cuts[least + 1 :]]
+    return cuts
 
 
 STEADY: Final = 0.06
