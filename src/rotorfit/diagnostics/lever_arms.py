@@ -189,8 +189,8 @@ def _std(fit: Fit, found: Additional) -> float:
 
     Far off, where the likelihood is flat, its slopes there say nothing of what was declared.
     """
-    gain = max(found.estimate.log_likelihood - fit.estimate.log_likelihood, 1e-12)
-    return max(float(found.std[0]), abs(float(found.values[0])) / float(np.sqrt(2.0 * gain)))
+    gain = max(found.estimate.log_likelihood - fit.estimate.log_likelihood, 0.0)
+    return max(float(found.std[0]), abs(float(found.values[0])) / float(np.sqrt(2.0 * gain + 1.0)))
 
 
 def _attenuation(fit: Fit) -> float:
