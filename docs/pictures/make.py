@@ -1,7 +1,7 @@
 """Draw the picture of the first page:  rotorfit demo -o DIR && python docs/pictures/make.py DIR
 
-95 % intervals of the demo's configuration A, by the default method and by the paper's, in percent
-of the truth.
+95 % intervals of the demo's configuration A, by the default method and by ordinary least squares as
+in the paper, in percent of the truth.
 """
 
 import json
@@ -76,7 +76,7 @@ def picture(folder: Path) -> str:
         tag("circle", {"cx": LEFT + 6, "cy": 22, "r": 5, "fill": OURS}),
         words("rotorfit, 95 %", (LEFT + 16, 26)),
         tag("circle", {"cx": LEFT + 146, "cy": 22, "r": 5, "fill": PAPERS}),
-        words("the paper's method, 95 % as it states it", (LEFT + 158, 26)),
+        words("ordinary least squares (Six et al. 2020), 95 % as it states it", (LEFT + 158, 26)),
     ]
     for row, (name, title) in enumerate(TITLES.items()):
         y = TOP + ROW * (row + 0.5) - 8

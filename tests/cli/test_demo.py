@@ -112,7 +112,7 @@ def test_intervals_hold_the_truth(demonstrated):
             held.append(interval[0] <= own[name] <= interval[1])
     assert len(held) >= 12
     assert sum(held) >= len(held) - 1
-    assert f"rotorfit's {sum(held)} of {len(held)}, the paper's" in " ".join(lines)
+    assert f"rotorfit {sum(held)} of {len(held)}, ordinary least squares" in " ".join(lines)
 
 
 def test_identify_reproduces_it_without_the_truth(run, demonstrated):

@@ -107,19 +107,20 @@ def test_damping_inflow_and_lift_are_newton_eulers(seed, rotors, tilted, has_imu
 
 @settings(max_examples=50, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans(), has_imu=st.booleans())
-def test_felt_climb_is_held_back_along_z_alone(seed, rotors, tilted, has_imu):
+def test_felt_climb_is_held_back_wherever_that_acts(seed, rotors, tilted, has_imu):
     rng = np.random.default_rng(seed)
     vehicle, at_imu = drawn(rng, rotors, tilted=tilted, has_imu=has_imu)
-    body, d = ne.random_body(rng, rotors), rng.uniform(0.0, 1.0)
+    body, d, (x, y) = ne.random_body(rng, rotors), rng.uniform(0.0, 1.0), rng.normal(size=2)
     alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
     climb = rng.normal(size=SAMPLES)
     expected = ne.body_wrench(body, alpha, w, dw) - ne.rotor_wrench(body, vehicle, w, O, dO)
-    expected[:, 2] += d * climb
+    expected += climb[:, None] * np.array([0.0, 0.0, d, y * d, -x * d, 0.0])
     flight = replace(ne.flight_of(at_imu(alpha, w, dw), w, dw, O, dO), climb=climb)
     Z = signal_matrix(flight, vehicle, 0, SAMPLES, added=OF_CLIMB)
     A = regressor(vehicle, added=OF_CLIMB)
     assert "drag_z" not in A.names and "climb_drag" not in regressor(vehicle).names
-    actual, size = residual_and_size(A, Z, {**ne.theta_of(body, 3e-6), "climb_drag": d})
+    held = {"climb_drag": d, "climb_moment_x": y * d, "climb_moment_y": -x * d}
+    actual, size = residual_and_size(A, Z, {**ne.theta_of(body, 3e-6), **held})
     assert_wrench(actual, expected, size)
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rotorfit.simulation.experiments import ExperimentPlan
 
 RESULT, PAPER, REPORT = "result.json", "result-paper.json", "report.html"
-PAPERS: Final = "paper's method"
+PAPERS: Final = "ordinary least squares"
 SHARED: Final = ("kt", "kd")
 BODY: Final = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz")
 INTRODUCTION: Final = """\
@@ -27,7 +27,8 @@ The experiment of Six et al. 2020, flown again in simulation: quadrotor A
 (1.285 kg), and B, which is A with 125 g on +x and 42 g on -y. Noisy and biased
 sensors; the log has motor commands only, and nobody knows the motors' lag. One
 flight of each identifies both at once, one is kept for validation. Does the
-95 % interval hold the truth?
+95 % interval hold the truth: rotorfit's, and that of ordinary least squares as
+the paper uses it?
 """
 
 
@@ -117,7 +118,7 @@ def demo_text(plan: ExperimentPlan, results: Results) -> str:
     default, paper = (_coverage(result, truths) for result in results)
     lines += [
         "",
-        f"Intervals that hold the truth: rotorfit's {default}, the paper's {paper}; at 95 %",
+        f"Intervals that hold: rotorfit {default}, {PAPERS} {paper}; at 95 %",
         "one in twenty misses by chance.",
     ]
     return "\n".join([*lines, "", *_validation_lines(results)])
@@ -169,7 +170,8 @@ def _validation_lines(results: Results) -> list[str]:
 
     names = "".join(f"{name:>8}" for name in SHOWN)
     lines = [
-        "Error on flights kept apart: body wrench against rotor wrench, % of its norm",
+        "Error on flights kept apart: force and moment of the rotors against those that\n"
+        "the IMU measured, in % of their root mean square",
         f"  {'':<8}{'rotorfit':>32}  {PAPERS:>32}",
         f"  {'':<8}{names}  {names}",
     ]

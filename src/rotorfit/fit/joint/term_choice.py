@@ -135,7 +135,7 @@ def chosen(
 
 def _drives(term: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
     """Return whether what should brake surely drives in every configuration: no air does that."""
-    names = [f"{name}@{c.name}" for c in joint for name in term.parameters]
+    names = [f"{name}@{c.name}" for c in joint for name in term.one_sided]
     if not set(names) <= set(fit.estimate.names):
         return False
     at = [fit.estimate.names.index(name) for name in names]

@@ -27,6 +27,9 @@ from rotorfit.preprocessing.flight_data import FlightData
 CLIMB_DRAG_STD: Final = 0.5
 """Known of what the air does against a climb before the flight, over mass and velocity [1/s]: drag
 of the frame and thrust that the rotors lose."""
+CLIMB_PLACE_STD: Final = 0.25
+"""Known of how far beside the origin that force acts, over the arm: the frame's at the centre of
+mass or above it, the rotors' between them."""
 DRAG_STD: Final = 0.3
 """Known of the torque of drag before the flight: that of drag of this size over mass and velocity
 [1/s] at the end of an arm."""
@@ -104,9 +107,17 @@ INFLOW_OF_ROTORS: Final = AddedSignals(
 
 
 def climb_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
-    """Force -d v_z over the velocity along z that the IMU feels: drag and inflow look the same."""
+    """Force -d v_z over the velocity along z that the IMU feels, and its torques: it acts anywhere.
+
+    Drag and inflow look the same. With its place at the origin, the flights would tell the centre
+    of mass by the torque of a force that acts there in truth.
+    """
     del vehicle
-    return {"climb_drag": block(layout, {(FZ, "climb"): 1.0})}
+    return {
+        "climb_drag": block(layout, {(FZ, "climb"): 1.0}),
+        "climb_moment_x": block(layout, {(MX, "climb"): 1.0}),
+        "climb_moment_y": block(layout, {(MY, "climb"): 1.0}),
+    }
 
 
 def frame_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
@@ -181,6 +192,16 @@ def _drag_moment(about: str, along: str) -> ParameterInfo:
     )
 
 
+def _climb_moment(axis: str) -> ParameterInfo:
+    return ParameterInfo(
+        "N s",
+        1,
+        f"torque about {axis} of that force over the felt velocity",
+        title=f"Torque about {axis} per felt velocity along z",
+        prior=lambda s: CLIMB_DRAG_STD * CLIMB_PLACE_STD * s.mass * s.arm,
+    )
+
+
 CLIMB_DRAG: Final = Term(
     name="climb_drag",
     words="a force against the velocity along z that accelerometer and gyro feel",
@@ -192,14 +213,15 @@ CLIMB_DRAG: Final = Term(
             "force against the felt velocity along z",
             title="Force against the felt velocity along z",
             prior=lambda s: CLIMB_DRAG_STD * s.mass,
-        )
+        ),
+        **{f"climb_moment_{axis}": _climb_moment(axis) for axis in "xy"},
     },
     owner="configuration",
     entries=climb_drag,
     needs="climb",
     signals=(CLIMB,),
     dropped=5,
-    one_sided=True,
+    one_sided=("climb_drag",),
     # Over a velocity that is felt, not known: told, but no finding with an interval.
     reported=False,
 )

@@ -156,7 +156,7 @@ class Term:
     dropped
         Its turn to be left out where a fit does not settle: what flights tell least first.
     one_sided
-        Whether it is left out where its parameter is surely below zero.
+        Parameters for which it is left out where they are surely below zero.
     reported
         Whether its parameters are numbers of a result.
     of_sensor
@@ -178,7 +178,7 @@ class Term:
     carried: tuple[AddedSignals, ...] = ()
     significance: Significance | None = None
     dropped: int | None = None
-    one_sided: bool = False
+    one_sided: tuple[str, ...] = ()
     reported: bool = True
     of_sensor: bool = False
     replayed: Callable[[Mapping[str, np.ndarray], Vehicle], dict[str, np.ndarray]] | None = None
