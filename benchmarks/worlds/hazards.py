@@ -118,6 +118,7 @@ CAUSES: Final[Mapping[str, set[str]]] = {
     },
     "lever-arms": {"wrong_sides", "arm_scale", "turned_imu"},
     "rotor-unlike": {"changed_rotor"},
+    "rotor-pattern": {"drag", "gusts", "inflow", "wall", "tether", "changed_rotor", *_TORN},
     "rotor-changed": {"changed_rotor"},
     "constant-wrench-missing": {"tilted_motors", "wall", "changed_rotor", "tilted_imu"},
     "steady-yaw-torque": {"tilted_motors", "wall", "unlike_rotors", "changed_rotor"},

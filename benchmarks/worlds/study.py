@@ -23,6 +23,7 @@ from benchmarks.worlds.world import World, draw_world
 
 from rotorfit.errors import RotorfitError
 from rotorfit.experiment.experiment import load_experiment
+from rotorfit.findings import Evidence
 from rotorfit.identification.identify import identify
 from rotorfit.results.result import IdentificationResult, verdict_of
 
@@ -116,12 +117,19 @@ def _found(path: Path, known: Mapping[str, float]) -> Row:
             return {"traceback": traceback.format_exc(limit=-8)}
     return {
         "numbers": _numbers(result, known),
+        "sides": next((e.interval for e in _evidence(result, "lever_ratio")), None),
         "findings": [
             (one.kind, one.severity, one.sentence)
             for one in result.findings
             if one.severity != "passed"
         ],
     }
+
+
+def _evidence(result: IdentificationResult, name: str) -> Iterator[Evidence]:
+    """Yield what a check measured, with its interval."""
+    every = (one for finding in result.findings for one in finding.evidence)
+    return (one for one in every if one.name == name and one.interval is not None)
 
 
 def _numbers(result: IdentificationResult, known: Mapping[str, float]) -> Row:

@@ -18,6 +18,12 @@ SHOWN: Final = (
     "accel_bias_x", "accel_bias_y", "accel_bias_z", "kt_i",
 )  # fmt: skip
 GIVEN: Final = ("identified", "weak")
+GOAL: Final = 0.9
+"""Of the identified intervals with any single hazard hold so many."""
+ENOUGH: Final = 8
+"""Intervals, of which a share says something."""
+SIDES_WRONG: Final = 1.25
+"""Ratio of a frame's sides over the true one, with the hazard."""
 SPOILT: Final = {kind: {h.name for h in HAZARDS if h.kind == kind} for kind in ("ruin", "wrong")}
 SPOILT["invisible"] = {h.name for h in HAZARDS if h.kind == "invisible"}
 
@@ -176,7 +182,8 @@ def _groups(run: Sequence[Row]) -> dict[str, list[Row]]:
 def _by_hazard(runs: list[list[Row]]) -> list[str]:
     head = f"{'worlds':>6s} {'refused':>7s} {'identified':>12s} {'weak':>12s} {'half/err':>8s}"
     lines = [
-        "Worlds with each hazard (and others): how many, refused, share of all intervals that hold",
+        "Worlds with each hazard (and others): how many, refused, share of all intervals that hold"
+        f" (< {GOAL:.2f}: identified ones, fewer than that hold)",
         f"{'':22s}" + _beside([head] * len(runs)),
     ]
     groups = [_groups(run) for run in runs]
@@ -194,7 +201,8 @@ def _hazard_columns(rows: Sequence[Row]) -> str:
     by = [[one for one in found if one.verdict == verdict] for verdict in GIVEN]
     refused = sum("refused" in row for row in rows)
     ratio = np.median([o.half for o in found]) / np.median([o.error for o in found]) if found else 0
-    return f"{len(rows):6d} {refused:7d} {_rate(by[0]):>12s} {_rate(by[1]):>12s} {ratio:8.1f}"
+    mark = "<" if len(by[0]) >= ENOUGH and np.mean([o.holds for o in by[0]]) < GOAL else " "
+    return f"{len(rows):6d} {refused:7d} {_rate(by[0]):>12s}{mark}{_rate(by[1]):>12s} {ratio:8.1f}"
 
 
 def _by_parameter_and_hazard(runs: list[list[Row]]) -> list[str]:
@@ -210,7 +218,7 @@ def _by_parameter_and_hazard(runs: list[list[Row]]) -> list[str]:
                 by_name[one.name].append(one)
         for name, found in by_name.items():
             share = float(np.mean([one.holds for one in found]))
-            if len(found) >= 8 and share < 0.9:
+            if len(found) >= ENOUGH and share < GOAL:
                 bad = [one for one in found if not one.holds]
                 over = np.median([one.error / one.half for one in bad])
                 cells.append(
@@ -274,17 +282,37 @@ def _part(some: set[int], of: set[int]) -> str:
 
 def _wrong(runs: list[list[Row]]) -> list[str]:
     """Say of wrong declarations how many are refused or doubted, and what is wrong silently."""
-    lines = ["Wrong declarations: worlds, refused, doubted; identified numbers that hold"]
+    lines = [
+        "Wrong declarations: worlds, refused, doubted; identified numbers that hold; "
+        "and of those that no log can show, apart"
+    ]
     for title, run in zip(("now", "before"), runs, strict=False):
         for hazard in sorted(SPOILT["wrong"]):
             rows = [r for r in _of(run, "wrong") if hazard in r["hazards"]]
-            refused = sum("refused" in row for row in rows)
-            doubted = sum(_doubted(row) for row in rows)
-            found = [one for one in numbers(rows) if one.verdict == "identified"]
-            lines.append(
-                f"  {title} {hazard:16s} {len(rows):4d} {refused:4d} {doubted:4d} {_rate(found)}"
-            )
+            cells = [
+                _wrong_columns([row for row in rows if is_seen(row) is seen])
+                for seen in (True, False)
+            ]
+            lines.append(f"  {title} {hazard:16s} {_beside(cells)}")
     return lines
+
+
+def _wrong_columns(rows: Sequence[Row]) -> str:
+    refused = sum("refused" in row for row in rows)
+    doubted = sum(_doubted(row) for row in rows)
+    found = [one for one in numbers(rows) if one.verdict == "identified"]
+    return f"{len(rows):4d} {refused:4d} {doubted:4d} {_rate(found)}"
+
+
+def is_seen(row: Row) -> bool:
+    """Return whether a log can show its wrong declaration.
+
+    Of wrong sides: whether the flight's own interval of their ratio is narrower than the mistake.
+    """
+    if "wrong_sides" not in row["hazards"] or "refused" in row:
+        return True
+    low, high = row.get("sides") or (0.0, np.inf)
+    return low > 0.0 and high / low < SIDES_WRONG**2
 
 
 def _doubted(row: Row) -> bool:

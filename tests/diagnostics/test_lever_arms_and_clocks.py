@@ -8,7 +8,7 @@ from scipy import signal
 
 import flown
 import made_fit
-from rotorfit.diagnostics.lever_arms import LACKING, FrameSides
+from rotorfit.diagnostics.lever_arms import FrameSides
 from rotorfit.diagnostics.sensors.clocks import accelerometer_delay
 from rotorfit.diagnostics.sensors.imu_tilt import lean_sentence
 from rotorfit.diagnostics.vehicle_size import unusual_loading
@@ -50,7 +50,7 @@ def test_arms_of_another_ratio_are_refused_with_the_likely_one(tmp_path, flight)
 
 
 def test_doubtful_arms_widen_inertia_to_what_the_flight_shows(tmp_path, flight):
-    result = flown.identified(tmp_path, [flight], vehicle=stretched(flight.vehicle, 1.4))
+    result = flown.identified(tmp_path, [flight], vehicle=stretched(flight.vehicle, 1.12))
     found = sides_of(result)
     assert found.severity == "doubt"
     assert "but the flight shows " in found.sentence
@@ -59,25 +59,45 @@ def test_doubtful_arms_widen_inertia_to_what_the_flight_shows(tmp_path, flight):
         ("Ixx_com", "Iyy_com"), np.diagonal(flight.truth.com_inertia), strict=False
     ):
         (number,) = (d for d in result.derived if d.name == name)
-        assert number.interval[1] - number.interval[0] > 0.3 * number.value
+        assert number.interval[1] - number.interval[0] > 0.15 * number.value
         assert number.interval[0] < true < number.interval[1]
 
 
-def sides(value, std, blocks=20.0):
-    return FrameSides(declared=1.0, value=value, std=std, blocks=blocks, slopes=np.ones(1))
+def sides(value, std, blocks=20.0, by_mistake=1.0):
+    one = np.ones(1)
+    return FrameSides(
+        declared=1.0,
+        ruler=0.01,
+        value=value,
+        std=std,
+        blocks=blocks,
+        slopes=one,
+        by_mistake=by_mistake * one,
+    )
+
+
+def half_width(one):
+    return float(one.half_widths[0])
 
 
 def test_sides_that_no_flight_shows_are_those_of_a_ruler():
     untold = sides(0.0, np.inf)
     assert untold.measured == pytest.approx(0.95, abs=0.01)
-    assert 0.02 < untold.half_width < 0.05
-    assert sides(0.0, 0.01).half_width == pytest.approx(0.02, abs=0.002)
-    assert sides(-LACKING, 0.02).half_width < 0.025
+    assert 0.02 < half_width(untold) < 0.05
+    assert half_width(sides(0.0, 0.01)) == pytest.approx(0.02, abs=0.002)
+    assert half_width(sides(-0.05, 0.022, 12.0)) < 0.025
+
+
+def test_one_side_that_is_surely_wrong_moves_the_mean_arm_too():
+    told = [sides(-0.11, 0.005, 12.0, by_mistake=k) for k in (1.0, 2.0)]
+    assert told[0].measured < 0.1
+    assert half_width(told[0]) == pytest.approx(0.13, abs=0.02)
+    assert half_width(told[1]) == pytest.approx(2.0 * half_width(told[0]), rel=0.05)
 
 
 def test_the_half_width_grows_to_a_mistake_without_a_jump():
-    far = [sides(-value, 0.03) for value in np.linspace(0.0, 0.5, 101)]
-    half = np.array([one.half_width for one in far])
+    far = [sides(-value, 0.02, 12.0) for value in np.linspace(0.0, 0.5, 101)]
+    half = np.array([half_width(one) for one in far])
     chance = np.array([one.measured for one in far])
     assert np.all(np.diff(chance) < 1e-9)
     assert np.all(np.diff(half) > -1e-3)

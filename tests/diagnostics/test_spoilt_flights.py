@@ -1,13 +1,20 @@
 """One realistic fault at a time in a sound flight: refused or said, and its cause named."""
 
+import re
 from dataclasses import replace
 from io import StringIO
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import flown
-from rotorfit.diagnostics.motors.changed_rotor import LEAST_UNLIKE, most_unlike, unlike_sentence
+from rotorfit.diagnostics.motors.changed_rotor import (
+    LEAST_UNLIKE,
+    most_unlike,
+    unlike_rotors,
+    unlike_sentence,
+)
 from rotorfit.diagnostics.vehicle_size import AIR, figure_of_merit, largest_radius
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.fit.intervals.numbers import Numbers
@@ -231,3 +238,21 @@ def test_a_rotor_unlike_the_others_is_named():
     assert said(0.94, 1e-8) == ""
     # A throw that tells each rotor only to 15 % says nothing of one that seems 12 % weak.
     assert said(off, 0.15 * 3e-6) == ""
+
+
+@pytest.mark.parametrize(
+    ("pattern", "kind", "said"),
+    [
+        ((0.88, 1.0, 1.01, 0.99), "rotor-unlike", "12 +- 0 % less thrust .*: its speed"),
+        ((0.88, 1.06, 1.08, 0.92), "rotor-pattern", "these differ among themselves: no single"),
+    ],
+)
+def test_a_pattern_over_all_rotors_is_no_single_rotor(pattern, kind, said):
+    leaning = {f"kt_{i}": (3e-6 * k, 1e-8) for i, k in enumerate(pattern, start=1)}
+    fit = SimpleNamespace(
+        numbers=numbers(kt=(3e-6, 1e-8), **leaning),
+        dataset=SimpleNamespace(vehicle=paper_vehicle("A")[1]),
+    )
+    (found,) = unlike_rotors(fit)
+    assert (found.kind, found.severity) == (kind, "doubt")
+    assert re.search(said.replace("+-", r"\+-"), found.sentence)

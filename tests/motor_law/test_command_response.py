@@ -1,13 +1,17 @@
 """Speeds after commands: an independent solver's, and their slopes by differences."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from motor_answers import motor_answers
 from scipy.integrate import solve_ivp
 
+from rotorfit.logs.flight_log import Channel
 from rotorfit.motor_law.command_response import Timing, recording_of, speed_response
+from rotorfit.motor_law.fit_law import fit_law
 from rotorfit.motor_law.law_model import Layout, predicted
-from rotorfit.preprocessing.motors.command_response import MeasuredResponse
+from rotorfit.preprocessing.motors.command_response import MeasuredResponse, command_responses
 
 NONE = np.zeros((40, 0))
 
@@ -82,3 +86,58 @@ def test_a_stretch_knows_nothing_of_the_one_before():
     joined, _ = speed_response(both, 1000.0 * both.command, np.zeros((80, 0)), timing)
     # The second stretch is 1e4 s later on the clock of both: its times are rounded to 1e-12 s.
     assert joined[-len(speed) :] == pytest.approx(speed, rel=1e-9)
+
+
+def _follower(speeds_of):
+    """Return the log of one motor of 30 ms lag in a hover, 500 Hz: commands, and what is read."""
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 16.0, 0.002)
+    command = 0.3 + 0.025 * np.convolve(
+        rng.normal(size=len(time) + 399), np.ones(400) / 20.0, "valid"
+    )
+    speed, now = np.empty(len(time)), 1000.0 * command[0]
+    for k, wanted in enumerate(1000.0 * command):
+        speed[k], now = now, wanted + np.exp(-0.002 / 0.03) * (now - wanted)
+    channels = {
+        "command": Channel(time=time, values=command[:, None], source=""),
+        "rotor_speed": Channel(time=time, values=speeds_of(speed)[:, None], source=""),
+    }
+    return SimpleNamespace(channels=channels)
+
+
+@pytest.mark.parametrize(
+    ("speeds_of", "share"),
+    [
+        (np.round, 1.0),  # coarse: every reading counts
+        (lambda speed: np.repeat(speed[::10], 10), 0.1),  # slow: the new ones
+    ],
+)
+def test_coarse_speeds_are_no_slow_telemetry(speeds_of, share):
+    log = _follower(speeds_of)
+    (answer,) = command_responses(log)
+    changed = np.diff(log.channels["rotor_speed"].values[:, 0]) != 0.0
+    assert changed.mean() < 0.3
+    assert len(answer.speed) == pytest.approx(share * 8000, rel=0.01)
+    found = fit_law(recording_of([[answer]])).best.timing
+    assert np.exp(found.log_lag) == pytest.approx(0.03, rel=0.02)
+
+
+def test_noisy_commands_do_not_trap_the_lag_beside_its_value():
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 12.0, 0.001)
+    slow = np.convolve(rng.normal(size=len(time) + 999), np.ones(1000) / 1000.0**0.5, "valid")
+    command = 0.3 + 0.01 * slow + 0.02 * rng.normal(size=len(time))
+    speed, now = np.empty(len(time)), 300.0
+    for k, wanted in enumerate(1000.0 * command):
+        speed[k], now = now, wanted + np.exp(-0.001 / 0.0586) * (now - wanted)
+    answer = MeasuredResponse(
+        rotor=0,
+        command_time=time,
+        command=command,
+        voltage=None,
+        speed_time=time,
+        speed=speed + 0.5 * rng.normal(size=len(time)),
+    )
+    found = fit_law(recording_of([[answer]])).best.timing
+    assert np.exp(found.log_lag) == pytest.approx(0.0586, rel=0.02)
+    assert found.delay == pytest.approx(0.0, abs=5e-4)

@@ -13,7 +13,7 @@ from benchmarks.worlds.hazards import CAUSES, HAZARDS, NAMED, chances
 from benchmarks.worlds.pilot import STEP
 from benchmarks.worlds.sensing import experiment_text, table, truth, write_world
 from benchmarks.worlds.study import Study, read_rows, row_of, rows_of, run
-from benchmarks.worlds.tables import kind_of, report
+from benchmarks.worlds.tables import is_seen, kind_of, report
 from benchmarks.worlds.world import GRAVITY, World, draw_world
 
 CALM: dict[str, float] = {}
@@ -181,3 +181,18 @@ def test_every_experiment_file_is_valid() -> None:
     hazards = {"mass_scale": 1.0, "law_wrong": 1.0, "sag": 1.0}
     for i in range(20):
         tomllib.loads(experiment_text(draw_world(11, i, hazards, 5.0), "x.csv"))
+
+
+@pytest.mark.parametrize(
+    ("sides", "shown"), [(None, False), ([0.8, 1.6], False), ([0.97, 1.05], True), ([0, 1], False)]
+)
+def test_wrong_sides_that_no_log_shows_are_counted_apart(
+    sides: list[float] | None, shown: bool
+) -> None:
+    number = {"numbers": {"kt": (1.0, 0.1, "identified")}, "truth": {"kt": 1.05}, "findings": []}
+    row = {"index": 0, "seed": 1, "hazards": ["wrong_sides"], "sides": sides, **number}
+    row |= {"layout": "plus", "mass": 1.0, "manoeuvre": "calm", "driven": "measured", "rate": 200}
+    assert is_seen(row) is shown
+    (line,) = (one for one in report([row]) if "now wrong_sides" in one)
+    left, _, right = line.partition("|")
+    assert "1.00 (   1)" in (left if shown else right)

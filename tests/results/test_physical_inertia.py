@@ -250,13 +250,16 @@ def test_unknown_moments_get_the_largest_physical_deviation():
     assert std["Ixz"] == std["msy"] == pytest.approx(1e-4)
 
 
-def test_a_body_that_cannot_exist_is_doubted_within_its_interval():
+def test_a_body_that_may_exist_within_its_interval_is_noted():
     moment = smallest_second_moment(numbers_of([0.01, 0.01, 0.021, 0, 0, 0], 2e-3), "A")
     assert not moment.impossible
     words = possible_sentence(moment, "A")
     assert words is not None
     assert words.startswith(f"A: {IMPOSSIBLE} (by 2.4 %)")
     assert "intervals allow" in words
+    shown = [number(name, 0.01) for name in INERTIA]
+    found = body_finding(moment, "A", shown, [p.full_name for p in shown])
+    assert (found.severity, found.sentence) == ("note", words)
 
 
 def test_impossible_inertia_is_withheld_with_the_yaw_scale():

@@ -6,12 +6,13 @@ sides are one parameter beside the fit: with the rotors at :math:`(x (1 + s), y 
 estimated with its deviation, and no other shape of the frame is fitted.
 
 What it says is weighed against how people measure. Nearly all declare sides that a ruler gives
-(s is zero to a hundredth); one in twenty is grossly wrong: x and y exchanged, a square for a
-rectangle, another vehicle. With these two explanations as the prior of s, the half-width of its
-posterior about what was declared goes into every number as it moves with s: one that flights
-hardly tell stays at the ruler's, one that they contradict grows to what they say, and nothing jumps
-in between. Where a mistake is twice as likely as before it is said; where the ruler is all but
-excluded, and both axes were flown, the declaration is refused.
+(to a millimetre each); one in twenty is grossly wrong: x and y exchanged, a square for a rectangle,
+another vehicle, or one side alone, with which the mean arm is wrong by as much. With these two
+explanations as the prior of s, the half-width of its posterior about what was declared goes into
+every number as it moves with s: one that flights hardly tell stays at the ruler's, one that they
+contradict grows to what they say, and nothing jumps in between. Where a mistake is twice as likely
+as before it is said; where the ruler is all but excluded, and both axes were flown, the declaration
+is refused.
 """
 
 from collections.abc import Iterator
@@ -29,23 +30,26 @@ from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.additional_parameters import Added, Additional, estimate_additional
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
-from rotorfit.fit.intervals.joint_numbers import physical
+from rotorfit.fit.intervals.excitation import LEAST_EXCITATION, NO_EXCITATION, inertia_bias
+from rotorfit.fit.intervals.joint_numbers import physical, weighed_excitation
 from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import INERTIA, INERTIA_COM
 from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.term import Block
 from rotorfit.model.vehicle import Vehicle
 
-RULER: Final = 0.01
-"""Deviation of s of a frame that was measured: each side to 1.4 %, a millimetre in 70."""
+RULER: Final = 1e-3
+"""Deviation of a measured side [m]."""
+FLEXIBLE: Final = 0.005
+"""Deviation of s of any frame: it bends, motors sit in slots, large sizes are rounded."""
 MISTAKEN: Final = 0.25
-"""The same of one that was not: exchanged sides of 1.4 to 1 are 0.33 away, a square 0.17."""
+"""Deviation of s of a frame that was not measured: exchanged sides of 1.4 to 1 are 0.33 away, a
+square 0.17."""
 MISTAKES: Final = 0.05
 """Share of declarations that are mistaken."""
-LACKING: Final = 0.05
-"""Deviation of s by what the model lacks in all flights of a vehicle: thirteen of a 3-inch
-quadrotor agree on -0.05 +- 0.01, alone they state 0.02 to 0.1."""
+COHERENT: Final = 0.6
+"""Share of what is left unexplained that goes with s in all flights of a vehicle alike: thirteen of
+a 3-inch quadrotor agree on -0.05, where one alone states +-0.02 of twelve blocks (0.08 of one)."""
 REFUSED: Final = 1e-4
 """Chance that it was measured after all, below which the declaration is refused."""
 DOUBTED: Final = 0.9
@@ -55,8 +59,9 @@ OPEN: Final = 0.5
 ALIKE: Final = 0.12
 """Of the logarithm of the ratio, within which it is that of swapped axes, or of a square."""
 KIND: Final = "lever-arms"
-TOUCHED: Final = (*INERTIA, *INERTIA_COM, "kd", "Jr")
 BY_ARM: Final = ("Ixx", "Iyy", "Ixx_com", "Iyy_com", "Ixx_over_kt", "Iyy_over_kt")
+TOUCHED: Final = (*INERTIA, *INERTIA_COM, "kd", "Jr", "kd_over_kt", *BY_ARM[4:], "Izz_over_kt")
+"""In proportion to the arms: a mistake in one side alone makes the mean arm longer, too."""
 _GRID: Final = np.linspace(-0.95, 0.95, 3801)
 
 
@@ -68,24 +73,28 @@ class FrameSides:
     ----------
     declared
         Ratio of the rotors' distances, front to back over left to right.
+    ruler
+        Deviation of s of sides that were measured.
     value, std
         Of s, by the flights alone; zero and infinite where they do not tell it.
     blocks
         Independent ones that tell it.
-    slopes
-        Of the numbers by s, positive.
+    slopes, by_mistake
+        Of the numbers by s, positive: with the mean arm as declared, and with one side wrong alone.
     """
 
     declared: float
+    ruler: float
     value: float
     std: float
     blocks: float
     slopes: Float[np.ndarray, " q"]
+    by_mistake: Float[np.ndarray, " q"]
 
     @property
     def whole_std(self) -> float:
-        """Deviation of s with what the model lacks."""
-        return float(np.hypot(self.std, LACKING))
+        """Deviation of s with what the model lacks: a part of the unexplained does not average."""
+        return self.std * float(np.sqrt(1.0 + COHERENT**2 * self.blocks))
 
     @property
     def degrees(self) -> float:
@@ -110,7 +119,7 @@ class FrameSides:
         if np.isfinite(self.std):
             seen = stats.t.pdf((_GRID - self.value) / self.whole_std, self.degrees)
         prior = [
-            (1.0 - MISTAKES) * stats.norm.pdf(_GRID, scale=RULER),
+            (1.0 - MISTAKES) * stats.norm.pdf(_GRID, scale=self.ruler),
             MISTAKES * stats.norm.pdf(_GRID, scale=MISTAKEN),
         ]
         parts: Float[np.ndarray, "2 n"] = np.array(prior) * seen
@@ -122,11 +131,16 @@ class FrameSides:
         return float(self._parts[0].sum())
 
     @property
-    def half_width(self) -> float:
-        """Distance from zero that holds 95 % of the posterior of s."""
-        order = np.argsort(np.abs(_GRID), kind="stable")
-        within = np.cumsum(self._parts.sum(axis=0)[order])
-        return float(np.abs(_GRID)[order][int(np.searchsorted(within, 0.95))])
+    def half_widths(self) -> Float[np.ndarray, " q"]:
+        """What holds 95 % of the posterior of each number about its value, for the sides alone."""
+        far, weights = np.abs(_GRID), self._parts.ravel()
+        out = np.zeros(len(self.slopes))
+        for i, (slope, by_mistake) in enumerate(zip(self.slopes, self.by_mistake, strict=True)):
+            off = np.concatenate([slope * far, by_mistake * far])
+            order = np.argsort(off, kind="stable")
+            within = np.cumsum(weights[order])
+            out[i] = off[order][int(np.searchsorted(within, 0.95))]
+        return out
 
 
 def allow_for_sides(fit: Fit) -> Fit:
@@ -134,7 +148,7 @@ def allow_for_sides(fit: Fit) -> Fit:
     sides = frame_sides(fit)
     if sides is None:
         return fit
-    return fit.with_half_width(np.hypot(fit.numbers.half_width, sides.slopes * sides.half_width))
+    return fit.with_half_width(np.hypot(fit.numbers.half_width, sides.half_widths))
 
 
 def frame_sides(fit: Fit) -> FrameSides | None:
@@ -155,14 +169,44 @@ def frame_sides(fit: Fit) -> FrameSides | None:
         found = estimate_additional(fit.estimate, fit.configurations, [added])
     except EstimationError:
         return None
-    coupled = _is_coupled(fit)
+    open_by_gusts = _attenuation(fit) if _is_coupled(fit) else np.inf
+    identifiable = bool(np.isfinite(open_by_gusts))
+    slopes = _slopes(fit, found)
+    by_arm = np.array([name.partition("@")[0] in TOUCHED for name in fit.numbers.names])
     return FrameSides(
         declared=x / y,
-        value=float(found.values[0]) if coupled else 0.0,
-        std=float(found.std[0]) if coupled else np.inf,
+        ruler=float(np.hypot(0.5 * RULER * np.hypot(1.0 / x, 1.0 / y), FLEXIBLE)),
+        value=float(found.values[0]) if identifiable else 0.0,
+        std=float(np.hypot(_std(fit, found), open_by_gusts)) if identifiable else np.inf,
         blocks=found.blocks,
-        slopes=_slopes(fit, found),
+        slopes=slopes,
+        by_mistake=slopes + by_arm * np.abs(fit.numbers.values),
     )
+
+
+def _std(fit: Fit, found: Additional) -> float:
+    """Return the deviation of s; as large as its gain of likelihood leaves it, where that is more.
+
+    Far off, where the likelihood is flat, its slopes there say nothing of what was declared.
+    """
+    gain = max(found.estimate.log_likelihood - fit.estimate.log_likelihood, 0.0)
+    return max(float(found.std[0]), abs(float(found.values[0])) / float(np.sqrt(2.0 * gain + 1.0)))
+
+
+def _attenuation(fit: Fit) -> float:
+    """Return the deviation of s by gusts where an axis is hardly flown; infinite where not at all.
+
+    Each axis may be as far off as its moment of inertia; s has half the difference of the two.
+    """
+    lively = fit.numbers.excitation, weighed_excitation(fit.estimate, fit.configurations)
+    rho = {
+        axis: max(by[key] for by in lively for key in by if key.startswith(axis))
+        for axis in ("roll", "pitch")
+    }
+    if min(rho.values()) < NO_EXCITATION:
+        return np.inf
+    off = [inertia_bias(1.0, one) for one in rho.values() if one < LEAST_EXCITATION]
+    return 0.5 * float(np.linalg.norm(off)) / 1.96
 
 
 def _is_coupled(fit: Fit) -> bool:

@@ -9,6 +9,7 @@ are correlated by battery, air and what no law says.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -49,9 +50,10 @@ LEAST_VOLTS: Final = 0.005
 """Relative deviation of the battery voltage below which it tells nothing."""
 STOPPED: Final = 0.1
 """Share of the median speed below which a rotor stands."""
-FIRST_LAG: Final = 0.03
+FIRST_LAGS: Final = (0.008, 0.015, 0.03, 0.06, 0.12)
 FIRST_DELAYS: Final = (-0.02, 0.0, 0.02, 0.05, 0.1, 0.2)
-"""Where the search begins [s]."""
+"""Where the search begins [s]: lag and delay together, as noise in the commands makes a minimum of
+its own where only their sum is right."""
 LAGS: Final = (5e-4, 0.5)
 DELAYS: Final = (-0.1, 0.3)
 RATIO: Final = 2.0
@@ -208,18 +210,19 @@ def _refuse_short(recording: Recording) -> None:
 
 
 def _first(layout: Layout, recording: Recording) -> Float[np.ndarray, " p"]:
-    """Choose where the first fit begins: the delay at which speeds correlate with commands best."""
+    """Choose where the first fit begins: at the times by which speeds correlate with commands."""
     x = np.zeros(layout.size)
     settled, none = recording.command + 0.1, np.zeros((len(recording.command), 0))
 
-    def negative_correlation(delay: float) -> float:
-        timing = Timing(log_lag=np.log(FIRST_LAG), log_ratio=0.0, delay=delay)
+    def correlation(times: tuple[float, float]) -> float:
+        timing = Timing(log_lag=np.log(times[0]), log_ratio=0.0, delay=times[1])
         speed, _ = speed_response(recording, settled, none, timing)
-        return -float(np.corrcoef(speed, recording.speed)[0, 1])
+        return float(np.corrcoef(speed, recording.speed)[0, 1])
 
+    lag, delay = max(product(FIRST_LAGS, FIRST_DELAYS), key=correlation)
     x[0] = np.log(float(np.median(recording.speed)) / float(np.median(settled)))
     x[layout.curve] = FORMS[layout.form].start
-    x[-2], x[-1] = np.log(FIRST_LAG), min(FIRST_DELAYS, key=negative_correlation)
+    x[-2], x[-1] = np.log(lag), delay
     return x
 
 

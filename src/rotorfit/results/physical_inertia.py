@@ -112,8 +112,8 @@ def possible_sentence(moment: SecondMoment, configuration: str) -> str | None:
     if moment.impossible:
         return f"{configuration}: {IMPOSSIBLE} (by {percent:.0f} %); {FLY}"
     return (
-        f"{configuration}: {IMPOSSIBLE} (by {percent:.1f} %), though their intervals allow a body "
-        "that can exist"
+        f"{configuration}: {IMPOSSIBLE} (by {percent:.1f} %), but their intervals allow a body "
+        "that can exist: for a simulator take the nearest one (rotorfit.project_to_physical)"
     )
 
 
@@ -147,7 +147,8 @@ def body_finding(
         measured |= _estimates([p for p in parameters if p.full_name in disproved])
     found = doubt_or_passed("impossible-inertia", sentence, measured, numbers=disproved)
     if not moment.impossible:
-        return found
+        # A number that is right within its interval is no reason to doubt it.
+        return dataclasses.replace(found, severity="note") if sentence else found
     return dataclasses.replace(found, next_step=FLY, withheld_because=IMPOSSIBLE)
 
 

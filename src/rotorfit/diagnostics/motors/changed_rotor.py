@@ -21,6 +21,9 @@ LEAST_UNLIKE: Final = 0.1
 USUAL: Final = 0.06
 """Of a rotor's thrust coefficient from the others': sound vehicles have up to the second, with the
 whole interval; the first is what is worth a word."""
+ALONE: Final = 0.5
+"""Share of a rotor's difference, up to which the others may differ from one another: more is a
+pattern over all rotors, which no single propeller makes."""
 SHORTEST: Final = 5.0
 """Flight [s] of which halves are compared."""
 
@@ -64,11 +67,17 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
     if excess is None:
         return
     rotor, evidence = excess
-    sentence = unlike_sentence(rotor, evidence)
-    found = Finding(
-        kind="rotor-unlike", severity="passed", numbers=("kt", "msx", "msy"), evidence=(evidence,)
-    )
+    alone = others_differ(fit.numbers, rotor) < ALONE * abs(evidence.value)
+    sentence = unlike_sentence(rotor, evidence, alone=alone)
     because = "one rotor's speed has another scale, or its propeller is another"
+    if sentence and not alone:
+        because = "something pushes the vehicle beside its centre of mass"
+    found = Finding(
+        kind="rotor-unlike" if alone or not sentence else "rotor-pattern",
+        severity="passed",
+        numbers=("kt", "msx", "msy"),
+        evidence=(evidence,),
+    )
     yield (
         found
         if sentence is None
@@ -102,14 +111,34 @@ def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | No
     return rotor, Evidence(name="rotor_thrust_excess", value=value, interval=interval, limit=limit)
 
 
-def unlike_sentence(rotor: int, excess: Evidence) -> str | None:
-    """Explain that a rotor's thrust is far from the others'; None where chance may make it so."""
+def others_differ(numbers: Numbers, rotor: int) -> float:
+    """Return by which share the other rotors' coefficients differ from their median at most."""
+    own = [float(v) for n, v in zip(numbers.names, numbers.values, strict=True) if n[:3] == "kt_"]
+    others = np.delete(own, rotor)
+    return float(np.abs(others / np.median(others) - 1.0).max())
+
+
+def unlike_sentence(rotor: int, excess: Evidence, *, alone: bool = True) -> str | None:
+    """Explain that a rotor's thrust is far from the others'; None where chance may make it so.
+
+    `alone`: whether it is one rotor, and no pattern over all.
+    """
     low, high = excess.interval or (-np.inf, np.inf)
     if abs(excess.value) < LEAST_UNLIKE or low < USUAL < high or low < -USUAL < high:
         return None
-    return (
+    seen = (
         f"rotor {rotor + 1} makes {100 * abs(excess.value):.0f} +- {50 * (high - low):.0f} % "
-        f"{'more' if excess.value > 0 else 'less'} thrust than the others at the same speed: its "
+        f"{'more' if excess.value > 0 else 'less'} thrust than the others at the same speed"
+    )
+    if not alone:
+        return (
+            f"{seen}, and these differ among themselves: no single propeller does that, but air or "
+            "a cable that pushes beside the centre of mass does, or a rotor that is not where it "
+            "is declared; fly in still air, log the velocity, check the rotors' positions, and "
+            "until then do not trust kt, the single rotors and the centre of mass"
+        )
+    return (
+        f"{seen}: its "
         "speed has another scale (poles), or its propeller is damaged or of another type; until "
         "this is fixed do not trust kt and the centre of mass"
     )

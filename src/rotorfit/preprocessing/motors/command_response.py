@@ -19,8 +19,11 @@ MOST_SPEEDS: Final = 120_000
 PIECE: Final = 10.0
 """Length of such a piece [s]."""
 FRESH: Final = 0.3
-"""Share of speeds unlike the one before, under which telemetry is slower than the log: then only
-new values count, at the moment they come."""
+"""Share of speeds unlike the one before, under which telemetry may be slower than the log: then
+only new values count, at the moment they come."""
+SINGLE_STEPS: Final = 2.0
+"""Usual change of such a speed over the smallest (a twentieth are below), up to which rounding
+holds it: a slow telemetry jumps over many steps."""
 LARGEST: Final = 1e9
 
 Span = tuple[float, float]
@@ -140,14 +143,25 @@ def _known(
 def _fresh(
     time: Float[np.ndarray, " n"], speed: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Despike speeds, and drop repetitions of slow telemetry."""
+    """Despike speeds, and drop repetitions of slow telemetry.
+
+    Not those of speeds in coarse steps: a rounded speed is half a step ahead where it changes.
+    """
     if len(time) < 2:
         return time, speed
     new = np.concatenate([[True], np.diff(speed) != 0.0])
-    if float(new.mean()) < FRESH:
+    if float(new.mean()) < FRESH and not _is_rounded(np.abs(np.diff(speed[new]))):
         time, speed = time[new], speed[new]
     values, _ = hampel(speed[:, None])
     return time, values[:, 0]
+
+
+def _is_rounded(jumps: Float[np.ndarray, " j"]) -> bool:
+    """Return whether most changes of a speed are by one step of its resolution."""
+    if not len(jumps):
+        return False
+    smallest, usual = np.percentile(jumps, [5.0, 50.0]).tolist()
+    return usual < SINGLE_STEPS * smallest
 
 
 def _pieces(speed: Channel) -> list[Span]:
