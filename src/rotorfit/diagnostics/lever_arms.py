@@ -47,9 +47,12 @@ MISTAKEN: Final = 0.25
 square 0.17."""
 MISTAKES: Final = 0.05
 """Share of declarations that are mistaken."""
+LACKING: Final = 0.05
+"""Deviation of s by what the model lacks in all flights of a vehicle: thirteen of a 3-inch
+quadrotor agree on -0.05 +- 0.01, alone they state 0.02 to 0.1."""
 COHERENT: Final = 0.6
-"""Share of what is left unexplained that goes with s in all flights of a vehicle alike: thirteen of
-a 3-inch quadrotor agree on -0.05, where one alone states +-0.02 of twelve blocks (0.08 of one)."""
+"""Share of what one block leaves unexplained that the model can lack at most: where it explains all
+but a little, it lacks little."""
 REFUSED: Final = 1e-4
 """Chance that it was measured after all, below which the declaration is refused."""
 DOUBTED: Final = 0.9
@@ -93,8 +96,9 @@ class FrameSides:
 
     @property
     def whole_std(self) -> float:
-        """Deviation of s with what the model lacks: a part of the unexplained does not average."""
-        return self.std * float(np.sqrt(1.0 + COHERENT**2 * self.blocks))
+        """Deviation of s with what the model lacks, which no length of a flight averages."""
+        lacking = min(LACKING, COHERENT * self.std * float(np.sqrt(self.blocks)))
+        return float(np.hypot(self.std, lacking)) if np.isfinite(self.std) else self.std
 
     @property
     def degrees(self) -> float:
@@ -169,7 +173,7 @@ def frame_sides(fit: Fit) -> FrameSides | None:
         found = estimate_additional(fit.estimate, fit.configurations, [added])
     except EstimationError:
         return None
-    open_by_gusts = _attenuation(fit) if _is_coupled(fit) else np.inf
+    open_by_gusts = _attenuation(fit, found) if _is_coupled(fit) else np.inf
     identifiable = bool(np.isfinite(open_by_gusts))
     slopes = _slopes(fit, found)
     by_arm = np.array([name.partition("@")[0] in TOUCHED for name in fit.numbers.names])
@@ -193,12 +197,15 @@ def _std(fit: Fit, found: Additional) -> float:
     return max(float(found.std[0]), abs(float(found.values[0])) / float(np.sqrt(2.0 * gain + 1.0)))
 
 
-def _attenuation(fit: Fit) -> float:
+def _attenuation(fit: Fit, found: Additional) -> float:
     """Return the deviation of s by gusts where an axis is hardly flown; infinite where not at all.
 
     Each axis may be as far off as its moment of inertia; s has half the difference of the two.
+    Wrong sides leave motion unexplained that is no gust: the sides that were found count as well.
     """
-    lively = fit.numbers.excitation, weighed_excitation(fit.estimate, fit.configurations)
+    estimates = fit.estimate, found.estimate
+    lively = [weighed_excitation(one, fit.configurations) for one in estimates]
+    lively.append(fit.numbers.excitation)
     rho = {
         axis: max(by[key] for by in lively for key in by if key.startswith(axis))
         for axis in ("roll", "pitch")
