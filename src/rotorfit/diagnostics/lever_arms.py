@@ -203,9 +203,8 @@ def _attenuation(fit: Fit, found: Additional) -> float:
     Each axis may be as far off as its moment of inertia; s has half the difference of the two.
     Wrong sides leave motion unexplained that is no gust: the sides that were found count as well.
     """
-    estimates = fit.estimate, found.estimate
-    lively = [weighed_excitation(one, fit.configurations) for one in estimates]
-    lively.append(fit.numbers.excitation)
+    by_weight = (weighed_excitation(e, fit.configurations) for e in (fit.estimate, found.estimate))
+    lively = [fit.numbers.excitation, *by_weight]
     rho = {
         axis: max(by[key] for by in lively for key in by if key.startswith(axis))
         for axis in ("roll", "pitch")
