@@ -37,13 +37,13 @@ def test_thrust_per_mass_is_what_carries_the_weight(result):
 
 def test_lag_and_delay_are_those_of_the_likeliest_fit(result):
     """Once it was 0, 34 or 150 ms, whichever end of the flight one sample was taken from."""
-    assert result.parameter("motor_lag").value == pytest.approx(0.0238, abs=0.0005)
+    assert result.parameter("motor_lag").value == pytest.approx(0.0244, abs=0.0005)
     assert result.parameter("motor_delay").value == pytest.approx(0.0053, abs=0.0003)
     assert result.derived_value("motor_lag_total").std < 0.0025
 
 
-def test_the_yaw_that_is_flown_is_found_and_nothing_else(result):
-    assert result.derived_value("Jr_over_Izz").interval[0] > 0.0
+def test_no_turn_of_so_calm_a_flight_gives_inertia(result):
+    assert result.derived_value("Jr_over_Izz").reason.startswith("signal-to-noise")
     for name in ("kd", "Ixx", "Iyy", "Izz"):
         assert result.parameter(name).value is None
 
