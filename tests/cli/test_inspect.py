@@ -115,7 +115,7 @@ def test_several_logs_are_listed_and_one_is_chosen(run, refused, here, blackbox)
     (here / "two.bbl").write_bytes(blackbox + blackbox)
     listed = run("inspect", "two.bbl")
     assert listed.code == 0
-    assert listed.out.startswith("two.bbl: 2 logs; look at one with --log N\n  1: ")
+    assert listed.out.startswith("two.bbl: 2 logs, the longest first; look at one with --log N\n  ")
     [choice] = run("inspect", "two.bbl", "--json").json
     assert [line[:2] for line in choice["logs"]] == ["1:", "2:"]
     chosen = run("inspect", "two.bbl", "--log", "2", "--json")

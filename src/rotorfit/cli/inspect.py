@@ -172,5 +172,5 @@ def _text(report: LogReport | SeveralLogs) -> str:
 
     if not isinstance(report, SeveralLogs):
         return report_text(report, width=terminal_width())
-    head = f"{report.file}: {len(report.logs)} logs; look at one with --log N"
+    head = f"{report.file}: {len(report.logs)} logs, the longest first; look at one with --log N"
     return "\n".join([head, *(f"  {line}" for line in report.logs), ""])
