@@ -77,7 +77,7 @@ def test_the_doctor_fills_the_form(identified):
     assert found["verdict"]["level"] in ("good", "fair", "poor")
     assert found["verdict"]["words"].startswith("This flight ")
     titles = [section["title"] for section in found["sections"]]
-    assert titles == ["Flight", "What this flight can show"]
+    assert titles == ["Flight", "What this flight can show", "Next step"]
     assert ("reading flight.csv", 1.0) in steps
 
 

@@ -6,7 +6,10 @@ import pytest
 from scipy import signal
 
 from rotorfit.control_loop.filters import GyroFilter, delays, first_order, integral, smoothing
+from rotorfit.control_loop.loop import closed_loop, step_harmonics, step_response
 from rotorfit.control_loop.margins import margins
+from rotorfit.control_loop.plant import Plant
+from rotorfit.control_loop.rate_controller import RateController
 
 GRID = np.geomspace(0.05, 90.0, 1500)
 S = 2j * np.pi * GRID
@@ -79,3 +82,46 @@ def test_a_running_sum_is_that_of_scipy(late):
     b = [0.0, 0.004] if late else [0.004]
     _, expected = signal.freqz(b, [1, -1], GRID, fs=250)
     assert np.allclose(integral(z, 0.004, late=late), expected)
+
+
+def flown_like(*, slope_of="rate"):
+    """A controller of the autopilots' form and a vehicle, with the same loops in python-control."""
+    T = 0.004
+    controller = RateController(
+        P=0.15, I=0.2, D=0.003, FF=0.0, angle=6.0, period=T, set_point_age=1,
+        slope_of=slope_of, slope_lowpass=30.0, gyro_filters=(),
+    )  # fmt: skip
+    one = np.ones(1)
+    body = Plant(gain=150.0 * one, damping=0.4 * one, lag=0.03 * one, delay=2 * T * one)
+    z = control.tf([1, 0], [1], T)
+    alpha = T / (T + 1 / (2 * np.pi * 30.0))
+    steep = 0.003 * (1 - 1 / z) / T * alpha / (1 - (1 - alpha) / z)
+    total = T / (z - 1) if slope_of == "rate" else T / (1 - 1 / z)
+    feedback = 0.15 + 0.2 * total + steep
+    forward = 0.15 + 0.2 * total + (0 if slope_of == "rate" else steep)
+    s = control.tf("s")
+    vehicle = control.c2d(150.0 / (s + 0.4) / (1 + 0.03 * s), T, "zoh") / z**2
+    return controller, body, vehicle, feedback, forward
+
+
+@pytest.mark.parametrize("slope_of", ["rate", "error"])
+def test_the_loop_and_its_step_are_python_controls(slope_of):
+    controller, body, vehicle, feedback, forward = flown_like(slope_of=slope_of)
+    slow = GRID[GRID < 20.0]
+    loop = controller.from_rate(slow) * body.response(slow, controller.period)
+    expected = control.frequency_response(vehicle * feedback, 2 * np.pi * slow).complex
+    assert loop[0] == pytest.approx(expected, rel=0.03)
+    gm, pm, *_ = control.stability_margins(vehicle * feedback, method="frd")
+    grid = np.geomspace(0.05, 112.0, 2000)
+    found = margins(grid, controller.from_rate(grid) * body.response(grid, controller.period))
+    assert found.phase[0] == pytest.approx(pm, abs=0.5)
+    assert found.gain[0] == pytest.approx(gm, rel=0.03)
+    harmonics = step_harmonics(controller.period)
+    loops = controller.from_rate(harmonics) * body.response(harmonics, controller.period)
+    time = np.arange(0, 150) * controller.period
+    answer = step_response(harmonics, closed_loop(controller, loops, harmonics), time)[0]
+    closed = control.minreal(vehicle * forward / (1 + vehicle * feedback), verbose=False)
+    _, exact = control.step_response(closed, time)
+    # A step comes at any time between two runs: half a period later than at a run, in the mean.
+    exact = np.interp(time - controller.period / 2, time, np.asarray(exact))
+    assert np.abs(answer - exact).max() < 0.01

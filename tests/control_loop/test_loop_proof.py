@@ -73,9 +73,14 @@ def test_the_flown_loop_is_proved_past_its_crossover(result):
         assert high > loop.rate_loop.crossover.value
         assert loop.error.gain == pytest.approx(1.0, abs=0.05)
         assert abs(loop.error.delay) < 1.5e-3
+        step = loop.step
+        assert (step.low <= step.high).all()
+        assert np.abs(step.value[step.time < loop.error.delay + 0.005]).max() < 0.02
+        assert 0.8 < step.value[-1] < 1.2
     assert outcome.axes[2].proved is None
     text = loop_text(outcome)
     assert "roll: calm; turns into oscillation if the loop were" in text
+    assert "Step of the rate asked for" in text
     assert json.loads(loop_to_json(outcome))["axes"][0]["proved"][1] > 5.0
 
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import made_fit
 from rotorfit.dataset.carried_weight import (
@@ -60,10 +59,9 @@ def test_hover_carries_the_weight():
 
 @pytest.mark.parametrize(("seconds", "own"), [(4.0, 1.0), (16.0, 4.0 / 3.0)])
 def test_an_unknown_velocity_is_what_a_hover_leaves_open(seconds, own):
-    """Half a velocity of 1.5 / sqrt 2 m/s is taken as seen, one in 2 s is still; t of as many."""
+    """Two velocities of 1.5 m/s are taken as seen, one in 2 s is still; 12 / T^2 of T / 2."""
     (held,) = kts(flown(np.zeros(round(100 * seconds))), bias=UNKNOWN)
-    degrees = 0.5 + seconds / 2.0
-    velocity = 1.5 * np.sqrt(0.25 / degrees) * stats.t.ppf(0.975, degrees) / 1.96
+    velocity = 1.5 * np.sqrt(2.0 / (2.0 + seconds / 2.0))
     slope = np.sqrt(12.0 * 2.0 / seconds) / seconds
     assert held.std / held.ratio == pytest.approx(velocity * slope / G, rel=1e-6)
 

@@ -91,8 +91,8 @@ def test_the_weight_is_as_sure_as_in_an_estimate(seconds):
 REAL = {
     # Verdicts of the estimate on kt, Ixx, Iyy and kd / Izz; None: whatever it says.
     "tudelft-indiflight/LOG00267.BFL": ("well", "well", "well", "well"),
-    "tudelft-indiflight/LOG00340.BFL": ("well", "well", "roughly", "not"),
-    "arplab-crazyflie/log15": ("well", "roughly", "roughly", "not"),
+    "tudelft-indiflight/LOG00340.BFL": ("well", "roughly", "roughly", "not"),
+    "arplab-crazyflie/log15": ("roughly", "roughly", "roughly", "not"),
     "betaflight/LOG00007.BFL": ("well", "not", "not", "not"),
     "betaflight/LOG00037.BFL": ("roughly", "not", "not", "not"),
     "ardupilot-dronekit/log171.bin": ("well", "not", None, "not"),

@@ -581,7 +581,7 @@ def test_a_columns_map_is_advised_only_where_one_is_taken():
         assert "columns = {" in refusal(FlightError, replace(changed, format="table"))
         words = refusal(FlightError, replace(changed, format="blackbox"))
         assert "columns = {" not in words
-        assert "export it as a table" in words
+        assert "export the log as a CSV table" in words
 
 
 def test_a_torn_log_is_refused_by_its_gaps():

@@ -88,7 +88,7 @@ def test_commands_that_explain_nothing_say_what_is_wrong(commands, words):
     of_thrust, of_yaw = prospect_messages(found)
     assert words in of_thrust
     assert "neither roll nor pitch" not in of_thrust
-    assert of_yaw.endswith("cannot be found: the commands do not explain it, see thrust")
+    assert of_yaw.endswith("cannot be found: the commands do not explain yaw, see thrust")
 
 
 def test_two_kt_with_measured_speed_are_the_accelerometers():

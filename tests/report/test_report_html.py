@@ -113,7 +113,7 @@ def test_the_summary_says_how_well_and_what_to_do() -> None:
     assert (roll.words, roll.shown) == ("roll", "1.210 ± 0.020")
     assert (yaw.words, yaw.shown) == ("yaw", "not known")
     assert summary.next_step is not None
-    assert summary.next_step.startswith("yaw while rolling: fly 20 s of alternating turns (for ")
+    assert summary.next_step.startswith("yaw while rolling: fly 20 s of alternating turns")
 
 
 def test_counts_of_verdicts_are_those_of_the_result() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from rotorfit.control_loop.controllers import AXES, rate_controller
 from rotorfit.control_loop.margins import Margins, margins
@@ -47,6 +47,10 @@ LIMITED: Final = 0.02
 PROVED_AXES: Final = (0, 1)
 """Yaw's closed loop is not predicted well enough to be proved."""
 SIDES: Final = (0.025, 0.975)
+SETTLED: Final = 4.0
+"""By then the answer to a step has come to rest [s]."""
+STEP_TIMES: Final = np.linspace(0.0, 0.6, 121)
+"""At which it is shown [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +78,19 @@ class LoopMeasures:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StepResponse:
+    """Rate over the rate asked for, that steps to 1 at time 0 [s], with its 95 % band.
+
+    Without noise, at no motor's limit; NaN where the nominal loop oscillates.
+    """
+
+    time: Float[np.ndarray, " t"]
+    value: Float[np.ndarray, " t"]
+    low: Float[np.ndarray, " t"]
+    high: Float[np.ndarray, " t"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AxisLoop:
     """What is said of one axis.
 
@@ -94,6 +111,8 @@ class AxisLoop:
     gains
         Factor of P, I and D, and the peak of the sensitivity that 97.5 % of the vehicles stay
         below; infinite where more oscillate.
+    step
+        Of the rate loop alone.
     frequency, open_loop
         [Hz], and the nominal response with its attitude loop, for pictures.
     """
@@ -107,6 +126,7 @@ class AxisLoop:
     error: LoopError
     doubts: tuple[str, ...]
     gains: tuple[tuple[float, float], ...]
+    step: StepResponse
     frequency: Float[np.ndarray, " f"]
     open_loop: Complex[np.ndarray, "D f"]
 
@@ -218,7 +238,12 @@ def _axis(
     vehicles = body if doubts else error.corrected(body, seed)
     inner = loops(vehicles)
     bands = bands_of(inner[0])
-    rate_loop = _measures(margins(frequency, inner))
+    found = margins(frequency, inner)
+    rate_loop = _measures(found)
+    harmonics = step_harmonics(controller.period)
+    heard = controller_response(log, flight, controller, axis, harmonics)
+    alone = _rate_loops(controller, vehicles, filtered=heard, frequency=harmonics)
+    closed = closed_loop(controller, alone, harmonics)
     doubts = doubts or _too_little(rate_loop.crossover.value, bands, error)
     outer = _with_attitude(inner, controller, frequency)
     gains = [
@@ -236,6 +261,7 @@ def _axis(
         error=error,
         doubts=tuple(doubts),
         gains=tuple(gains),
+        step=_step(step_response(harmonics, closed, STEP_TIMES), found.stable),
         frequency=frequency,
         open_loop=outer,
     )
@@ -262,6 +288,43 @@ def _with_attitude(
     return inner * (1.0 + controller.from_angle(frequency) / controller.from_rate(frequency))
 
 
+def closed_loop(
+    controller: RateController,
+    loops: Complex[np.ndarray, "*D f"],
+    frequency: Float[np.ndarray, " f"],
+) -> Complex[np.ndarray, "*D f"]:
+    """Compute the rate over the rate asked for, from open rate loops."""
+    asked = controller.from_set_point(frequency) / controller.from_rate(frequency)
+    return loops / (1.0 + loops) * asked
+
+
+def step_harmonics(period: float) -> Float[np.ndarray, " f"]:
+    """Choose the frequencies of a square wave that rests `SETTLED` on either side [Hz]."""
+    first = 0.5 / SETTLED
+    return first * np.arange(1.0, 0.45 / period / first, 2.0)
+
+
+def step_response(
+    harmonics: Float[np.ndarray, " f"],
+    closed: Complex[np.ndarray, "D f"],
+    time: Float[np.ndarray, " t"],
+) -> Float[np.ndarray, "D t"]:
+    """Compute the answer to a step, as that to one edge of a slow square wave from 0 to 1."""
+    waves = np.exp(2j * np.pi * np.outer(harmonics, time))
+    parts = 2.0 / np.pi * closed * harmonics[0] / harmonics
+    # Both sides at rest: the answer to the edge begins at none.
+    return np.imag(parts @ waves) - np.imag(parts.sum(axis=1, keepdims=True))
+
+
+def _step(answers: Float[np.ndarray, "D t"], stable: Bool[np.ndarray, " D"]) -> StepResponse:
+    """Collect the nominal answer, which comes first, and the band of the stable ones."""
+    if not stable[0]:
+        nothing = np.full_like(STEP_TIMES, np.nan)
+        return StepResponse(time=STEP_TIMES, value=nothing, low=nothing, high=nothing)
+    low, high = np.quantile(answers[stable], SIDES, axis=0)
+    return StepResponse(time=STEP_TIMES, value=answers[0], low=low, high=high)
+
+
 def _bands(
     measured: MeasuredLoop,
     controller: RateController,
@@ -271,7 +334,7 @@ def _bands(
 ) -> list[Band]:
     """Compare the measured closed loop with that of an open rate loop."""
     by_output = loop / (1.0 + loop) / controller.from_rate(frequency)
-    closed = by_output * controller.from_set_point(frequency)
+    closed = closed_loop(controller, loop, frequency)
     return closed_loop_bands(measured, frequency, closed, loop, by_output)
 
 

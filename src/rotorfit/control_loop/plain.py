@@ -45,4 +45,5 @@ def _axis(loop: AxisLoop) -> dict[str, Any]:
         "proved": None if loop.proved is None else list(loop.proved),
         "doubts": list(loop.doubts),
         "gains": [{"factor": factor, "sensitivity": peak} for factor, peak in loop.gains],
+        "step": {name: values.tolist() for name, values in asdict(loop.step).items()},
     }

@@ -28,9 +28,8 @@ from rotorfit.preprocessing.kinematics import rotated
 
 FORGOTTEN = 2.0
 """In which a vehicle's vertical velocity becomes another one [s]."""
-PRIOR_VELOCITIES = 0.5
-"""As many velocities, two of which differ by `VELOCITY_CHANGE`, are taken to be seen before the
-flight: hardly one, since flights differ tenfold."""
+PRIOR_VELOCITIES = 2.0
+"""As many velocities of `VELOCITY_CHANGE` are taken to be seen before the flight."""
 LINEAR = 0.5
 """Share of a mean drag that is open: climb and descent are no straight line."""
 MOST_BATCHES = 10
@@ -150,16 +149,11 @@ def _felt_velocity(motion: VerticalMotion) -> Float[np.ndarray, " n"]:
 
 
 def _velocity_deviation(motion: VerticalMotion) -> float:
-    """Estimate the deviation of the vertical velocity; a short stretch tells little of it [m/s].
-
-    As half of a 95 % interval over 1.96, by Student's t of as many velocities as are seen.
-    """
+    """Estimate the deviation of the vertical velocity; a short stretch tells little of it [m/s]."""
     seen = motion.seconds / FORGOTTEN
-    squares = PRIOR_VELOCITIES * 0.5 * VELOCITY_CHANGE**2
+    squares = PRIOR_VELOCITIES * VELOCITY_CHANGE**2
     squares += seen * float(np.mean(_felt_velocity(motion) ** 2))
-    degrees = PRIOR_VELOCITIES + seen
-    few = float(stats.t.ppf(0.975, degrees)) / 1.96
-    return few * float(np.sqrt(squares / degrees))
+    return float(np.sqrt(squares / (PRIOR_VELOCITIES + seen)))
 
 
 def climb_drag(motion: VerticalMotion) -> tuple[float, float]:

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
+from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate, banded, response_sensitivity
 from rotorfit.estimation.banded_problem import BandedProblem
 from rotorfit.estimation.error_correlation import error_correlation_shifts
@@ -185,6 +186,8 @@ def _effective_blocks(influence: Float[np.ndarray, "b a"]) -> float:
     influence is v times a chi-square of as many degrees as there are parameters, n, whose mean
     square is (1 + 2 / n) n^2 v^2.
     """
+    if not np.isfinite(influence).all():
+        raise EstimationError("the flights do not determine the additional parameters")
     whole = np.linalg.pinv(influence.T @ influence, hermitian=True, rcond=1e-12)
     shares = np.einsum("bi,ij,bj->b", influence, whole, influence)
     count = (1.0 + 2.0 / influence.shape[1]) * float(shares.sum() ** 2 / (shares @ shares))

@@ -305,7 +305,7 @@ def _reason(axis: Excitation, found: Prospects) -> str:
         return "the log is too slow"
     if axis.rho < LEAST_EXCITATION:
         if axis.prospect == "not" and not found.thrust.followed and found.motors is not None:
-            return "the commands do not explain it, see thrust"
+            return f"the commands do not explain {axis.axis}, see thrust"
         return f"signal-to-noise {short(axis.rho)}, need {LEAST_EXCITATION:.0f}: " + (
             "noise and disturbances hide the motion"
             if axis.prospect == "not"

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from rotorfit.control_loop.loop import AxisLoop, LoopMeasures, LoopOutcome, Measure
 
 WIDTH = 80
+HALF = 0.5
+"""Of a step."""
 CALM, LIVELY = 2.0, 3.0
 """Peaks of the sensitivity up to which a loop is calm, and beyond which it nearly oscillates."""
 
@@ -25,6 +27,8 @@ def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
     ]  # fmt: skip
     for one in outcome.axes:
         lines += _wrapped(verdict(one), width, "  ", "    ")
+    lines += ["", "Step of the rate asked for, rate loop alone, no motor at its limit"]
+    lines += [_step_line(one) for one in outcome.axes if one.axis != "yaw"]
     lines += ["", "Proof on this log"]
     for one in outcome.axes:
         for line in proof(one):
@@ -82,6 +86,21 @@ def proof(loop: AxisLoop) -> list[str]:
         low, high = loop.proved
         lines.append(f"{loop.axis}: proved from {low:.1f} to {high:.1f} Hz")
     return lines
+
+
+def _step_line(loop: AxisLoop) -> str:
+    """Write how soon and how far over the rate answers."""
+    step = loop.step
+    if not math.isfinite(step.value[0]):
+        return f"  {loop.axis:<6}oscillates: lower P and D"
+    unproved = "" if loop.proved is not None else "; not proved"
+    low, high = (100 * side.max() for side in (step.low, step.high))
+    half = step.value >= HALF
+    soon = f"half after {1e3 * step.time[half.argmax()]:.0f} ms" if half.any() else "under half"
+    return (
+        f"  {loop.axis:<6}{soon}, at most {100 * step.value.max():.0f} % "
+        f"({low:.0f}..{high:.0f}){unproved}"
+    )
 
 
 def _margin_table(title: str, rows: Sequence[tuple[str, LoopMeasures]]) -> list[str]:
