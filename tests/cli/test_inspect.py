@@ -115,7 +115,7 @@ def test_several_logs_are_listed_and_one_is_chosen(run, refused, here, blackbox)
     (here / "two.bbl").write_bytes(blackbox + blackbox)
     listed = run("inspect", "two.bbl")
     assert listed.code == 0
-    assert listed.out.startswith("two.bbl: 2 logs; look at one with --log N\n  1: ")
+    assert listed.out.startswith("two.bbl: 2 logs, the longest first; look at one with --log N\n  ")
     [choice] = run("inspect", "two.bbl", "--json").json
     assert [line[:2] for line in choice["logs"]] == ["1:", "2:"]
     chosen = run("inspect", "two.bbl", "--log", "2", "--json")
@@ -348,6 +348,16 @@ def test_an_experiment_file_names_the_columns(run, changed, here):
     [report] = ended.json
     assert report["channels"][0]["source"] == "columns p, q, r [rad/s]"
     assert any(": identified: " in words for words in report["verdicts"]), report["trouble"]
+    layout = ("--layout", "quad-x", "--order", "px4", "--spacing", "200,200", "-o", "seen.toml")
+    seen = run("airframe", "mapped.toml", *layout)
+    assert seen.code == 0, seen.err
+    assert seen.out.endswith("  rotorfit identify mapped.toml\n")
+
+
+def test_an_airframe_file_beside_a_log_is_its_airframe(run, here):
+    as_option = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json")
+    assert any(": identified: " in words for words in as_option.json[0]["verdicts"])
+    assert run("inspect", "airframe.toml", "flight.csv", "--json").json == as_option.json
 
 
 def test_an_airframe_file_is_no_log(refused, here):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -44,7 +45,9 @@ def airframe(
     log: Annotated[
         Path | None,
         typer.Argument(
-            metavar="LOG", help="A flight of the vehicle: it shows motor order and spins."
+            metavar="LOG",
+            help="A flight of the vehicle: it shows motor order and spins. Or an experiment file "
+            "(.toml): its first flight.",
         ),
     ] = None,
     output: OutputFile = Path("airframe.toml"),
@@ -76,7 +79,11 @@ def airframe(
     _refuse_unreadable(text)
     write_whole(output, text, force=force)
     print_result(f"{text}\nwritten to {output}; next:")
-    print_result(f"  rotorfit identify {log or 'LOG'} --mass KG --airframe {output}")
+    if log is not None and log.suffix.lower() == ".toml":
+        print_result(f"  put these tables in the place of those of {log}, then")
+        print_result(f"  rotorfit identify {log}")
+    else:
+        print_result(f"  rotorfit identify {log or 'LOG'} --mass KG --airframe {output}")
 
 
 def _named_text(
@@ -105,13 +112,19 @@ def _named_text(
 
 def _seen_in(path: Path, log_number: int | None) -> SeenAirframe:
     """Read the airframe off a log, and print it."""
+    from rotorfit.cli.inspect import logs_of_experiment
     from rotorfit.inspection.inspect_log import inspect_log
     from rotorfit.inspection.seen_airframe import seen_airframe
     from rotorfit.logs import ReadOptions, read_log
 
+    options = ReadOptions(log_number=log_number)
+    if path.suffix.lower() == ".toml":
+        flight = logs_of_experiment(path)[0]
+        path = flight.path
+        options = replace(flight.read, log_number=flight.read.log_number or log_number)
     with steps() as report_progress:
         report_progress(f"reading {path.name}")
-        log = read_log(path, options=ReadOptions(log_number=log_number))
+        log = read_log(path, options=options)
         seen = seen_airframe(log, inspect_log(log))
     if seen.rotors is None:
         raise ExperimentError(

@@ -49,7 +49,8 @@ def inspect(
         list[Path],
         typer.Argument(
             metavar="LOG",
-            help="Flight logs of any format, or experiment files (.toml) that map their columns.",
+            help="Flight logs of any format, or experiment files (.toml) that map their columns; "
+            "an airframe file among logs is taken as --airframe.",
         ),
     ],
     log: LogNumber = None,
@@ -75,7 +76,8 @@ def inspect(
 
     if report is not None:
         refuse_output_file(report, inputs=logs, force=force)
-    inspected, refusals = _listed(logs)
+    paths, airframe = _logs_and_airframe(logs, airframe)
+    inspected, refusals = _listed(paths)
     for refusal in refusals:
         print_refusal(refusal)
     failed = bool(refusals)
@@ -103,6 +105,18 @@ def inspect(
         raise typer.Exit(1)
 
 
+def _logs_and_airframe(paths: list[Path], airframe: Path | None) -> tuple[list[Path], Path | None]:
+    """Take an airframe file among logs as that of --airframe."""
+    from rotorfit.logs.read import AIRFRAME_FILE, own_kind
+
+    if airframe is not None:
+        return paths, airframe
+    found = [p for p in paths if p.suffix.lower() == ".toml" and own_kind(p) == AIRFRAME_FILE]
+    if len(found) != 1 or len(paths) == 1:
+        return paths, None
+    return [path for path in paths if path != found[0]], found[0]
+
+
 def _listed(paths: list[Path]) -> tuple[list[InspectedLog], list[RotorfitError]]:
     """List the logs to inspect, those of experiment files among them, and the refusals."""
     from rotorfit.logs import ReadOptions
@@ -114,13 +128,14 @@ def _listed(paths: list[Path]) -> tuple[list[InspectedLog], list[RotorfitError]]
             inspected.append(InspectedLog(path=path, read=ReadOptions()))
             continue
         try:
-            inspected += _of_experiment(path)
+            inspected += logs_of_experiment(path)
         except RotorfitError as error:
             refusals.append(error)
     return inspected, refusals
 
 
-def _of_experiment(path: Path) -> list[InspectedLog]:
+def logs_of_experiment(path: Path) -> list[InspectedLog]:
+    """List the logs of an experiment file, with the columns that it maps."""
     from rotorfit.experiment.declared_vehicle import read_options_of
     from rotorfit.experiment.experiment import load_experiment
     from rotorfit.experiment.toml_files import read_toml
@@ -172,5 +187,5 @@ def _text(report: LogReport | SeveralLogs) -> str:
 
     if not isinstance(report, SeveralLogs):
         return report_text(report, width=terminal_width())
-    head = f"{report.file}: {len(report.logs)} logs; look at one with --log N"
+    head = f"{report.file}: {len(report.logs)} logs, the longest first; look at one with --log N"
     return "\n".join([head, *(f"  {line}" for line in report.logs), ""])

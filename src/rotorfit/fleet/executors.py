@@ -120,7 +120,7 @@ def _processed(task: FlightTask, cache: Path) -> TaskOutcome:
     path = Path(task.file)
     logs = logs_in_file(path) if task.log_number is None else ()
     if len(logs) > 1:
-        return TaskOutcome(task=task, numbers=tuple(log.number for log in logs))
+        return TaskOutcome(task=task, numbers=tuple(sorted(log.number for log in logs)))
     if not path.is_dir():
         read_head(path, 1)
     experiment = experiment_of(task)

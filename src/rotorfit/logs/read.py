@@ -24,10 +24,11 @@ _HEAD: Final = 65536
 _LARGEST_TEXT: Final = 4_000_000
 """Bytes of a file that is looked into whole."""
 TRUTH_FILE: Final = "the truth of a simulated flight"
+AIRFRAME_FILE: Final = "an airframe file"
 _TABLES: Final = (
     ("configuration", "an experiment file"),
-    ("airframe", "an airframe file"),
-    ("motors", "an airframe file"),
+    ("airframe", AIRFRAME_FILE),
+    ("motors", AIRFRAME_FILE),
 )
 """Keys of rotorfit's own TOML files, and what these are."""
 _FIELDS: Final = (

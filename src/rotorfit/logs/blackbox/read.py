@@ -18,6 +18,8 @@ from rotorfit.logs.formats import LogEntry
 
 _LISTED: Final = 8
 """Most logs that an error message lists."""
+_PIECE: Final = 1 << 14
+"""Bytes that are first searched for a frame at either end of a log: some I intervals."""
 
 # Header lines for people, by name or by what filter they set.
 _METADATA: Final = (
@@ -48,7 +50,7 @@ _FILTER = re.compile(r"(gyro|dterm|rpm|dyn|acc|yaw).*(lpf|lowpass|notch|filter).
 
 
 def list_blackbox_logs(path: Path) -> tuple[LogEntry, ...]:
-    """Return the logs of a Blackbox file, from their headers alone."""
+    """Return the logs of a Blackbox file, of several the longest first."""
     return _entries(read_bytes(path))
 
 
@@ -85,11 +87,50 @@ def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
 
 
 def _entries(data: bytes) -> tuple[LogEntry, ...]:
-    """List the logs in the bytes of a file."""
-    return tuple(
-        LogEntry(number=i, start=start, stop=stop, description=_describe(data, start, stop))
-        for i, (start, stop) in enumerate(find_logs(data), start=1)
-    )
+    """List the logs in the bytes of a file, of several the longest first."""
+    ranges = find_logs(data)
+    if len(ranges) < 2:
+        return tuple(_entry(data, i, bounds, None) for i, bounds in enumerate(ranges, start=1))
+    lasting = {i: _about_seconds(data, *bounds) for i, bounds in enumerate(ranges, start=1)}
+    longest_first = sorted(lasting, key=lambda i: -(lasting[i] or 0.0))
+    return tuple(_entry(data, i, ranges[i - 1], lasting[i]) for i in longest_first)
+
+
+def _entry(data: bytes, number: int, bounds: tuple[int, int], lasting: float | None) -> LogEntry:
+    """Describe one log in the bytes of a file; lasting [s]."""
+    description = _describe(data, *bounds)
+    if lasting is not None:
+        description = f"about {lasting:.0f} s, {description}"
+    return LogEntry(number=number, start=bounds[0], stop=bounds[1], description=description)
+
+
+def _about_seconds(data: bytes, start: int, stop: int) -> float | None:
+    """Read the clock at both ends of a log [s]; None where no frame can be read."""
+    try:
+        begins = read_header(data, start, stop).data_start
+    except LogError:
+        return None
+    first = _clock(data, start, begins, stop, at_end=False)
+    last = _clock(data, start, begins, stop, at_end=True)
+    if first is None or last is None:
+        return None
+    return (last - first) % (1 << 32) * 1e-6  # its 32 bits overflow
+
+
+def _clock(data: bytes, start: int, begins: int, stop: int, *, at_end: bool) -> int | None:
+    """Read the first or last time [us] of a log from as few of its bytes as have a frame."""
+    size = _PIECE
+    while True:
+        piece = slice(max(begins, stop - size), stop) if at_end else slice(begins, begins + size)
+        try:
+            frames = decode(data[start:begins] + data[piece][: stop - begins], fields=()).main
+        except LogError:
+            return None
+        if len(frames):
+            return int(frames.column("time")[-1 if at_end else 0])
+        if size >= stop - begins:
+            return None
+        size *= 16  # a recorder's memory may end in megabytes without a frame
 
 
 def _describe(data: bytes, start: int, stop: int) -> str:
