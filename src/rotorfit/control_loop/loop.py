@@ -241,8 +241,8 @@ def _axis(
     found = margins(frequency, inner)
     rate_loop = _measures(found)
     harmonics = step_harmonics(controller.period)
-    heard = controller_response(log, flight, controller, axis, harmonics)
-    alone = _rate_loops(controller, vehicles, filtered=heard, frequency=harmonics)
+    measured = controller_response(log, flight, controller, axis, harmonics)
+    alone = _rate_loops(controller, vehicles, filtered=measured, frequency=harmonics)
     closed = closed_loop(controller, alone, harmonics)
     doubts = doubts or _too_little(rate_loop.crossover.value, bands, error)
     outer = _with_attitude(inner, controller, frequency)
@@ -316,13 +316,13 @@ def step_response(
     return np.imag(parts @ waves) - np.imag(parts.sum(axis=1, keepdims=True))
 
 
-def _step(answers: Float[np.ndarray, "D t"], stable: Bool[np.ndarray, " D"]) -> StepResponse:
+def _step(responses: Float[np.ndarray, "D t"], stable: Bool[np.ndarray, " D"]) -> StepResponse:
     """Collect the nominal answer, which comes first, and the band of the stable ones."""
     if not stable[0]:
         nothing = np.full_like(STEP_TIMES, np.nan)
         return StepResponse(time=STEP_TIMES, value=nothing, low=nothing, high=nothing)
-    low, high = np.quantile(answers[stable], SIDES, axis=0)
-    return StepResponse(time=STEP_TIMES, value=answers[0], low=low, high=high)
+    low, high = np.quantile(responses[stable], SIDES, axis=0)
+    return StepResponse(time=STEP_TIMES, value=responses[0], low=low, high=high)
 
 
 def _bands(
