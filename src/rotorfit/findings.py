@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 Severity = Literal["refusal", "doubt", "note", "passed"]
 
@@ -85,6 +85,10 @@ class Finding:
         return bool({full_name, base, base.rstrip("0123456789").rstrip("_")} & {*self.numbers})
 
 
+DISOWNING: Final = ("doubtful_because", "next_step")
+"""Fields that a check which objects to nothing does not fill."""
+
+
 def doubt(kind: str, sentence: str, **about: Any) -> Finding:
     """Return a doubt; `about` are further fields of `Finding`."""
     return Finding(kind=kind, severity="doubt", sentence=sentence, **about)
@@ -109,8 +113,10 @@ def doubt_or_passed(
     measured
         Quantities by name.
     about
-        Further fields of `Finding`.
+        Further fields of `Finding`; what a doubt alone has (`DISOWNING`) is left out of a pass.
     """
+    if sentence is None:
+        about = {name: value for name, value in about.items() if name not in DISOWNING}
     return Finding(
         kind=kind,
         severity="passed" if sentence is None else "doubt",

@@ -227,7 +227,10 @@ def _axis(
         draws=draws,
         seed=seed,
     )
-    filtered = controller_response(log, flight, controller, axis, frequency)
+    harmonics = step_harmonics(controller.period)
+    both = np.concatenate([frequency, harmonics])
+    response = controller_response(log, flight, controller, axis, both)
+    filtered, at_harmonics = np.split(response, [len(frequency)])
     loops = partial(_rate_loops, controller, filtered=filtered, frequency=frequency)
     bands_of = partial(
         _bands, measured_loop(controller, flight, axis), controller, frequency=frequency
@@ -240,9 +243,7 @@ def _axis(
     bands = bands_of(inner[0])
     found = margins(frequency, inner)
     rate_loop = _measures(found)
-    harmonics = step_harmonics(controller.period)
-    measured = controller_response(log, flight, controller, axis, harmonics)
-    alone = _rate_loops(controller, vehicles, filtered=measured, frequency=harmonics)
+    alone = _rate_loops(controller, vehicles, filtered=at_harmonics, frequency=harmonics)
     closed = closed_loop(controller, alone, harmonics)
     doubts = doubts or _too_little(rate_loop.crossover.value, bands, error)
     outer = _with_attitude(inner, controller, frequency)

@@ -80,8 +80,8 @@ def steady_yaw_torque(fit: Fit) -> Iterator[Finding]:
         "steady-yaw-torque",
         "; ".join(sentences) or None,
         numbers=("kd", "Jr", "Izz"),
-        doubtful_because="a steady yaw torque is not in the model" if sentences else None,
-        next_step="set the motors and arms upright, then fly again" if sentences else None,
+        doubtful_because="a steady yaw torque is not in the model",
+        next_step="set the motors and arms upright, then fly again",
     )
     yield replace(found, evidence=tuple(evidence))
 

@@ -196,14 +196,6 @@ def _meanings(result: IdentificationResult) -> list[str]:
 
 def advice_of(result: IdentificationResult) -> list[str]:
     """Collect each advice once, after its numbers and what is wrong with them."""
-    return [
-        "; ".join(f"{', '.join(names)} ({wrong})" for wrong, names in group.items()) + f": {advice}"
-        for advice, group in _advised(result).items()
-    ]
-
-
-def _advised(result: IdentificationResult) -> dict[str, dict[str, list[str]]]:
-    """Collect numbers by advice, and by what is wrong with them."""
     groups: dict[str, dict[str, list[str]]] = {}
     for entry in _judged(result):
         if entry.advice is None or entry.verdict not in DOUBTFUL or entry.number.name in NUISANCE:
@@ -211,7 +203,10 @@ def _advised(result: IdentificationResult) -> dict[str, dict[str, list[str]]]:
         names = groups.setdefault(entry.advice, {}).setdefault(_wrong(entry), [])
         name = entry.number.name
         names += [name] if name not in names else []
-    return groups
+    return [
+        "; ".join(f"{', '.join(names)} ({wrong})" for wrong, names in group.items()) + f": {advice}"
+        for advice, group in groups.items()
+    ]
 
 
 def _wrong(entry: Entry) -> str:

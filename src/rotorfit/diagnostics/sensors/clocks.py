@@ -8,7 +8,7 @@ low-pass filter; one delay of the motors cannot serve both.
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from rotorfit.diagnostics.sensors.sensor_lateness import accelerometer_lateness
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
@@ -46,10 +46,8 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
         sentence,
         flights=(flight.entry.written,),
         numbers=("kt", *INERTIA),
-        doubtful_because=None if sentence is None else "gyro and accelerometer are not of one time",
-        next_step=None
-        if sentence is None
-        else "log gyro and accelerometer unfiltered, by one clock, and fly again",
+        doubtful_because="gyro and accelerometer are not of one time",
+        next_step="log gyro and accelerometer unfiltered, by one clock, and fly again",
     )
     yield replace(checked, evidence=(evidence,))
 
@@ -66,10 +64,6 @@ def _delay_sentence(name: str, delay: float, half: float) -> str:
 
 EARLIEST: Final = -0.005
 """Delay of commanded motors that clocks and filters of a log still make [s]."""
-EARLY: Final = {
-    "doubtful_because": "the motor lag that is given is longer than the motors'",
-    "next_step": "leave lag out of [motors], or give lag_std, and identify again",
-}
 USUAL_DELAY: Final = 0.012
 """Of measured speeds against the motion, by filters and buses [s]."""
 
@@ -81,8 +75,13 @@ def early_motors(fit: Fit) -> Iterator[Finding]:
         return
     std = timing.delay_std or timing.total_std
     sentence = early_sentence(motors.lag, timing.response.delay, std)
-    doubted: dict[str, Any] = {} if sentence is None else EARLY
-    yield doubt_or_passed("motors-early", sentence, numbers=("motor_delay", *INERTIA), **doubted)
+    yield doubt_or_passed(
+        "motors-early",
+        sentence,
+        numbers=("motor_delay", *INERTIA),
+        doubtful_because="the motor lag that is given is longer than the motors'",
+        next_step="leave lag out of [motors], or give lag_std, and identify again",
+    )
 
 
 def early_sentence(lag: float, delay: float, std: float) -> str | None:
