@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.common import CINERAT_KNOWN
 
 import flown
-from benchmarks.common import CINERAT_KNOWN
 from rotorfit.errors import FrameError
 from rotorfit.model.vehicle import Rotor, Vehicle
 
