@@ -167,19 +167,28 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
     With a from the first put into the second, the inertia about the centre of mass is left in
     front of dw (the Schur complement of the mass).
     """
-    m, ms = body.mass, body.first_moments
-    Lx, Ly, Lz = times(body.inertia, w)
-    hx, hy, hz = wrench.spin
-    cx, cy, cz = cross(w, cross(w, ms))
-    fx, fy, fz = wrench.force
-    F = (fx - cx, fy - cy, fz - cz)
-    gx, gy, gz = cross(w, (Lx + hx, Ly + hy, Lz + hz))
-    tx, ty, tz = wrench.torque
-    tz -= wrench.yaw_damping * w[2]
-    bx, by, bz = cross(ms, F)
-    dw = times(body.inverse_com_inertia, (tx - gx - bx / m, ty - gy - by / m, tz - gz - bz / m))
-    ex, ey, ez = cross(dw, ms)
-    return ((F[0] - ex) / m, (F[1] - ey) / m, (F[2] - ez) / m), dw
+    m, (mx, my, mz) = body.mass, body.first_moments
+    (Ixx, Ixy, Ixz), (Iyx, Iyy, Iyz), (Izx, Izy, Izz) = body.inertia
+    (Jxx, Jxy, Jxz), (Jyx, Jyy, Jyz), (Jzx, Jzy, Jzz) = body.inverse_com_inertia
+    (fx, fy, fz), (tx, ty, tz), (hx, hy, hz), damping = wrench
+    x, y, z = w
+    # w x ms, and f - w x (w x ms)
+    ux, uy, uz = y * mz - z * my, z * mx - x * mz, x * my - y * mx
+    fx, fy, fz = fx - (y * uz - z * uy), fy - (z * ux - x * uz), fz - (x * uy - y * ux)
+    # I w + Jr H, and tau - (0, 0, damping w_z) - w x (I w + Jr H) - ms x a for dw = 0
+    Lx = Ixx * x + Ixy * y + Ixz * z + hx
+    Ly = Iyx * x + Iyy * y + Iyz * z + hy
+    Lz = Izx * x + Izy * y + Izz * z + hz
+    tx = tx - (y * Lz - z * Ly) - (my * fz - mz * fy) / m
+    ty = ty - (z * Lx - x * Lz) - (mz * fx - mx * fz) / m
+    tz = tz - damping * z - (x * Ly - y * Lx) - (mx * fy - my * fx) / m
+    dx = Jxx * tx + Jxy * ty + Jxz * tz
+    dy = Jyx * tx + Jyy * ty + Jyz * tz
+    dz = Jzx * tx + Jzy * ty + Jzz * tz
+    ax = (fx - (dy * mz - dz * my)) / m
+    ay = (fy - (dz * mx - dx * mz)) / m
+    az = (fz - (dx * my - dy * mx)) / m
+    return (ax, ay, az), (dx, dy, dz)
 
 
 @no_type_check
@@ -188,33 +197,33 @@ def with_drag(body: RigidBody, wrench: Wrench, velocity: Vector, w: Vector) -> W
     cx, cy, cz = body.drag
     if not (cx or cy or cz):
         return wrench
-    fx, fy, fz = wrench.force
-    vx, vy, vz = velocity
-    ux, uy, uz = cross(w, body.drag_position)
-    dx, dy, dz = cx * (vx + ux), cy * (vy + uy), cz * (vz + uz)
-    tx, ty, tz = wrench.torque
-    qx, qy, qz = cross(body.drag_position, (dx, dy, dz))
-    slowed, turned = (fx - dx, fy - dy, fz - dz), (tx - qx, ty - qy, tz - qz)
-    return Wrench(slowed, turned, wrench.spin, wrench.yaw_damping)
+    px, py, pz = body.drag_position
+    (fx, fy, fz), (tx, ty, tz), spin, damping = wrench
+    (vx, vy, vz), (x, y, z) = velocity, w
+    dx, dy, dz = cx * (vx + y * pz - z * py), cy * (vy + z * px - x * pz), cz * (vz + x * py - y * px)
+    tx, ty, tz = tx - (py * dz - pz * dy), ty - (pz * dx - px * dz), tz - (px * dy - py * dx)
+    return Wrench((fx - dx, fy - dy, fz - dz), (tx, ty, tz), spin, damping)
 
 
 @no_type_check
 def derivative(body: RigidBody, wrench: Wrench, state: State) -> State:
     """Differentiate the state by time under a wrench."""
     x, y, z, qw, qx, qy, qz, vx, vy, vz, _, _, _ = state
-    w, v = (x, y, z), (vx, vy, vz)
-    (ax, ay, az), (dx, dy, dz) = accelerations(body, with_drag(body, wrench, v, w), w)
-    R = rotation((qw, qx, qy, qz))
-    gx, gy, gz = R[2]  # the world's vertical in body axes
-    cx, cy, cz = cross(w, v)
+    w = (x, y, z)
+    (ax, ay, az), dw = accelerations(body, with_drag(body, wrench, (vx, vy, vz), w), w)
+    (Rxx, Rxy, Rxz), (Ryx, Ryy, Ryz), (Rzx, Rzy, Rzz) = rotation((qw, qx, qy, qz))
     return (
-        *(dx, dy, dz),
+        *dw,
         -0.5 * (qx * x + qy * y + qz * z),
         0.5 * (qw * x + qy * z - qz * y),
         0.5 * (qw * y + qz * x - qx * z),
         0.5 * (qw * z + qx * y - qy * x),
-        *(ax - GRAVITY * gx - cx, ay - GRAVITY * gy - cy, az - GRAVITY * gz - cz),
-        *times(R, v),
+        ax - GRAVITY * Rzx - (y * vz - z * vy),
+        ay - GRAVITY * Rzy - (z * vx - x * vz),
+        az - GRAVITY * Rzz - (x * vy - y * vx),
+        Rxx * vx + Rxy * vy + Rxz * vz,
+        Ryx * vx + Ryy * vy + Ryz * vz,
+        Rzx * vx + Rzy * vy + Rzz * vz,
     )
 
 
@@ -222,13 +231,30 @@ def derivative(body: RigidBody, wrench: Wrench, state: State) -> State:
 def step(body: RigidBody, wrenches: list[Wrench], state: State, h: float) -> State:
     """Take a classical Runge-Kutta step of length `h` [s]; wrenches at begin, middle and end."""
     begin, middle, end = wrenches
-    half, sixth = h / 2, h / 6
     k1 = derivative(body, begin, state)
-    k2 = derivative(body, middle, tuple([x + half * k for x, k in zip(state, k1, strict=True)]))
-    k3 = derivative(body, middle, tuple([x + half * k for x, k in zip(state, k2, strict=True)]))
-    k4 = derivative(body, end, tuple([x + h * k for x, k in zip(state, k3, strict=True)]))
-    slopes = zip(state, k1, k2, k3, k4, strict=True)
-    return _normalised([x + sixth * (a + 2 * (b + c) + d) for x, a, b, c, d in slopes])
+    k2 = derivative(body, middle, _ahead(state, k1, h / 2))
+    k3 = derivative(body, middle, _ahead(state, k2, h / 2))
+    k4 = derivative(body, end, _ahead(state, k3, h))
+    return _normalised(_ahead(state, _weighted(k1, k2, k3, k4), h / 6))
+
+
+@no_type_check
+def _ahead(state: State, slope: State, h: float) -> State:
+    """Follow a slope from a state for `h` [s]."""
+    x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz = state
+    dx, dy, dz, dqw, dqx, dqy, dqz, dvx, dvy, dvz, dpx, dpy, dpz = slope
+    return (
+        *(x + h * dx, y + h * dy, z + h * dz),
+        *(qw + h * dqw, qx + h * dqx, qy + h * dqy, qz + h * dqz),
+        *(vx + h * dvx, vy + h * dvy, vz + h * dvz),
+        *(px + h * dpx, py + h * dpy, pz + h * dpz),
+    )
+
+
+@no_type_check
+def _weighted(k1: State, k2: State, k3: State, k4: State) -> State:
+    """Add the slopes of a Runge-Kutta step with their weights 1, 2, 2, 1."""
+    return tuple([a + 2 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4)])  # noqa: B905
 
 
 @no_type_check
