@@ -4,18 +4,18 @@ Vectors, matrices and unit quaternions are tuples of floats: on three floats, pl
 several times faster than NumPy.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import atan2, cos, sin
-from typing import NamedTuple, TypeVar
+from typing import Final, TypeVar
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.simulation.truth import GRAVITY, Truth
+from rotorfit.simulation.truth import GRAVITY, Truth, tensor_elements
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
+Tensor = tuple[float, float, float, float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -102,23 +102,12 @@ State = tuple[float, ...]
 of the origin in body axes (3), position of the origin in world axes (3)."""
 
 
-class Wrench(NamedTuple):
-    """What acts on the body from outside, gravity left out, body axes, about the origin.
+NO_DRAG: Final = (0.0, 0.0, 0.0)
 
-    Attributes
-    ----------
-    force, torque
-        Applied force [N] and torque about the body origin [N m].
-    spin
-        Angular momentum of the rotors relative to the body, Jr H [N m s].
-    yaw_damping
-        Torque against a turn about z per rate [N m s/rad].
-    """
-
-    force: Vector
-    torque: Vector
-    spin: Vector = (0.0, 0.0, 0.0)
-    yaw_damping: float = 0.0
+Wrench = Sequence[float]
+"""Ten floats: what acts on the body, gravity left out, body axes, about the origin. Force (3) [N],
+torque (3) [N m], angular momentum Jr H of the rotors relative to the body (3) [N m s], and torque
+against a turn about z per rate [N m s/rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,9 +117,9 @@ class RigidBody:
     Attributes
     ----------
     mass, first_moments, inertia
-        Mass, mass times centre of mass, and inertia about the origin.
+        Mass, mass times centre of mass, and inertia Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the origin.
     inverse_com_inertia
-        Inverse of the inertia about the centre of mass [1/(kg m^2)].
+        The same elements of the inverse of the inertia about the centre of mass [1/(kg m^2)].
     drag
         Force per velocity along each body axis [N s/m].
     drag_position
@@ -139,9 +128,9 @@ class RigidBody:
 
     mass: float
     first_moments: Vector
-    inertia: Matrix
-    inverse_com_inertia: Matrix
-    drag: Vector = (0.0, 0.0, 0.0)
+    inertia: Tensor
+    inverse_com_inertia: Tensor
+    drag: Vector = NO_DRAG
     drag_position: Vector = (0.0, 0.0, 0.0)
 
 
@@ -150,8 +139,8 @@ def rigid_body(truth: Truth) -> RigidBody:
     return RigidBody(
         mass=truth.mass,
         first_moments=truth.first_moments,
-        inertia=_rows(truth.inertia_tensor),
-        inverse_com_inertia=_rows(np.linalg.inv(truth.com_inertia)),
+        inertia=truth.inertia,
+        inverse_com_inertia=tensor_elements(np.linalg.inv(truth.com_inertia)),
         drag=truth.drag,
         drag_position=truth.drag_position,
     )
@@ -168,23 +157,23 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
     front of dw (the Schur complement of the mass).
     """
     m, (mx, my, mz) = body.mass, body.first_moments
-    (Ixx, Ixy, Ixz), (Iyx, Iyy, Iyz), (Izx, Izy, Izz) = body.inertia
-    (Jxx, Jxy, Jxz), (Jyx, Jyy, Jyz), (Jzx, Jzy, Jzz) = body.inverse_com_inertia
-    (fx, fy, fz), (tx, ty, tz), (hx, hy, hz), damping = wrench
+    Ixx, Iyy, Izz, Ixy, Ixz, Iyz = body.inertia
+    Jxx, Jyy, Jzz, Jxy, Jxz, Jyz = body.inverse_com_inertia
+    fx, fy, fz, tx, ty, tz, hx, hy, hz, damping = wrench
     x, y, z = w
     # w x ms, and f - w x (w x ms)
     ux, uy, uz = y * mz - z * my, z * mx - x * mz, x * my - y * mx
     fx, fy, fz = fx - (y * uz - z * uy), fy - (z * ux - x * uz), fz - (x * uy - y * ux)
     # I w + Jr H, and tau - (0, 0, damping w_z) - w x (I w + Jr H) - ms x a for dw = 0
     Lx = Ixx * x + Ixy * y + Ixz * z + hx
-    Ly = Iyx * x + Iyy * y + Iyz * z + hy
-    Lz = Izx * x + Izy * y + Izz * z + hz
+    Ly = Ixy * x + Iyy * y + Iyz * z + hy
+    Lz = Ixz * x + Iyz * y + Izz * z + hz
     tx = tx - (y * Lz - z * Ly) - (my * fz - mz * fy) / m
     ty = ty - (z * Lx - x * Lz) - (mz * fx - mx * fz) / m
     tz = tz - damping * z - (x * Ly - y * Lx) - (mx * fy - my * fx) / m
     dx = Jxx * tx + Jxy * ty + Jxz * tz
-    dy = Jyx * tx + Jyy * ty + Jyz * tz
-    dz = Jzx * tx + Jzy * ty + Jzz * tz
+    dy = Jxy * tx + Jyy * ty + Jyz * tz
+    dz = Jxz * tx + Jyz * ty + Jzz * tz
     ax = (fx - (dy * mz - dz * my)) / m
     ay = (fy - (dz * mx - dx * mz)) / m
     az = (fz - (dx * my - dy * mx)) / m
@@ -195,14 +184,15 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
 def with_drag(body: RigidBody, wrench: Wrench, velocity: Vector, w: Vector) -> Wrench:
     """Add the drag on an origin that moves with `velocity` [m/s] while turning with `w` [rad/s]."""
     cx, cy, cz = body.drag
-    if not (cx or cy or cz):
-        return wrench
     px, py, pz = body.drag_position
-    (fx, fy, fz), (tx, ty, tz), spin, damping = wrench
+    fx, fy, fz, tx, ty, tz, hx, hy, hz, damping = wrench
     (vx, vy, vz), (x, y, z) = velocity, w
-    dx, dy, dz = cx * (vx + y * pz - z * py), cy * (vy + z * px - x * pz), cz * (vz + x * py - y * px)
+    dx = cx * (vx + y * pz - z * py)
+    dy = cy * (vy + z * px - x * pz)
+    dz = cz * (vz + x * py - y * px)
+    fx, fy, fz = fx - dx, fy - dy, fz - dz
     tx, ty, tz = tx - (py * dz - pz * dy), ty - (pz * dx - px * dz), tz - (px * dy - py * dx)
-    return Wrench((fx - dx, fy - dy, fz - dz), (tx, ty, tz), spin, damping)
+    return fx, fy, fz, tx, ty, tz, hx, hy, hz, damping
 
 
 @no_type_check
@@ -210,62 +200,52 @@ def derivative(body: RigidBody, wrench: Wrench, state: State) -> State:
     """Differentiate the state by time under a wrench."""
     x, y, z, qw, qx, qy, qz, vx, vy, vz, _, _, _ = state
     w = (x, y, z)
-    (ax, ay, az), dw = accelerations(body, with_drag(body, wrench, (vx, vy, vz), w), w)
-    (Rxx, Rxy, Rxz), (Ryx, Ryy, Ryz), (Rzx, Rzy, Rzz) = rotation((qw, qx, qy, qz))
-    return (
-        *dw,
-        -0.5 * (qx * x + qy * y + qz * z),
-        0.5 * (qw * x + qy * z - qz * y),
-        0.5 * (qw * y + qz * x - qx * z),
-        0.5 * (qw * z + qx * y - qy * x),
-        ax - GRAVITY * Rzx - (y * vz - z * vy),
-        ay - GRAVITY * Rzy - (z * vx - x * vz),
-        az - GRAVITY * Rzz - (x * vy - y * vx),
-        Rxx * vx + Rxy * vy + Rxz * vz,
-        Ryx * vx + Ryy * vy + Ryz * vz,
-        Rzx * vx + Rzy * vy + Rzz * vz,
-    )
+    if body.drag != NO_DRAG:
+        wrench = with_drag(body, wrench, (vx, vy, vz), w)
+    (ax, ay, az), (dx, dy, dz) = accelerations(body, wrench, w)
+    # R as in `rotation`, written out: a call costs as much as the matrix
+    Rxx = 1 - 2 * (qy * qy + qz * qz)
+    Ryy = 1 - 2 * (qx * qx + qz * qz)
+    Rzz = 1 - 2 * (qx * qx + qy * qy)
+    Rxy, Ryx = 2 * (qx * qy - qw * qz), 2 * (qx * qy + qw * qz)
+    Rxz, Rzx = 2 * (qx * qz + qw * qy), 2 * (qx * qz - qw * qy)
+    Ryz, Rzy = 2 * (qy * qz - qw * qx), 2 * (qy * qz + qw * qx)
+    # q' = q (0, w) / 2, v' = a + g - w x v in body axes, p' = R v
+    dqw = -0.5 * (qx * x + qy * y + qz * z)
+    dqx = 0.5 * (qw * x + qy * z - qz * y)
+    dqy = 0.5 * (qw * y + qz * x - qx * z)
+    dqz = 0.5 * (qw * z + qx * y - qy * x)
+    dvx = ax - GRAVITY * Rzx - (y * vz - z * vy)
+    dvy = ay - GRAVITY * Rzy - (z * vx - x * vz)
+    dvz = az - GRAVITY * Rzz - (x * vy - y * vx)
+    dpx = Rxx * vx + Rxy * vy + Rxz * vz
+    dpy = Ryx * vx + Ryy * vy + Ryz * vz
+    dpz = Rzx * vx + Rzy * vy + Rzz * vz
+    return dx, dy, dz, dqw, dqx, dqy, dqz, dvx, dvy, dvz, dpx, dpy, dpz
 
 
 @no_type_check
-def step(body: RigidBody, wrenches: list[Wrench], state: State, h: float) -> State:
+def step(body: RigidBody, wrenches: Sequence[Wrench], state: State, h: float) -> State:
     """Take a classical Runge-Kutta step of length `h` [s]; wrenches at begin, middle and end."""
     begin, middle, end = wrenches
     k1 = derivative(body, begin, state)
     k2 = derivative(body, middle, _ahead(state, k1, h / 2))
     k3 = derivative(body, middle, _ahead(state, k2, h / 2))
     k4 = derivative(body, end, _ahead(state, k3, h))
-    return _normalised(_ahead(state, _weighted(k1, k2, k3, k4), h / 6))
+    weighted = [a + 2 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
+    x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz = _ahead(state, weighted, h / 6)
+    length = (qw * qw + qx * qx + qy * qy + qz * qz) ** 0.5
+    qw, qx, qy, qz = qw / length, qx / length, qy / length, qz / length
+    return (x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz)
 
 
 @no_type_check
-def _ahead(state: State, slope: State, h: float) -> State:
+def _ahead(state: State, slope: Sequence[float], h: float) -> State:
     """Follow a slope from a state for `h` [s]."""
     x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz = state
     dx, dy, dz, dqw, dqx, dqy, dqz, dvx, dvy, dvz, dpx, dpy, dpz = slope
-    return (
-        *(x + h * dx, y + h * dy, z + h * dz),
-        *(qw + h * dqw, qx + h * dqx, qy + h * dqy, qz + h * dqz),
-        *(vx + h * dvx, vy + h * dvy, vz + h * dvz),
-        *(px + h * dpx, py + h * dpy, pz + h * dpz),
-    )
-
-
-@no_type_check
-def _weighted(k1: State, k2: State, k3: State, k4: State) -> State:
-    """Add the slopes of a Runge-Kutta step with their weights 1, 2, 2, 1."""
-    return tuple([a + 2 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4)])  # noqa: B905
-
-
-@no_type_check
-def _normalised(state: list[float]) -> State:
-    """Normalise the state's quaternion."""
-    a, b, c, d = state[3:7]
-    length = (a * a + b * b + c * c + d * d) ** 0.5
-    return (*state[:3], a / length, b / length, c / length, d / length, *state[7:])
-
-
-def _rows(tensor: Float[np.ndarray, "3 3"]) -> Matrix:
-    """Convert a matrix to a tuple of rows."""
-    a, b, c = (tuple(row) for row in tensor.tolist())
-    return a, b, c
+    x, y, z = x + h * dx, y + h * dy, z + h * dz
+    qw, qx, qy, qz = qw + h * dqw, qx + h * dqx, qy + h * dqy, qz + h * dqz
+    vx, vy, vz = vx + h * dvx, vy + h * dvy, vz + h * dvz
+    px, py, pz = px + h * dpx, py + h * dpy, pz + h * dpz
+    return x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz

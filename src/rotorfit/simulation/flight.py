@@ -33,6 +33,7 @@ from rotorfit.simulation.controller import (
     trimmed,
 )
 from rotorfit.simulation.motors import (
+    Decay,
     Rotors,
     decay_over,
     lagged,
@@ -112,7 +113,7 @@ class _Stretch(NamedTuple):
     samples_ago: int
     h: float
     fractions: Float[np.ndarray, " k"]
-    decay: Float[np.ndarray, "2 k 1"]
+    decay: Decay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,7 +222,7 @@ def _fly(
     commands = [speeds] * (machine.stretches[0].samples_ago + 1)  # the latest first
     memory, moments = trim, list[_Moment]()
     arrives = machine.stretches[0].samples_ago
-    gusts = zip(*[_between(disturbance, stretch.fractions) for stretch in machine.stretches])
+    gusts = zip(*[_between(disturbance, s.fractions) for s in machine.stretches], strict=True)
     for reference, gust, noise in zip(plan, gusts, rate_noise.tolist(), strict=True):
         grounded = _stands(machine, state, speeds, reference, grounded)
         if grounded:
@@ -229,9 +230,7 @@ def _fly(
         seen = (state[0] + noise[0], state[1] + noise[1], state[2] + noise[2], *state[3:])
         command, memory = control(machine.autopilot, memory, seen, reference, grounded=grounded)
         commands = [command, *commands[:-1]]
-        moments.append(
-            _Moment(state, speeds, command, commands[arrives], memory.asked, grounded)
-        )
+        moments.append(_Moment(state, speeds, command, commands[arrives], memory.asked, grounded))
         state, speeds = _advance(machine, state, speeds, commands, gust, grounded)
     return moments
 
@@ -295,27 +294,19 @@ def _motion(
         x, y, z = rotation((qw, qx, qy, qz))[2]
         a = (GRAVITY * x, GRAVITY * y, GRAVITY * z)
         return a, (0.0, 0.0, 0.0), _reaction(body, wrench, a)
-    fx, fy, fz, tx, ty, tz = disturbance
     w = (wx, wy, wz)
-    external = with_drag(body, Wrench((fx, fy, fz), (tx, ty, tz)), (vx, vy, vz), w)
-    return *accelerations(body, _sum(wrench, external), w), external
-
-
-@no_type_check
-def _sum(one: Wrench, other: Wrench) -> Wrench:
-    """Add two wrenches, with spin and damping of the first."""
-    (a, b, c), (d, e, f) = one.force, other.force
-    (u, v, w), (x, y, z) = one.torque, other.torque
-    return Wrench((a + d, b + e, c + f), (u + x, v + y, w + z), one.spin, one.yaw_damping)
+    external = with_drag(body, (*disturbance, 0.0, 0.0, 0.0, 0.0), (vx, vy, vz), w)
+    acting = [one + other for one, other in zip(wrench, external, strict=True)]
+    return *accelerations(body, acting, w), external
 
 
 @no_type_check
 def _reaction(body: RigidBody, wrench: Wrench, a: Vector) -> Wrench:
     """Compute the wrench of the ground that keeps a body at rest under another one."""
-    (fx, fy, fz), (tx, ty, tz) = wrench.force, wrench.torque
+    fx, fy, fz, tx, ty, tz, _, _, _, _ = wrench
     x, y, z = cross(body.first_moments, a)
     m = body.mass
-    return Wrench((m * a[0] - fx, m * a[1] - fy, m * a[2] - fz), (x - tx, y - ty, z - tz))
+    return (m * a[0] - fx, m * a[1] - fy, m * a[2] - fz, x - tx, y - ty, z - tz)
 
 
 def _assemble(
@@ -355,7 +346,7 @@ def _assemble(
         commanded_speed=np.array([moment.command for moment in moments]),
         reference=np.array([moment.asked for moment in moments]),
         max_speed=machine.autopilot.speed_limits[1],
-        external_wrench=np.array([(*wrench.force, *wrench.torque) for _, _, wrench in motions]),
+        external_wrench=np.array([wrench[:6] for _, _, wrench in motions]),
         airborne=np.array([not moment.grounded for moment in moments]),
         gyro=state[:, :3],
         accel=force,

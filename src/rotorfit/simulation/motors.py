@@ -6,8 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.simulation.body import Wrench, no_type_check
+from rotorfit.simulation.body import no_type_check
 from rotorfit.simulation.truth import Truth
+
+Decay = tuple[Float[np.ndarray, "k 1"], Float[np.ndarray, "k 1"]]
+"""exp(-t/lag) at some times t, of rising and of falling speed; one array if the lags are equal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,21 +75,25 @@ def allocation(
 def lagged(
     speed: Float[np.ndarray, " N"],
     command: Float[np.ndarray, " N"],
-    decay: Float[np.ndarray, "2 k 1"],
+    decay: Decay,
 ) -> Float[np.ndarray, "k N"]:
     """Compute the rotor speeds after a constant command has acted for some times.
 
     The step response of a first-order lag is exact: O(t) = u + (O(0) - u) exp(-t/lag).
     """
     away = speed - command
-    return command + np.where(away <= 0, decay[0], decay[1]) * away
+    rising, falling = decay
+    left = rising if rising is falling else np.where(away <= 0, rising, falling)
+    return command + left * away
 
 
-def decay_over(truth: Truth, times: Float[np.ndarray, " k"]) -> Float[np.ndarray, "2 k 1"]:
+def decay_over(truth: Truth, times: Float[np.ndarray, " k"]) -> Decay:
     """Compute exp(-t/lag) of rising and falling speed, zeros for motors without lag."""
-    t = times[:, None]
-    lags = (truth.motor_lag, truth.falling_lag)
-    return np.array([np.exp(-t / lag) if lag > 0 else np.zeros_like(t) for lag in lags])
+    rising, falling = (
+        np.exp(-times[:, None] / lag) if lag > 0 else np.zeros((times.size, 1))
+        for lag in (truth.motor_lag, truth.falling_lag)
+    )
+    return (rising, rising) if truth.motor_lag == truth.falling_lag else (rising, falling)
 
 
 @no_type_check
@@ -108,8 +115,8 @@ def wrenches(
     speeds: Float[np.ndarray, "k N"],
     slopes: Float[np.ndarray, "k N"],
     external: Float[np.ndarray, "k 6"],
-) -> list[Wrench]:
-    """Compute the wrench on the body at k instants.
+) -> list[list[float]]:
+    """Compute the wrench on the body at k instants, as rows of ten floats.
 
     Aerodynamic forces and torques, the reaction -Jr dH/dt, the angular momentum Jr H for the
     gyroscopic torque -w x Jr H, the drag of rotors that a turn about z carries through the air,
@@ -119,7 +126,4 @@ def wrenches(
     acting = drive @ rotors.wrench_matrix
     acting[:, :6] += external
     rows: list[list[float]] = acting.tolist()
-    return [
-        Wrench((fx, fy, fz), (tx, ty, tz), (hx, hy, hz), damping)
-        for fx, fy, fz, tx, ty, tz, hx, hy, hz, damping in rows
-    ]
+    return rows
