@@ -76,7 +76,7 @@ def test_layouts_hover_without_torque_or_spin(layout):
     truth, vehicle = layout_vehicle(layout)
     rotors = rotors_of(replace(truth, Jr=2e-5), vehicle)
     N = len(vehicle.rotors)
-    (wrench,) = wrenches(rotors, np.full((1, N), 800.0), np.zeros((1, N)), np.zeros((1, 6)))
+    (wrench,) = wrenches(rotors, np.full((1, N), 800.0), np.zeros((1, N)))
     np.testing.assert_allclose(wrench[:2], 0, atol=1e-13)
     np.testing.assert_allclose(wrench[3:9], 0, atol=1e-13)
     assert wrench[2] > 0
@@ -92,7 +92,7 @@ def test_rotor_that_speeds_up_turns_the_body_against_its_spin():
     truth, vehicle = paper_vehicle("A")
     rotors = rotors_of(replace(truth, Jr=2e-5, kd=0.0), vehicle)
     speeds, slopes = np.array([[500.0, 500.0, 100.0, 100.0]]), np.array([[10.0, 0.0, 0.0, 5.0]])
-    (wrench,) = wrenches(rotors, speeds, slopes, np.zeros((1, 6)))
+    (wrench,) = wrenches(rotors, speeds, slopes)
     np.testing.assert_allclose(wrench[5], -2e-5 * (10 - 5), rtol=1e-12)
     np.testing.assert_allclose(wrench[6:9], [0, 0, 2e-5 * 800], rtol=1e-12)
 
@@ -103,7 +103,7 @@ def test_a_turn_is_held_back_by_rotors_far_out_and_fast():
     vehicle = Vehicle(rotors=tuple(Rotor(position=p, spin="cw") for p in places))
     rotors = rotors_of(replace(truth, rotor_drag=2e-5), vehicle)
     speeds = np.array([[500.0, 800.0]])
-    (wrench,) = wrenches(rotors, speeds, np.zeros((1, 2)), np.zeros((1, 6)))
+    (wrench,) = wrenches(rotors, speeds, np.zeros((1, 2)))
     # Force 2e-5 * 500 * w_z * 0.5 at 0.5 m, and 2e-5 * 800 * w_z * 0.1 at 0.1 m
     assert wrench[9] == pytest.approx(2.5e-3 + 1.6e-4, rel=1e-12)
 

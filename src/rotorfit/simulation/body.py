@@ -58,9 +58,9 @@ def rotation(quaternion: Quaternion) -> Matrix:
     """Convert a unit quaternion (w, x, y, z) to a rotation matrix."""
     w, x, y, z = quaternion
     return (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
     )
 
 
@@ -197,20 +197,16 @@ def with_drag(body: RigidBody, wrench: Wrench, velocity: Vector, w: Vector) -> W
 
 @no_type_check
 def derivative(body: RigidBody, wrench: Wrench, state: State) -> State:
-    """Differentiate the state by time under a wrench."""
+    """Differentiate the state by time under a wrench.
+
+    dw and a as in `accelerations`; q' = q (0, w) / 2; v' = a + R^T g - w x v; p' = R v.
+    """
     x, y, z, qw, qx, qy, qz, vx, vy, vz, _, _, _ = state
     w = (x, y, z)
     if body.drag != NO_DRAG:
         wrench = with_drag(body, wrench, (vx, vy, vz), w)
     (ax, ay, az), (dx, dy, dz) = accelerations(body, wrench, w)
-    # R as in `rotation`, written out: a call costs as much as the matrix
-    Rxx = 1 - 2 * (qy * qy + qz * qz)
-    Ryy = 1 - 2 * (qx * qx + qz * qz)
-    Rzz = 1 - 2 * (qx * qx + qy * qy)
-    Rxy, Ryx = 2 * (qx * qy - qw * qz), 2 * (qx * qy + qw * qz)
-    Rxz, Rzx = 2 * (qx * qz + qw * qy), 2 * (qx * qz - qw * qy)
-    Ryz, Rzy = 2 * (qy * qz - qw * qx), 2 * (qy * qz + qw * qx)
-    # q' = q (0, w) / 2, v' = a + g - w x v in body axes, p' = R v
+    (Rxx, Rxy, Rxz), (Ryx, Ryy, Ryz), (Rzx, Rzy, Rzz) = rotation((qw, qx, qy, qz))
     dqw = -0.5 * (qx * x + qy * y + qz * z)
     dqx = 0.5 * (qw * x + qy * z - qz * y)
     dqy = 0.5 * (qw * y + qz * x - qx * z)
@@ -232,7 +228,7 @@ def step(body: RigidBody, wrenches: Sequence[Wrench], state: State, h: float) ->
     k2 = derivative(body, middle, _ahead(state, k1, h / 2))
     k3 = derivative(body, middle, _ahead(state, k2, h / 2))
     k4 = derivative(body, end, _ahead(state, k3, h))
-    weighted = [a + 2 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
+    weighted = [a + 2.0 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
     x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz = _ahead(state, weighted, h / 6)
     length = (qw * qw + qx * qx + qy * qy + qz * qz) ** 0.5
     qw, qx, qy, qz = qw / length, qx / length, qy / length, qz / length

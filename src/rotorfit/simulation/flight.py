@@ -237,10 +237,10 @@ def _fly(
 
 def _between(
     disturbance: Float[np.ndarray, "n_and_1 6"], fractions: Float[np.ndarray, " k"]
-) -> Float[np.ndarray, "n k 6"]:
-    """Interpolate the disturbance linearly between each sample and the next."""
+) -> Float[np.ndarray, "n k 10"]:
+    """Interpolate the disturbance linearly between each sample and the next, as wrenches."""
     before, after = disturbance[:-1, None], disturbance[1:, None]
-    return before + fractions[:, None] * (after - before)
+    return np.pad(before + fractions[:, None] * (after - before), ((0, 0), (0, 0), (0, 4)))
 
 
 @no_type_check
@@ -268,7 +268,7 @@ def _advance(
     state: State,
     speeds: Float[np.ndarray, " N"],
     commands: list[Float[np.ndarray, " N"]],
-    gust: tuple[Float[np.ndarray, "k 6"], ...],
+    gust: tuple[Float[np.ndarray, "k 10"], ...],
     grounded: bool,
 ) -> tuple[State, Float[np.ndarray, " N"]]:
     """Integrate state and rotor speeds to the next sample, with the disturbance of each stretch."""
@@ -278,7 +278,7 @@ def _advance(
         speeds = nodes[-1]
         if not grounded:
             slopes = speed_slopes(machine.rotors, nodes, command)
-            acting = wrenches(machine.rotors, nodes, slopes, external)
+            acting = (wrenches(machine.rotors, nodes, slopes) + external).tolist()
             for first in range(0, len(acting) - 1, 2):
                 state = step(machine.body, acting[first : first + 3], state, h)
     return state, speeds
@@ -322,7 +322,7 @@ def _assemble(
     attitude, rotor_speed = state[:, 3:7], np.array([moment.speeds for moment in moments])
     acting = np.array([moment.acting for moment in moments])
     slopes = speed_slopes(machine.rotors, rotor_speed, acting)
-    of_rotors = wrenches(machine.rotors, rotor_speed, slopes, np.zeros((len(moments), 6)))
+    of_rotors = wrenches(machine.rotors, rotor_speed, slopes).tolist()
     motions = [
         _motion(machine.body, *row)
         for row in zip(moments, of_rotors, disturbance.tolist(), strict=True)

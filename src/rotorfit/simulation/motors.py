@@ -111,19 +111,12 @@ def speed_slopes(
 
 @no_type_check
 def wrenches(
-    rotors: Rotors,
-    speeds: Float[np.ndarray, "k N"],
-    slopes: Float[np.ndarray, "k N"],
-    external: Float[np.ndarray, "k 6"],
-) -> list[list[float]]:
-    """Compute the wrench on the body at k instants, as rows of ten floats.
+    rotors: Rotors, speeds: Float[np.ndarray, "k N"], slopes: Float[np.ndarray, "k N"]
+) -> Float[np.ndarray, "k 10"]:
+    """Compute the wrench of the rotors on the body at k instants, in rows as `body.Wrench`.
 
     Aerodynamic forces and torques, the reaction -Jr dH/dt, the angular momentum Jr H for the
-    gyroscopic torque -w x Jr H, the drag of rotors that a turn about z carries through the air,
-    and an external wrench about the origin added.
+    gyroscopic torque -w x Jr H, and the drag of rotors that a turn about z carries through the
+    air.
     """
-    drive = np.concatenate([speeds * speeds, speeds, slopes], axis=1)
-    acting = drive @ rotors.wrench_matrix
-    acting[:, :6] += external
-    rows: list[list[float]] = acting.tolist()
-    return rows
+    return np.concatenate([speeds * speeds, speeds, slopes], axis=1) @ rotors.wrench_matrix
