@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorfit.control_loop.loop import judge_flight, judge_loop
+from rotorfit.control_loop.loop import judge_flight, loop_margins
 from rotorfit.control_loop.plain import loop_to_json
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.logs import read_log
 from rotorfit.logs.controller_log import read_controller_log
-from rotorfit.report.loop_text import loop_text
+from rotorfit.report.loop import loop_text
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 LOG = DATA / "autopilot-sitl" / "px4-heavy-recommended.ulg"
@@ -65,7 +65,7 @@ def changed(result, **factors):
 
 
 def test_the_flown_loop_is_proved_past_its_crossover(result):
-    outcome = judge_loop(result, "A", LOG, draws=DRAWS)
+    outcome = loop_margins(result, LOG, "A", draws=DRAWS)
     for loop in outcome.axes[:2]:
         assert loop.doubts == ()
         low, high = loop.proved
@@ -95,7 +95,7 @@ def test_the_flown_loop_is_proved_past_its_crossover(result):
     ids=["4 ms", "15 % less", "15 % more", "another vehicle"],
 )
 def test_a_planted_error_of_the_vehicle_fails_the_proof(result, planted):
-    outcome = judge_loop(changed(result, **planted), "A", LOG, draws=DRAWS)
+    outcome = loop_margins(changed(result, **planted), LOG, "A", draws=DRAWS)
     for loop in outcome.axes[:2]:
         assert loop.proved is None
         assert "the vehicle, its delay or a filter is another" in loop.doubts[0]

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
+from threadpoolctl import threadpool_limits
 
 from rotorfit.control_loop.controllers import AXES, rate_controller
 from rotorfit.control_loop.margins import Margins, margins
@@ -28,7 +29,7 @@ from rotorfit.control_loop.vehicle import Flown, controller_response, flown, pla
 from rotorfit.logs import read_log
 from rotorfit.logs.controller_log import ControllerLog, read_controller_log
 from rotorfit.logs.flight_log import FlightLog
-from rotorfit.results.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult, owner_of
 
 DRAWS: Final = 200
 POINTS: Final = 400
@@ -55,7 +56,15 @@ STEP_TIMES: Final = np.linspace(0.0, 0.6, 121)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
-    """A number of the loop with its 95 % interval; NaN where the loop has none."""
+    """A number of the loop with its 95 % interval; NaN where the loop has none.
+
+    Attributes
+    ----------
+    value
+        Of the nominal vehicle.
+    low, high
+        Ends of the interval.
+    """
 
     value: float
     low: float
@@ -64,9 +73,22 @@ class Measure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopMeasures:
-    """Crossover [Hz], phase [deg], gain [1] and delay margin [s], peak of the sensitivity [1].
+    """How far a loop is from oscillating.
 
-    `stable`: share of the vehicles that the flights leave open in which the closed loop is stable.
+    Attributes
+    ----------
+    crossover
+        Frequency at which the gain falls to 1 for the last time [Hz].
+    phase
+        Phase margin [deg].
+    gain
+        Factor of the gain at which the loop oscillates.
+    delay
+        Time by which the loop may be later until it oscillates [s].
+    sensitivity
+        Peak of 1 / |1 + L|: by how much disturbances are amplified at worst.
+    stable
+        Share of the vehicles that the flights leave open in which the closed loop is stable.
     """
 
     crossover: Measure
@@ -113,8 +135,11 @@ class AxisLoop:
         below; infinite where more oscillate.
     step
         Of the rate loop alone.
-    frequency, open_loop
-        [Hz], and the nominal response with its attitude loop, for pictures.
+    frequency, open_loop, closed_loop
+        [Hz]; of each vehicle, the nominal one first: the open loop with its attitude loop, and the
+        rate over the rate asked for.
+    stable
+        Which of these vehicles do not oscillate.
     """
 
     axis: str
@@ -129,6 +154,8 @@ class AxisLoop:
     step: StepResponse
     frequency: Float[np.ndarray, " f"]
     open_loop: Complex[np.ndarray, "D f"]
+    closed_loop: Complex[np.ndarray, "D f"]
+    stable: Bool[np.ndarray, " D"]
 
     @property
     def proved(self) -> tuple[float, float] | None:
@@ -139,7 +166,21 @@ class AxisLoop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopOutcome:
-    """The loops of a flight, and what to know of them."""
+    """The loops of a flight, and what to know of them.
+
+    Attributes
+    ----------
+    name
+        Of the result.
+    configuration
+        Which flew.
+    autopilot, firmware
+        Whose controller it is, and its version in the log's words.
+    axes
+        Roll, pitch and yaw.
+    notes
+        What they rest on.
+    """
 
     name: str
     configuration: str
@@ -149,21 +190,26 @@ class LoopOutcome:
     notes: tuple[str, ...]
 
 
-def judge_loop(
-    result: IdentificationResult, owner: str, path: Path, *, draws: int = DRAWS, seed: int = 0
+def loop_margins(
+    result: IdentificationResult,
+    log: Path,
+    configuration: str | None = None,
+    *,
+    draws: int = DRAWS,
+    seed: int = 0,
 ) -> LoopOutcome:
-    """Judge the rate loops of a flight with an identified vehicle.
+    """Judge how far the flown rate loops are from oscillating, with intervals.
 
     Parameters
     ----------
     result
         Of `identify`, from commands.
-    owner
-        Configuration that flew.
-    path
-        Log of PX4 or ArduCopter.
+    log
+        Of PX4 or ArduCopter; gains and filters [SI] are read from it.
+    configuration
+        Which flew; not needed if the result has only one.
     draws, seed
-        Vehicles that the flights leave open.
+        Of vehicles that the flights leave open.
 
     Raises
     ------
@@ -171,10 +217,14 @@ def judge_loop(
         If the log does not show the controller.
     EstimationError
         If the result does not know what the loop needs.
+    OutputError
+        If the result has no configuration of that name.
     """
-    return judge_flight(
-        result, owner, read_log(path), read_controller_log(path), draws=draws, seed=seed
-    )
+    owner = owner_of(result, configuration)
+    with threadpool_limits(limits=1, user_api="blas"):
+        return judge_flight(
+            result, owner, read_log(log), read_controller_log(log), draws=draws, seed=seed
+        )
 
 
 def judge_flight(
@@ -187,7 +237,7 @@ def judge_flight(
     draws: int = DRAWS,
     seed: int = 0,
 ) -> LoopOutcome:
-    """Judge the rate loops of a flight that was read already; see `judge_loop`.
+    """Judge the rate loops of a flight that was read already; see `loop_margins`.
 
     `read`: from the controller's log and an axis to its controller.
     """
@@ -265,6 +315,8 @@ def _axis(
         step=_step(step_response(harmonics, closed, STEP_TIMES), found.stable),
         frequency=frequency,
         open_loop=outer,
+        closed_loop=closed_loop(controller, inner, frequency),
+        stable=found.stable,
     )
 
 
