@@ -25,9 +25,10 @@ from rotorfit.control_loop.proof import (
     replay_output,
 )
 from rotorfit.control_loop.rate_controller import RateController
-from rotorfit.control_loop.vehicle import Flown, controller_response, flown, plant
+from rotorfit.control_loop.vehicle import Flown, controller_response, flown, known_words, plant
+from rotorfit.errors import LogError
 from rotorfit.logs import read_log
-from rotorfit.logs.controller_log import ControllerLog, read_controller_log
+from rotorfit.logs.controller_log import ControllerLog, knows_controller, read_controller_log
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.results.result import IdentificationResult, owner_of
 
@@ -221,10 +222,14 @@ def loop_margins(
         If the result has no configuration of that name.
     """
     owner = owner_of(result, configuration)
+    try:
+        controller = read_controller_log(log)
+    except LogError as error:
+        if knows_controller(log):
+            raise
+        raise LogError(f"{error}. {known_words(result, owner)}") from error
     with threadpool_limits(limits=1, user_api="blas"):
-        return judge_flight(
-            result, owner, read_log(log), read_controller_log(log), draws=draws, seed=seed
-        )
+        return judge_flight(result, owner, read_log(log), controller, draws=draws, seed=seed)
 
 
 def judge_flight(
