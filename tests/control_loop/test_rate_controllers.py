@@ -130,5 +130,5 @@ def test_a_firmware_without_a_known_controller_is_refused():
     path = DATA / "tudelft-indiflight" / "LOG00267.BFL"
     if not path.exists():
         pytest.skip(f"no real logs: {path} is absent")
-    with pytest.raises(LogError, match="rate controller of this firmware is not in rotorfit"):
+    with pytest.raises(LogError, match="INDIflight has no PID"):
         read_controller_log(path)

@@ -66,12 +66,14 @@ def identified(folder: Path, form: Mapping[str, Any], *, progress: Progress) -> 
     outcome = {**outcome_of(result), "loop": json_with_shown_names(folder, loop)}
     text = text_of(form)
     files = {
-        "loop.html": page,
         "experiment.toml": text,
         "result.json": result.to_json(),
         "report.html": html,
         "outcome.json": json.dumps({**outcome, "experiment": text}, allow_nan=False),
     }
+    (folder / "loop.html").unlink(missing_ok=True)
+    if page:
+        files["loop.html"] = with_shown_names(folder, page)
     for name, content in files.items():
         write_whole(folder / name, content, force=True)
     return json.loads(files["outcome.json"])

@@ -10,6 +10,7 @@ libraries/AC_AttitudeControl/AC_AttitudeControl_Multi.cpp rate_controller_run.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -111,6 +112,39 @@ def _arducopter_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
             if int(bits) >> i & 1
         )
     return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThrustCurve:
+    """Thrust that a mixer takes for a command c: f u^2 + (1 - f) u.
+
+    u = (c - start) / (end - start); `name` is that of the parameter that sets f.
+    """
+
+    name: str
+    factor: float
+    start: float = 0.0
+    end: float = 1.0
+
+
+def thrust_curve(log: ControllerLog) -> ThrustCurve | None:
+    """Read the curve by which the mixer commands motors; None where the log does not have it.
+
+    PX4: src/lib/mixer_module, THR_MDL_FAC; ArduCopter: AP_Motors_Thrust_Linearization.cpp.
+    """
+    names = (
+        ("THR_MDL_FAC",)
+        if log.autopilot == "PX4"
+        else ("MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX")
+    )
+    values = [log.parameters.get(name) for name in names]
+    known = [value for value in values if value is not None]
+    if len(known) < len(names):
+        return None
+    if log.autopilot == "PX4":
+        return ThrustCurve(name=names[0], factor=known[0])
+    factor, start, end = known
+    return ThrustCurve(name=names[0], factor=factor, start=start, end=end) if start < end else None
 
 
 def _low_pass(log: ControllerLog, name: str) -> tuple[GyroFilter, ...]:

@@ -1,7 +1,7 @@
 """Judge the loop that flew: margins with intervals, their proof, and what other gains would do."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -18,10 +18,12 @@ from rotorfit.control_loop.proof import (
     Band,
     LoopError,
     MeasuredLoop,
+    ReplayedMixer,
     ReplayedOutput,
     closed_loop_bands,
     loop_error,
     measured_loop,
+    replay_mixer,
     replay_output,
 )
 from rotorfit.control_loop.rate_controller import RateController
@@ -123,8 +125,10 @@ class AxisLoop:
         ``roll``, ``pitch`` or ``yaw``.
     controller
         As flown.
-    replay
-        Of its output.
+    replay, mixer
+        Of its output, and of the motors' commands by it; None where the log has no curve of them.
+    contradicts
+        Whether its closed loop contradicts the result.
     rate_loop, with_attitude
         Cut at the torque command: the rate loop alone, and with the attitude loop around it.
     bands, error
@@ -146,6 +150,8 @@ class AxisLoop:
     axis: str
     controller: RateController
     replay: ReplayedOutput
+    mixer: ReplayedMixer | None
+    contradicts: bool
     rate_loop: LoopMeasures
     with_attitude: LoopMeasures
     bands: tuple[Band, ...]
@@ -256,9 +262,28 @@ def judge_flight(
         configuration=owner,
         autopilot=controller.autopilot,
         firmware=controller.firmware,
-        axes=tuple(axes),
+        axes=_jointly(axes),
         notes=tuple(_notes(flight, log)),
     )
+
+
+def _jointly(axes: Sequence[AxisLoop]) -> tuple[AxisLoop, ...]:
+    """Withhold the margins of an axis, too, where the other one contradicts the result.
+
+    Both rest on one vehicle with one lag and delay: where that is another one, an axis with a
+    slow loop may agree by chance.
+    """
+    out: list[AxisLoop] = []
+    for i, one in enumerate(axes):
+        others = [axes[k].axis for k in PROVED_AXES if k != i and axes[k].contradicts]
+        if i in PROVED_AXES and others and not one.doubts:
+            words = (
+                f"{others[0]} contradicts the result, which is of one vehicle: its lag and delay "
+                "may be wrong here, too, and agree by chance"
+            )
+            one = replace(one, doubts=(words,))
+        out.append(one)
+    return tuple(out)
 
 
 def _axis(
@@ -292,7 +317,9 @@ def _axis(
     )
     error = _closed_loop_error(body.nominal, loops, bands_of, frequency, flight.log.set_point_std)
     replay = replay_output(controller, flight, axis)
-    doubts = _contradictions(axis, replay, error, body, flight)
+    mixer = replay_mixer(flight, axis)
+    wrong = axis in PROVED_AXES and error.is_wrong(body)
+    doubts = _contradictions(axis, replay, mixer, error if wrong else None, flight)
     vehicles = body if doubts else error.corrected(body, seed)
     inner = loops(vehicles)
     bands = bands_of(inner[0])
@@ -311,6 +338,8 @@ def _axis(
         axis=AXES[axis],
         controller=controller,
         replay=replay,
+        mixer=mixer,
+        contradicts=wrong and replay.is_right,
         rate_loop=rate_loop,
         with_attitude=_measures(margins(frequency, outer)),
         bands=tuple(bands),
@@ -441,9 +470,13 @@ def _peak(found: Margins) -> float:
 
 
 def _contradictions(
-    axis: int, replay: ReplayedOutput, error: LoopError, vehicles: Plant, flight: Flown
+    axis: int,
+    replay: ReplayedOutput,
+    mixer: ReplayedMixer | None,
+    error: LoopError | None,
+    flight: Flown,
 ) -> list[str]:
-    """Say what contradicts the result, or the controller as it was read."""
+    """Say what contradicts the controller and mixer as they were read, or an error the result."""
     if axis not in PROVED_AXES:
         return ["unproven: drag torque and the rotors' inertia act together"]
     doubts: list[str] = []
@@ -453,7 +486,13 @@ def _contradictions(
             f"{replay.derivative:.2f} times, that of the controller as its parameters set it: a "
             "filter or a gain is not what they say, or changed in flight"
         )
-    if error.is_wrong(vehicles):
+    if mixer is not None and not mixer.is_right:
+        doubts.append(
+            f"the motors' commands follow the output as with {mixer.name} {mixer.factor:.2f}, which"
+            f" makes {mixer.slope:.2f} times the thrust that the parameters of the log do: the "
+            "curve or the spin range is not what they say"
+        )
+    if error is not None:
         gain, late = error.half_widths
         when = "later" if error.delay > 0.0 else "earlier"
         words = (

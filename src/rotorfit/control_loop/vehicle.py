@@ -43,6 +43,8 @@ class Flown:
     ----------
     log
         Of the controller, flying rows only.
+    commands
+        Of each motor, as logged.
     squares
         Squared speed of each rotor, in the result's units.
     free
@@ -52,6 +54,7 @@ class Flown:
     """
 
     log: ControllerLog
+    commands: Float[np.ndarray, "n N"]
     squares: Float[np.ndarray, "n N"]
     free: Bool[np.ndarray, " n"]
     held: float
@@ -99,6 +102,7 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
             output=controller.output[rows],
             slope=None if controller.slope is None else controller.slope[rows],
         ),
+        commands=command.values[row_of][rows],
         squares=squares[rows],
         free=_between_ends(command.values[row_of][rows]),
         held=float(np.median(np.diff(command.time))),

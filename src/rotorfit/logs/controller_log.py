@@ -114,13 +114,14 @@ HEADER: Final = 65536
 FIRMWARE: Final = re.compile(rb"H Firmware revision:(\w+)")
 MISSING: Final = {
     "betaflight": "the rate loop of Betaflight is not linear (I is relaxed in turns, D falls to "
-    "its minimum in calm flight, TPA takes gains back with the throttle), and the log has no chirp "
-    "to measure it by: its margins are not judged",
+    "its minimum in calm flight, TPA takes gains back with the throttle); it takes a chirp in "
+    "flight to measure it, which rotorfit does not read: its margins are not judged",
     "inav": "the rate loop of INAV is not linear (I is relaxed in turns, D is boosted, TPA takes "
-    "gains back with the throttle), and the log has no chirp to measure it by: its margins are not "
-    "judged",
+    "gains back with the throttle); it takes a chirp in flight to measure it, which rotorfit does "
+    "not read: its margins are not judged",
     "indiflight": "INDIflight has no PID but inverts the vehicle by measured angular "
-    "accelerations, and the log has no chirp to measure that loop by: its margins are not judged",
+    "accelerations; it takes a chirp in flight to measure that loop, which rotorfit does not read: "
+    "its margins are not judged",
     "crazyflie": "a Crazyflie's log has neither gains nor filters nor the outputs of the rate "
     "controllers: margins are not judged",
 }

@@ -49,8 +49,8 @@ def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
     for one in outcome.axes:
         for line in proof(one):
             lines += _wrapped(line, width, "  ", "    ")
-    lines += ["", *_gain_table(outcome.axes)]
-    lines += _wrapped(LEFT_OUT, width, "  ", "  ")
+    gains = _gain_table(outcome.axes)
+    lines += ["", *gains, *_wrapped(LEFT_OUT, width, "  ", "  ")] if gains else []
     lines += ["", "Notes"]
     for note in outcome.notes:
         lines += _wrapped(note, width, "  - ", "    ")
@@ -95,6 +95,12 @@ def proof(loop: AxisLoop) -> list[str]:
     ]
     if loop.axis == "yaw":
         return lines
+    if loop.mixer is not None:
+        lines.append(
+            f"{loop.axis}: the motors' commands follow it as with {loop.mixer.name} "
+            f"{loop.mixer.factor:.2f}: {loop.mixer.slope:.3f} +- {loop.mixer.half_width:.3f} times "
+            "the thrust by its own value"
+        )
     lines.append(
         f"{loop.axis}: measured closed loop over predicted: effectiveness {loop.error.gain:.2f} "
         f"+- {gain:.2f}, delay {1e3 * loop.error.delay:+.1f} +- {1e3 * late:.1f} ms"
@@ -109,7 +115,11 @@ def step_words(loop: AxisLoop) -> str:
     """Say how soon and how far over the rate answers."""
     step = loop.step
     if not math.isfinite(step.value[0]):
-        return "oscillates: lower P and D"
+        return (
+            "oscillates as predicted, which is not proved"
+            if loop.doubts
+            else ("oscillates: lower P and D")
+        )
     unproved = "" if loop.proved is not None else "; not proved"
     low, high = (100 * side.max() for side in (step.low, step.high))
     half = step.value >= HALF
