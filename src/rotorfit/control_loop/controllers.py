@@ -87,7 +87,7 @@ def _arducopter_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
     harmonics have one quality. Those that follow a measured speed are treated as PX4's are.
     """
     found = _low_pass(log, "INS_GYRO_FILTER")
-    for name in ("INS_HNTCH", "INS_HNTC2"):
+    for name in NOTCHES:
         mode = log.parameters.get(f"{name}_MODE", 0.0)
         at, width, depth, bits = (
             log.parameters.get(f"{name}_{what}", 0.0) for what in ("FREQ", "BW", "ATT", "HMNCS")
@@ -112,6 +112,33 @@ def _arducopter_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
             if int(bits) >> i & 1
         )
     return found
+
+
+NOTCHES: Final = ("INS_HNTCH", "INS_HNTC2")
+SPLIT: Final = 0b10001
+"""Bits of INS_HNTCH_OPTS that make two or three narrow notches of one."""
+
+
+def moving_filters(log: ControllerLog) -> tuple[str, ...]:
+    """Name the notches of the gyro whose places the parameters do not tell, as they are set.
+
+    They are in the loop by what the two records of the gyro show of them (`controller_response`).
+    """
+    numbers = log.parameters
+    found = [
+        f"{name}_MODE {numbers.get(f'{name}_MODE', 0.0):.0f}"
+        for name in NOTCHES
+        if numbers.get(f"{name}_ENABLE", 0.0) > 0.0
+        and numbers.get(f"{name}_MODE", 0.0) not in (FIXED, BY_THROTTLE)
+    ]
+    found += [
+        f"{name}_OPTS {numbers[f'{name}_OPTS']:.0f}"
+        for name in NOTCHES
+        if numbers.get(f"{name}_ENABLE", 0.0) > 0.0
+        and int(numbers.get(f"{name}_OPTS", 0.0)) & SPLIT
+    ]
+    followed = int(numbers.get("IMU_GYRO_DNF_EN", 0.0))
+    return (*found, f"IMU_GYRO_DNF_EN {followed}") if followed else tuple(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 from threadpoolctl import threadpool_limits
 
-from rotorfit.control_loop.controllers import AXES, rate_controller
+from rotorfit.control_loop.controllers import AXES, moving_filters, rate_controller
 from rotorfit.control_loop.margins import Margins, margins
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.proof import (
@@ -536,6 +536,13 @@ def _notes(flight: Flown, log: FlightLog) -> list[str]:
     if log.gyro_lowpass is not None:
         notes.append(
             f"the gyro's low-pass of {log.gyro_lowpass:g} Hz is in the log, and counted once"
+        )
+    moving = moving_filters(flight.log)
+    if moving:
+        notes.append(
+            f"notches of the gyro that follow the rotors, or are split ({', '.join(moving)}): they "
+            "are in the loop by the delay and the size that the gyro's two records show of them up "
+            "to 40 Hz, not by their shape; the other filters are in it exactly"
         )
     changed = [n for n in flight.log.changed if n.startswith(("MC_", "ATC_RAT", "ATC_ANG", "IMU_"))]
     if changed:
