@@ -89,7 +89,7 @@ class LoopMeasures:
     delay
         Time by which the loop may be later until it oscillates [s].
     sensitivity
-        Peak of 1 / |1 + L|: by how much disturbances are amplified at worst.
+        Peak of ``1 / |1 + L|``: by how much disturbances are amplified at worst.
     stable
         Share of the vehicles that the flights leave open in which the closed loop is stable.
     """
