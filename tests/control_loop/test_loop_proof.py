@@ -12,6 +12,8 @@ import pytest
 
 import rotorfit
 from rotorfit.cli.main import main
+from rotorfit.control_loop.controllers import rate_controller
+from rotorfit.control_loop.filters import GyroFilter
 from rotorfit.control_loop.loop import judge_flight, loop_margins
 from rotorfit.control_loop.plain import loop_to_json
 from rotorfit.control_loop.proof import replay_mixer
@@ -245,6 +247,30 @@ def test_a_forgotten_gyro_filter_is_measured_instead(result):
     assert forgot.controller.gyro_filters == ()
     phases = [loop.with_attitude.phase.value for loop in (known, forgot)]
     assert phases[1] == pytest.approx(phases[0], abs=1.0)
+
+
+def test_an_unknown_notch_is_in_the_loop_by_its_delay(result):
+    log, flight = read_controller_log(LOG), read_log(LOG)
+    notch = GyroFilter(frequency=80.0, order=0, width=40.0, floor=0.01)
+    hertz = np.maximum(np.fft.rfftfreq(len(log.rate), log.period), 1e-6)
+    spectrum = np.fft.rfft(log.rate, axis=0) * notch.response(hertz)[:, None]
+    through = np.fft.irfft(spectrum, n=len(log.rate), axis=0)
+    moved = dataclasses.replace(
+        log, rate=through, parameters={**log.parameters, "IMU_GYRO_DNF_EN": 1.0}
+    )
+
+    def exact(log, axis):
+        one = rate_controller(log, axis)
+        return dataclasses.replace(one, gyro_filters=(*one.gyro_filters, notch))
+
+    plain = judge_flight(result, "A", flight, log, draws=20).axes[0].with_attitude
+    found = judge_flight(result, "A", flight, moved, draws=20)
+    known = judge_flight(result, "A", flight, moved, read=exact, draws=20).axes[0].with_attitude
+    loop = found.axes[0].with_attitude
+    assert any("follow the rotors, or are split (IMU_GYRO_DNF_EN 1)" in n for n in found.notes)
+    assert loop.phase.value == pytest.approx(known.phase.value, abs=0.3)
+    assert loop.sensitivity.value == pytest.approx(known.sensitivity.value, rel=0.01)
+    assert plain.sensitivity.value < known.sensitivity.value - 0.03
 
 
 def test_other_gains_leave_the_feed_forward_alone(result):

@@ -97,9 +97,9 @@ def proof(loop: AxisLoop) -> list[str]:
         return lines
     if loop.mixer is not None:
         lines.append(
-            f"{loop.axis}: the motors' commands follow it as with {loop.mixer.name} "
-            f"{loop.mixer.factor:.2f}: {loop.mixer.slope:.3f} +- {loop.mixer.half_width:.3f} times "
-            "the thrust by its own value"
+            f"{loop.axis}: the mixer as its parameters set it gives the motors' commands: slope "
+            f"{loop.mixer.slope:.3f} +- {loop.mixer.half_width:.3f}, {loop.mixer.name} measured as "
+            f"{loop.mixer.factor:.2f}"
         )
     lines.append(
         f"{loop.axis}: measured closed loop over predicted: effectiveness {loop.error.gain:.2f} "
