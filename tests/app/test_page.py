@@ -315,6 +315,7 @@ def test_a_broken_log_shows_its_one_line(page: Any, tmp_path: Path) -> None:
     assert page.evaluate("document.activeElement.id") == "logs"  # where the button was
 
 
+@pytest.mark.slow
 def test_an_experiment_file_with_two_configurations(page: Any, tmp_path: Path) -> None:
     plan = plan_experiment("payload-pair", "clean", seed=1, seconds=15.0)
     dropped = [tmp_path / "experiment.toml"]
