@@ -1,7 +1,6 @@
 """What `rotorfit loop` found, on one screen and as a page."""
 
 import math
-import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Final
 
@@ -18,6 +17,7 @@ from rotorfit.control_loop.loop import (
 )
 from rotorfit.control_loop.margins import open_phase
 from rotorfit.formatting.series import Series
+from rotorfit.formatting.sheet import wrapped
 from rotorfit.report.chart import Area, Axis, Chart, Curve, Line, Panel, chart_svg
 from rotorfit.report.pages import render_page
 
@@ -42,18 +42,18 @@ def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
         "",
     ]  # fmt: skip
     for one in outcome.axes:
-        lines += _wrapped(verdict(one), width, "  ", "    ")
+        lines += wrapped(verdict(one), width, "  ", "    ")
     lines += ["", "Step of the rate asked for, rate loop alone, no motor at its limit"]
     lines += [f"  {one.axis:<6}{step_words(one)}" for one in outcome.axes if one.axis != "yaw"]
     lines += ["", "Proof on this log"]
     for one in outcome.axes:
         for line in proof(one):
-            lines += _wrapped(line, width, "  ", "    ")
+            lines += wrapped(line, width, "  ", "    ")
     gains = _gain_table(outcome.axes)
-    lines += ["", *gains, *_wrapped(LEFT_OUT, width, "  ", "  ")] if gains else []
+    lines += ["", *gains, *wrapped(LEFT_OUT, width, "  ", "  ")] if gains else []
     lines += ["", "Notes"]
     for note in outcome.notes:
-        lines += _wrapped(note, width, "  - ", "    ")
+        lines += wrapped(note, width, "  - ", "    ")
     return "\n".join(lines) + "\n"
 
 
@@ -179,10 +179,6 @@ def _gain_table(loops: Sequence[AxisLoop]) -> list[str]:
 def peak_words(peak: float) -> str:
     """Write a peak of the sensitivity; infinite where vehicles oscillate."""
     return "oscillates" if math.isinf(peak) else f"{peak:.2f}"
-
-
-def _wrapped(text: str, width: int, first: str, other: str) -> list[str]:
-    return textwrap.wrap(text, width, initial_indent=first, subsequent_indent=other)
 
 
 HEIGHT: Final = 130.0
