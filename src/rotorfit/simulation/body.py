@@ -4,18 +4,18 @@ Vectors, matrices and unit quaternions are tuples of floats: on three floats, pl
 several times faster than NumPy.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import atan2, cos, sin
-from typing import NamedTuple, TypeVar
+from typing import Final, TypeVar
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.simulation.truth import GRAVITY, Truth
+from rotorfit.simulation.truth import GRAVITY, Truth, tensor_elements
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
+Tensor = tuple[float, float, float, float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -102,23 +102,12 @@ State = tuple[float, ...]
 of the origin in body axes (3), position of the origin in world axes (3)."""
 
 
-class Wrench(NamedTuple):
-    """What acts on the body from outside, gravity left out, body axes, about the origin.
+NO_DRAG: Final = (0.0, 0.0, 0.0)
 
-    Attributes
-    ----------
-    force, torque
-        Applied force [N] and torque about the body origin [N m].
-    spin
-        Angular momentum of the rotors relative to the body, Jr H [N m s].
-    yaw_damping
-        Torque against a turn about z per rate [N m s/rad].
-    """
-
-    force: Vector
-    torque: Vector
-    spin: Vector = (0.0, 0.0, 0.0)
-    yaw_damping: float = 0.0
+Wrench = Sequence[float]
+"""Ten floats: what acts on the body, gravity left out, body axes, about the origin. Force (3) [N],
+torque (3) [N m], angular momentum Jr H of the rotors relative to the body (3) [N m s], and torque
+against a turn about z per rate [N m s/rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,9 +117,9 @@ class RigidBody:
     Attributes
     ----------
     mass, first_moments, inertia
-        Mass, mass times centre of mass, and inertia about the origin.
+        Mass, mass times centre of mass, and inertia Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the origin.
     inverse_com_inertia
-        Inverse of the inertia about the centre of mass [1/(kg m^2)].
+        The same elements of the inverse of the inertia about the centre of mass [1/(kg m^2)].
     drag
         Force per velocity along each body axis [N s/m].
     drag_position
@@ -139,9 +128,9 @@ class RigidBody:
 
     mass: float
     first_moments: Vector
-    inertia: Matrix
-    inverse_com_inertia: Matrix
-    drag: Vector = (0.0, 0.0, 0.0)
+    inertia: Tensor
+    inverse_com_inertia: Tensor
+    drag: Vector = NO_DRAG
     drag_position: Vector = (0.0, 0.0, 0.0)
 
 
@@ -150,8 +139,8 @@ def rigid_body(truth: Truth) -> RigidBody:
     return RigidBody(
         mass=truth.mass,
         first_moments=truth.first_moments,
-        inertia=_rows(truth.inertia_tensor),
-        inverse_com_inertia=_rows(np.linalg.inv(truth.com_inertia)),
+        inertia=truth.inertia,
+        inverse_com_inertia=tensor_elements(np.linalg.inv(truth.com_inertia)),
         drag=truth.drag,
         drag_position=truth.drag_position,
     )
@@ -167,79 +156,96 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
     With a from the first put into the second, the inertia about the centre of mass is left in
     front of dw (the Schur complement of the mass).
     """
-    m, ms = body.mass, body.first_moments
-    Lx, Ly, Lz = times(body.inertia, w)
-    hx, hy, hz = wrench.spin
-    cx, cy, cz = cross(w, cross(w, ms))
-    fx, fy, fz = wrench.force
-    F = (fx - cx, fy - cy, fz - cz)
-    gx, gy, gz = cross(w, (Lx + hx, Ly + hy, Lz + hz))
-    tx, ty, tz = wrench.torque
-    tz -= wrench.yaw_damping * w[2]
-    bx, by, bz = cross(ms, F)
-    dw = times(body.inverse_com_inertia, (tx - gx - bx / m, ty - gy - by / m, tz - gz - bz / m))
-    ex, ey, ez = cross(dw, ms)
-    return ((F[0] - ex) / m, (F[1] - ey) / m, (F[2] - ez) / m), dw
+    m, (mx, my, mz) = body.mass, body.first_moments
+    Ixx, Iyy, Izz, Ixy, Ixz, Iyz = body.inertia
+    Jxx, Jyy, Jzz, Jxy, Jxz, Jyz = body.inverse_com_inertia
+    fx, fy, fz, tx, ty, tz, hx, hy, hz, damping = wrench
+    x, y, z = w
+    # w x ms, and f - w x (w x ms)
+    ux, uy, uz = y * mz - z * my, z * mx - x * mz, x * my - y * mx
+    fx, fy, fz = fx - (y * uz - z * uy), fy - (z * ux - x * uz), fz - (x * uy - y * ux)
+    # I w + Jr H, and tau - (0, 0, damping w_z) - w x (I w + Jr H) - ms x a for dw = 0
+    Lx = Ixx * x + Ixy * y + Ixz * z + hx
+    Ly = Ixy * x + Iyy * y + Iyz * z + hy
+    Lz = Ixz * x + Iyz * y + Izz * z + hz
+    tx = tx - (y * Lz - z * Ly) - (my * fz - mz * fy) / m
+    ty = ty - (z * Lx - x * Lz) - (mz * fx - mx * fz) / m
+    tz = tz - damping * z - (x * Ly - y * Lx) - (mx * fy - my * fx) / m
+    dx = Jxx * tx + Jxy * ty + Jxz * tz
+    dy = Jxy * tx + Jyy * ty + Jyz * tz
+    dz = Jxz * tx + Jyz * ty + Jzz * tz
+    ax = (fx - (dy * mz - dz * my)) / m
+    ay = (fy - (dz * mx - dx * mz)) / m
+    az = (fz - (dx * my - dy * mx)) / m
+    return (ax, ay, az), (dx, dy, dz)
 
 
 @no_type_check
 def with_drag(body: RigidBody, wrench: Wrench, velocity: Vector, w: Vector) -> Wrench:
     """Add the drag on an origin that moves with `velocity` [m/s] while turning with `w` [rad/s]."""
     cx, cy, cz = body.drag
-    if not (cx or cy or cz):
-        return wrench
-    fx, fy, fz = wrench.force
-    vx, vy, vz = velocity
-    ux, uy, uz = cross(w, body.drag_position)
-    dx, dy, dz = cx * (vx + ux), cy * (vy + uy), cz * (vz + uz)
-    tx, ty, tz = wrench.torque
-    qx, qy, qz = cross(body.drag_position, (dx, dy, dz))
-    slowed, turned = (fx - dx, fy - dy, fz - dz), (tx - qx, ty - qy, tz - qz)
-    return Wrench(slowed, turned, wrench.spin, wrench.yaw_damping)
+    px, py, pz = body.drag_position
+    fx, fy, fz, tx, ty, tz, hx, hy, hz, damping = wrench
+    (vx, vy, vz), (x, y, z) = velocity, w
+    dx = cx * (vx + y * pz - z * py)
+    dy = cy * (vy + z * px - x * pz)
+    dz = cz * (vz + x * py - y * px)
+    fx, fy, fz = fx - dx, fy - dy, fz - dz
+    tx, ty, tz = tx - (py * dz - pz * dy), ty - (pz * dx - px * dz), tz - (px * dy - py * dx)
+    return fx, fy, fz, tx, ty, tz, hx, hy, hz, damping
 
 
 @no_type_check
 def derivative(body: RigidBody, wrench: Wrench, state: State) -> State:
     """Differentiate the state by time under a wrench."""
     x, y, z, qw, qx, qy, qz, vx, vy, vz, _, _, _ = state
-    w, v = (x, y, z), (vx, vy, vz)
-    (ax, ay, az), (dx, dy, dz) = accelerations(body, with_drag(body, wrench, v, w), w)
-    R = rotation((qw, qx, qy, qz))
-    gx, gy, gz = R[2]  # the world's vertical in body axes
-    cx, cy, cz = cross(w, v)
-    return (
-        *(dx, dy, dz),
-        -0.5 * (qx * x + qy * y + qz * z),
-        0.5 * (qw * x + qy * z - qz * y),
-        0.5 * (qw * y + qz * x - qx * z),
-        0.5 * (qw * z + qx * y - qy * x),
-        *(ax - GRAVITY * gx - cx, ay - GRAVITY * gy - cy, az - GRAVITY * gz - cz),
-        *times(R, v),
-    )
+    w = (x, y, z)
+    if body.drag != NO_DRAG:
+        wrench = with_drag(body, wrench, (vx, vy, vz), w)
+    (ax, ay, az), (dx, dy, dz) = accelerations(body, wrench, w)
+    # R as in `rotation`, written out: a call costs as much as the matrix
+    Rxx = 1 - 2 * (qy * qy + qz * qz)
+    Ryy = 1 - 2 * (qx * qx + qz * qz)
+    Rzz = 1 - 2 * (qx * qx + qy * qy)
+    Rxy, Ryx = 2 * (qx * qy - qw * qz), 2 * (qx * qy + qw * qz)
+    Rxz, Rzx = 2 * (qx * qz + qw * qy), 2 * (qx * qz - qw * qy)
+    Ryz, Rzy = 2 * (qy * qz - qw * qx), 2 * (qy * qz + qw * qx)
+    # q' = q (0, w) / 2, v' = a + g - w x v in body axes, p' = R v
+    dqw = -0.5 * (qx * x + qy * y + qz * z)
+    dqx = 0.5 * (qw * x + qy * z - qz * y)
+    dqy = 0.5 * (qw * y + qz * x - qx * z)
+    dqz = 0.5 * (qw * z + qx * y - qy * x)
+    dvx = ax - GRAVITY * Rzx - (y * vz - z * vy)
+    dvy = ay - GRAVITY * Rzy - (z * vx - x * vz)
+    dvz = az - GRAVITY * Rzz - (x * vy - y * vx)
+    dpx = Rxx * vx + Rxy * vy + Rxz * vz
+    dpy = Ryx * vx + Ryy * vy + Ryz * vz
+    dpz = Rzx * vx + Rzy * vy + Rzz * vz
+    return dx, dy, dz, dqw, dqx, dqy, dqz, dvx, dvy, dvz, dpx, dpy, dpz
 
 
 @no_type_check
-def step(body: RigidBody, wrenches: list[Wrench], state: State, h: float) -> State:
+def step(body: RigidBody, wrenches: Sequence[Wrench], state: State, h: float) -> State:
     """Take a classical Runge-Kutta step of length `h` [s]; wrenches at begin, middle and end."""
     begin, middle, end = wrenches
-    half, sixth = h / 2, h / 6
     k1 = derivative(body, begin, state)
-    k2 = derivative(body, middle, tuple([x + half * k for x, k in zip(state, k1, strict=True)]))
-    k3 = derivative(body, middle, tuple([x + half * k for x, k in zip(state, k2, strict=True)]))
-    k4 = derivative(body, end, tuple([x + h * k for x, k in zip(state, k3, strict=True)]))
-    slopes = zip(state, k1, k2, k3, k4, strict=True)
-    return _normalised([x + sixth * (a + 2 * (b + c) + d) for x, a, b, c, d in slopes])
+    k2 = derivative(body, middle, _ahead(state, k1, h / 2))
+    k3 = derivative(body, middle, _ahead(state, k2, h / 2))
+    k4 = derivative(body, end, _ahead(state, k3, h))
+    weighted = [a + 2 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
+    x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz = _ahead(state, weighted, h / 6)
+    length = (qw * qw + qx * qx + qy * qy + qz * qz) ** 0.5
+    qw, qx, qy, qz = qw / length, qx / length, qy / length, qz / length
+    return (x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz)
 
 
 @no_type_check
-def _normalised(state: list[float]) -> State:
-    """Normalise the state's quaternion."""
-    a, b, c, d = state[3:7]
-    length = (a * a + b * b + c * c + d * d) ** 0.5
-    return (*state[:3], a / length, b / length, c / length, d / length, *state[7:])
-
-
-def _rows(tensor: Float[np.ndarray, "3 3"]) -> Matrix:
-    """Convert a matrix to a tuple of rows."""
-    a, b, c = (tuple(row) for row in tensor.tolist())
-    return a, b, c
+def _ahead(state: State, slope: Sequence[float], h: float) -> State:
+    """Follow a slope from a state for `h` [s]."""
+    x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz = state
+    dx, dy, dz, dqw, dqx, dqy, dqz, dvx, dvy, dvz, dpx, dpy, dpz = slope
+    x, y, z = x + h * dx, y + h * dy, z + h * dz
+    qw, qx, qy, qz = qw + h * dqw, qx + h * dqx, qy + h * dqy, qz + h * dqz
+    vx, vy, vz = vx + h * dvx, vy + h * dvy, vz + h * dvz
+    px, py, pz = px + h * dpx, py + h * dpy, pz + h * dpz
+    return x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz

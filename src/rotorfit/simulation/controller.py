@@ -5,7 +5,7 @@ be measured with any number of noises.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, sin
+from math import atan2, cos, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +72,8 @@ class Autopilot:
     mass, inertia
         What it believes of the vehicle: mass [kg] and diagonal of the inertia [kg m^2].
     mixer
-        Squared speeds per vertical force and torque, the pseudo-inverse of the allocation.
+        Squared speeds per vertical force and torque, the pseudo-inverse of the allocation; a row
+        for each rotor.
     speed_limits
         Lowest speed of a running motor and highest speed [rad/s].
     period
@@ -83,7 +84,7 @@ class Autopilot:
 
     mass: float
     inertia: Vector
-    mixer: Float[np.ndarray, "N 4"]
+    mixer: list[list[float]]
     speed_limits: tuple[float, float]
     period: float
     gains: Gains
@@ -124,7 +125,7 @@ def autopilot_of(
     return Autopilot(
         mass=truth.mass,
         inertia=truth.inertia[:3],
-        mixer=np.linalg.pinv(nominal[2:]),
+        mixer=np.linalg.pinv(nominal[2:]).tolist(),
         speed_limits=(lowest, highest),
         period=period,
         gains=gains,
@@ -140,9 +141,10 @@ def trimmed(truth: Truth) -> Memory:
 @no_type_check
 def mix(autopilot: Autopilot, lift: float, torque: Vector) -> Float[np.ndarray, " N"]:
     """Allocate a force along body z and a torque to speeds within their limits."""
-    squares = autopilot.mixer @ np.array([lift, *torque])
-    lowest, highest = autopilot.speed_limits
-    return np.sqrt(np.minimum(np.maximum(squares, lowest**2), highest**2))
+    x, y, z = torque
+    lowest, highest = (limit * limit for limit in autopilot.speed_limits)
+    squares = [a * lift + b * x + c * y + d * z for a, b, c, d in autopilot.mixer]
+    return np.array([sqrt(min(max(square, lowest), highest)) for square in squares])
 
 
 @no_type_check
@@ -165,7 +167,7 @@ def control(
     if grounded:  # wide gear: hold the trim that will be needed at lift-off, and no more
         torque = memory.trim
     speeds = mix(autopilot, lift, torque)
-    return np.sqrt(reference.throttle) * speeds, remembered
+    return sqrt(reference.throttle) * speeds, remembered
 
 
 @no_type_check
@@ -209,14 +211,16 @@ def _rate_loop(
     autopilot: Autopilot, memory: Memory, w: Vector, asked: Vector
 ) -> tuple[Vector, Vector]:
     """Compute the torque asked for and the new trim [N m]."""
-    gains, period = autopilot.gains, autopilot.period
-    torque: list[float] = []
-    trim: list[float] = []
-    for axis in range(3):
-        inertia, error = autopilot.inertia[axis], asked[axis] - w[axis]
-        acceleration = (w[axis] - memory.angular_velocity[axis]) / period
-        trim.append(memory.trim[axis] + inertia * gains.integral[axis] * error * period)
-        torque.append(
-            trim[axis] + inertia * (gains.rate[axis] * error - gains.damping[axis] * acceleration)
-        )
-    return (torque[0], torque[1], torque[2]), (trim[0], trim[1], trim[2])
+    (Ix, Iy, Iz), gains, period = autopilot.inertia, autopilot.gains, autopilot.period
+    (x, y, z), (last_x, last_y, last_z) = w, memory.angular_velocity
+    (kx, ky, kz), (dx, dy, dz), (ix, iy, iz) = gains.rate, gains.damping, gains.integral
+    ex, ey, ez = asked[0] - x, asked[1] - y, asked[2] - z
+    tx = memory.trim[0] + Ix * ix * ex * period
+    ty = memory.trim[1] + Iy * iy * ey * period
+    tz = memory.trim[2] + Iz * iz * ez * period
+    torque = (
+        tx + Ix * (kx * ex - dx * (x - last_x) / period),
+        ty + Iy * (ky * ey - dy * (y - last_y) / period),
+        tz + Iz * (kz * ez - dz * (z - last_z) / period),
+    )
+    return torque, (tx, ty, tz)

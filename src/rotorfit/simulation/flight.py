@@ -33,6 +33,7 @@ from rotorfit.simulation.controller import (
     trimmed,
 )
 from rotorfit.simulation.motors import (
+    Decay,
     Rotors,
     decay_over,
     lagged,
@@ -112,7 +113,7 @@ class _Stretch(NamedTuple):
     samples_ago: int
     h: float
     fractions: Float[np.ndarray, " k"]
-    decay: Float[np.ndarray, "2 k"]
+    decay: Decay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,17 +127,14 @@ class _Machine:
 
 
 class _Moment(NamedTuple):
-    """What is recorded at a sample; the fields are those of `SimulatedFlight`."""
+    """What is recorded of a sample; `acting` is the command that reaches the motors from now on."""
 
     state: State
-    specific_force: Vector
-    angular_acceleration: Vector
-    rotor_speed: Float[np.ndarray, " N"]
-    rotor_acceleration: Float[np.ndarray, " N"]
-    commanded_speed: Float[np.ndarray, " N"]
-    reference: Vector
-    external: Wrench
-    airborne: bool
+    speeds: Float[np.ndarray, " N"]
+    command: Float[np.ndarray, " N"]
+    acting: Float[np.ndarray, " N"]
+    asked: Vector
+    grounded: bool
 
 
 def simulate_flight(
@@ -170,7 +168,9 @@ def simulate_flight(
         trim=trimmed(truth),
         grounded=scenario.ground_seconds > 0,
     )
-    flight = _assemble(truth, vehicle, scenario, moments=moments, machine=machine)
+    flight = _assemble(
+        (truth, vehicle, scenario), machine=machine, moments=moments, disturbance=disturbance[:-1]
+    )
     return measure(flight, scenario.sensors, seed=sensor_seed)
 
 
@@ -221,19 +221,26 @@ def _fly(
     speeds = mix(machine.autopilot, machine.body.mass * GRAVITY, trim.trim) * (not grounded)
     commands = [speeds] * (machine.stretches[0].samples_ago + 1)  # the latest first
     memory, moments = trim, list[_Moment]()
-    for reference, before, after, noise in zip(
-        plan, disturbance[:-1], disturbance[1:], rate_noise.tolist(), strict=True
-    ):
+    arrives = machine.stretches[0].samples_ago
+    gusts = zip(*[_between(disturbance, s.fractions) for s in machine.stretches], strict=True)
+    for reference, gust, noise in zip(plan, gusts, rate_noise.tolist(), strict=True):
         grounded = _stands(machine, state, speeds, reference, grounded)
         if grounded:
             state = (*(0.0,) * 3, *state[3:7], *(0.0,) * 3, *state[10:])
         seen = (state[0] + noise[0], state[1] + noise[1], state[2] + noise[2], *state[3:])
         command, memory = control(machine.autopilot, memory, seen, reference, grounded=grounded)
         commands = [command, *commands[:-1]]
-        asked = memory.asked
-        moments.append(_moment(machine, state, speeds, commands, (before, asked), grounded))
-        state, speeds = _advance(machine, state, speeds, commands, (before, after), grounded)
+        moments.append(_Moment(state, speeds, command, commands[arrives], memory.asked, grounded))
+        state, speeds = _advance(machine, state, speeds, commands, gust, grounded)
     return moments
+
+
+def _between(
+    disturbance: Float[np.ndarray, "n_and_1 6"], fractions: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, "n k 6"]:
+    """Interpolate the disturbance linearly between each sample and the next."""
+    before, after = disturbance[:-1, None], disturbance[1:, None]
+    return before + fractions[:, None] * (after - before)
 
 
 @no_type_check
@@ -256,52 +263,21 @@ def _stands(
 
 
 @no_type_check
-def _moment(
-    machine: _Machine,
-    state: State,
-    speeds: Float[np.ndarray, " N"],
-    commands: list[Float[np.ndarray, " N"]],
-    around: tuple[Float[np.ndarray, " 6"], Vector],
-    grounded: bool,
-) -> _Moment:
-    """Record a sample: accelerations under the command that acts from now on.
-
-    `around`: the disturbing wrench, and the rates that were asked for.
-    """
-    disturbance, asked = around
-    body, rotors = machine.body, machine.rotors
-    slopes = speed_slopes(rotors, speeds[None], commands[machine.stretches[0].samples_ago])[0]
-    (wrench,) = wrenches(rotors, speeds[None], slopes[None], np.zeros((1, 6)))
-    if grounded:
-        x, y, z = rotation((state[3], state[4], state[5], state[6]))[2]
-        a, dw = (GRAVITY * x, GRAVITY * y, GRAVITY * z), (0.0, 0.0, 0.0)
-        external = _reaction(body, wrench, a)
-    else:
-        fx, fy, fz, tx, ty, tz = disturbance.tolist()
-        w, v = (state[0], state[1], state[2]), (state[7], state[8], state[9])
-        external = with_drag(body, Wrench((fx, fy, fz), (tx, ty, tz)), v, w)
-        a, dw = accelerations(body, _sum(wrench, external), w)
-    return _Moment(state, a, dw, speeds, slopes, commands[0], asked, external, not grounded)
-
-
-@no_type_check
 def _advance(
     machine: _Machine,
     state: State,
     speeds: Float[np.ndarray, " N"],
     commands: list[Float[np.ndarray, " N"]],
-    disturbance: tuple[Float[np.ndarray, " 6"], Float[np.ndarray, " 6"]],
+    gust: tuple[Float[np.ndarray, "k 6"], ...],
     grounded: bool,
 ) -> tuple[State, Float[np.ndarray, " N"]]:
-    """Integrate state and rotor speeds to the next sample; the disturbance changes linearly."""
-    before, after = disturbance
-    for samples_ago, h, fractions, decay in machine.stretches:
+    """Integrate state and rotor speeds to the next sample, with the disturbance of each stretch."""
+    for (samples_ago, h, _, decay), external in zip(machine.stretches, gust, strict=True):
         command = commands[samples_ago]
         nodes = lagged(speeds, command, decay)
         speeds = nodes[-1]
         if not grounded:
             slopes = speed_slopes(machine.rotors, nodes, command)
-            external = before + fractions[:, None] * (after - before)
             acting = wrenches(machine.rotors, nodes, slopes, external)
             for first in range(0, len(acting) - 1, 2):
                 state = step(machine.body, acting[first : first + 3], state, h)
@@ -309,35 +285,49 @@ def _advance(
 
 
 @no_type_check
-def _sum(one: Wrench, other: Wrench) -> Wrench:
-    """Add two wrenches, with spin and damping of the first."""
-    (a, b, c), (d, e, f) = one.force, other.force
-    (u, v, w), (x, y, z) = one.torque, other.torque
-    return Wrench((a + d, b + e, c + f), (u + x, v + y, w + z), one.spin, one.yaw_damping)
+def _motion(
+    body: RigidBody, moment: _Moment, wrench: Wrench, disturbance: list[float]
+) -> tuple[Vector, Vector, Wrench]:
+    """Compute a and dw at a sample, and the wrench that acts beside that of the rotors."""
+    wx, wy, wz, qw, qx, qy, qz, vx, vy, vz, _, _, _ = moment.state
+    if moment.grounded:
+        x, y, z = rotation((qw, qx, qy, qz))[2]
+        a = (GRAVITY * x, GRAVITY * y, GRAVITY * z)
+        return a, (0.0, 0.0, 0.0), _reaction(body, wrench, a)
+    w = (wx, wy, wz)
+    external = with_drag(body, (*disturbance, 0.0, 0.0, 0.0, 0.0), (vx, vy, vz), w)
+    acting = [one + other for one, other in zip(wrench, external, strict=True)]
+    return *accelerations(body, acting, w), external
 
 
 @no_type_check
 def _reaction(body: RigidBody, wrench: Wrench, a: Vector) -> Wrench:
     """Compute the wrench of the ground that keeps a body at rest under another one."""
-    (fx, fy, fz), (tx, ty, tz) = wrench.force, wrench.torque
+    fx, fy, fz, tx, ty, tz, _, _, _, _ = wrench
     x, y, z = cross(body.first_moments, a)
     m = body.mass
-    return Wrench((m * a[0] - fx, m * a[1] - fy, m * a[2] - fz), (x - tx, y - ty, z - tz))
+    return (m * a[0] - fx, m * a[1] - fy, m * a[2] - fz, x - tx, y - ty, z - tz)
 
 
 def _assemble(
-    truth: Truth,
-    vehicle: Vehicle,
-    scenario: Scenario,
+    flown: tuple[Truth, Vehicle, Scenario],
     *,
-    moments: list[_Moment],
     machine: _Machine,
+    moments: list[_Moment],
+    disturbance: Float[np.ndarray, "n 6"],
 ) -> SimulatedFlight:
     """Collect the flight as arrays, measured without errors."""
+    truth, vehicle, scenario = flown
     state = np.array([moment.state for moment in moments])
-    attitude, rotor_speed = state[:, 3:7], np.array([moment.rotor_speed for moment in moments])
-    force = np.array([moment.specific_force for moment in moments])
-    external = [(*moment.external.force, *moment.external.torque) for moment in moments]
+    attitude, rotor_speed = state[:, 3:7], np.array([moment.speeds for moment in moments])
+    acting = np.array([moment.acting for moment in moments])
+    slopes = speed_slopes(machine.rotors, rotor_speed, acting)
+    of_rotors = wrenches(machine.rotors, rotor_speed, slopes, np.zeros((len(moments), 6)))
+    motions = [
+        _motion(machine.body, *row)
+        for row in zip(moments, of_rotors, disturbance.tolist(), strict=True)
+    ]
+    force = np.array([specific_force for specific_force, _, _ in motions])
     return SimulatedFlight(
         truth=truth,
         vehicle=vehicle,
@@ -350,14 +340,14 @@ def _assemble(
         specific_force=force,
         specific_force_imu=force,
         angular_velocity=state[:, :3],
-        angular_acceleration=np.array([moment.angular_acceleration for moment in moments]),
+        angular_acceleration=np.array([turn for _, turn, _ in motions]),
         rotor_speed=rotor_speed,
-        rotor_acceleration=np.array([moment.rotor_acceleration for moment in moments]),
-        commanded_speed=np.array([moment.commanded_speed for moment in moments]),
-        reference=np.array([moment.reference for moment in moments]),
+        rotor_acceleration=slopes,
+        commanded_speed=np.array([moment.command for moment in moments]),
+        reference=np.array([moment.asked for moment in moments]),
         max_speed=machine.autopilot.speed_limits[1],
-        external_wrench=np.array(external),
-        airborne=np.array([moment.airborne for moment in moments]),
+        external_wrench=np.array([wrench[:6] for _, _, wrench in motions]),
+        airborne=np.array([not moment.grounded for moment in moments]),
         gyro=state[:, :3],
         accel=force,
         rotor_speed_measured=rotor_speed,

@@ -6,8 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.simulation.body import Wrench, no_type_check
+from rotorfit.simulation.body import no_type_check
 from rotorfit.simulation.truth import Truth
+
+Decay = tuple[Float[np.ndarray, "k 1"], Float[np.ndarray, "k 1"]]
+"""exp(-t/lag) at some times t, of rising and of falling speed; one array if the lags are equal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,37 +19,42 @@ class Rotors:
 
     Attributes
     ----------
-    wrench_per_square
-        Force and torque about the body origin per squared speed [N s^2/rad^2, N m s^2/rad^2].
-    spin_per_speed
-        Angular momentum relative to the body per speed, Jr s_i n_i [kg m^2].
-    yaw_damping_per_speed
-        Torque against a turn about z per rate and rotor speed, c (x_i^2 + y_i^2) [N m s^2/rad^2].
-    torque_per_speed
-        Torque against the spin per speed, -k_l s_i n_i [N m s/rad].
+    wrench_matrix
+        Columns: force [N] and torque about the body origin [N m], angular momentum relative to the
+        body [N m s], and torque against a turn about z per rate [N m s/rad]. Rows: per squared
+        speed, per speed, and per slope of the speed of each rotor.
     lag
         Time constant of the speed towards its command [s].
     lag_down
         The same while it falls [s].
     """
 
-    wrench_per_square: Float[np.ndarray, "6 N"]
-    spin_per_speed: Float[np.ndarray, "3 N"]
-    yaw_damping_per_speed: Float[np.ndarray, " N"]
-    torque_per_speed: Float[np.ndarray, "3 N"]
+    wrench_matrix: Float[np.ndarray, "3*N 10"]
     lag: float
     lag_down: float
 
+    @property
+    def wrench_per_square(self) -> Float[np.ndarray, "6 N"]:
+        """Force and torque about the body origin per squared speed [N s^2/rad^2, N m s^2/rad^2]."""
+        return self.wrench_matrix[: len(self.wrench_matrix) // 3, :6].T
+
 
 def rotors_of(truth: Truth, vehicle: Vehicle) -> Rotors:
-    """Collect the rotors of a vehicle."""
+    """Collect the rotors of a vehicle: s_i spins, n_i axes, (x_i, y_i) places.
+
+    Per squared speed their `allocation`; per speed the torque -k_l s_i n_i, the angular momentum
+    Jr s_i n_i and the damping c (x_i^2 + y_i^2) of a turn; per slope the torque -Jr s_i n_i.
+    """
+    N = len(vehicle.rotors)
+    spins = vehicle.spins[:, None] * vehicle.axes
+    matrix = np.zeros((3, N, 10))
+    matrix[0, :, :6] = allocation(vehicle, kt=truth.rotor_kt(N), kd=truth.kd).T
+    matrix[1, :, 3:6] = -truth.kd_linear * spins
+    matrix[1, :, 6:9] = truth.Jr * spins
+    matrix[1, :, 9] = truth.rotor_drag * vehicle.squared_arms
+    matrix[2, :, 3:6] = -truth.Jr * spins
     return Rotors(
-        wrench_per_square=allocation(vehicle, kt=truth.rotor_kt(len(vehicle.rotors)), kd=truth.kd),
-        spin_per_speed=truth.Jr * (vehicle.spins[:, None] * vehicle.axes).T,
-        yaw_damping_per_speed=truth.rotor_drag * vehicle.squared_arms,
-        torque_per_speed=-truth.kd_linear * (vehicle.spins[:, None] * vehicle.axes).T,
-        lag=truth.motor_lag,
-        lag_down=truth.falling_lag,
+        wrench_matrix=matrix.reshape(-1, 10), lag=truth.motor_lag, lag_down=truth.falling_lag
     )
 
 
@@ -67,21 +75,25 @@ def allocation(
 def lagged(
     speed: Float[np.ndarray, " N"],
     command: Float[np.ndarray, " N"],
-    decay: Float[np.ndarray, "2 k"],
+    decay: Decay,
 ) -> Float[np.ndarray, "k N"]:
     """Compute the rotor speeds after a constant command has acted for some times.
 
     The step response of a first-order lag is exact: O(t) = u + (O(0) - u) exp(-t/lag).
     """
-    rising = (command >= speed).astype(float)
-    left = decay[1][:, None] + rising * (decay[0] - decay[1])[:, None]
-    return command + left * (speed - command)
+    away = speed - command
+    rising, falling = decay
+    left = rising if rising is falling else np.where(away <= 0, rising, falling)
+    return command + left * away
 
 
-def decay_over(truth: Truth, times: Float[np.ndarray, " k"]) -> Float[np.ndarray, "2 k"]:
+def decay_over(truth: Truth, times: Float[np.ndarray, " k"]) -> Decay:
     """Compute exp(-t/lag) of rising and falling speed, zeros for motors without lag."""
-    lags = (truth.motor_lag, truth.falling_lag)
-    return np.array([np.exp(-times / lag) if lag > 0 else np.zeros_like(times) for lag in lags])
+    rising, falling = (
+        np.exp(-times[:, None] / lag) if lag > 0 else np.zeros((times.size, 1))
+        for lag in (truth.motor_lag, truth.falling_lag)
+    )
+    return (rising, rising) if truth.motor_lag == truth.falling_lag else (rising, falling)
 
 
 @no_type_check
@@ -92,6 +104,8 @@ def speed_slopes(
     if rotors.lag == 0:
         return np.zeros_like(speeds)
     away = command - speeds
+    if rotors.lag == rotors.lag_down:
+        return away / rotors.lag
     return away / np.where(away >= 0, rotors.lag, rotors.lag_down)
 
 
@@ -101,20 +115,15 @@ def wrenches(
     speeds: Float[np.ndarray, "k N"],
     slopes: Float[np.ndarray, "k N"],
     external: Float[np.ndarray, "k 6"],
-) -> list[Wrench]:
-    """Compute the wrench on the body at k instants.
+) -> list[list[float]]:
+    """Compute the wrench on the body at k instants, as rows of ten floats.
 
     Aerodynamic forces and torques, the reaction -Jr dH/dt, the angular momentum Jr H for the
     gyroscopic torque -w x Jr H, the drag of rotors that a turn about z carries through the air,
     and an external wrench about the origin added.
     """
-    applied = speeds * speeds @ rotors.wrench_per_square.T + external
-    applied[:, 3:] += speeds @ rotors.torque_per_speed.T
-    applied[:, 3:] -= slopes @ rotors.spin_per_speed.T
-    spins: list[list[float]] = (speeds @ rotors.spin_per_speed.T).tolist()
-    damping: list[float] = (speeds @ rotors.yaw_damping_per_speed).tolist()
-    rows: list[list[float]] = applied.tolist()
-    return [
-        Wrench((fx, fy, fz), (tx, ty, tz), (hx, hy, hz), d)
-        for (fx, fy, fz, tx, ty, tz), (hx, hy, hz), d in zip(rows, spins, damping, strict=True)
-    ]
+    drive = np.concatenate([speeds * speeds, speeds, slopes], axis=1)
+    acting = drive @ rotors.wrench_matrix
+    acting[:, :6] += external
+    rows: list[list[float]] = acting.tolist()
+    return rows

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import interpolate
+from scipy import interpolate, signal
 from scipy.spatial.transform import Rotation
 
 from rotorfit.model.vehicle import Vehicle
@@ -90,9 +90,8 @@ def gauss_markov(
     keep = float(np.exp(-2 * np.pi * bandwidth / sample_rate))
     noise = rng.normal(size=(samples, std.size))
     noise[1:] *= np.sqrt(1 - keep**2)
-    for row in range(1, samples):
-        noise[row] += keep * noise[row - 1]
-    return noise * std
+    process: Float[np.ndarray, "n k"] = signal.lfilter([1.0], [1.0, -keep], noise, axis=0)
+    return process * std
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
