@@ -108,6 +108,11 @@ def explains_itself(path: Path) -> bool:
 
 
 def _proposal(source: Source, named: Mapping[str, str], units: Mapping[str, str]) -> Proposal:
+    if len(source.names) == 1:
+        raise LogError(
+            f"one column only, {source.names[0][:40]!r}: cells are separated by comma, semicolon, "
+            "tab, | or spaces"
+        )
     _check_given(source, named, units)
     candidates = candidates_of(source.names, named)
     numbers, texts = _numbers(source, candidates)

@@ -95,7 +95,9 @@ def clock_found(source: Source, candidates: Sequence[Candidate], numbers: Number
         if len(steps) and (steps >= 0).all() and (steps > 0).any() and not counts:
             return _clock(name, one.unit, float(np.median(steps[steps > 0])))
     seen = ", ".join(one.by_index[0] for one in named)
+    texts = [one.by_index[0] for one in named if one.by_index[0] not in numbers]
     what = f"{seen} does not rise from row to row" if seen else "no column is named like a clock"
+    what = f"{texts[0]} holds text, no numbers of s, ms or us" if texts else what
     raise LogError(f"no time: {what}; record one, or name it as --column time=NAME")
 
 
