@@ -361,8 +361,8 @@ def test_the_resolution_is_in_si_units(tmp_path):
         ),
         (
             "time,foo\n0,1\n",
-            "no known column besides 'time'; the file has time, foo; rotorfit airframe TABLE proposes "
-            "which is which, and writes it down; or say so in an experiment file, such as "
+            "no known column besides 'time'; the file has time, foo; rotorfit airframe TABLE "
+            "proposes which is which, and writes it down; or say so in an experiment file, such as "
             'columns = { time = { name = "time" }, ... }, with a unit '
             "where it is not SI",
         ),
