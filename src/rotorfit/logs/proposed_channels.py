@@ -212,7 +212,7 @@ def gyro_found(
     chosen: Candidate | None,
     rate: Float[np.ndarray, "n 3"] | None,
     numbers: Numbers,
-    answer: str | None,
+    stated: str | None,
 ) -> Found:
     """Find the gyro's unit: by the attitude, else by name, else by its peaks, else ask."""
     assert chosen is not None
@@ -220,8 +220,8 @@ def gyro_found(
     named = chosen.unit if chosen.unit in UNITS["angular velocity"] else None
     slopes = None if rate is None else _slopes(values, rate)
     found = slopes if slopes is not None and np.isfinite(slopes).any() else None
-    if answer is not None:
-        return _with_unit(chosen, answer, f"gyro: {answer}, as stated")
+    if stated is not None:
+        return _with_unit(chosen, stated, f"gyro: {stated}, as stated")
     if found is not None:
         factor = float(np.nanmedian(np.abs(found)))
         si = {u: s for u, s in UNITS["angular velocity"].items() if 0.8 < factor * s < 1.25}
