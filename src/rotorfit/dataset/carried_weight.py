@@ -9,7 +9,7 @@ throw, a landing) does not enter, and where it stays within :math:`\sigma_v` and
 velocity where it is logged, tell of that acceleration; each counts by its deviation.
 
 Upwards is where the mean force points in axes that the gyro carries. What the velocity gains
-sideways leans that mean and lengthens it; over twenty seconds a flight gains little, and where the
+sideways leans that mean and lengthens it; over thirty seconds a flight gains little, and where the
 velocity is logged, its gain is taken off.
 
 That thrust is not always the same at one rotor speed (inflow, the ground, a wall, a battery that
@@ -39,12 +39,12 @@ LINEAR = 0.5
 MOST_BATCHES = 10
 SHORTEST_BATCH = 1.0
 """[s]"""
-TOGETHER = 2
-"""Windows that share one vertical: over twenty seconds, what is gained sideways hardly leans it."""
-GYRO_BIAS_STD = 0.02
+TOGETHER = 3
+"""Windows that share one vertical: over thirty seconds, what is gained sideways hardly leans it."""
+GYRO_BIAS_STD = 0.01
 """[rad/s]"""
 PASSES = 2
-"""A bias of 0.05 rad/s turns the axes by a radian in twenty seconds."""
+"""A bias of 0.05 rad/s turns the axes by over a radian in thirty seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
