@@ -243,11 +243,13 @@ def thrust_shares(numbers: Numbers, vehicle: Vehicle) -> ThrustShares | None:
         return None
     kt = np.array([numbers.number(name)[0] for name in names])
     # What all have in common is no share.
-    apart = np.eye(n) - 1.0 / n
+    centred = np.eye(n) - 1.0 / n
     known = numbers.covariance(names) / kt.mean() ** 2
     before = np.diag([spread_std(rotor) ** 2 for rotor in vehicle.rotors])
     return ThrustShares(
-        values=kt / kt.mean(), covariance=apart @ known @ apart, prior=apart @ before @ apart
+        values=kt / kt.mean(),
+        covariance=centred @ known @ centred,
+        prior=centred @ before @ centred,
     )
 
 
