@@ -300,7 +300,9 @@ def test_a_page_that_is_closed_is_forgotten():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "ending", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)]
+)
 def test_a_signal_ends_it_and_nothing_is_left(tmp_path, ending):
     command = [sys.executable, "-m", "rotorfit", "app", "--no-browser"]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}

@@ -142,7 +142,9 @@ def test_blackbox_cut_inside_its_header(refused, here, blackbox):
 
 
 @pytest.mark.flights
-@pytest.mark.parametrize("folder", ["betaflight", "tudelft-indiflight"])
+@pytest.mark.parametrize(
+    "folder", ["betaflight", pytest.param("tudelft-indiflight", marks=pytest.mark.slow)]
+)
 def test_real_logs(run, flight_data_dir, folder, tmp_path):
     logs = sorted((flight_data_dir / folder).glob("*.BFL"))
     if not logs:

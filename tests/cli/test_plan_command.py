@@ -65,6 +65,7 @@ def test_the_card_as_a_page(planned):
     assert "<script" not in page and "http" not in page.replace("http-equiv", "")
 
 
+@pytest.mark.slow
 def test_from_the_command_line(run, here):
     files = ("--card", "card.html", "-o", "plan.json")
     ended = run("plan", "airframe.toml", *QUICK, *files, "--guess", "Izz=0.03")

@@ -44,6 +44,7 @@ def test_what_differs_between_flights_is_in_the_interval(tmp_path, fly):
     assert kt.interval[1] - kt.interval[0] > 0.04 * truth
 
 
+@pytest.mark.slow
 def test_a_calm_flight_beside_a_lively_one_does_no_harm(tmp_path, fly):
     calm = fly(5, sticks=STILL)
     alone = flown.identified(tmp_path, [fly(4)], extra=KNOWN_DELAY)
@@ -53,6 +54,7 @@ def test_a_calm_flight_beside_a_lively_one_does_no_harm(tmp_path, fly):
     assert both.derived_value("Ixx_com").std < 1.2 * alone.derived_value("Ixx_com").std
 
 
+@pytest.mark.slow
 def test_one_axis_at_a_time_gives_inertia_and_yaw_as_a_ratio(tmp_path, fly):
     """Calm in two axes of three, and with noisy rotor speeds, every flight but one says nothing."""
     flights = [

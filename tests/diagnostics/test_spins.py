@@ -101,7 +101,9 @@ def test_products_of_inertia_are_no_wrong_spin(judged, name):
         judged(flight, 1)
 
 
-@pytest.mark.parametrize("kind", ["gusts", "gusts, perfect sensors"])
+@pytest.mark.parametrize(
+    "kind", ["gusts", pytest.param("gusts, perfect sensors", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("name", ["A", "hexa-x"])
 def test_a_gusty_hover_is_no_wrong_spin(judged, name, kind):
     (truth, vehicle), sensors = variant(flown.simulated_vehicle(name), "real")

@@ -52,6 +52,7 @@ def test_tutorial():
     assert "<mujoco" in exported
 
 
+@pytest.mark.slow
 def test_real_log_is_skipped_where_it_is_absent(monkeypatch, tmp_path):
     monkeypatch.setenv("ROTORFIT_DATA", str(tmp_path))
     first, *others = executed("real_log.ipynb")
@@ -60,6 +61,7 @@ def test_real_log_is_skipped_where_it_is_absent(monkeypatch, tmp_path):
 
 
 @pytest.mark.flights
+@pytest.mark.slow
 def test_real_log(monkeypatch, flight_data_dir):
     if not (flight_data_dir / "tudelft-indiflight").is_dir():
         pytest.skip(f"no tudelft-indiflight in {flight_data_dir}")

@@ -156,6 +156,7 @@ def test_the_scale_of_every_number_is_stretched_alike():
     np.testing.assert_allclose(half, expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_products_are_as_unsure_as_the_yaw_equation_they_hang_on(tmp_path):
     """Without turns the autopilot's answer to gusts pulls at kd's scale, and at Ixz with it."""
     vehicle = paper_vehicle("A")

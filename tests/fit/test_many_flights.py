@@ -171,6 +171,7 @@ def five(tmp_path_factory):
     return identify_flights(load_experiment(path)), truth
 
 
+@pytest.mark.slow
 def test_the_trim_of_each_flight_is_found(five):
     identified, truth = five
     values = identified.fit.estimate.estimate.by_name

@@ -35,7 +35,9 @@ def rotor_parameters(result):
     return [p for p in result.parameters if p.name.startswith("kt_")]
 
 
-MANY = pytest.mark.parametrize(("name", "rotors"), [("hexa-x", 6), ("octo", 8)])
+MANY = pytest.mark.parametrize(
+    ("name", "rotors"), [("hexa-x", 6), pytest.param("octo", 8, marks=pytest.mark.slow)]
+)
 
 
 @MANY

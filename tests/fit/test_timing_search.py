@@ -153,7 +153,7 @@ def test_a_hover_on_commands_does_not_tell_lag_nor_delay(of_the_hover, hovered_i
     assert kt.interval[0] < truth.kt < kt.interval[1]
 
 
-@pytest.mark.parametrize("seed", [13, 15])
+@pytest.mark.parametrize("seed", [pytest.param(13, marks=pytest.mark.slow), 15])
 def test_hovers_that_do_not_settle_tell_nothing_either(tmp_path, seed):
     """One fit runs away to bodies without end, which no rotor moves; the other to late motors."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")

@@ -14,6 +14,7 @@ distributed = pytest.importorskip("distributed", reason="pip install 'rotorfit[d
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_and_survives_a_hanging_log(small_fleet, tmp_path):
     space = Workspace(cache=tmp_path / "cache", time_limit=3.0)
     shutil.copytree(small_fleet.cache, space.cache)

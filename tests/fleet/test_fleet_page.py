@@ -101,6 +101,7 @@ def test_one_vehicle_has_no_column_of_dashes(flights, said):
     assert "Between flights" in kept and ">–<" not in kept
 
 
+@pytest.mark.slow
 def test_many_flights_are_averaged_in_drawings_and_not_listed():
     rng = np.random.default_rng(4)
     records = [

@@ -133,6 +133,7 @@ def test_interrupted_processes_give_the_same_bytes(small_fleet, tmp_path):
     assert files(fleet, cache) == files(expected, small_fleet.cache)
 
 
+@pytest.mark.slow
 def test_a_log_that_hangs_costs_that_log(small_fleet, tmp_path):
     """A pipe that nobody writes into is a log that never ends."""
     pipe = tmp_path / "pipe.csv"

@@ -93,6 +93,7 @@ def test_both_sources_give_the_same_parameters(noisy):
             assert abs(error) < 0.02, name
 
 
+@pytest.mark.slow
 def test_commands_seen_by_cameras_have_their_lag_found(tmp_path):
     """Lag taken for delay makes thrust follow commands too early, and kt 4 % too small."""
     simulate(tmp_path, "single", "noisy", seconds=20.0, seed=2)
@@ -155,6 +156,7 @@ NANOBENCH = {
 
 
 @pytest.mark.flights
+@pytest.mark.slow
 def test_vicon_and_commands_of_a_small_quadrotor(flight_data_dir, tmp_path):
     """Commands at 25 Hz, thrust not in proportion to their square: little is known, and said."""
     recording = flight_data_dir / "nanobench-crazyflie" / "B8_star_fast_rep1.csv"

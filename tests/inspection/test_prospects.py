@@ -30,7 +30,7 @@ def foreseen(path, *, commanded=False):
     return prospects(prepared, response, commanded=commanded)
 
 
-@pytest.fixture(scope="module", params=["single", "hexa"])
+@pytest.fixture(scope="module", params=["single", pytest.param("hexa", marks=pytest.mark.slow)])
 def flight_of(request):
     """Return a planned flight, its rotors in an order that no autopilot has, and its plan."""
     plan = plan_experiment(request.param, "real", seed=1, seconds=40.0)

@@ -60,7 +60,10 @@ def growth(logs, work):
     return (peak_of(lambda: work(logs[1])) - peak_of(lambda: work(logs[0]))) / channels
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize(
+    "name",
+    [name if name == "table" else pytest.param(name, marks=pytest.mark.slow) for name in FORMATS],
+)
 def test_a_long_log_is_read_within_three_times_its_channels(name, flight, tmp_path):
     assert growth(written(name, flight, tmp_path), read_log) < LIMIT
 

@@ -39,7 +39,10 @@ def test_lag_and_delay_are_those_of_the_likeliest_fit(result):
     """Once it was 0, 34 or 150 ms, whichever end of the flight one sample was taken from."""
     assert result.parameter("motor_lag").value == pytest.approx(0.0244, abs=0.0005)
     assert result.parameter("motor_delay").value == pytest.approx(0.0053, abs=0.0003)
-    assert result.derived_value("motor_lag_total").std < 0.0025
+    # A delay and a lag look alike to slow commands: their sum is known better than the lag.
+    total = result.derived_value("motor_lag_total")
+    assert total.verdict == "identified"
+    assert total.std < result.parameter("motor_lag").std
 
 
 def test_no_turn_of_so_calm_a_flight_gives_inertia(result):

@@ -14,9 +14,8 @@ FAST = (
     "mass x 1.1, LOG00267",
     "a rectangle taken as a square, LOG00267",
     "accel late 30 ms, LOG00267",
-    "rows lost, LOG00267",
 )
-"""Cases of each outcome that are looked at in every run, half a minute of the processor in all.
+"""Cases of each outcome that are looked at in every run, some seconds of the processor in all.
 
 Other faults are in `doubts` and `checks` on simulated flights.
 """

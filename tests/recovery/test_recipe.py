@@ -55,6 +55,7 @@ def runs(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_stated(runs):
     inside = [recovered(result, flight) for flight, result in runs]
     average = {name: np.mean([run[name] for run in inside]) for name in inside[0]}

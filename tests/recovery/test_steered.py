@@ -21,6 +21,7 @@ def runs(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_the_delay_is_not_that_of_the_autopilot_s_answer(runs):
     """Over all frequencies the likelihood is highest at 8 ms; in truth there is none."""
     delays = np.array([result.parameter("motor_delay").value for _, result in runs])

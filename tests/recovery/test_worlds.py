@@ -155,6 +155,7 @@ def test_a_slice_of_worlds_goes_through() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_broken_off_study_goes_on(tmp_path: Path) -> None:
     path = tmp_path / "worlds.jsonl"
     study = Study(seed=9, chance=CALM, seconds=6.0)
@@ -165,6 +166,7 @@ def test_a_broken_off_study_goes_on(tmp_path: Path) -> None:
     assert [row["index"] for row in read_rows(path)] == [0, 1, 2]
 
 
+@pytest.mark.slow
 def test_a_world_that_hangs_is_written_down(tmp_path: Path) -> None:
     path = tmp_path / "worlds.jsonl"
     study = Study(seed=9, chance=CALM, seconds=60.0)

@@ -23,12 +23,14 @@ from rotorfit.simulation.experiments import (
 
 SCENARIOS = ("paper", "single", "hexa", "payload-pair")
 VARIANTS = ("clean", "lag", "noisy", "real")
+QUICK = (("single", "noisy"), ("single", "real"), ("hexa", "real"))
 MATRIX = [
-    # What only repeats two others is for the longer studies.
-    pytest.param(s, v, marks=() if s == "single" or v == "real" else pytest.mark.slow)
+    # What repeats these is for the longer studies.
+    pytest.param(s, v, marks=() if (s, v) in QUICK else pytest.mark.slow)
     for s in SCENARIOS
     for v in VARIANTS
 ]
+EXACT_VARIANTS = ["clean", pytest.param("lag", marks=pytest.mark.slow)]
 EXACT = ("kt", "kd", "Ixx", "Iyy", "Izz")
 
 
@@ -98,7 +100,7 @@ def test_every_scenario_and_variant_identifies(folder_of, scenario, variant):
         assert row["relative_error"]["Fz"] < 0.02
 
 
-@pytest.mark.parametrize("variant", ["clean", "lag"])
+@pytest.mark.parametrize("variant", EXACT_VARIANTS)
 def test_paper_experiment_is_recovered_where_nothing_is_wrong(folder_of, variant):
     folder = folder_of("paper", variant)
     found = errors(identified(folder), folder)
@@ -107,7 +109,7 @@ def test_paper_experiment_is_recovered_where_nothing_is_wrong(folder_of, variant
         assert abs(error) < 5e-4, (name, error)
 
 
-@pytest.mark.parametrize("variant", ["clean", "lag"])
+@pytest.mark.parametrize("variant", EXACT_VARIANTS)
 def test_paper_preset_with_every_parameter(folder_of, variant):
     """r_sigma out of reach: nothing is removed, and little is wrong."""
     folder = folder_of("paper", variant)
@@ -117,7 +119,7 @@ def test_paper_preset_with_every_parameter(folder_of, variant):
         assert abs(error) < 1e-3, (name, error)
 
 
-@pytest.mark.parametrize("variant", ["clean", "lag"])
+@pytest.mark.parametrize("variant", EXACT_VARIANTS)
 def test_paper_preset_as_printed(folder_of, variant):
     """Without noise k_t is so sharp that r_sigma = 250 removes what else is there.
 
@@ -142,6 +144,7 @@ def test_truth_is_read_by_nobody(folder_of):
     assert after == before
 
 
+@pytest.mark.slow
 def test_truth_of_the_paper_vehicles(folder_of):
     truth = truth_in(folder_of("paper", "real"))
     assert (truth["shared"]["kt"], truth["shared"]["kd"]) == pytest.approx((3.63e-6, 5.11e-8))
@@ -154,6 +157,7 @@ def test_truth_of_the_paper_vehicles(folder_of):
     assert truth_in(folder_of("paper", "clean"))["shared"]["motor_lag"] == 0.0
 
 
+@pytest.mark.slow
 def test_payload_pair_keeps_the_centre_of_mass(folder_of):
     own = truth_in(folder_of("payload-pair", "real"))["configurations"]
     A, B = own["A"], own["B"]
@@ -162,6 +166,7 @@ def test_payload_pair_keeps_the_centre_of_mass(folder_of):
     assert B["Izz"] - A["Izz"] == pytest.approx(2 * 0.1 * 0.25**2)
 
 
+@pytest.mark.slow
 def test_flight_stays_in_the_hall():
     plan = plan_experiment("paper", "real", seed=1)
     for flight in planned_flights(plan)[::2]:  # one of each vehicle

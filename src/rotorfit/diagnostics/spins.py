@@ -277,7 +277,8 @@ def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags
         model = without_coupling(model)
     other: Dataset = replace(dataset, vehicle=vehicle, model=model)
     try:
-        estimate, joint = joint_fit(other, terms=fit.terms, known=fit.known)
+        guess = fit.estimate.estimate.by_name  # near, but for yaw: half the steps of row fits
+        estimate, joint = joint_fit(other, terms=fit.terms, known=fit.known, guess=guess)
         drags = rotor_drags(estimate, joint)
     except EstimationError:
         return None
