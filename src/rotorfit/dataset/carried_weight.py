@@ -221,6 +221,7 @@ def _vertical(
     moved, gained = np.full_like(read, np.nan), np.zeros_like(read)
     if flight.velocity is not None:
         moved = rotated(attitude, _in_groups(axes, flight.velocity, piece))
+    if np.isfinite(moved).all():  # of all of a stretch, or of none
         gained = np.gradient(moved, step, axis=0)
     back = small_turns(-gyro_drift(attitude, read - gained, step))
     read, pushed, moved, gained = (rotated(back, x) for x in (read, pushed, moved, gained))
