@@ -24,6 +24,7 @@ from rotorfit.identification.identify import identify
 from rotorfit.logs import read_log
 from rotorfit.logs.controller_log import ControllerLog, read_controller_log
 from rotorfit.report.loop import loop_html, loop_text
+from rotorfit.report.result_page import report_html
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 LOG = DATA / "autopilot-sitl" / "px4-heavy-recommended.ulg"
@@ -142,6 +143,15 @@ def test_the_command_writes_a_page(result, tmp_path, capsys):
     assert text.count("area body") > 12  # the measured bands
     assert "<td>1.47" in text or "<td>1.46" in text or "<td>1.48" in text  # roll's peak
     assert "http:" not in text and "https:" not in text
+
+
+def test_the_report_of_a_result_shows_its_loop(result):
+    outcome = loop_margins(result, LOG, draws=20)
+    text = report_html(result, loop=outcome)
+    assert 'href="#tune"' in text
+    assert text.count('class="chart still"') == 4
+    assert loop_text(outcome).split("roll: ")[1][:20] in text
+    assert 'id="tune"' not in report_html(result)
 
 
 def test_a_page_of_what_is_not_proved_says_so(result):

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.app.files import Progress, json_with_shown_names, with_shown_names
 from rotorfit.app.form import SOURCE, experiment_of, rows, table, text_of
-from rotorfit.control_loop.loop import loop_margins
+from rotorfit.control_loop.loop import LoopOutcome, first_flight_margins
 from rotorfit.errors import (
     ExperimentError,
     MissingNumbersError,
@@ -60,39 +60,36 @@ def identified(folder: Path, form: Mapping[str, Any], *, progress: Progress) -> 
         report_step("drawing")
         comparisons = drawn_comparisons(result, experiment)
         report_step("judging the rate loop")
-        loop, page = _judged_loop(result, experiment)
+        loop = _judged_loop(result, experiment)
+    judged = None if isinstance(loop, str) else loop
+    words = [loop] if isinstance(loop, str) else [verdict(axis) for axis in loop.axes]
     result = _with_shown_names(folder, result)
-    html = with_shown_names(folder, report_html(result, comparisons=comparisons))
-    outcome = {**outcome_of(result), "loop": json_with_shown_names(folder, loop)}
+    html = report_html(result, comparisons=comparisons, loop=judged)
+    flight = Path(experiment.configuration[0].flights[0].file).name
+    shown = {"flight": flight, "words": words, "page": judged is not None}
+    outcome = {**outcome_of(result), "loop": json_with_shown_names(folder, shown)}
     text = text_of(form)
     files = {
         "experiment.toml": text,
         "result.json": result.to_json(),
-        "report.html": html,
+        "report.html": with_shown_names(folder, html),
         "outcome.json": json.dumps({**outcome, "experiment": text}, allow_nan=False),
     }
     (folder / "loop.html").unlink(missing_ok=True)
-    if page:
-        files["loop.html"] = with_shown_names(folder, page)
+    if judged is not None:
+        files["loop.html"] = with_shown_names(folder, loop_html(judged))
     for name, content in files.items():
         write_whole(folder / name, content, force=True)
     return json.loads(files["outcome.json"])
 
 
-def _judged_loop(
-    result: IdentificationResult, experiment: Experiment
-) -> tuple[dict[str, Any], str]:
+def _judged_loop(result: IdentificationResult, experiment: Experiment) -> LoopOutcome | str:
     """Judge the rate loop of the first flight; where its log does not show it, say why."""
-    first = experiment.configuration[0]
-    flight = Path(first.flights[0].file)
-    shown: dict[str, Any] = {"flight": flight.name}
     try:
-        outcome = loop_margins(result, flight, first.name)
+        return first_flight_margins(result, experiment)
     except RotorfitError as error:
-        why = " ".join(str(error).removeprefix(f"{flight}: ").split())
-        return {**shown, "words": [why], "page": False}, ""
-    words = [verdict(axis) for axis in outcome.axes]
-    return {**shown, "words": words, "page": True}, loop_html(outcome)
+        flight = experiment.configuration[0].flights[0].file
+        return " ".join(str(error).removeprefix(f"{flight}: ").split())
 
 
 def _with_shown_names(folder: Path, result: IdentificationResult) -> IdentificationResult:

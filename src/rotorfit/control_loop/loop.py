@@ -29,6 +29,7 @@ from rotorfit.control_loop.proof import (
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.control_loop.vehicle import Flown, controller_response, flown, known_words, plant
 from rotorfit.errors import LogError
+from rotorfit.experiment.experiment import Experiment
 from rotorfit.logs import read_log
 from rotorfit.logs.controller_log import ControllerLog, knows_controller, read_controller_log
 from rotorfit.logs.flight_log import FlightLog
@@ -236,6 +237,12 @@ def loop_margins(
         raise LogError(f"{error}. {known_words(result, owner)}") from error
     with threadpool_limits(limits=1, user_api="blas"):
         return judge_flight(result, owner, read_log(log), controller, draws=draws, seed=seed)
+
+
+def first_flight_margins(result: IdentificationResult, experiment: Experiment) -> LoopOutcome:
+    """Judge the first flight of an experiment's first configuration; see `loop_margins`."""
+    first = experiment.configuration[0]
+    return loop_margins(result, Path(first.flights[0].file), first.name)
 
 
 def judge_flight(

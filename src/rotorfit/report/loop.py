@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float
@@ -192,21 +192,29 @@ SHOWN: Final = 0.5
 Row = Float[np.ndarray, " f"]
 
 
+def loop_section(outcome: LoopOutcome) -> dict[str, Any]:
+    """Collect what a page shows of it: verdicts and the pictures of roll and pitch."""
+    shown = [one for one in outcome.axes if one.axis != "yaw"]
+    return {
+        "outcome": outcome,
+        "verdicts": [verdict(one) for one in outcome.axes],
+        "pictures": [
+            (one.axis, step_words(one), chart_svg(bode_chart(one)), chart_svg(step_chart(one)))
+            for one in shown
+        ],
+    }
+
+
 def loop_html(outcome: LoopOutcome) -> str:
     """Write the page."""
     shown = [one for one in outcome.axes if one.axis != "yaw"]
     return render_page(
         "loop",
         *("page", "figure", "fly", "dark"),
-        outcome=outcome,
-        verdicts=[verdict(one) for one in outcome.axes],
+        **loop_section(outcome),
         heads=HEADS,
         with_attitude=[(one.axis, measure_words(one.with_attitude)) for one in shown],
         alone=[(one.axis, measure_words(one.rate_loop)) for one in outcome.axes],
-        pictures=[
-            (one.axis, step_words(one), chart_svg(bode_chart(one)), chart_svg(step_chart(one)))
-            for one in shown
-        ],
         proofs=[line for one in outcome.axes for line in proof(one)],
         gains_title=GAINS_TITLE,
         gains=[
