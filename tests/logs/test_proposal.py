@@ -180,6 +180,15 @@ def test_columns_without_telling_names_are_named_by_hand(tmp_path):
     assert log.channels["gyro"].values[5, 1] == FLIGHT["gyro_y"][5]
 
 
+def test_a_clock_that_may_be_slow_is_doubted(tmp_path):
+    """One row a second or a millisecond: whole steps of a clock without a unit do not tell."""
+    table = {**FLIGHT, "time": np.arange(ROWS, dtype=float)}
+    proposal = propose_columns(written(tmp_path / "own.csv", table))
+    assert any("too slow for a flight" in doubt for doubt in proposal.doubts)
+    known = propose_columns(written(tmp_path / "known.csv", FLIGHT))
+    assert not any("too slow for a flight" in doubt for doubt in known.doubts)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -34,7 +34,7 @@ from rotorfit.logs.table import Source, open_table
 from rotorfit.logs.units import UNITS
 
 LARGEST_ROWS: Final = 200_000
-"""Of a table that are looked at; of more, every so many."""
+"""Of a table that are looked at, the first ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,6 +15,9 @@ from rotorfit.logs.table import Source
 from rotorfit.logs.units import STANDARD_GRAVITY, UNITS
 
 Numbers = Mapping[str, Float[np.ndarray, " n"]]
+_LONGEST_STEP: Final = 0.5
+_SLOWEST_CLOCK: Final = 60.0
+"""Steps of a clock [s]: over the first no log of a flight, under the second perhaps a slow one."""
 _FASTEST_GYRO: Final = 70.0
 """Twice what the usual gyro can measure [rad/s]: more than this is no rad/s."""
 _LEAST_RATES: Final = 0.7
@@ -103,7 +106,7 @@ def clock_found(source: Source, candidates: Sequence[Candidate], numbers: Number
 
 def _clock(name: str, unit: str | None, step: float) -> Found:
     """Choose the unit of a clock: that of its name where the rows are then close enough."""
-    fits = {u: s * step for u, s in UNITS["time"].items() if 1e-5 <= s * step <= 0.5}
+    fits = {u: s * step for u, s in UNITS["time"].items() if 1e-5 <= s * step <= _LONGEST_STEP}
     if not fits:
         raise LogError(
             f"rows are {step:.4g} apart in {name!r}: in no unit several rows a second, no flight"
@@ -112,11 +115,14 @@ def _clock(name: str, unit: str | None, step: float) -> Found:
     chosen = unit if unit in fits else best
     why = "by its name" if unit in fits else "as rows come"
     words = f"time: {name} in {chosen} {why}, {fits[chosen] * 1e3:.4g} ms a row"
-    doubts = (
-        (f"{name} is named as {unit}, but rows would be {step:g} {unit} apart",)
-        if unit in UNITS["time"] and unit not in fits
-        else ()
-    )
+    doubts: tuple[str, ...] = ()
+    if unit in UNITS["time"] and unit not in fits:
+        doubts = (f"{name} is named as {unit}, but rows would be {step:g} {unit} apart",)
+    elif unit is None and _LONGEST_STEP <= step <= _SLOWEST_CLOCK:
+        doubts = (
+            f"{name} has no unit in its name and rises by {step:g} a row: if that is seconds, and "
+            f"not {chosen}, the log is too slow for a flight",
+        )
     return Found(
         columns={TIME: ColumnSpec(name=name, unit=chosen)}, reasons=(words,), doubts=doubts
     )
