@@ -249,7 +249,8 @@ def gyro_drift(
     step
         Between samples [s].
     """
-    bias_turns = np.cumsum(rotated(attitude[:, None], np.eye(3)), axis=0) * step
+    axes = np.broadcast_to(np.eye(3), (len(attitude), 3, 3))
+    bias_turns = np.cumsum(rotated(attitude[:, None].repeat(3, axis=1), axes), axis=0) * step
     share = np.sqrt(_bell(len(force)))[:, None] / (VELOCITY_CHANGE * slope_std(len(force) * step))
     drift = np.zeros_like(force)
     for _ in range(PASSES):
