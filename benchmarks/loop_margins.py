@@ -29,7 +29,7 @@ from benchmarks.worlds.sensing import write_world
 from benchmarks.worlds.world import World, draw_world
 
 from rotorfit.control_loop.filters import GyroFilter, Response, hold
-from rotorfit.control_loop.loop import AxisLoop, judge_flight, judge_loop
+from rotorfit.control_loop.loop import AxisLoop, judge_flight, loop_margins
 from rotorfit.control_loop.margins import margins
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.errors import RotorfitError
@@ -138,7 +138,7 @@ def table_of_logs(data: Path) -> None:
             experiment = load_experiment(path)
             log = Path(str(experiment.configuration[0].flights[0].file))
             try:
-                outcome = judge_loop(identify(experiment), "A", log)
+                outcome = loop_margins(identify(experiment), log)
             except RotorfitError as error:
                 print(f"| {case.name} | | {str(error).partition(': ')[2]} | | | | | |")
                 continue

@@ -92,6 +92,8 @@ def test_every_field_of_a_class_is_described(name):
         ("Rotor", "[m]"),
         ("Vehicle", "[m]"),
         ("WrenchComparison", "[N, N m]"),
+        ("LoopMeasures", "[Hz]"),
+        ("loop_margins", "SI"),
         ("PlanRequest", "[kg]"),
         ("Projected", "SI"),
         ("Parameter", "SI"),

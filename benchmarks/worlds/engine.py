@@ -137,6 +137,7 @@ class Batch:
     def __init__(self, worlds: Sequence[World]) -> None:
         self.worlds, self.plans = worlds, [plan(world) for world in worlds]
         self.steps = max(len(p.sticks) for p in self.plans)
+        self.own_steps = np.array([len(p.sticks) for p in self.plans])
         self._body()
         self._drive()
         self._control()
@@ -405,7 +406,7 @@ class Batch:
         self.queue[k % LONGEST] = wanted
         told = self.queue[(k - self.delay) % LONGEST, :, np.arange(len(self.delay))].T
         load = (self.speed**2).sum(axis=0) / (self.real.sum(axis=0) * self.hover**2)
-        self.voltage = 1.0 - self.sag * k / self.steps - self.sag_load * np.minimum(load, 4.0)
+        self.voltage = 1.0 - self.sag * k / self.own_steps - self.sag_load * np.minimum(load, 4.0)
         target = (told * self.voltage) ** self.power
         now = self.speed**self.power
         keep = np.where(target > now, self.keep_up, self.keep_down)
@@ -418,11 +419,11 @@ class Batch:
         v = np.einsum("ijw,iw->jw", self.R, self.v)
         square = speed * speed
         along = v[2] + w[0] * self.reach[:, 1] - w[1] * self.reach[:, 0]
-        near = 1.0 + self.ground * (0.5 - 0.5 * np.tanh((k - 0.5 * self.steps) * 1e-3))
+        near = 1.0 + self.ground * (0.5 - 0.5 * np.tanh((k - 0.5 * self.own_steps) * 1e-3))
         lift = self.kt * square * near - self.inflow * speed * along
         wrench = np.einsum("rkw,rw->kw", self.thrust, lift)
         air = -self.drag * (v + cross(w, self.drag_reach))
-        close = (k > 0.4 * self.steps) * (k < 0.7 * self.steps)
+        close = (k > 0.4 * self.own_steps) * (k < 0.7 * self.own_steps)
         hangs = -self.R[2] * self.tether * np.maximum(self.z, 0.0)
         force = wrench[:3] + air + self.gusts[k, :3] + self.wall[:3] * close + hangs
         torque = wrench[3:] + np.einsum("rkw,rw->kw", self.dragged, square)

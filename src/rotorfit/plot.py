@@ -11,12 +11,11 @@ from typing import Any, Final
 import numpy as np
 
 from rotorfit.errors import OutputError
-from rotorfit.export.vehicle_model import owner_of
 from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.report.correlations import correlation
 from rotorfit.report.parameters import unit_words
 from rotorfit.report.wrenches import COMPONENT, series_of
-from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, owner_of, verdict_of
 from rotorfit.validation.judgement import AXES
 from rotorfit.validation.replay import HOLD, IDENTIFIED, Replay, Timed, replay_flights
 from rotorfit.validation.replay_vehicle import replay_vehicle

@@ -1,7 +1,9 @@
 """The page's engine: files, form, identification and exports, without a server."""
 
 import json
+import os
 import re
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -14,6 +16,8 @@ from rotorfit.experiment.experiment import load_experiment
 from rotorfit.export.targets import OFFERED, AnyTargetName
 from rotorfit.identification.identify import identify
 from rotorfit.model.layouts import LAYOUTS
+
+DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 
 
 def quiet(step: str, share: float | None) -> None:
@@ -87,6 +91,34 @@ def test_a_new_page_has_what_was_done(identified):
     assert kept["files"] == [told]
     assert kept["form"] == FORM
     assert kept["outcome"] == outcome
+
+
+def test_the_loop_of_a_log_without_controller_is_one_sentence(identified):
+    engine, _, outcome, _ = identified
+    loop = outcome["loop"]
+    assert (loop["flight"], loop["page"], len(loop["words"])) == ("flight.csv", False, 1)
+    assert "the rate controller is not in the log" in loop["words"][0]
+    assert engine.document("loop") is None
+
+
+def test_the_loop_of_a_log_of_px4_has_a_page(engine):
+    log = DATA / "autopilot-sitl" / "px4-heavy-recommended.ulg"
+    if not log.exists():
+        pytest.skip(f"no real logs: {log} is absent")
+    dropped(engine, "flight.ulg", log.read_bytes())
+    places = (("ccw", 1, -1), ("ccw", -1, 1), ("cw", 1, 1), ("cw", -1, -1))
+    rotors = [{"position": [0.21 * x, 0.28 * y, 0.0], "spin": spin} for spin, x, y in places]
+    form = {
+        "airframe": {"rotors": rotors},
+        "motors": {"speed": "commanded"},
+        "configuration": [{"name": "A", "mass": 3.2, "flights": [{"file": "flight.ulg"}]}],
+    }
+    loop = engine.call("identify", {"form": form}, quiet)["loop"]
+    assert loop["page"] is True
+    assert loop["words"][0].startswith("roll: calm; turns into oscillation if")
+    page = engine.document("loop").read_text()
+    assert "Predicted and measured" in page
+    assert str(engine.folder) not in page + str(loop)
 
 
 def test_an_export_asks_for_what_is_missing(identified):

@@ -245,6 +245,13 @@ def test_a_reload_keeps_the_work(work: Any, flown_log: Flown) -> None:
     expect_spins(work, "cw", "ccw", "ccw", "cw")
 
 
+def test_a_loop_that_is_not_judged_is_one_sentence(work: Any) -> None:
+    heading = work.get_by_role("heading", name="Is it tuned well?")
+    words = heading.locator("xpath=following-sibling::p[1]").inner_text()
+    assert words.startswith("Not judged: ")
+    assert work.locator("iframe[title='Margins of the rate loops']").count() == 0
+
+
 def test_it_fits_a_phone(work: Any) -> None:
     work.set_viewport_size({"width": 390, "height": 844})
     work.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")

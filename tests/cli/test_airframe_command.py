@@ -183,3 +183,52 @@ def test_identify_takes_them_off_the_log_itself(run, own_geometry):
     assert ended.code == 0, ended.err
     assert "rotors by CA_ROTOR* of the log: 4, arms of 0.2 m, speed measured" in ended.err
     assert len(json.loads(ended.out)["settings"]["airframe"]["rotors"]) == 4
+
+
+@pytest.fixture
+def unknown(here, columns) -> Path:
+    """The flight as a ground station of somebody's own writes it: FRD, g, deg/s, rpm."""
+    own = {"Time (us)": 1e6 * columns["time"]}
+    for axis, sign in zip("xyz", (1, -1, -1), strict=True):
+        own[f"IMU0.gyro{axis.upper()} [deg/s]"] = np.degrees(sign * columns[f"gyro_{axis}"])
+        own[f"a{axis}"] = sign * columns[f"accel_{axis}"] / 9.80665
+    own |= {f"esc{i}": 30 / np.pi * columns[f"rotor_{i + 1}"] for i in range(4)}
+    rows = np.array([*own.values()]).T
+    np.savetxt(here / "own.csv", rows, fmt="%.9g", delimiter=";", header=";".join(own), comments="")
+    return here / "own.csv"
+
+
+def test_an_unknown_table_is_mapped_once_and_read_ever_after(answered, run, unknown):
+    refusal = run("inspect", "own.csv")
+    assert (refusal.code, "rotorfit airframe" in refusal.err) == (1, True)
+    ended = answered("rpm\n", "own.csv", "--spacing", "400,400", "-o", "own.toml")
+    assert ended.code == 0, ended
+    assert "says axes FRD (z down)" in ended.err
+    assert "Unit of esc0, esc1, esc2, esc3" in ended.err
+    assert "the flight confirms quad-plus" in ended.err
+    made = tomllib.loads(Path("own.toml").read_text())["table"]
+    assert made["axes"] == "FRD"
+    assert made["columns"]["rotor_1"] == {"name": "esc0", "unit": "rpm"}
+    assert run("inspect", "own.csv", "--airframe", "own.toml").code == 0
+    Path("plain.toml").write_text(Path("own.toml").read_text().partition("# how tables")[0])
+    own, plain = (
+        json.loads(run("identify", log, "--mass", "1.285", "--airframe", file, "--json").out)
+        for log, file in (("own.csv", "own.toml"), ("flight.csv", "plain.toml"))
+    )
+    mapped, direct = ({p["name"]: p["value"] for p in r["parameters"]} for r in (own, plain))
+    assert mapped["kt"] == pytest.approx(direct["kt"], rel=1e-3)
+    assert mapped["Ixx"] == pytest.approx(direct["Ixx"], rel=1e-2)
+
+
+def test_answers_for_a_table_may_be_options(run, refused, unknown):
+    given = ("--spacing", "400,400", "-o", "own.toml")
+    stated = run("airframe", "own.csv", *given, "--unit", "motors=erpm", "--poles", "14")
+    assert stated.code == 0, stated
+    assert tomllib.loads(Path("own.toml").read_text())["motors"]["poles"] == 14
+    assert "unit 'furlong' of motors" in refused(
+        "airframe", "own.csv", "-o", "b.toml", "--unit", "motors=furlong"
+    )
+    assert "no column 'nix' for gyro_x" in refused(
+        "airframe", "own.csv", "-o", "b.toml", "--column", "gyro_x=nix"
+    )
+    assert "exists" in refused("airframe", "own.csv", *given, "--unit", "motors=rpm")

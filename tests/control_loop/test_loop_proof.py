@@ -1,5 +1,6 @@
 """The flown loop proves a right prediction, and planted errors fail the proof."""
 
+import copy
 import dataclasses
 import json
 import os
@@ -9,13 +10,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorfit.control_loop.loop import judge_flight, judge_loop
+import rotorfit
+from rotorfit.cli.main import main
+from rotorfit.control_loop.controllers import rate_controller
+from rotorfit.control_loop.filters import GyroFilter
+from rotorfit.control_loop.loop import judge_flight, loop_margins
 from rotorfit.control_loop.plain import loop_to_json
+from rotorfit.control_loop.proof import replay_mixer
+from rotorfit.control_loop.vehicle import Flown
+from rotorfit.errors import LogError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.logs import read_log
-from rotorfit.logs.controller_log import read_controller_log
-from rotorfit.report.loop_text import loop_text
+from rotorfit.logs.controller_log import ControllerLog, read_controller_log
+from rotorfit.report.loop import loop_html, loop_text
+from rotorfit.report.result_page import report_html
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 LOG = DATA / "autopilot-sitl" / "px4-heavy-recommended.ulg"
@@ -65,7 +74,7 @@ def changed(result, **factors):
 
 
 def test_the_flown_loop_is_proved_past_its_crossover(result):
-    outcome = judge_loop(result, "A", LOG, draws=DRAWS)
+    outcome = loop_margins(result, LOG, "A", draws=DRAWS)
     for loop in outcome.axes[:2]:
         assert loop.doubts == ()
         low, high = loop.proved
@@ -95,11 +104,130 @@ def test_the_flown_loop_is_proved_past_its_crossover(result):
     ids=["4 ms", "15 % less", "15 % more", "another vehicle"],
 )
 def test_a_planted_error_of_the_vehicle_fails_the_proof(result, planted):
-    outcome = judge_loop(changed(result, **planted), "A", LOG, draws=DRAWS)
+    outcome = loop_margins(changed(result, **planted), LOG, "A", draws=DRAWS)
     for loop in outcome.axes[:2]:
         assert loop.proved is None
         assert "the vehicle, its delay or a filter is another" in loop.doubts[0]
     assert "not proved, so no margin is called good" in loop_text(outcome)
+
+
+def test_a_result_that_is_wrong_in_roll_proves_no_pitch(result):
+    planted = changed(result, Ixx_over_kt=(2.0, 0.0))
+    roll, pitch, _ = loop_margins(planted, LOG, "A", draws=DRAWS).axes
+    assert "the vehicle, its delay or a filter is another" in roll.doubts[0]
+    assert pitch.doubts == (
+        "roll contradicts the result, which is of one vehicle: its lag and delay may be wrong "
+        "here, too, and agree by chance",
+    )
+
+
+def test_a_wrong_spin_range_fails_the_proof(result):
+    settings = copy.deepcopy(dict(result.settings))
+    settings["motors"]["law"]["sqrt"]["start"] = 0.2
+    wrong = dataclasses.replace(result, settings=settings)
+    for loop in loop_margins(wrong, LOG, "A", draws=DRAWS).axes[:2]:
+        assert loop.error.gain == pytest.approx(0.82, abs=0.04)
+        assert "times the predicted effectiveness" in loop.doubts[0]
+
+
+def test_the_command_writes_a_page(result, tmp_path, capsys):
+    result.save(tmp_path / "result.json")
+    page = tmp_path / "loop.html"
+    with pytest.raises(SystemExit) as ended:
+        main(["loop", str(tmp_path / "result.json"), str(LOG), "--report", str(page)])
+    assert ended.value.code in (None, 0)
+    assert "Proof on this log" in capsys.readouterr().out
+    text = page.read_text(encoding="utf-8")
+    assert "is it tuned well?" in text
+    assert text.count('class="chart still"') == 4  # roll and pitch, by frequency and over time
+    assert text.count("area body") > 12  # the measured bands
+    assert "<td>1.47" in text or "<td>1.46" in text or "<td>1.48" in text  # roll's peak
+    assert "http:" not in text and "https:" not in text
+
+
+def test_the_report_of_a_result_shows_its_loop(result):
+    outcome = loop_margins(result, LOG, draws=20)
+    text = report_html(result, loop=outcome)
+    assert 'href="#tune"' in text
+    assert text.count('class="chart still"') == 4
+    assert loop_text(outcome).split("roll: ")[1][:20] in text
+    assert 'id="tune"' not in report_html(result)
+
+
+def test_a_page_of_what_is_not_proved_says_so(result):
+    wrong = changed(result, Ixx_over_kt=(0.1, 0.0), Iyy_over_kt=(0.1, 0.0))
+    outcome = loop_margins(wrong, LOG, draws=20)
+    assert "No axis is proved" in loop_html(outcome)
+    assert "lower P and D" not in loop_html(outcome) + loop_text(outcome)
+
+
+def test_a_configuration_that_is_not_there_is_refused(result):
+    with pytest.raises(rotorfit.OutputError, match="has the configurations A; say which"):
+        rotorfit.loop_margins(result, LOG, "B")
+
+
+def test_what_is_known_of_other_loops_is_said(result, tmp_path):
+    log = tmp_path / "LOG.BFL"
+    log.write_bytes(HEADER + b"H Firmware revision:Betaflight 4.5.1 (77d01ba3b) STM32F405\n")
+    with pytest.raises(rotorfit.LogError) as caught:
+        rotorfit.loop_margins(result, log)
+    assert "TPA" in str(caught.value)
+    assert "kt / Ixx 310 +- 3" in str(caught.value)
+    assert "motor_lag 33 +- 2 ms" in str(caught.value)
+
+
+HEADER = b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n"
+
+
+@pytest.mark.parametrize(
+    ("firmware", "words"),
+    [
+        (b"Betaflight 4.5.1", "D falls to its minimum"),
+        (b"INAV 7.1.2", "D is boosted"),
+        (b"Indiflight 5.0.0", "inverts the vehicle"),
+        (b"Something 1.0", "rotorfit knows those of PX4"),
+    ],
+)
+def test_why_a_loop_is_not_judged_goes_by_firmware(tmp_path, firmware, words):
+    log = tmp_path / "LOG.BFL"
+    log.write_bytes(HEADER + b"H Firmware revision:" + firmware + b" (0) STM32\n")
+    with pytest.raises(LogError, match=words):
+        read_controller_log(log)
+
+
+def test_the_mixer_shows_a_wrong_curve_and_spin_range():
+    right = mixed_by(0.2, MOT_THST_EXPO=0.65, MOT_SPIN_MIN=0.15, MOT_SPIN_MAX=0.95)
+    assert right.factor == pytest.approx(0.65, abs=1e-6)
+    assert right.slope == pytest.approx(1.0, abs=1e-6)
+    wrong = mixed_by(0.2, MOT_THST_EXPO=0.65, MOT_SPIN_MIN=0.0, MOT_SPIN_MAX=1.0)
+    assert not wrong.is_right
+    straight = mixed_by(0.2, MOT_THST_EXPO=0.0, MOT_SPIN_MIN=0.15, MOT_SPIN_MAX=0.95)
+    assert straight.factor == pytest.approx(0.65, abs=1e-6)
+    assert not straight.is_right
+
+
+def test_the_curve_does_no_harm_at_half_of_the_command():
+    middle = 0.65 * 0.25 + 0.35 * 0.5
+    straight = mixed_by(middle, MOT_THST_EXPO=0.0, MOT_SPIN_MIN=0.15, MOT_SPIN_MAX=0.95)
+    assert straight.factor == pytest.approx(0.65, abs=1e-6)
+    assert straight.is_right
+
+
+def mixed_by(throttle, **parameters):
+    """Replay a mixer with these parameters; the log's own are .65, .15 and .95."""
+    count = 4000
+    output = 0.05 * np.random.default_rng(1).standard_normal((count, 3))
+    factors = np.array([[-0.5, 0.5, 0.5, -0.5], [0.5, -0.5, 0.5, -0.5], [0.5, 0.5, -0.5, -0.5]])
+    thrust = throttle + output @ factors
+    share = (-0.35 + np.sqrt(0.35**2 + 4 * 0.65 * thrust)) / (2 * 0.65)
+    log = ControllerLog(
+        autopilot="ArduCopter", firmware="made", parameters=parameters, changed=(),
+        time=np.arange(count) / 400.0, set_point=output, rate=output, output=output,
+    )  # fmt: skip
+    flight = Flown(
+        log=log, commands=0.15 + 0.8 * share, squares=thrust, free=np.ones(count, bool), held=0.0025
+    )
+    return replay_mixer(flight, 0)
 
 
 def test_a_gain_read_wrongly_withholds_the_margins(result):
@@ -129,6 +257,30 @@ def test_a_forgotten_gyro_filter_is_measured_instead(result):
     assert forgot.controller.gyro_filters == ()
     phases = [loop.with_attitude.phase.value for loop in (known, forgot)]
     assert phases[1] == pytest.approx(phases[0], abs=1.0)
+
+
+def test_an_unknown_notch_is_in_the_loop_by_its_delay(result):
+    log, flight = read_controller_log(LOG), read_log(LOG)
+    notch = GyroFilter(frequency=80.0, order=0, width=40.0, floor=0.01)
+    hertz = np.maximum(np.fft.rfftfreq(len(log.rate), log.period), 1e-6)
+    spectrum = np.fft.rfft(log.rate, axis=0) * notch.response(hertz)[:, None]
+    through = np.fft.irfft(spectrum, n=len(log.rate), axis=0)
+    moved = dataclasses.replace(
+        log, rate=through, parameters={**log.parameters, "IMU_GYRO_DNF_EN": 1.0}
+    )
+
+    def exact(log, axis):
+        one = rate_controller(log, axis)
+        return dataclasses.replace(one, gyro_filters=(*one.gyro_filters, notch))
+
+    plain = judge_flight(result, "A", flight, log, draws=20).axes[0].with_attitude
+    found = judge_flight(result, "A", flight, moved, draws=20)
+    known = judge_flight(result, "A", flight, moved, read=exact, draws=20).axes[0].with_attitude
+    loop = found.axes[0].with_attitude
+    assert any("follow the rotors, or are split (IMU_GYRO_DNF_EN 1)" in n for n in found.notes)
+    assert loop.phase.value == pytest.approx(known.phase.value, abs=0.3)
+    assert loop.sensitivity.value == pytest.approx(known.sensitivity.value, rel=0.01)
+    assert plain.sensitivity.value < known.sensitivity.value - 0.03
 
 
 def test_other_gains_leave_the_feed_forward_alone(result):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorfit.control_loop.controllers import rate_controller
+from rotorfit.control_loop.controllers import moving_filters, rate_controller
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.errors import LogError
 from rotorfit.logs.controller_log import ControllerLog, read_controller_log
@@ -110,10 +110,33 @@ def test_notches_of_arducopter_are_read(mode, middle):
         changed=(), time=np.arange(3) / 400.0, set_point=np.zeros((3, 3)),
         rate=np.zeros((3, 3)), output=np.zeros((3, 3)),
     )  # fmt: skip
+    assert moving_filters(log) == ()
     low, first, third = rate_controller(log, 0).gyro_filters
     assert (low.frequency, low.order) == (20.0, 2)
     assert [first.frequency, third.frequency] == [middle, 3.0 * middle]
     assert abs(first.response(np.array([middle]))[0]) == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(
+    ("set_to", "named"),
+    [
+        ({"INS_HNTCH_ENABLE": 1.0, "INS_HNTCH_MODE": 3.0}, ("INS_HNTCH_MODE 3",)),
+        ({"INS_HNTCH_ENABLE": 0.0, "INS_HNTCH_MODE": 3.0}, ()),
+        (
+            {"INS_HNTC2_ENABLE": 1.0, "INS_HNTC2_MODE": 4.0, "INS_HNTC2_OPTS": 17.0},
+            ("INS_HNTC2_MODE 4", "INS_HNTC2_OPTS 17"),
+        ),
+        ({"INS_HNTCH_ENABLE": 1.0, "INS_HNTCH_MODE": 1.0, "INS_HNTCH_OPTS": 6.0}, ()),
+        ({"IMU_GYRO_DNF_EN": 3.0}, ("IMU_GYRO_DNF_EN 3",)),
+    ],
+)
+def test_notches_that_follow_the_rotors_are_named(set_to, named):
+    log = ControllerLog(
+        autopilot="ArduCopter", firmware="made", parameters=set_to, changed=(),
+        time=np.arange(3) / 400.0, set_point=np.zeros((3, 3)), rate=np.zeros((3, 3)),
+        output=np.zeros((3, 3)),
+    )  # fmt: skip
+    assert moving_filters(log) == named
 
 
 def test_a_missing_gain_is_named():
@@ -130,5 +153,5 @@ def test_a_firmware_without_a_known_controller_is_refused():
     path = DATA / "tudelft-indiflight" / "LOG00267.BFL"
     if not path.exists():
         pytest.skip(f"no real logs: {path} is absent")
-    with pytest.raises(LogError, match="rate controller of this firmware is not in rotorfit"):
+    with pytest.raises(LogError, match="INDIflight has no PID"):
         read_controller_log(path)

@@ -93,6 +93,35 @@ def test_a_bias_is_weighed_against_the_velocity():
     assert found.std == pytest.approx(0.05 / np.sqrt(2.0))
 
 
+def leaning(seconds=20.0, lean=0.05):
+    """Speed up for half of the time, leaning forward, and brake for the other; height is held."""
+    t = np.arange(round(100 * seconds)) / 100.0
+    angle = lean * np.clip(10.0 * np.sin(2.0 * np.pi * t / seconds), -1.0, 1.0)
+    force = np.zeros((len(t), 3))
+    force[:, 2] = G / np.cos(angle)
+    forward = np.cumsum(G * np.tan(angle)) / 100.0
+    data = made_fit.prepared(seconds=seconds, force=force).data
+    rates = np.zeros_like(force)
+    rates[:, 1] = np.diff(angle, append=0.0) * 100.0
+    speed = np.repeat(500.0 * np.sqrt(force[:, 2:] / G), 4, axis=1)
+    logged = np.column_stack([forward * np.cos(angle), 0.0 * t, forward * np.sin(angle)])
+    return replace(data, angular_velocity=rates, rotor_speed=speed, velocity=logged)
+
+
+def test_gaining_speed_sideways_carries_nothing():
+    """Leaning by .05 rad takes .13 % more thrust than the weight, but none of it is upwards."""
+    (held,) = kts(leaning(), bias=UNKNOWN)
+    assert held.ratio == pytest.approx(KT, rel=1e-4)
+
+
+def test_axes_that_a_biased_gyro_turns():
+    """A bias of .028 rad/s turns them by .28 rad in ten seconds, .33 % of a mean force."""
+    data = flown(np.zeros(4000))
+    rates = data.angular_velocity + np.array([0.02, -0.02, 0.0])
+    (held,) = kts(replace(data, angular_velocity=rates), bias=UNKNOWN)
+    assert held.ratio == pytest.approx(KT, rel=1e-4)
+
+
 def climbing():
     """Climb for a while, sink longer; the mean velocity is not zero where it counts most."""
     t = np.arange(6000) / 100.0

@@ -1,5 +1,7 @@
 """k_t of changes of thrust and of the weight: their mean, and what is said where they differ."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,8 +15,10 @@ from rotorfit.diagnostics.kt_from_weight import (
     is_without_law,
     kt_from_weight,
     pooled_weight,
+    thrust_shares,
 )
 from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.preprocessing.flight_data import Segment
 
 COMMANDED = MotorsEntry(speed="commanded")
@@ -53,6 +57,36 @@ def test_flights_that_agree_count_by_their_variances():
     )
     assert found.value == pytest.approx(1.002)
     assert found.std == pytest.approx(0.01 * 0.8**0.5)
+
+
+def unlike(half_width):
+    """Rotors 2 % above and below their mean, in turn, each known to a half-width."""
+    return Numbers(
+        names=("kt", "kt_1", "kt_2", "kt_3", "kt_4"),
+        values=KT * np.array([1.0, 1.02, 0.98, 1.02, 0.98]),
+        half_width=KT * np.full(5, half_width),
+        correlation=np.eye(5),
+        excitation={},
+    )
+
+
+@pytest.mark.parametrize(("half_width", "each"), [(0.0196, 0.01), (5.0, 0.04)])
+def test_rotors_that_carry_more_count_more(half_width, each):
+    """Squares of 1.2 and 0.8 of their mean: .4 % more than equal rotors would lift.
+
+    Where the flights tell nothing of single rotors, each is within 4 % all the same.
+    """
+    load = np.array([1.2, 0.8, 1.2, 0.8])
+    flight = made_fit.prepared(seconds=8.0)
+    speed = np.tile(500.0 * np.sqrt(load), (800, 1))
+    flown = made_fit.dataset(replace(flight, data=replace(flight.data, rotor_speed=speed)))
+    alike = kt_from_weight(flown.configurations, flown.vehicle)
+    shares = thrust_shares(unlike(half_width), flown.vehicle)
+    found = kt_from_weight(flown.configurations, flown.vehicle, shares=shares)
+    assert found.value == pytest.approx(alike.value / 1.004, rel=1e-9)
+    # Half of the weight on either pair: 0.1 of the difference between the pairs' means.
+    own = found.value * 0.1 * each
+    assert found.std == pytest.approx(np.hypot(alike.std, own), rel=1e-2)
 
 
 def test_rest_tells_the_bias():

@@ -372,7 +372,7 @@ def test_several_configurations_must_be_told_apart():
         parameters=(*one.parameters, *(p for p in two.parameters if p.configuration == "B")),
         derived=(*one.derived, *two.derived),
     )
-    with pytest.raises(OutputError, match="has the configurations A, B; say which to export"):
+    with pytest.raises(OutputError, match="has the configurations A, B; say which is meant"):
         vehicle_model(both)
     with pytest.raises(OutputError, match="--configuration NAME"):
         vehicle_model(both, configuration="C")

@@ -7,10 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import flown
+import made_fit
 from rotorfit.errors import ExperimentError
 from rotorfit.export.vehicle_model import terms_left_out
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
+from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import BY_LIKELIHOOD
+from rotorfit.model.terms.rotors import imu_mounting, rotor_thrust
 from rotorfit.report.text import result_text
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
 from rotorfit.simulation.pilot import Stick, Sticks
@@ -257,3 +260,14 @@ def test_terms_that_are_not_there_stay_out(tmp_path, kind):
     )
     assert set(result.settings["used"]["terms_gain"]) == {t.name for t in BY_LIKELIHOOD}
     assert not any("raises the log-likelihood" in words for words in result.warnings)
+
+
+def test_a_turned_imu_sees_thrust_and_torque_turned():
+    """Against the rotors' wrench turned as a whole, about each axis."""
+    layout = regressor(made_fit.QUAD).layout
+    found = imu_mounting(made_fit.QUAD, layout)
+    plain = rotor_thrust(made_fit.QUAD, layout)["kt"]
+    for axis, direction in zip("xyz", np.eye(3), strict=True):
+        turn = np.kron(np.eye(2), Rotation.from_rotvec(1e-6 * direction).as_matrix())
+        change = 1e6 * (turn @ plain - plain)
+        assert found[f"kt_mounting_{axis}"] == pytest.approx(change, abs=1e-5)

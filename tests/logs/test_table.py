@@ -353,22 +353,23 @@ def test_the_resolution_is_in_si_units(tmp_path):
     [
         (
             "t,imu_gyro_x,m1\n0,1,2\n",
-            "no column 'time'; the file has t, imu_gyro_x, m1; say which is which with a columns "
-            "map in an experiment file, which inspect takes, too, such as columns = { "
+            "no column 'time'; the file has t, imu_gyro_x, m1; rotorfit airframe TABLE proposes "
+            "which is which, and writes it down; or say so in an experiment file, such as columns "
+            "= { "
             'time = { name = "t" }, gyro_x = { name = "imu_gyro_x" }, '
             'rotor_1 = { name = "m1" }, ... }, with a unit where it is not SI',
         ),
         (
             "time,foo\n0,1\n",
-            "no known column besides 'time'; the file has time, foo; say which is which with a "
-            "columns map in an experiment file, which inspect takes, too, such as "
+            "no known column besides 'time'; the file has time, foo; rotorfit airframe TABLE "
+            "proposes which is which, and writes it down; or say so in an experiment file, such as "
             'columns = { time = { name = "time" }, ... }, with a unit '
             "where it is not SI",
         ),
         (
             "foo\n1\n",
-            "no column 'time'; the file has foo; say which is which with a columns map in an "
-            "experiment file, which inspect takes, too, such as "
+            "no column 'time'; the file has foo; rotorfit airframe TABLE proposes "
+            "which is which, and writes it down; or say so in an experiment file, such as "
             'columns = { time = { name = "NAME IN THE FILE", unit = "s" }, ... }, with a unit '
             "where it is not SI",
         ),

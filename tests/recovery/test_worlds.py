@@ -122,6 +122,15 @@ def test_a_world_is_the_same_alone_and_in_a_batch(tmp_path: Path) -> None:
     assert write_world(again, alone, tmp_path).read_text() == experiment_text(again, "w1.csv")
 
 
+def test_a_longer_flight_beside_it_changes_no_world() -> None:
+    """Ground, wall and sag follow its own flight."""
+    chance = chances(("ground_effect=1", "wall=1", "sag=1"))
+    short, long = draw_world(7, 1, chance, 3.0), draw_world(7, 2, chance, 5.0)
+    beside, alone = fly([short, long])[0], fly([short])[0]
+    for name, values in table(short, alone).items():
+        assert np.allclose(values, table(short, beside)[name], rtol=1e-4, atol=1e-3), name
+
+
 def test_every_hazard_changes_its_world() -> None:
     plain = [draw_world(8, i, CALM, 5.0) for i in range(2)]
     for hazard in HAZARDS:

@@ -46,6 +46,7 @@ DOCUMENTS: Final = {
     "result": "result.json",
     "experiment": "experiment.toml",
     "card": "card.html",
+    "loop": "loop.html",
 }
 LONG: Final = ("add_file", "look", "identify", "plan", "export", "example")
 """Calls that take seconds or minutes, and read files from outside."""

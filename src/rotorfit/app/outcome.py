@@ -12,9 +12,16 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.app.files import Progress, json_with_shown_names, with_shown_names
 from rotorfit.app.form import SOURCE, experiment_of, rows, table, text_of
-from rotorfit.errors import ExperimentError, MissingNumbersError, OutputError, RotorfitWarning
+from rotorfit.control_loop.loop import LoopOutcome, first_flight_margins
+from rotorfit.errors import (
+    ExperimentError,
+    MissingNumbersError,
+    OutputError,
+    RotorfitError,
+    RotorfitWarning,
+)
 from rotorfit.experiment.declared_vehicle import vehicle_of
-from rotorfit.experiment.experiment import airframe_of_tables
+from rotorfit.experiment.experiment import Experiment, airframe_of_tables
 from rotorfit.export.targets import OFFERED, RANDOM_TARGETS
 from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.identification.identify import identify
@@ -24,6 +31,7 @@ from rotorfit.planning.after import check_same_vehicle, result_mass
 from rotorfit.planning.next_step import with_best_manoeuvre
 from rotorfit.planning.plan import PlanRequest, plan
 from rotorfit.planning.wanted import wanted_accuracy
+from rotorfit.report.loop import loop_html, verdict
 from rotorfit.report.parameters import PREDICTED_WELL, ParameterTable, Row, parameter_tables
 from rotorfit.report.plan_card import card_html
 from rotorfit.report.plan_text import plan_text
@@ -51,19 +59,37 @@ def identified(folder: Path, form: Mapping[str, Any], *, progress: Progress) -> 
         result = with_best_manoeuvre(result, report=report_step)
         report_step("drawing")
         comparisons = drawn_comparisons(result, experiment)
+        report_step("judging the rate loop")
+        loop = _judged_loop(result, experiment)
+    judged = None if isinstance(loop, str) else loop
+    words = [loop] if isinstance(loop, str) else [verdict(axis) for axis in loop.axes]
     result = _with_shown_names(folder, result)
-    html = with_shown_names(folder, report_html(result, comparisons=comparisons))
-    outcome = outcome_of(result)
+    html = report_html(result, comparisons=comparisons, loop=judged)
+    flight = Path(experiment.configuration[0].flights[0].file).name
+    shown = {"flight": flight, "words": words, "page": judged is not None}
+    outcome = {**outcome_of(result), "loop": json_with_shown_names(folder, shown)}
     text = text_of(form)
     files = {
         "experiment.toml": text,
         "result.json": result.to_json(),
-        "report.html": html,
+        "report.html": with_shown_names(folder, html),
         "outcome.json": json.dumps({**outcome, "experiment": text}, allow_nan=False),
     }
+    (folder / "loop.html").unlink(missing_ok=True)
+    if judged is not None:
+        files["loop.html"] = with_shown_names(folder, loop_html(judged))
     for name, content in files.items():
         write_whole(folder / name, content, force=True)
     return json.loads(files["outcome.json"])
+
+
+def _judged_loop(result: IdentificationResult, experiment: Experiment) -> LoopOutcome | str:
+    """Judge the rate loop of the first flight; where its log does not show it, say why."""
+    try:
+        return first_flight_margins(result, experiment)
+    except RotorfitError as error:
+        flight = experiment.configuration[0].flights[0].file
+        return " ".join(str(error).removeprefix(f"{flight}: ").split())
 
 
 def _with_shown_names(folder: Path, result: IdentificationResult) -> IdentificationResult:

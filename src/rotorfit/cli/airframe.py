@@ -17,6 +17,8 @@ from rotorfit.errors import ExperimentError, OutputError
 
 if TYPE_CHECKING:
     from rotorfit.inspection.seen_airframe import SeenAirframe
+    from rotorfit.logs import ReadOptions
+    from rotorfit.logs.proposal import Proposal
 
 SMALLEST, LARGEST = 15.0, 10_000.0
 """Of a spacing [mm]."""
@@ -40,6 +42,28 @@ Spacing = Annotated[
     ),
 ]
 
+Named = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column",
+        metavar="NAME=COLUMN",
+        help="For a table: which column is time, gyro_x, accel_x, rotor_1, command_1, ..., where "
+        "its name does not tell; repeatable.",
+    ),
+]
+Units = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--unit",
+        metavar="gyro|motors=UNIT",
+        help="For a table: the unit where nothing in it tells, such as gyro=deg/s or motors=rpm.",
+    ),
+]
+Poles = Annotated[
+    int | None,
+    typer.Option(min=2, max=60, metavar="N", help="For rotor speeds in erpm: magnets of a motor."),
+]
+
 
 def airframe(
     log: Annotated[
@@ -56,18 +80,23 @@ def airframe(
     order: Order = None,
     spacing: Spacing = None,
     speed: Speed = None,
+    column: Named = None,
+    unit: Units = None,
+    poles: Poles = None,
     force: Force = False,
 ) -> None:
     """Write the airframe file that other commands need.
 
     Asks for what a ruler measures; a log fills in what the flight shows: the number of motors,
-    their order and spins, and whether their speed was measured.
+    their order and spins, and whether their speed was measured. Of a table with columns of its own
+    names it proposes which is which and in what unit, and the file keeps that for later.
     """
     from rotorfit.inspection.seen_airframe import SeenAirframe
     from rotorfit.logs.files import write_whole
 
     refuse_output_file(output, inputs=[] if log is None else [log], force=force)
-    seen = SeenAirframe() if log is None else _seen_in(log, log_number)
+    table = None if log is None else _table_of(log, column, unit, poles)
+    seen = SeenAirframe() if log is None else _seen_in(log, log_number, table)
     given = (layout, order, spacing)
     if seen.rotors_table and given == (None, None, None):
         text = logged_text(seen.rotors_table, speed=speed or str(seen.speed))
@@ -76,6 +105,8 @@ def airframe(
         text = listed_text(seen.sites, spaces, speed=given_speed)
     else:
         text = _named_text(seen, layout, order, spacing=spacing, speed=speed)
+    if table is not None:
+        text += table_text(table)
     _refuse_unreadable(text)
     write_whole(output, text, force=force)
     print_result(f"{text}\nwritten to {output}; next:")
@@ -83,7 +114,96 @@ def airframe(
         print_result(f"  put these tables in the place of those of {log}, then")
         print_result(f"  rotorfit identify {log}")
     else:
+        if table is not None:
+            print_result(f"  rotorfit inspect {log} --airframe {output}")
         print_result(f"  rotorfit identify {log or 'LOG'} --mass KG --airframe {output}")
+
+
+def _table_of(
+    log: Path, column: list[str] | None, unit: list[str] | None, poles: int | None
+) -> ReadOptions | None:
+    """Propose and print the columns of an unknown table; None for every other log."""
+    from rotorfit.logs import ReadOptions
+    from rotorfit.logs.proposal import explains_itself, propose_columns
+    from rotorfit.logs.read import format_of, own_kind
+
+    form = None if own_kind(log) else format_of(log)
+    if form is None or form.name != "table" or log.suffix.lower() == ".toml":
+        if column or unit:
+            raise ExperimentError(f"{log}: --column and --unit are for tables (CSV, Parquet)")
+        return None
+    named, units = _pairs(column, "--column gyro_x=COLUMN"), _pairs(unit, "--unit gyro=deg/s")
+    if not named and not units and explains_itself(log):
+        return None
+    proposal = propose_columns(log, named=named, units=units)
+    print_status(proposal_text(proposal))
+    for question in proposal.questions:
+        choices = list(question.choices)
+        words = f"{question.words}: {', '.join(choices)}"
+        reply = _ask_choice(choices, words, choices[0], f"--unit {question.channel}=UNIT")
+        units = {question.channel: reply, **units}
+    if proposal.questions:
+        proposal = propose_columns(log, named=named, units=units)
+    if any(spec.unit == "erpm" for spec in proposal.columns.values()) and poles is None:
+        reply = _ask("Magnets of a motor's bell, as for erpm (often 14)", None, "--poles N")
+        if not reply.isdecimal():
+            raise ExperimentError(f"{reply!r} magnets; expected an even number such as 14")
+        poles = int(reply)
+    return ReadOptions(columns=proposal.columns, axes=proposal.axes, motor_poles=poles)
+
+
+def _pairs(given: list[str] | None, example: str) -> dict[str, str]:
+    """Split NAME=VALUE of an option."""
+    pairs = [one.partition("=") for one in given or []]
+    if any(not (name and value) for name, _, value in pairs):
+        raise typer.BadParameter(f"expected such as {example}")
+    return {name.strip(): value.strip() for name, _, value in pairs}
+
+
+def proposal_text(proposal: Proposal) -> str:
+    """Write a proposal for people: three values a column, reasons, doubts."""
+    from rotorfit.logs.columns import unit_of
+
+    rows: list[tuple[str, ...]] = [("is", "column", "unit", "first row", "middle", "last")]
+    for name, spec in proposal.columns.items():
+        scale = "" if spec.scale == 1 else f" x {spec.scale:.6g}"
+        values = (f"{value:.6g}" for value in proposal.preview[name])
+        rows.append((name, spec.name[:24], f"{unit_of(name, spec)}{scale}", *values))
+    widths = [max(len(row[i]) for row in rows) for i in range(6)]
+    lines = ["proposed columns, with values as recorded:"]
+    lines += [
+        "  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+    lines += [f"  {words}" for words in proposal.reasons]
+    lines += [f"  CHECK: {words}" for words in proposal.doubts]
+    if proposal.unused:
+        shown = ", ".join(name[:24] for name in proposal.unused[:8])
+        more = len(proposal.unused) - 8
+        lines.append(f"  not used: {shown}{f' and {more} more' if more > 0 else ''}")
+    return "\n".join(lines)
+
+
+def table_text(options: ReadOptions) -> str:
+    """Write the columns of a table as ``[table]`` of an airframe file."""
+    from rotorfit.experiment.toml_files import experiment_text
+
+    columns = {
+        name: {
+            "name": spec.name,
+            "unit": spec.unit,
+            "scale": None if spec.scale == 1 else spec.scale,
+            "offset": None if spec.offset == 0 else spec.offset,
+            "range": None if spec.range is None else list(spec.range),
+        }
+        for name, spec in (options.columns or {}).items()
+    }
+    poles = "" if options.motor_poles is None else f"poles = {options.motor_poles}\n"
+    head = (
+        "\n# how tables of this vehicle are read: proposed by names and values, yours to correct\n"
+    )
+    table = experiment_text({"table": {"axes": options.axes}, "table.columns": columns})
+    return f"{poles}{head}" + table.replace('["table.columns"]', "[table.columns]")
 
 
 def _named_text(
@@ -110,14 +230,14 @@ def _named_text(
     return airframe_text(layout, order, spaces, speed=given_speed, turned=turned)
 
 
-def _seen_in(path: Path, log_number: int | None) -> SeenAirframe:
-    """Read the airframe off a log, and print it."""
+def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> SeenAirframe:
+    """Read the airframe off a log, a table by its columns, and print it."""
     from rotorfit.cli.inspect import logs_of_experiment
     from rotorfit.inspection.inspect_log import inspect_log
     from rotorfit.inspection.seen_airframe import seen_airframe
     from rotorfit.logs import ReadOptions, read_log
 
-    options = ReadOptions(log_number=log_number)
+    options = table or ReadOptions(log_number=log_number)
     if path.suffix.lower() == ".toml":
         flight = logs_of_experiment(path)[0]
         path = flight.path

@@ -77,8 +77,8 @@ Into = Annotated[
         "--into",
         metavar="FILE",
         help="Your own file of parameters (px4, px4-gazebo, px4-sih, ardupilot, betaflight, "
-        "indiflight): -o gets it with what the export changes, which is shown. -o may name the "
-        "same file, with --force.",
+        "indiflight) or SDF model (gazebo): -o gets it with what the export changes, which is "
+        "shown. -o may name the same file, with --force.",
     ),
 ]
 DrawSeed = Annotated[

@@ -103,9 +103,9 @@ def fly(
     """
     from threadpoolctl import threadpool_limits
 
-    from rotorfit.export.vehicle_model import owner_of
     from rotorfit.logs.files import write_whole
     from rotorfit.report.fly import fly_figures, fly_html, fly_text
+    from rotorfit.results.result import owner_of
     from rotorfit.results.sound_result import load_sound
 
     assumed = _parse_numbers(assume or [], "--assume")
@@ -275,7 +275,7 @@ def _side_of_file(path: Path, owner: str, assumed: Mapping[str, float]) -> _Side
 
     The assumed numbers are used only where it lacks some.
     """
-    from rotorfit.export.vehicle_model import owner_of
+    from rotorfit.results.result import owner_of
     from rotorfit.results.sound_result import load_sound
 
     other = load_sound(path)

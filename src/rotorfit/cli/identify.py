@@ -30,9 +30,10 @@ from rotorfit.cli.terminal import (
     terminal_width,
     write_pictures,
 )
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import ExperimentError, RotorfitError
 
 if TYPE_CHECKING:
+    from rotorfit.control_loop.loop import LoopOutcome
     from rotorfit.experiment.experiment import Experiment, FlightEntry, IdentificationEntry
     from rotorfit.results.result import IdentificationResult
 
@@ -258,6 +259,16 @@ def _flight_files(experiment: Experiment) -> list[Path]:
     ]
 
 
+def _judged_loop(result: IdentificationResult, experiment: Experiment) -> LoopOutcome | None:
+    """Judge the rate loop of the first flight, where its log and the result show it."""
+    from rotorfit.control_loop.loop import first_flight_margins
+
+    try:
+        return first_flight_margins(result, experiment)
+    except RotorfitError:
+        return None  # `rotorfit loop` says why
+
+
 def _write_pictures(
     result: IdentificationResult,
     experiment: Experiment,
@@ -275,7 +286,9 @@ def _write_pictures(
     write_pictures(
         report,
         figures,
-        page=lambda: report_html(result, comparisons=comparisons),
+        page=lambda: report_html(
+            result, comparisons=comparisons, loop=_judged_loop(result, experiment)
+        ),
         drawings=lambda: figure_texts(result, comparisons),
         force=force,
     )

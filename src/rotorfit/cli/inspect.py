@@ -170,9 +170,16 @@ def _inspect(
         return SeveralLogs(
             file=str(path), logs=tuple(f"{e.number}: {e.description}" for e in entries)
         )
+    options = one.read
+    if airframe is not None and one.entry is None:
+        from rotorfit.experiment.declared_vehicle import read_options_of
+        from rotorfit.experiment.experiment import single_flight_experiment
+
+        declared = single_flight_experiment(path, mass="unknown", airframe=airframe)
+        options = read_options_of(declared.configuration[0].flights[0], declared.motors)
     with steps() as report_progress:
         report_progress(f"reading {path.name}")
-        log = read_log(path, options=replace(one.read, log_number=number))
+        log = read_log(path, options=replace(options, log_number=number))
     return inspect_log(log, airframe=airframe, entry=one.entry)
 
 

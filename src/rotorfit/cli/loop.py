@@ -5,8 +5,14 @@ from typing import Annotated
 
 import typer
 
-from rotorfit.cli.options import AsJson, Force, ResultFile
-from rotorfit.cli.terminal import coloured, print_result, print_status, refuse_output_file
+from rotorfit.cli.options import AsJson, Force, Page, ResultFile
+from rotorfit.cli.terminal import (
+    coloured,
+    print_result,
+    print_status,
+    refuse_output_files,
+    write_pictures,
+)
 
 
 def loop(
@@ -22,6 +28,7 @@ def loop(
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="Write the numbers as JSON here."),
     ] = None,
+    report: Page = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -30,22 +37,17 @@ def loop(
     Gains and filters are read from the log, the vehicle with its delays from the result; the
     margins of the rate loop are proved on the flight itself, or withheld with the reason.
     """
-    from threadpoolctl import threadpool_limits
-
-    from rotorfit.control_loop.loop import judge_loop
+    from rotorfit.control_loop.loop import loop_margins
     from rotorfit.control_loop.plain import loop_to_json
-    from rotorfit.export.vehicle_model import owner_of
     from rotorfit.logs.files import write_whole
-    from rotorfit.report.loop_text import loop_text
+    from rotorfit.report.loop import loop_html, loop_text
     from rotorfit.results.sound_result import load_sound
 
-    if output is not None:
-        refuse_output_file(output, inputs=[result, log], force=force)
-    loaded = load_sound(result)
-    with threadpool_limits(limits=1, user_api="blas"):
-        outcome = judge_loop(loaded, owner_of(loaded, configuration), log)
+    refuse_output_files({"-o": output, "--report": report}, inputs=[result, log], force=force)
+    outcome = loop_margins(load_sound(result), log, configuration)
     if output is not None:
         write_whole(output, loop_to_json(outcome), force=force)
         print_status(f"wrote {output}")
+    write_pictures(report, None, page=lambda: loop_html(outcome), drawings=dict, force=force)
     # Its tables need a fixed width.
     print_result((loop_to_json(outcome) if as_json else coloured(loop_text(outcome))).rstrip())

@@ -10,6 +10,7 @@ libraries/AC_AttitudeControl/AC_AttitudeControl_Multi.cpp rate_controller_run.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -86,7 +87,7 @@ def _arducopter_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
     harmonics have one quality. Those that follow a measured speed are treated as PX4's are.
     """
     found = _low_pass(log, "INS_GYRO_FILTER")
-    for name in ("INS_HNTCH", "INS_HNTC2"):
+    for name in NOTCHES:
         mode = log.parameters.get(f"{name}_MODE", 0.0)
         at, width, depth, bits = (
             log.parameters.get(f"{name}_{what}", 0.0) for what in ("FREQ", "BW", "ATT", "HMNCS")
@@ -111,6 +112,66 @@ def _arducopter_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
             if int(bits) >> i & 1
         )
     return found
+
+
+NOTCHES: Final = ("INS_HNTCH", "INS_HNTC2")
+SPLIT: Final = 0b10001
+"""Bits of INS_HNTCH_OPTS that make two or three narrow notches of one."""
+
+
+def moving_filters(log: ControllerLog) -> tuple[str, ...]:
+    """Name the notches of the gyro whose places the parameters do not tell, as they are set.
+
+    They are in the loop by what the two records of the gyro show of them (`controller_response`).
+    """
+    numbers = log.parameters
+    found = [
+        f"{name}_MODE {numbers.get(f'{name}_MODE', 0.0):.0f}"
+        for name in NOTCHES
+        if numbers.get(f"{name}_ENABLE", 0.0) > 0.0
+        and numbers.get(f"{name}_MODE", 0.0) not in (FIXED, BY_THROTTLE)
+    ]
+    found += [
+        f"{name}_OPTS {numbers[f'{name}_OPTS']:.0f}"
+        for name in NOTCHES
+        if numbers.get(f"{name}_ENABLE", 0.0) > 0.0
+        and int(numbers.get(f"{name}_OPTS", 0.0)) & SPLIT
+    ]
+    followed = int(numbers.get("IMU_GYRO_DNF_EN", 0.0))
+    return (*found, f"IMU_GYRO_DNF_EN {followed}") if followed else tuple(found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThrustCurve:
+    """Thrust that a mixer takes for a command c: f u^2 + (1 - f) u.
+
+    u = (c - start) / (end - start); `name` is that of the parameter that sets f.
+    """
+
+    name: str
+    factor: float
+    start: float = 0.0
+    end: float = 1.0
+
+
+def thrust_curve(log: ControllerLog) -> ThrustCurve | None:
+    """Read the curve by which the mixer commands motors; None where the log does not have it.
+
+    PX4: src/lib/mixer_module, THR_MDL_FAC; ArduCopter: AP_Motors_Thrust_Linearization.cpp.
+    """
+    names = (
+        ("THR_MDL_FAC",)
+        if log.autopilot == "PX4"
+        else ("MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX")
+    )
+    values = [log.parameters.get(name) for name in names]
+    known = [value for value in values if value is not None]
+    if len(known) < len(names):
+        return None
+    if log.autopilot == "PX4":
+        return ThrustCurve(name=names[0], factor=known[0])
+    factor, start, end = known
+    return ThrustCurve(name=names[0], factor=factor, start=start, end=end) if start < end else None
 
 
 def _low_pass(log: ControllerLog, name: str) -> tuple[GyroFilter, ...]:

@@ -1,15 +1,16 @@
 """Judge the loop that flew: margins with intervals, their proof, and what other gains would do."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
+from threadpoolctl import threadpool_limits
 
-from rotorfit.control_loop.controllers import AXES, rate_controller
+from rotorfit.control_loop.controllers import AXES, moving_filters, rate_controller
 from rotorfit.control_loop.margins import Margins, margins
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.proof import (
@@ -17,18 +18,22 @@ from rotorfit.control_loop.proof import (
     Band,
     LoopError,
     MeasuredLoop,
+    ReplayedMixer,
     ReplayedOutput,
     closed_loop_bands,
     loop_error,
     measured_loop,
+    replay_mixer,
     replay_output,
 )
 from rotorfit.control_loop.rate_controller import RateController
-from rotorfit.control_loop.vehicle import Flown, controller_response, flown, plant
+from rotorfit.control_loop.vehicle import Flown, controller_response, flown, known_words, plant
+from rotorfit.errors import LogError
+from rotorfit.experiment.experiment import Experiment
 from rotorfit.logs import read_log
-from rotorfit.logs.controller_log import ControllerLog, read_controller_log
+from rotorfit.logs.controller_log import ControllerLog, knows_controller, read_controller_log
 from rotorfit.logs.flight_log import FlightLog
-from rotorfit.results.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult, owner_of
 
 DRAWS: Final = 200
 POINTS: Final = 400
@@ -55,7 +60,15 @@ STEP_TIMES: Final = np.linspace(0.0, 0.6, 121)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
-    """A number of the loop with its 95 % interval; NaN where the loop has none."""
+    """A number of the loop with its 95 % interval; NaN where the loop has none.
+
+    Attributes
+    ----------
+    value
+        Of the nominal vehicle.
+    low, high
+        Ends of the interval.
+    """
 
     value: float
     low: float
@@ -64,9 +77,22 @@ class Measure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopMeasures:
-    """Crossover [Hz], phase [deg], gain [1] and delay margin [s], peak of the sensitivity [1].
+    """How far a loop is from oscillating.
 
-    `stable`: share of the vehicles that the flights leave open in which the closed loop is stable.
+    Attributes
+    ----------
+    crossover
+        Frequency at which the gain falls to 1 for the last time [Hz].
+    phase
+        Phase margin [deg].
+    gain
+        Factor of the gain at which the loop oscillates.
+    delay
+        Time by which the loop may be later until it oscillates [s].
+    sensitivity
+        Peak of ``1 / |1 + L|``: by how much disturbances are amplified at worst.
+    stable
+        Share of the vehicles that the flights leave open in which the closed loop is stable.
     """
 
     crossover: Measure
@@ -100,8 +126,10 @@ class AxisLoop:
         ``roll``, ``pitch`` or ``yaw``.
     controller
         As flown.
-    replay
-        Of its output.
+    replay, mixer
+        Of its output, and of the motors' commands by it; None where the log has no curve of them.
+    contradicts
+        Whether its closed loop contradicts the result.
     rate_loop, with_attitude
         Cut at the torque command: the rate loop alone, and with the attitude loop around it.
     bands, error
@@ -113,13 +141,18 @@ class AxisLoop:
         below; infinite where more oscillate.
     step
         Of the rate loop alone.
-    frequency, open_loop
-        [Hz], and the nominal response with its attitude loop, for pictures.
+    frequency, open_loop, closed_loop
+        [Hz]; of each vehicle, the nominal one first: the open loop with its attitude loop, and the
+        rate over the rate asked for.
+    stable
+        Which of these vehicles do not oscillate.
     """
 
     axis: str
     controller: RateController
     replay: ReplayedOutput
+    mixer: ReplayedMixer | None
+    contradicts: bool
     rate_loop: LoopMeasures
     with_attitude: LoopMeasures
     bands: tuple[Band, ...]
@@ -129,6 +162,8 @@ class AxisLoop:
     step: StepResponse
     frequency: Float[np.ndarray, " f"]
     open_loop: Complex[np.ndarray, "D f"]
+    closed_loop: Complex[np.ndarray, "D f"]
+    stable: Bool[np.ndarray, " D"]
 
     @property
     def proved(self) -> tuple[float, float] | None:
@@ -139,7 +174,21 @@ class AxisLoop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopOutcome:
-    """The loops of a flight, and what to know of them."""
+    """The loops of a flight, and what to know of them.
+
+    Attributes
+    ----------
+    name
+        Of the result.
+    configuration
+        Which flew.
+    autopilot, firmware
+        Whose controller it is, and its version in the log's words.
+    axes
+        Roll, pitch and yaw.
+    notes
+        What they rest on.
+    """
 
     name: str
     configuration: str
@@ -149,21 +198,26 @@ class LoopOutcome:
     notes: tuple[str, ...]
 
 
-def judge_loop(
-    result: IdentificationResult, owner: str, path: Path, *, draws: int = DRAWS, seed: int = 0
+def loop_margins(
+    result: IdentificationResult,
+    log: Path,
+    configuration: str | None = None,
+    *,
+    draws: int = DRAWS,
+    seed: int = 0,
 ) -> LoopOutcome:
-    """Judge the rate loops of a flight with an identified vehicle.
+    """Judge how far the flown rate loops are from oscillating, with intervals.
 
     Parameters
     ----------
     result
         Of `identify`, from commands.
-    owner
-        Configuration that flew.
-    path
-        Log of PX4 or ArduCopter.
+    log
+        Of PX4 or ArduCopter; gains and filters [SI] are read from it.
+    configuration
+        Which flew; not needed if the result has only one.
     draws, seed
-        Vehicles that the flights leave open.
+        Of vehicles that the flights leave open.
 
     Raises
     ------
@@ -171,10 +225,24 @@ def judge_loop(
         If the log does not show the controller.
     EstimationError
         If the result does not know what the loop needs.
+    OutputError
+        If the result has no configuration of that name.
     """
-    return judge_flight(
-        result, owner, read_log(path), read_controller_log(path), draws=draws, seed=seed
-    )
+    owner = owner_of(result, configuration)
+    try:
+        controller = read_controller_log(log)
+    except LogError as error:
+        if knows_controller(log):
+            raise
+        raise LogError(f"{error}. {known_words(result, owner)}") from error
+    with threadpool_limits(limits=1, user_api="blas"):
+        return judge_flight(result, owner, read_log(log), controller, draws=draws, seed=seed)
+
+
+def first_flight_margins(result: IdentificationResult, experiment: Experiment) -> LoopOutcome:
+    """Judge the first flight of an experiment's first configuration; see `loop_margins`."""
+    first = experiment.configuration[0]
+    return loop_margins(result, Path(first.flights[0].file), first.name)
 
 
 def judge_flight(
@@ -187,7 +255,7 @@ def judge_flight(
     draws: int = DRAWS,
     seed: int = 0,
 ) -> LoopOutcome:
-    """Judge the rate loops of a flight that was read already; see `judge_loop`.
+    """Judge the rate loops of a flight that was read already; see `loop_margins`.
 
     `read`: from the controller's log and an axis to its controller.
     """
@@ -201,9 +269,28 @@ def judge_flight(
         configuration=owner,
         autopilot=controller.autopilot,
         firmware=controller.firmware,
-        axes=tuple(axes),
+        axes=_jointly(axes),
         notes=tuple(_notes(flight, log)),
     )
+
+
+def _jointly(axes: Sequence[AxisLoop]) -> tuple[AxisLoop, ...]:
+    """Withhold the margins of an axis, too, where the other one contradicts the result.
+
+    Both rest on one vehicle with one lag and delay: where that is another one, an axis with a
+    slow loop may agree by chance.
+    """
+    out: list[AxisLoop] = []
+    for i, one in enumerate(axes):
+        others = [axes[k].axis for k in PROVED_AXES if k != i and axes[k].contradicts]
+        if i in PROVED_AXES and others and not one.doubts:
+            words = (
+                f"{others[0]} contradicts the result, which is of one vehicle: its lag and delay "
+                "may be wrong here, too, and agree by chance"
+            )
+            one = replace(one, doubts=(words,))
+        out.append(one)
+    return tuple(out)
 
 
 def _axis(
@@ -237,7 +324,9 @@ def _axis(
     )
     error = _closed_loop_error(body.nominal, loops, bands_of, frequency, flight.log.set_point_std)
     replay = replay_output(controller, flight, axis)
-    doubts = _contradictions(axis, replay, error, body, flight)
+    mixer = replay_mixer(flight, axis)
+    wrong = axis in PROVED_AXES and error.is_wrong(body)
+    doubts = _contradictions(axis, replay, mixer, error if wrong else None, flight)
     vehicles = body if doubts else error.corrected(body, seed)
     inner = loops(vehicles)
     bands = bands_of(inner[0])
@@ -256,6 +345,8 @@ def _axis(
         axis=AXES[axis],
         controller=controller,
         replay=replay,
+        mixer=mixer,
+        contradicts=wrong and replay.is_right,
         rate_loop=rate_loop,
         with_attitude=_measures(margins(frequency, outer)),
         bands=tuple(bands),
@@ -265,6 +356,8 @@ def _axis(
         step=_step(step_response(harmonics, closed, STEP_TIMES), found.stable),
         frequency=frequency,
         open_loop=outer,
+        closed_loop=closed_loop(controller, inner, frequency),
+        stable=found.stable,
     )
 
 
@@ -384,9 +477,13 @@ def _peak(found: Margins) -> float:
 
 
 def _contradictions(
-    axis: int, replay: ReplayedOutput, error: LoopError, vehicles: Plant, flight: Flown
+    axis: int,
+    replay: ReplayedOutput,
+    mixer: ReplayedMixer | None,
+    error: LoopError | None,
+    flight: Flown,
 ) -> list[str]:
-    """Say what contradicts the result, or the controller as it was read."""
+    """Say what contradicts the controller and mixer as they were read, or an error the result."""
     if axis not in PROVED_AXES:
         return ["unproven: drag torque and the rotors' inertia act together"]
     doubts: list[str] = []
@@ -396,7 +493,13 @@ def _contradictions(
             f"{replay.derivative:.2f} times, that of the controller as its parameters set it: a "
             "filter or a gain is not what they say, or changed in flight"
         )
-    if error.is_wrong(vehicles):
+    if mixer is not None and not mixer.is_right:
+        doubts.append(
+            f"the motors' commands follow the output as with {mixer.name} {mixer.factor:.2f}, which"
+            f" makes {mixer.slope:.2f} times the thrust that the parameters of the log do: the "
+            "curve or the spin range is not what they say"
+        )
+    if error is not None:
         gain, late = error.half_widths
         when = "later" if error.delay > 0.0 else "earlier"
         words = (
@@ -440,6 +543,13 @@ def _notes(flight: Flown, log: FlightLog) -> list[str]:
     if log.gyro_lowpass is not None:
         notes.append(
             f"the gyro's low-pass of {log.gyro_lowpass:g} Hz is in the log, and counted once"
+        )
+    moving = moving_filters(flight.log)
+    if moving:
+        notes.append(
+            f"notches of the gyro that follow the rotors, or are split ({', '.join(moving)}): they "
+            "are in the loop by the delay and the size that the gyro's two records show of them up "
+            "to 40 Hz, not by their shape; the other filters are in it exactly"
         )
     changed = [n for n in flight.log.changed if n.startswith(("MC_", "ATC_RAT", "ATC_ANG", "IMU_"))]
     if changed:

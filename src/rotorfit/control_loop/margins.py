@@ -57,10 +57,7 @@ def _margins(
 ) -> tuple[float, float, float, float, float, bool]:
     """Return crossover, phase, gain and delay margin, peak of the sensitivity, whether stable."""
     size: Float[np.ndarray, " f"] = np.log(np.abs(loop))
-    turned: Float[np.ndarray, " f"] = np.asarray(np.unwrap(np.angle(loop)), dtype=float)
-    # From -180 degrees of two integrators, or -90 of one, downwards; never a full turn off.
-    turns_off = round((float(turned[0]) + 0.75 * np.pi) / (2.0 * np.pi))
-    phase = turned - 2.0 * np.pi * turns_off
+    phase = open_phase(loop)
     at = np.log(frequency)
     crossings = [_between(at, size, i) for i in _changes(size)]
     left = [np.pi + float(np.interp(x, at, phase)) for x in crossings]
@@ -81,6 +78,14 @@ def _margins(
         float(np.max(1.0 / np.abs(1.0 + loop))),
         stable,
     )
+
+
+def open_phase(loop: Complex[np.ndarray, " f"]) -> Float[np.ndarray, " f"]:
+    """Compute the phase of an open loop, from the lowest frequency on without a leap [rad]."""
+    turned: Float[np.ndarray, " f"] = np.asarray(np.unwrap(np.angle(loop)), dtype=float)
+    # From -180 degrees of two integrators, or -90 of one, downwards; never a full turn off.
+    turns_off = round((float(turned[0]) + 0.75 * np.pi) / (2.0 * np.pi))
+    return turned - 2.0 * np.pi * turns_off
 
 
 def _changes(values: Float[np.ndarray, " f"]) -> list[int]:

@@ -27,6 +27,7 @@ def _axis(loop: AxisLoop) -> dict[str, Any]:
         "axis": loop.axis,
         "controller": asdict(loop.controller),
         "replay": asdict(loop.replay),
+        "mixer": None if loop.mixer is None else asdict(loop.mixer),
         "rate_loop": asdict(loop.rate_loop),
         "with_attitude": asdict(loop.with_attitude),
         "bands": [

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 from scipy import signal
 
+from rotorfit.control_loop.controllers import thrust_curve
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.control_loop.vehicle import Flown, cross_spectrum, withheld_output
@@ -42,6 +43,8 @@ ABOVE = 3.0
 """Times the crossover up to which the closed loop is judged."""
 SMOOTH = 15.0
 """Frequency up to which derivatives are compared [Hz]: the log is slower than the gyro."""
+PIECES = 10
+"""Of a flight, to see how much an estimate differs among them."""
 SLOPE = 0.03
 """Of the replayed output from one, beyond which the controller was not read rightly."""
 
@@ -61,6 +64,68 @@ class ReplayedOutput:
     def is_right(self) -> bool:
         """Whether the controller was read rightly."""
         return max(abs(self.slope - 1.0), abs(self.derivative - 1.0)) <= SLOPE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayedMixer:
+    """How the motors' commands follow the output of an axis.
+
+    Attributes
+    ----------
+    name, factor
+        Of the parameter that bends the curve from thrust to command, and as the commands have it.
+    slope, half_width
+        Of the thrust by the output, over that with the parameter's own value; half of its 95 %
+        interval.
+    """
+
+    name: str
+    factor: float
+    slope: float
+    half_width: float
+
+    @property
+    def is_right(self) -> bool:
+        """Whether the mixer is as its parameters set it."""
+        return abs(self.slope - 1.0) <= SLOPE + self.half_width
+
+
+def replay_mixer(flight: Flown, axis: int) -> ReplayedMixer | None:
+    """Measure the curve by which commands follow the outputs; None where the log has no curve.
+
+    Thrust u + f (u^2 - u) of a motor is linear in the outputs and the mean thrust: what of u is not
+    is - f times what of u^2 - u is not. Pieces of the flight show how well f is known.
+    """
+    curve = thrust_curve(flight.log)
+    free = flight.free
+    if curve is None or free.sum() < PIECES**2:
+        return None
+    u = (flight.commands[free] - curve.start) / (curve.end - curve.start)
+    bent = u * u - u
+    mean = (u + curve.factor * bent).mean(axis=1)
+    columns = np.column_stack([flight.log.output[free], mean, np.ones(len(u))])
+    by_u, by_bent = (np.linalg.lstsq(columns, x, rcond=None)[0] for x in (u, bent))
+    of_u, of_bent = u - columns @ by_u, bent - columns @ by_bent
+    straight, curved = (of_u * of_bent).sum(axis=1), (of_bent * of_bent).sum(axis=1)
+    factors = [
+        -float(straight[piece].sum() / max(curved[piece].sum(), np.finfo(float).tiny))
+        for piece in (slice(None), *pieces(len(u)))
+    ]
+    rotor = int(np.argmax(np.abs(by_u[axis])))
+    slopes = by_u[axis, rotor] + np.array([curve.factor, *factors]) * by_bent[axis, rotor]
+    ratios: Float[np.ndarray, " p"] = slopes[1:] / slopes[0]
+    return ReplayedMixer(
+        name=curve.name,
+        factor=factors[0],
+        slope=float(ratios[0]),
+        half_width=1.96 * float(ratios[1:].std(ddof=1)) / PIECES**0.5,
+    )
+
+
+def pieces(count: int) -> list[slice]:
+    """Part rows into pieces of a flight."""
+    edges = np.linspace(0, count, PIECES + 1).astype(int).tolist()
+    return [slice(a, b) for a, b in itertools.pairwise(edges)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

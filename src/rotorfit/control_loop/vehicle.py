@@ -16,11 +16,13 @@ from rotorfit.logs.controller_log import ControllerLog
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.speed_law import speed_from_command
 from rotorfit.preprocessing.signals import true_runs
-from rotorfit.results.result import IdentificationResult
+from rotorfit.results.result import Derived, IdentificationResult
 from rotorfit.results.samples import Values, about_com, normal_draws
 
 FLYING = 0.5
 """Of the median squared speed, above which a vehicle flies."""
+LEAST = 5.0
+"""Length of flight by which anything can be proved [s]."""
 SEGMENT = 1024
 """Samples of the spectra by which the two records of the gyro are compared."""
 HIGHEST = 40.0
@@ -30,6 +32,7 @@ SAME = 0.9
 LEAST_VARIANCE = 1e-6
 """Of their ratio in a bin."""
 INERTIA = ("Ixx_over_kt", "Iyy_over_kt")
+TIMES = ("motor_lag", "motor_delay")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +43,8 @@ class Flown:
     ----------
     log
         Of the controller, flying rows only.
+    commands
+        Of each motor, as logged.
     squares
         Squared speed of each rotor, in the result's units.
     free
@@ -49,6 +54,7 @@ class Flown:
     """
 
     log: ControllerLog
+    commands: Float[np.ndarray, "n N"]
     squares: Float[np.ndarray, "n N"]
     free: Bool[np.ndarray, " n"]
     held: float
@@ -81,6 +87,11 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
     flying = (mean > FLYING * np.median(mean)) & (row < len(values))
     flying &= np.isfinite(squares).all(axis=1)
     begin, end = _longest(flying)
+    if (end - begin) * controller.period < LEAST:
+        raise LogError(
+            f"{log.path}: {(end - begin) * controller.period:.1f} s of flight are too short to "
+            "prove a loop: fly 30 s of quick roll and pitch steps"
+        )
     rows = slice(begin, end)
     return Flown(
         log=replace(
@@ -91,6 +102,7 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
             output=controller.output[rows],
             slope=None if controller.slope is None else controller.slope[rows],
         ),
+        commands=command.values[row_of][rows],
         squares=squares[rows],
         free=_between_ends(command.values[row_of][rows]),
         held=float(np.median(np.diff(command.time))),
@@ -260,6 +272,39 @@ def _times(
     still = np.zeros_like(drawn["mass"])
     delay = drawn.get("motor_delay", still + _value(result, "motor_delay", None))
     return np.maximum(drawn.get("motor_lag", still + lag), 0.0), delay
+
+
+def known_words(result: IdentificationResult, owner: str) -> str:
+    """Say what a result knows of the loop without its controller: effectiveness and delays."""
+    found = [
+        *(_turned(number) for number in result.derived
+          if number.name in RATIOS and number.configuration == owner),
+        *(f"{p.name} {1e3 * p.value:.0f} +- {1e3 * half_width(p.interval):.1g} ms"
+          for p in result.parameters if p.name in TIMES and p.value is not None),
+    ]  # fmt: skip
+    words = ", ".join(word for word in found if word)
+    if not words:
+        return "The result knows neither effectiveness nor delays: fly roll and pitch briskly"
+    return f"Of the loop the result knows: {words} (SI)"
+
+
+def _turned(number: Derived) -> str:
+    """Write an effectiveness, kt / I or kd / I; nothing where it is not known."""
+    if not number.value or number.interval is None:
+        return ""
+    low, high = number.interval
+    if number.name in INERTIA:
+        if low <= 0.0:
+            return ""
+        name, value, low, high = f"kt / {number.name[:3]}", 1.0 / number.value, 1 / high, 1 / low
+    else:
+        name, value = "kd / Izz", number.value
+    return f"{name} {value:.3g} +- {half_width((low, high)):.1g}"
+
+
+def half_width(interval: tuple[float, float] | None) -> float:
+    """Return half of an interval; 0 of a given number."""
+    return 0.0 if interval is None else 0.5 * (interval[1] - interval[0])
 
 
 def controller_response(

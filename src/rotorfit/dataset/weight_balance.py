@@ -86,8 +86,9 @@ def turning(data: FlightData) -> Turning:
     rates = [grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]
     # All windows at once: rest behind the shorter ones changes nothing before it.
     angles = np.zeros((max((len(w) for w in rates), default=0), len(rates), 3))
-    for i, w in enumerate(rates):
-        angles[: len(w), i] = w * group / data.sample_rate
+    for i, (window, w) in enumerate(zip(windows, rates, strict=True)):
+        samples = np.minimum(len(window) - group * np.arange(len(w)), group)
+        angles[: len(w), i] = w * samples[:, None] / data.sample_rate
     turned = running_product(small_turns(angles))
     attitude = tuple(turned[: len(w), i] for i, w in enumerate(rates))
     return Turning(windows=windows, attitude=attitude, group=group, sample_rate=data.sample_rate)

@@ -28,6 +28,7 @@ from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import widen_by_settings
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
+from rotorfit.model.terms.rotors import spread_std
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
@@ -55,6 +56,19 @@ OF_WEIGHT = ("kt", "hover_speed")
 DOUBTED = 2.58
 """Deviations by which weight and changes differ once in a hundred sound flights."""
 _SPEED = {"measured": "rotor speed", "commanded": "command"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThrustShares:
+    """What each rotor's own k_t is of their mean, and its covariance by the fit and before it."""
+
+    values: Float[np.ndarray, " N"]
+    covariance: Float[np.ndarray, "N N"]
+    prior: Float[np.ndarray, "N N"]
+
+    def std_of_mean(self, load: Float[np.ndarray, " N"]) -> float:
+        """Return the deviation of a mean with these weights; no flight makes it larger."""
+        return float(np.sqrt(min(load @ self.covariance @ load, load @ self.prior @ load)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +123,11 @@ def weigh_thrust(fit: Fit) -> Fit:
     """Take k_t from changes of thrust and from the weight, and the intervals at that k_t."""
     dataset = fit.dataset
     weight = kt_from_weight(
-        dataset.configurations, dataset.vehicle, source=dataset.source, timing=dataset.timing
+        dataset.configurations,
+        dataset.vehicle,
+        source=dataset.source,
+        timing=dataset.timing,
+        shares=thrust_shares(fit.numbers, dataset.vehicle),
     )
     if weight is None:
         return widen_by_settings(fit)
@@ -182,26 +200,56 @@ def kt_from_weight(
     *,
     source: Source = "imu",
     timing: MotorResponse | None = None,
+    shares: ThrustShares | None = None,
 ) -> Measured | None:
     """Return the thrust coefficient that carries the weight; None if no flight is long enough.
 
-    `timing`: of the motors, where it was found: commands that swing, as in a limit cycle, have
-    larger squares than the speeds that lag behind them.
+    Parameters
+    ----------
+    timing
+        Of the motors, where it was found: commands that swing, as in a limit cycle, have larger
+        squares than the speeds that lag behind them.
+    shares
+        Of the rotors, where they were found: with the centre of mass off the centre, some rotors
+        carry more of the weight than others, and it is their k_t.
     """
-    return pooled_weight(
-        [
-            held
-            for configured in configurations
-            for flight in configured.flights
-            for held in carrying_stretches(
-                retimed(flight.prepared, timing),
+    found: list[Held] = []
+    squares = np.zeros(len(vehicle.rotors))
+    for configured in configurations:
+        for flight in configured.flights:
+            data = retimed(flight.prepared, timing)
+            squares += np.square(data.rotor_speed[data.used_rows]).sum(axis=0)
+            found += carrying_stretches(
+                data,
                 flight.turning,
                 vehicle,
                 mass=configured.mass,
                 bias=bias_at_rest(flight.prepared.data) if source == "imu" else CAMERA_BIAS,
                 velocity_std=ERROR if is_estimate(flight.log.format) else CAMERA_VELOCITY,
             )
-        ]
+    weight = pooled_weight(found)
+    if weight is None or shares is None:
+        return weight
+    load = squares / squares.sum()
+    kt = weight.value / float(load @ shares.values)
+    return Measured(value=kt, std=float(np.hypot(weight.std, kt * shares.std_of_mean(load))))
+
+
+def thrust_shares(numbers: Numbers, vehicle: Vehicle) -> ThrustShares | None:
+    """Return each rotor's share, by the fit; None where it has one k_t for all."""
+    n = len(vehicle.rotors)
+    names = [f"kt_{i + 1}" for i in range(n)]
+    if not set(names) <= set(numbers.names):
+        return None
+    kt = np.array([numbers.number(name)[0] for name in names])
+    # What all have in common is no share.
+    centred = np.eye(n) - 1.0 / n
+    known = numbers.covariance(names) / kt.mean() ** 2
+    before = np.diag([spread_std(rotor) ** 2 for rotor in vehicle.rotors])
+    return ThrustShares(
+        values=kt / kt.mean(),
+        covariance=centred @ known @ centred,
+        prior=centred @ before @ centred,
     )
 
 

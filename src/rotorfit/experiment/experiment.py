@@ -36,6 +36,7 @@ from rotorfit.experiment.toml_files import (
     with_known_motors,
 )
 from rotorfit.logs.flight_log import LagOn
+from rotorfit.logs.read import format_of
 from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -266,11 +267,22 @@ def _refuse_payload(entry: ConfigurationEntry, bare: ConfigurationEntry | None) 
         )
 
 
+class TableEntry(Strict):
+    """The ``[table]`` of an airframe file: how flight tables of this vehicle are read."""
+
+    axes: Axes = "FLU"
+    columns: dict[str, ColumnEntry | str]
+
+
 class AirframeFile(Strict):
-    """A file with ``[airframe]`` and ``[motors]`` only, for ``identify LOG --airframe``."""
+    """A file with ``[airframe]`` and ``[motors]``, for ``identify LOG --airframe``.
+
+    Its ``[table]``, if any, names the columns of logs that are tables.
+    """
 
     airframe: AirframeEntry
     motors: MotorsEntry = MotorsEntry()
+    table: TableEntry | None = None
 
 
 def load_experiment(path: Path) -> Experiment:
@@ -345,13 +357,22 @@ def single_flight_experiment(
     known = _checked(
         AirframeFile, with_known_motors(_without_flights(tables), source.parent), source
     )
+    flight = with_columns(named_flight(log, log_number=log_number), known.table)
     described = {
         "name": log.stem,
         "airframe": known.airframe,
         "motors": known.motors,
-        "configuration": [{"mass": mass, "flights": [named_flight(log, log_number=log_number)]}],
+        "configuration": [{"mass": mass, "flights": [flight]}],
     }
     return _checked(Experiment, described, source)
+
+
+def with_columns(flight: FlightEntry, table: TableEntry | None) -> FlightEntry:
+    """Give a flight that is a table the columns map of an airframe file."""
+    form = None if table is None else format_of(Path(flight.file))
+    if table is None or form is None or form.name != "table":
+        return flight
+    return flight.model_copy(update={"columns": table.columns, "axes": table.axes})
 
 
 def _without_flights(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -427,4 +448,5 @@ _TABLES: tuple[type[BaseModel], ...] = (
     FlightEntry,
     RecordingEntry,
     ColumnEntry,
+    TableEntry,
 )

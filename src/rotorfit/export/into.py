@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rotorfit.errors import OutputError
+from rotorfit.export.sdf_numbers import new_numbers, with_numbers
 
 ARDUPILOT: Final = re.compile(r"(?P<head>\s*(?P<name>[A-Z]\w*)(?:\s*,\s*|\s+))(?P<value>[^\s,#]+)")
 """NAME,VALUE of a ground station; NAME VALUE of MAVProxy."""
@@ -49,10 +50,12 @@ class Patched:
 
 def patched(own: str, exported: str, target: str) -> Patched:
     """Put the parameters of an exported file into the user's own; OutputError if it is no such."""
+    if target == "gazebo":
+        return patched_sdf(own, exported)
     if target not in FORMS:
         raise OutputError(
-            f"--into is for lists of parameters ({', '.join(FORMS)}), and {target} is none: "
-            "export into a file of its own"
+            f"--into is for lists of parameters ({', '.join(FORMS)}) and models of gazebo, and "
+            f"{target} is neither: export into a file of its own"
         )
     form, end = FORMS[target], "\r\n" if "\r\n" in own else "\n"
     lines = own.splitlines()
@@ -76,6 +79,17 @@ def patched(own: str, exported: str, target: str) -> Patched:
         else:
             same += 1
     return Patched(text=end.join([*lines, ""]), changed=tuple(changed), same=same)
+
+
+def patched_sdf(own: str, exported: str) -> Patched:
+    """Put the numbers of an exported Gazebo model into the user's own, and change nothing else."""
+    numbers = new_numbers(own.encode(), exported.encode())
+    differing = [one for one in numbers if one.differs]
+    return Patched(
+        text=with_numbers(own.encode(), differing).decode(),
+        changed=tuple((one.words(one.old), one.words(one.new)) for one in differing),
+        same=len(numbers) - len(differing),
+    )
 
 
 def _line_of(lines: list[str], name: str, form: re.Pattern[str]) -> int | None:

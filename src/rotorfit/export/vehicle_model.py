@@ -38,7 +38,7 @@ from rotorfit.model.terms.rotors import ROTOR_INERTIA, ROTOR_SPREAD
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
 from rotorfit.results.command_units import is_per_command
-from rotorfit.results.result import IdentificationResult, configuration_names, meant_configuration
+from rotorfit.results.result import IdentificationResult, owner_of
 from rotorfit.results.sound_result import refuse_unsound
 
 
@@ -112,20 +112,6 @@ def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed
     else:
         return None
     return Number(name="max_speed", value=value, unit=unit, origin="law", remark=remark)
-
-
-def owner_of(result: IdentificationResult, configuration: str | None) -> str:
-    """Select the configuration that is meant; OutputError where that is not clear."""
-    names = configuration_names(result)
-    if not names:
-        raise OutputError("the result has no configuration, and nothing to export; identify again")
-    owner = meant_configuration(names, configuration)
-    if owner is not None:
-        return owner
-    raise OutputError(
-        f"the result has the configurations {', '.join(names)}; say which to export "
-        "(--configuration NAME)"
-    )
 
 
 def _experiment_of(result: IdentificationResult) -> Experiment:

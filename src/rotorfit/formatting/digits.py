@@ -7,6 +7,11 @@ from typing import Any
 _POWERS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
+def short(value: float) -> str:
+    """Write two digits of a number, without an exponent."""
+    return f"{value:.0f}" if abs(value) >= 9.95 else f"{value:.2g}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Number:
     """A number as it is printed: digits cut to two of the interval's half-width.

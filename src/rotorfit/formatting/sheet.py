@@ -17,6 +17,18 @@ DataFrame = Any
 """Of pandas, which need not be installed."""
 
 
+def wrapped(text: str, width: int, first: str = "", later: str | None = None) -> list[str]:
+    """Wrap a paragraph behind a beginning; the later lines are indented as far, or by `later`."""
+    return textwrap.wrap(
+        text,
+        width,
+        initial_indent=first,
+        subsequent_indent=" " * len(first) if later is None else later,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
     """A heading, a table and remarks.

@@ -229,8 +229,8 @@ def _suggestion(in_file: Sequence[str]) -> str:
     entries = [f'{name} = {{ name = "{near}" }}' for name, near in pairs[:4]]
     start = ", ".join(entries) or f'{TIME} = {{ name = "NAME IN THE FILE", unit = "s" }}'
     return (
-        "say which is which with a columns map in an experiment file, which inspect takes, too, "
-        f"such as columns = {{ {start}, ... }}, with a unit where it is not SI"
+        "rotorfit airframe TABLE proposes which is which, and writes it down; or say so in an "
+        f"experiment file, such as columns = {{ {start}, ... }}, with a unit where it is not SI"
     )
 
 

@@ -1,5 +1,6 @@
 """What an autopilot's rate controller was asked, heard and put out, with its parameters."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.formats import load
+from rotorfit.logs.files import read_head
+from rotorfit.logs.formats import Format, load
 from rotorfit.logs.read import format_of
 
 TURNED: Final = np.array([1.0, -1.0, -1.0])
@@ -84,16 +86,43 @@ def read_controller_log(path: Path) -> ControllerLog:
     if form is None:
         raise LogError(f"{path}: no flight log that rotorfit reads")
     if not form.controller:
-        raise LogError(
-            f"{path}: {form.title}: the rate controller of this firmware is not in rotorfit; PX4 "
-            "(ULog) and ArduCopter (DataFlash) are. " + WHY_NOT.get(form.name, "")
-        )
+        raise LogError(f"{path}: {why_unknown(path, form)}")
     return load(form.controller)(path)
 
 
-WHY_NOT: Final = {
-    "blackbox": "Its loop is not linear (relaxed I, dynamic D, attenuated by throttle), and the "
-    "log lacks a chirp to measure it by: rotorfit identify gives effectiveness and delays",
-    "crazyflie": "The log has neither gains nor the controller's outputs: rotorfit identify gives "
-    "effectiveness and delays",
+def knows_controller(path: Path) -> bool:
+    """Tell whether rotorfit knows rate controllers of a log's format."""
+    form = format_of(path)
+    return form is None or bool(form.controller)
+
+
+def why_unknown(path: Path, form: Format) -> str:
+    """Say what is missing to judge the loop of a log whose controller rotorfit does not know."""
+    if form.name == "crazyflie":
+        return MISSING["crazyflie"]
+    found = FIRMWARE.search(read_head(path, HEADER)) if form.name == "blackbox" else None
+    name = found[1].decode("ascii", "replace").lower() if found else ""
+    return MISSING.get(
+        name,
+        f"{form.title}: the rate controller is not in the log; rotorfit knows those of PX4 (ULog) "
+        "and ArduCopter (DataFlash)",
+    )
+
+
+HEADER: Final = 65536
+"""Bytes in which a Blackbox names its firmware."""
+FIRMWARE: Final = re.compile(rb"H Firmware revision:(\w+)")
+MISSING: Final = {
+    "betaflight": "the rate loop of Betaflight is not linear (I is relaxed in turns, D falls to "
+    "its minimum in calm flight, TPA takes gains back with the throttle); it takes a chirp in "
+    "flight to measure it, which rotorfit does not read: its margins are not judged",
+    "inav": "the rate loop of INAV is not linear (I is relaxed in turns, D is boosted, TPA takes "
+    "gains back with the throttle); it takes a chirp in flight to measure it, which rotorfit does "
+    "not read: its margins are not judged",
+    "indiflight": "INDIflight has no PID but inverts the vehicle by measured angular "
+    "accelerations; it takes a chirp in flight to measure that loop, which rotorfit does not read: "
+    "its margins are not judged",
+    "crazyflie": "a Crazyflie's log has neither gains nor filters nor the outputs of the rate "
+    "controllers: margins are not judged",
 }
+"""By firmware, what is missing to judge its rate loop."""

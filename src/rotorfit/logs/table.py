@@ -45,7 +45,7 @@ _NOT_TO_BE_EMPTY: Final = ("gyro", "accel", "rotor_speed", "command")
 _FEWEST_LEVELS: Final = 16
 _SAMPLES_FOR_RESOLUTION: Final = 50_000
 
-_Source = DelimitedText | ParquetTable
+Source = DelimitedText | ParquetTable
 
 
 def read_table(
@@ -57,7 +57,7 @@ def read_table(
 ) -> FlightLog:
     """Read the flight in a table."""
     try:
-        source = _opened(path)
+        source = open_table(path)
         channels, notes, time = _channels(source, columns or {}, axes, motor_poles)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
@@ -72,15 +72,15 @@ def read_table(
     )
 
 
-def _opened(path: Path) -> _Source:
-    """Return the table in a file."""
+def open_table(path: Path) -> Source:
+    """Open the table in a file; its columns are read when asked for."""
     if read_head(path, len(PARQUET_MAGIC)) == PARQUET_MAGIC:
         return open_parquet(read_bytes(path))
     return open_delimited(open_mapped(path))
 
 
 def _channels(
-    source: _Source, columns: Mapping[str, ColumnSpec], axes: Axes, motor_poles: int | None
+    source: Source, columns: Mapping[str, ColumnSpec], axes: Axes, motor_poles: int | None
 ) -> tuple[dict[str, Channel], list[str], Float[np.ndarray, " n"]]:
     """Return channels, notes, and the clock of the table."""
     specs = resolve(source.names, columns)
@@ -109,7 +109,7 @@ def _channels(
 
 
 def _si_values(
-    source: _Source,
+    source: Source,
     specs: Mapping[str, ColumnSpec],
     groups: Sequence[Group],
     motor_poles: int | None,
@@ -145,7 +145,7 @@ def _conversion(name: str, spec: ColumnSpec, motor_poles: int | None) -> Convers
 
 
 def _check_clock(
-    source: _Source,
+    source: Source,
     timed: Bool[np.ndarray, " n"],
     time: Float[np.ndarray, " m"],
     spec: ColumnSpec,

@@ -14,6 +14,7 @@ from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.joint_numbers import number_scale
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.formatting.digits import short
 from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
@@ -131,12 +132,8 @@ class Missing:
 
 def gain_phrase(now: float | None, after: float) -> str:
     """Write how far an interval shrinks, relative half-widths; `now` is None where unknown."""
-    before = "unknown" if now is None else f"+-{_digits(100.0 * now)}"
-    return f"from {before} to +-{_digits(100.0 * after)} %"
-
-
-def _digits(value: float) -> str:
-    return f"{value:.0f}" if value >= 9.95 else f"{value:.1f}"
+    before = "unknown" if now is None else f"+-{short(100.0 * now)}"
+    return f"from {before} to +-{short(100.0 * after)} %"
 
 
 def check_same_vehicle(result: IdentificationResult, vehicle: Vehicle) -> None:

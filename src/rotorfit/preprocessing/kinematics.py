@@ -29,7 +29,7 @@ def running_product(q: Quaternions) -> Quaternions:
     """Compute q_1, q_1 q_2, q_1 q_2 q_3, ... in log2(length) steps."""
     step = 1
     while step < len(q):
-        q = np.concatenate([q[:step], _product(q[:-step], q[step:])])
+        q = np.concatenate([q[:step], product(q[:-step], q[step:])])
         step *= 2
     return q
 
@@ -45,7 +45,8 @@ def rotated_back(q: Quaternions, v: Vectors) -> Vectors:
     return rotated(q * [1.0, -1.0, -1.0, -1.0], v)
 
 
-def _product(p: Quaternions, q: Quaternions) -> Quaternions:
+def product(p: Quaternions, q: Quaternions) -> Quaternions:
+    """Return the turn q followed by p."""
     a, b = p[..., 1:], q[..., 1:]
     scalar = p[..., :1] * q[..., :1] - (a * b).sum(axis=-1, keepdims=True)
     vector = p[..., :1] * b + q[..., :1] * a + _cross(a, b)

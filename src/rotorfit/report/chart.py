@@ -70,6 +70,16 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Area:
+    """A shaded area between two curves; zooming does not redraw it."""
+
+    style: str
+    at: Float[np.ndarray, " n"]
+    low: Float[np.ndarray, " n"]
+    high: Float[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
     """A vertical line with its words."""
 
@@ -89,6 +99,7 @@ class Panel:
     title: str
     height: float
     curves: tuple[Curve, ...] = ()
+    areas: tuple[Area, ...] = ()
     count: int = 5
     note: str = ""
     log: bool = False
@@ -190,6 +201,7 @@ def _panel(panel: Panel, axis: Axis, top: float) -> str:
     frame: dict[str, str | float] = {"x": LEFT, "y": start, "width": PLOT, "height": panel.height}
     inside = [
         *(_span(span, panel, axis) for span in panel.spans),
+        *(_area(area, panel, axis) for area in panel.areas),
         *(_curve(curve, panel, axis) for curve in panel.curves if not panel.rows),
         *_lines(panel, axis),
     ]
@@ -236,6 +248,19 @@ def _curve(curve: Curve, panel: Panel, axis: Axis) -> str:
     size = (PLOT, panel.height)
     d = path_of(curve.series, curve.key, size=size, span=span_of(panel), ends=axis.ends)
     return tag("path", {"class": f"curve {curve.style}", "data-key": curve.key, "d": d})
+
+
+def _area(area: Area, panel: Panel, axis: Axis) -> str:
+    low, high = span_of(panel)
+
+    def place(at: float, value: float) -> str:
+        y = (high - min(max(value, low), high)) / max(high - low, 1e-12) * panel.height
+        return f"{_x(at, axis):.1f} {y:.1f}"
+
+    there = [place(*point) for point in zip(area.at.tolist(), area.high.tolist(), strict=True)]
+    back = [place(*point) for point in zip(area.at.tolist(), area.low.tolist(), strict=True)]
+    d = f"M{'L'.join([*there, *reversed(back)])}Z"
+    return tag("path", {"class": f"area {area.style}", "d": d})
 
 
 def _span(span: Span, panel: Panel, axis: Axis) -> str:

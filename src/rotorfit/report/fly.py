@@ -1,7 +1,6 @@
 """What `rotorfit fly` found, on one screen and as a page: replay, growing errors, manoeuvres."""
 
 import math
-import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -9,6 +8,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.formatting.sheet import wrapped
 from rotorfit.logs.files import file_name
 from rotorfit.report.pages import (
     drawing,
@@ -60,8 +60,8 @@ FORCE_HELD = "first value kept"
 def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
     """Write replay, manoeuvres and notes as plain text, lines of that width."""
     lines = [
-        *_wrapped(headline(outcome), width, "", ""),
-        *_wrapped(outcome.judgement.sentence, width, "", ""),
+        *wrapped(headline(outcome), width),
+        *wrapped(outcome.judgement.sentence, width),
         "",
         "Replay: rms error of the rates [rad/s], this long after the start of a window",
     ]
@@ -72,10 +72,10 @@ def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
     lines += [f"  {label:<{column}}" + _numbers(row) for label, row in rate_rows(outcome)]
     lines.append("")
     for line in verdicts(outcome):
-        lines += _wrapped(line, width, "  ", "    ")
+        lines += wrapped(line, width, "  ", "    ")
     lines += ["", "What it means"]
     for line in meaning(outcome):
-        lines += _wrapped(line, width, "  - ", "    ")
+        lines += wrapped(line, width, "  - ")
     lines += ["", "Replay: rms error of the specific force, means over 0.05 s [m/s^2]"]
     lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for axis in "xyz"))
     lines += [f"  {label:<{column}}" + _numbers(row) for label, row in force_rows(outcome)]
@@ -83,7 +83,7 @@ def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
     if outcome.notes:
         lines += ["", "To know"]
         for note in outcome.notes:
-            lines += _wrapped(note, width, "  - ", "    ")
+            lines += wrapped(note, width, "  - ")
     return "\n".join(lines)
 
 
@@ -103,12 +103,6 @@ def _manoeuvre_lines(outcome: FlyOutcome) -> list[str]:
         "In MuJoCo: the identified model, its autopilot tuned to these parameters",
         *(f"  {n:<{width}}" + "".join(f"  {c:<20}" for c in cells).rstrip() for n, cells in rows),
     ]
-
-
-def _wrapped(text: str, width: int, first: str, later: str) -> list[str]:
-    return textwrap.wrap(
-        text, width, initial_indent=first, subsequent_indent=later, break_long_words=False
-    )
 
 
 def headline(outcome: FlyOutcome) -> str:

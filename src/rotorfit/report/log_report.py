@@ -1,12 +1,13 @@
 """What inspect says of one log: one screen of text, or JSON."""
 
-import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, Final
 
 from rotorfit.dataset.checks.gravity import GravitySeen
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
+from rotorfit.formatting.digits import short
+from rotorfit.formatting.sheet import wrapped
 from rotorfit.inspection.frequency_sweep import AXES, Sweep
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.inspection.prospects import Excitation, Prospects
@@ -65,10 +66,10 @@ def report_text(report: LogReport, *, width: int = WIDTH) -> str:
     facts = [name for name in ("Craft name", "Firmware revision") if name in report.metadata]
     notes = [f"airborne: {spans_phrase(report.airborne)}"]
     notes += [*(f"{name}: {report.metadata[name]}" for name in facts), *report.notes]
-    lines += ["", *(line for note in notes for line in _wrapped(note, width, "  ", "    "))]
+    lines += ["", *(line for note in notes for line in wrapped(note, width, "  ", "    "))]
     for title, words in sections(report):
         lines += ["", f"  {title}"]
-        lines += [line for text in words for line in _wrapped(text, width, "  - ", "    ")]
+        lines += [line for text in words for line in wrapped(text, width, "  - ")]
     return "\n".join([*lines, ""])
 
 
@@ -316,11 +317,6 @@ def _reason(axis: Excitation, found: Prospects) -> str:
     return "fly more of this motion"
 
 
-def short(value: float) -> str:
-    """Write two digits of a number, without an exponent."""
-    return f"{value:.0f}" if abs(value) >= 10.0 else f"{value:.2g}"
-
-
 def setting_messages(report: LogReport) -> list[str]:
     """List the settings to change, and the command that writes them into a file."""
     if not report.settings:
@@ -335,21 +331,10 @@ def setting_messages(report: LogReport) -> list[str]:
     return [*words, f"as a file, from this log's own values: rotorfit settings {report.file}"]
 
 
-def _wrapped(text: str, width: int, first: str, next_: str) -> list[str]:
-    return textwrap.wrap(
-        text,
-        width,
-        initial_indent=first,
-        subsequent_indent=next_,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-
-
 def _channel_lines(c: ChannelReport, width: int) -> list[str]:
     gaps = f"{c.gaps}" if c.gaps else "-"
     start = f"  {c.name:<12}{c.columns:>8}{c.samples:>9}{c.rate:>7.0f} Hz{gaps:>6}  {c.unit:<6} "
-    return _wrapped(c.source, width, start, " " * len(start)) or [start.rstrip()]
+    return wrapped(c.source, width, start) or [start.rstrip()]
 
 
 def spans_phrase(spans: tuple[tuple[float, float], ...]) -> str:

@@ -1,12 +1,12 @@
 """A plan on one page to print and take along: checklist, flights, manoeuvres."""
 
-import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from rotorfit.formatting.sheet import wrapped
 from rotorfit.logs.files import write_whole
 from rotorfit.planning.plan import FlightPlan
 from rotorfit.planning.wanted import WANTABLE
@@ -75,21 +75,21 @@ def card_text(plan: FlightPlan) -> str:
     """Write the card as plain text."""
     lines = [
         f"PILOT CARD  {plan.request.name}",
-        *_wrapped(headline(plan)),
-        *_wrapped(promise(plan)),
+        *wrapped(headline(plan), WIDTH),
+        *wrapped(promise(plan), WIDTH),
         "",
         "BEFORE",
     ]
     for item in checklist(plan):
-        lines += _wrapped(item, "  [ ] ")
+        lines += wrapped(item, WIDTH, "  [ ] ")
     for flight in card_flights(plan):
         lines += ["", f"{flight.name.upper()}  ({flight.load}, {flight.seconds:.0f} s in all)"]
         for step in flight.steps:
             seconds = f"{step.seconds:.3g} s"
-            lines += _wrapped(f"{step.title}: {step.words}", f"  [ ] {seconds:>5}  ")
-    lines += ["", "AFTER", *_wrapped(command_after(plan), "  ")]
+            lines += wrapped(f"{step.title}: {step.words}", WIDTH, f"  [ ] {seconds:>5}  ")
+    lines += ["", "AFTER", *wrapped(command_after(plan), WIDTH, "  ")]
     expectations = ", ".join(f"{name} +-{width}" for name, width in expected(plan))
-    lines += ["", *_wrapped(f"Expected: {expectations}")]
+    lines += ["", *wrapped(f"Expected: {expectations}", WIDTH)]
     lines += ["", "Date __________  Place ______________  Pilot ______________", ""]
     return "\n".join(lines)
 
@@ -188,10 +188,6 @@ def command_after(plan: FlightPlan) -> str:
         )
     mass = f"{plan.rough.truth.mass:g}"
     return f"rotorfit identify LOG --mass {mass} --airframe {plan.request.name} -o result.json"
-
-
-def _wrapped(words: str, indent: str = "") -> list[str]:
-    return textwrap.wrap(words, WIDTH, initial_indent=indent, subsequent_indent=" " * len(indent))
 
 
 def _top_view(plan: FlightPlan) -> str:

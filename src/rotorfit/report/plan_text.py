@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from rotorfit.formatting.sheet import wrapped
 from rotorfit.planning.next_step import NextStep, best_manoeuvre, next_step
 from rotorfit.planning.plan import SCHEDULES, FlightPlan
 from rotorfit.planning.vehicle import payload_rotors
@@ -82,7 +83,7 @@ def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
             *(
                 f"  {line}"
                 for words in assumption_sentences(plan)
-                for line in _wrapped(width, words)
+                for line in _paragraphs(width, words)
             ),
         ],
     ]
@@ -104,7 +105,7 @@ def _first(plan: FlightPlan, width: int) -> list[str]:
     if step is None:
         return []
     head = "Next step" if step.kind in ("fly", "done") else "Before any flight of this plan"
-    return _wrapped(width, f"{head}: {step.sentence}.")
+    return _paragraphs(width, f"{head}: {step.sentence}.")
 
 
 def step_after(plan: FlightPlan) -> NextStep | None:
@@ -115,10 +116,10 @@ def step_after(plan: FlightPlan) -> NextStep | None:
 
 def _conclusion(plan: FlightPlan, width: int) -> list[str]:
     if plan.enough:
-        return _wrapped(width, "Nothing more to fly: the result reaches this already.")
+        return _paragraphs(width, "Nothing more to fly: the result reaches this already.")
     if plan.recommended is not None:
-        return _wrapped(width, f"Fly: {flight_phrase(plan.recommended)}.", *_with_payload(plan))
-    return _wrapped(
+        return _paragraphs(width, f"Fly: {flight_phrase(plan.recommended)}.", *_with_payload(plan))
+    return _paragraphs(
         width,
         f"No flight considered here reaches this. The closest is: {flight_phrase(plan.best)}; it "
         "leaves "
@@ -198,7 +199,7 @@ def _steps(plan: FlightPlan, width: int) -> list[str]:
             initial_indent=head,
             subsequent_indent=" " * len(head),
         )
-    return [*lines, *_wrapped(width, SWEEPS)]
+    return [*lines, *_paragraphs(width, SWEEPS)]
 
 
 def _table(plan: FlightPlan, width: int) -> list[str]:
@@ -212,7 +213,7 @@ def _table(plan: FlightPlan, width: int) -> list[str]:
     rows = [c for c in plan.candidates if c.seconds == seconds]
     lines += [_row(TITLES[c.schedule], c) for c in rows if not c.payload]
     if plan.payload:
-        lines += ["", *_wrapped(width, f"and again with {payload_phrase(plan)}")]
+        lines += ["", *_paragraphs(width, f"and again with {payload_phrase(plan)}")]
         lines += [_row(TITLES[c.schedule], c) for c in rows if c.payload]
     return lines
 
@@ -263,8 +264,8 @@ def assumption_sentences(plan: FlightPlan) -> Iterator[str]:
         yield f"{numbers} (SI)"
 
 
-def _wrapped(width: int, *paragraphs: str) -> list[str]:
-    return [line for words in paragraphs for line in textwrap.wrap(words, width - 2)]
+def _paragraphs(width: int, *paragraphs: str) -> list[str]:
+    return [line for words in paragraphs for line in wrapped(words, width - 2)]
 
 
 def steps_of(candidate: Candidate) -> tuple[Step, ...]:

@@ -4,9 +4,11 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from rotorfit.control_loop.loop import LoopOutcome
 from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.chart import chart_svg
 from rotorfit.report.correlations import correlation_section
+from rotorfit.report.loop import loop_section
 from rotorfit.report.motor_law import law_picture, law_section
 from rotorfit.report.pages import render_page, standalone, template_text
 from rotorfit.report.paper_tables import is_paper_vehicle, paper_section
@@ -34,14 +36,19 @@ def report_html(
     *,
     comparisons: Sequence[WrenchComparison] = (),
     paper: bool | None = None,
+    loop: LoopOutcome | None = None,
 ) -> str:
-    """Write a result as one self-contained HTML page; see `write_report`."""
+    """Write a result as one self-contained HTML page; see `write_report`.
+
+    `loop`: of one of its flights, if its log has the controller.
+    """
     with_paper = is_paper_vehicle(result) if paper is None else paper
     return render_page(
         "page",
-        *("page", "figure", "dark"),
+        *("page", "figure", "fly", "dark"),
         script="plot.js",
         result=result,
+        loop=None if loop is None else loop_section(loop),
         method=METHODS.get(result.method, result.method),
         seconds=sum(flight.seconds_used for flight in result.flights),
         configurations=configuration_names(result),

@@ -10,6 +10,7 @@ from typing import Any, Final, cast
 
 from rotorfit.findings import Finding
 from rotorfit.formatting.digits import known, number_of, with_interval
+from rotorfit.formatting.sheet import wrapped
 from rotorfit.logs.files import file_name
 from rotorfit.planning.next_step import next_step
 from rotorfit.preprocessing.airborne import GRAVITY
@@ -126,13 +127,13 @@ def summary_text(result: IdentificationResult, *, width: int) -> str:
     for title, members in summary.groups:
         lines += [title] if title else []
         for member in members:
-            lines += _wrapped(f"  {member.heading:<{TITLE_WIDTH}}", _body(member), width)
+            lines += wrapped(_body(member), width, f"  {member.heading:<{TITLE_WIDTH}}")
     for words in summary.doubts:
-        lines += _wrapped("Doubt: ", words, width)
+        lines += wrapped(words, width, "Doubt: ")
     if summary.next_step:
-        lines += _wrapped("Next:  ", summary.next_step, width)
+        lines += wrapped(summary.next_step, width, "Next:  ")
     more = f", {summary.more} more remarks" if summary.more else ""
-    lines += _wrapped("", REST.format(more=more), width)
+    lines += wrapped(REST.format(more=more), width)
     return "\n".join(lines) + "\n"
 
 
@@ -140,17 +141,6 @@ def _once(lines: Sequence[Line]) -> tuple[Line, ...]:
     """Leave out lines without a number that say why in the words of one before."""
     said = [line.remark for line in lines]
     return tuple(x for i, x in enumerate(lines) if x.parts or x.remark not in said[:i])
-
-
-def _wrapped(begin: str, words: str, width: int) -> list[str]:
-    """Wrap words behind a beginning."""
-    return textwrap.wrap(
-        words,
-        width,
-        initial_indent=begin,
-        subsequent_indent=" " * len(begin),
-        break_on_hyphens=False,
-    )
 
 
 def _body(line: Line) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
 from rotorfit.formatting.digits import known, with_interval
-from rotorfit.formatting.sheet import table_lines
+from rotorfit.formatting.sheet import table_lines, wrapped
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import NUISANCE, OF_FLIGHT
 from rotorfit.model.terms.air import DRAG_MOMENTS
@@ -99,7 +99,7 @@ def _law_lines(result: IdentificationResult, width: int) -> list[str]:
     return [
         f"Motors, u being the command: {formula_of(law)}",
         *(row.rstrip() for row in rows),
-        *(line for words in law_sentences(law) for line in _wrapped(words, width)),
+        *(line for words in law_sentences(law) for line in wrapped(words, width, "  - ")),
         *(["  - for flights of this vehicle without rotor speed:", *paste] if motors else []),
     ]
 
@@ -249,11 +249,5 @@ def assumptions_of(result: IdentificationResult) -> list[str]:
 
 
 def _listed(title: str, texts: Iterable[str], width: int) -> list[str]:
-    lines = [line for text in texts for line in _wrapped(text, width)]
+    lines = [line for text in texts for line in wrapped(text, width, "  - ")]
     return [title, *lines] if lines else []
-
-
-def _wrapped(text: str, width: int) -> list[str]:
-    return textwrap.wrap(
-        text, width, initial_indent="  - ", subsequent_indent="    ", break_on_hyphens=False
-    )

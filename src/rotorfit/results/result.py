@@ -326,6 +326,20 @@ def meant_configuration(names: Sequence[str], said: str | None) -> str | None:
     return said if said in names else None
 
 
+def owner_of(result: IdentificationResult, configuration: str | None) -> str:
+    """Select the configuration that is meant; OutputError where that is not clear."""
+    names = configuration_names(result)
+    if not names:
+        raise OutputError("the result has no configuration; identify again")
+    owner = meant_configuration(names, configuration)
+    if owner is not None:
+        return owner
+    raise OutputError(
+        f"the result has the configurations {', '.join(names)}; say which is meant "
+        "(--configuration NAME)"
+    )
+
+
 def _one(entries: Sequence[Entry], name: str, configuration: str | None, *, what: str) -> Entry:
     """Return the entry of a name and, where that is not None, of a configuration."""
     named = [entry for entry in entries if entry.name == name]

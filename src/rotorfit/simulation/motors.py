@@ -29,7 +29,7 @@ class Rotors:
         The same while it falls [s].
     """
 
-    wrench_matrix: Float[np.ndarray, "3*N 10"]
+    wrench_matrix: Float[np.ndarray, "three_N 10"]
     lag: float
     lag_down: float
 

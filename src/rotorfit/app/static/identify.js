@@ -3,7 +3,7 @@
 import { hasSize } from "./airframe.js";
 import { download, h } from "./dom.js";
 import { missing } from "./form.js";
-import { asked, askedLong, describe, logs, set, state } from "./state.js";
+import { asked, askedLong, describe, logs, loopPage, set, state } from "./state.js";
 import { seconds } from "./units.js";
 
 export function identifyView() {
@@ -56,7 +56,8 @@ export function runningView() {
 async function outcomeOf(call, argument) {
   const outcome = await askedLong(call, argument, "waits its turn");
   if (!outcome) return;
-  set({ outcome, plan: null, exports: {}, reportAddress: null });
+  const loopAddress = await loopPage(outcome);
+  set({ outcome, loopAddress, plan: null, exports: {}, reportAddress: null });
   describe();
   setTimeout(() => actions.go({ at: "outcome" }), 50);
 }

@@ -18,6 +18,7 @@ export function outcomeView() {
     outcome.tables.filter(ofEquations).map((one) => folded(one.title, table(one))),
     folded("What the verdicts mean", meanings(outcome)),
     folded("What no flight tells: see that it is right", list(outcome.hangs_on)),
+    tuned(outcome),
     nextFlight(outcome),
     report(),
     downloads(outcome),
@@ -120,6 +121,23 @@ function validation({ validation: flights, validation_predicted_well: worth }) {
         h("tbody", {}, flights.map(({ flight, configuration, errors }) => h("tr", {},
           h("th", { scope: "row" }, flight), h("td", {}, configuration),
           axes.map((axis) => h("td", {}, `${(100 * errors[axis]).toFixed(1)} %`))))))),
+  ];
+}
+
+function tuned({ loop }) {
+  if (!loop) return null;
+  const { loopAddress } = state;
+  return [
+    h("h3", {}, "Is it tuned well?"),
+    loop.page
+      ? [
+        h("p", { class: "explanation" }, `How far the rate loops of ${loop.flight} are from oscillating.`),
+        list(loop.words),
+        h("div", { class: "deeds" },
+          h("button", { type: "button", "data-do": "open-document", "data-name": "loop" }, "Open margins and pictures in a tab")),
+        loopAddress && h("iframe", { class: "report", sandbox: "allow-scripts", title: "Margins of the rate loops", "data-key": "loop", src: loopAddress }),
+      ]
+      : h("p", {}, loop.words.map((words) => `Not judged: ${words}`)),
   ];
 }
 

@@ -22,6 +22,7 @@ export const state = {
   plan: null,
   exports: {}, // the chosen target: what is missing, assumed, noted
   reportAddress: null,
+  loopAddress: null,
 };
 
 let drawAll = () => {};
@@ -113,12 +114,16 @@ export async function askedLong(name, argument, step) {
   }
 }
 
+/** The address of the page about the rate loops; null where the log does not show them. */
+export const loopPage = async (outcome) => (outcome?.loop?.page ? state.engine.open("loop") : null);
+
 /** Take up what was there before a reload. */
 export async function restore() {
   const { files, form, outcome, running } = await state.engine.call("restore", {});
   const kept = read();
   state.files = files;
   state.outcome = outcome;
+  state.loopAddress = await loopPage(outcome);
   if (kept) Object.assign(state, { view: { ...state.view, ...kept.view, picked: null }, said: kept.said });
   if (form) fill(form, sameVehicle(kept?.vehicle, form.airframe));
   changed();

@@ -11,6 +11,7 @@ from rotorfit.model.signals import AddedSignals, SignalLayout
 from rotorfit.model.terms.air import CLIMB_DRAG, DRAG, INFLOW, TRANSLATIONAL_LIFT, TURN_DAMPING
 from rotorfit.model.terms.body import ACCEL_BIAS, FIRST_MOMENTS, INERTIA, MASS, TORQUE_OFFSET
 from rotorfit.model.terms.rotors import (
+    IMU_MOUNTING,
     LINEAR_DRAG_TORQUE,
     ROTOR_CENTER,
     ROTOR_DRAG,
@@ -26,6 +27,7 @@ TERMS: Final[tuple[Term, ...]] = (
     *(MASS, FIRST_MOMENTS, INERTIA, THRUST, TORQUE),
     *(ROTOR_INERTIA, ROTOR_SPREAD, ACCEL_BIAS, ROTOR_CENTER, TWIST, ROTOR_DRAG, CLIMB_DRAG),
     *(DRAG, TURN_DAMPING, INFLOW, TRANSLATIONAL_LIFT, TORQUE_OFFSET, LINEAR_DRAG_TORQUE),
+    IMU_MOUNTING,
 )
 OPTIONAL: Final = tuple(term for term in TERMS if term.when != "always")
 DEFAULT: Final = tuple(term for term in OPTIONAL if term.when == "default")

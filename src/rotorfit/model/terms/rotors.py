@@ -32,6 +32,10 @@ GROUP_SPREAD_STD: Final = 0.1
 in the wake of upper ones, other propellers."""
 TWIST_STD: Final = np.radians(2.0)
 """Known of the motors' mean tilt about their arms before the flight [rad]."""
+MOUNTING_STD: Final = np.radians(0.5)
+"""Known of the turn of an IMU against the rotors about each axis before the flight [rad]."""
+LEAST_MOUNTING: Final = np.radians(0.1)
+"""Below which that turn is of no account [rad]."""
 ROTOR_DRAG_STD: Final = 0.3
 """The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
@@ -92,6 +96,22 @@ def twist(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     for i in range(len(vehicle.rotors)):
         out[MZ, layout.index(f"O2_{i + 1}")] = -1.0
     return {"kt_twist": out}
+
+
+def imu_mounting(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Rotors turned together against the IMU by small angles: their thrust, and where it acts.
+
+    Parameters are k_t times each angle. Their drag torque, a tenth as large, does not count.
+    """
+    columns = [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]
+    torque = np.cross(vehicle.positions, vehicle.axes)
+    blocks: dict[str, Block] = {}
+    for axis, direction in zip("xyz", np.eye(3), strict=True):
+        out = block(layout, {})
+        out[:MX, columns] = -np.cross(direction, vehicle.axes).T
+        out[MX:, columns] = -np.cross(direction, torque).T
+        blocks[f"kt_mounting_{axis}"] = out
+    return blocks
 
 
 def rotor_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
@@ -263,6 +283,31 @@ TWIST: Final = Term(
     replayed=lambda values, vehicle: {
         "torque": (values["kt"] * values["twist"])[:, None, None] * np.array([0.0, 0.0, 1.0])
     },
+)
+IMU_MOUNTING: Final = Term(
+    name="imu_mounting",
+    words="an IMU mounted turned by a small angle against the rotors",
+    when="likelihood",
+    parameters={
+        f"mounting_{axis}": ParameterInfo(
+            "rad",
+            0,
+            f"turn of the rotors about {axis} in the IMU's axes",
+            title=f"Turn of the rotors about {axis} in the IMU's axes",
+            prior=lambda s: MOUNTING_STD,
+        )
+        for axis in "xyz"
+    },
+    owner="configuration",
+    entries=imu_mounting,
+    moves=tuple(Move(f"kt_mounting_{a}", f"mounting_{a}", "kt") for a in "xyz"),
+    significance=Significance(
+        parameters=tuple(f"mounting_{a}" for a in "xyz"),
+        least=lambda s: LEAST_MOUNTING,
+        brakes=False,
+    ),
+    # It tells where the sensor sits, but motors that all lean alike look the same.
+    reported=False,
 )
 ROTOR_DRAG: Final = Term(
     name="rotor_drag",

@@ -1,0 +1,233 @@
+"""A proposal for the columns of an unknown table: which is which, in what unit, in which axes.
+
+Names say what a column may be, its values decide: gravity gives the unit of the accelerometer and
+the axes, the attitude's rate the unit and the signs of the gyro. What neither tells is a question.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import LogError
+from rotorfit.logs.axes import Axes
+from rotorfit.logs.column_names import NAMES, Candidate, candidates_of
+from rotorfit.logs.columns import TIME, ColumnSpec, quantity_of
+from rotorfit.logs.proposed_channels import (
+    MOTOR_UNITS,
+    Numbers,
+    Question,
+    accelerometer_found,
+    attitude_found,
+    attitude_rate,
+    attitude_signed,
+    chosen_of,
+    clock_found,
+    gyro_found,
+    motors_found,
+    others_found,
+)
+from rotorfit.logs.table import Source, open_table
+from rotorfit.logs.units import UNITS
+
+LARGEST_ROWS: Final = 200_000
+"""Of a table that are looked at, the first ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proposal:
+    """The columns of a table, as far as its names and values tell them.
+
+    Attributes
+    ----------
+    columns
+        Canonical name to column, as an experiment file maps them.
+    axes
+        The body axes of the table, by gravity.
+    reasons
+        How unit, axes and signs were found, a sentence each.
+    doubts
+        What to look at before the map is used.
+    questions
+        What must be answered before.
+    unused
+        Names of the other columns.
+    preview
+        Canonical name to values as recorded, of the first, the middle and the last row.
+    """
+
+    columns: Mapping[str, ColumnSpec]
+    axes: Axes
+    reasons: tuple[str, ...]
+    doubts: tuple[str, ...]
+    questions: tuple[Question, ...]
+    unused: tuple[str, ...]
+    preview: Mapping[str, tuple[float, ...]]
+
+
+def propose_columns(
+    path: Path,
+    *,
+    named: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Proposal:
+    """Propose which column of a table is which, from its names and values.
+
+    Parameters
+    ----------
+    path
+        The table: CSV or Parquet.
+    named
+        Canonical name to name of a column, where the proposal shall not choose.
+    units
+        ``gyro`` or ``motors`` to the unit that answers a question.
+
+    Raises
+    ------
+    LogError
+        If the file is no table with a clock, or no gyro, accelerometer or motors are found in it.
+    """
+    try:
+        return _proposal(open_table(path), named or {}, units or {})
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error.__cause__
+
+
+def explains_itself(path: Path) -> bool:
+    """Tell whether the columns of a table carry rotorfit's own names, for all that it needs."""
+    try:
+        names = set(open_table(path).names)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error.__cause__
+    motors = not names.isdisjoint({"rotor_1", "command_1"})
+    is_flight = motors and names.issuperset({TIME, *NAMES["gyro"], *NAMES["accel"]})
+    return is_flight or names.issuperset({TIME, *NAMES["position"]})
+
+
+def _proposal(source: Source, named: Mapping[str, str], units: Mapping[str, str]) -> Proposal:
+    if len(source.names) == 1:
+        raise LogError(
+            f"one column only, {source.names[0][:40]!r}: cells are separated by comma, semicolon, "
+            "tab, | or spaces"
+        )
+    _check_given(source, named, units)
+    candidates = candidates_of(source.names, named)
+    numbers, texts = _numbers(source, candidates)
+    founds = [clock_found(source, candidates, numbers)]
+    chosen = {kind: chosen_of(kind, candidates, numbers) for kind in NAMES}
+    motors = motors_found(candidates, numbers, units)
+    lacking = [kind for kind in ("gyro", "accel") if chosen[kind] is None]
+    if lacking or not motors.columns:
+        lacking = [*lacking, *([] if motors.columns else ["motors"])]
+        raise LogError(_lacking_words(lacking, candidates, source))
+    accel, axes = accelerometer_found(chosen["accel"], numbers)
+    attitude = attitude_found(chosen, numbers)
+    rate = attitude_rate(attitude, founds[0].columns[TIME], numbers)
+    gyro = gyro_found(chosen["gyro"], rate, numbers, units.get("gyro"))
+    founds += [gyro, accel, motors, attitude_signed(attitude, gyro, rate, numbers)]
+    founds += [others_found(chosen, gyro, numbers)]
+    columns = {name: spec for one in founds for name, spec in one.columns.items()}
+    used = {spec.name for spec in columns.values()}
+    left_texts = [f"{', '.join(texts)}: holds text, left out"] if texts else []
+    preview_rows = _preview_rows(numbers)
+    return Proposal(
+        columns=columns,
+        axes=axes,
+        reasons=tuple(dict.fromkeys(words for one in founds for words in one.reasons)),
+        doubts=tuple([*(words for one in founds for words in one.doubts), *left_texts]),
+        questions=tuple(question for one in founds for question in one.questions),
+        unused=tuple(name for name in source.names if name not in used),
+        preview={
+            name: tuple(float(numbers[spec.name][i]) for i in preview_rows)
+            for name, spec in columns.items()
+        },
+    )
+
+
+def _check_given(source: Source, named: Mapping[str, str], units: Mapping[str, str]) -> None:
+    """Raise where an answer names no column of the table, or no channel or unit."""
+    for canonical, name in named.items():
+        if quantity_of(canonical) is None:
+            raise LogError(f"{canonical!r} is no name of rotorfit: gyro_x, accel_x, rotor_1, ...")
+        if name not in source.names:
+            shown = ", ".join(n[:40] for n in source.names[:12])
+            raise LogError(f"no column {name!r} for {canonical}; the table begins with {shown}")
+    known = {"gyro": tuple(UNITS["angular velocity"]), "motors": MOTOR_UNITS}
+    for channel, unit in units.items():
+        if channel not in known:
+            raise LogError(f"a unit of {channel!r}: expected one of {', '.join(known)}")
+        if unit not in known[channel]:
+            raise LogError(
+                f"unit {unit!r} of {channel}: expected one of {', '.join(known[channel])}"
+            )
+
+
+def _lacking_words(lacking: Sequence[str], candidates: Sequence[Candidate], source: Source) -> str:
+    """Say which columns are wanted, and whether some are named so but hold no numbers."""
+    words = {"gyro": "gyro", "accel": "accelerometer", "motors": "motor speeds or commands"}
+    names = [
+        name
+        for one in candidates
+        if one.kind.removesuffix("s") in {kind.removesuffix("s") for kind in lacking}
+        for name in one.by_index.values()
+    ]
+    what = ", ".join(words[one] for one in lacking)
+    if names:
+        shown = ", ".join(name[:40] for name in names[:8])
+        return (
+            f"no whole {what}: of {shown} some hold text or no numbers, stand still, or are "
+            "too few (x, y, z; three motors or more): record them, or name others with --column"
+        )
+    example = {"gyro": "gyro_x", "accel": "accel_x", "motors": "rotor_1"}[lacking[0]]
+    shown = ", ".join(name[:40] for name in source.names[:12])
+    more = f" and {len(source.names) - 12} more" if len(source.names) > 12 else ""
+    return (
+        f"no column for {what} by its name; the table has {shown}{more}: name each one, "
+        f"as --column {example}=NAME"
+    )
+
+
+def _numbers(
+    source: Source, candidates: Sequence[Candidate]
+) -> tuple[dict[str, Float[np.ndarray, " n"]], list[str]]:
+    """Read the columns that may be wanted, and list those that hold text."""
+    wanted = list(dict.fromkeys(n for one in candidates for n in one.by_index.values()))
+    for name in wanted:
+        if source.names.count(name) > 1:
+            raise LogError(f"{source.names.count(name)} columns are named {name!r}: rename")
+    if not any(one.kind == "time" for one in candidates) and source.names:
+        wanted.insert(0, source.names[0])
+    texts: list[str] = []
+    try:
+        block = source.numbers(wanted)
+    except LogError as first:
+        columns: dict[str, Float[np.ndarray, " n"]] = {}
+        for name in wanted:
+            try:
+                columns[name] = source.numbers([name])[:, 0]
+            except LogError:
+                texts.append(name)
+        if not columns:
+            raise first
+        return _thinned(columns), texts
+    return _thinned(dict(zip(wanted, block.T, strict=True))), texts
+
+
+def _thinned(
+    columns: dict[str, Float[np.ndarray, " n"]],
+) -> dict[str, Float[np.ndarray, " n"]]:
+    rows = len(next(iter(columns.values()), ()))
+    if rows == 0:
+        raise LogError("no rows below the column names: nothing was recorded")
+    if rows < 10:
+        raise LogError(f"{rows} row{'s' if rows > 1 else ''} only: a flight has seconds of them")
+    kept = slice(0, LARGEST_ROWS)
+    return {name: column[kept] for name, column in columns.items()}
+
+
+def _preview_rows(numbers: Numbers) -> tuple[int, int, int]:
+    rows = len(next(iter(numbers.values())))
+    return 0, rows // 2, rows - 1

@@ -1,0 +1,402 @@
+"""Units, axes and signs of the columns that names point to, by their values."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import LogError
+from rotorfit.logs.axes import Axes, attitude_from_euler
+from rotorfit.logs.column_names import COMMAND_WORDS, NAMES, SPEED_WORDS, Candidate
+from rotorfit.logs.columns import TIME, ColumnSpec, unit_of
+from rotorfit.logs.table import Source
+from rotorfit.logs.units import STANDARD_GRAVITY, UNITS
+
+Numbers = Mapping[str, Float[np.ndarray, " n"]]
+_LONGEST_STEP: Final = 0.5
+_SLOWEST_CLOCK: Final = 60.0
+"""Steps of a clock [s]: over the first no log of a flight, under the second perhaps a slow one."""
+_FASTEST_GYRO: Final = 70.0
+"""Twice what the usual gyro can measure [rad/s]: more than this is no rad/s."""
+_LEAST_RATES: Final = 0.7
+"""Correlation of gyro and attitude from which the attitude says something of an axis."""
+MOTOR_UNITS: Final = ("rad/s", "rpm", "erpm", "Hz", "1", "%", "us", "counts")
+_RANGES: Final = {"us": (1000.0, 2000.0), "counts": (0.0, 65535.0)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """A unit that neither names nor values of the table tell.
+
+    Attributes
+    ----------
+    channel
+        ``gyro`` or ``motors``.
+    words
+        The question.
+    choices
+        Units of which one is right, the likeliest first.
+    """
+
+    channel: str
+    words: str
+    choices: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """What one channel adds to a proposal."""
+
+    columns: Mapping[str, ColumnSpec]
+    reasons: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    questions: tuple[Question, ...] = ()
+
+
+def _stacked(names: Iterable[str], numbers: Numbers) -> Float[np.ndarray, "n k"]:
+    return np.stack([numbers[name] for name in names], axis=1)
+
+
+def _known(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
+    return values[np.isfinite(values).all(axis=1)]
+
+
+def chosen_of(kind: str, candidates: Sequence[Candidate], numbers: Numbers) -> Candidate | None:
+    """Select the first whole group of a kind whose columns hold numbers, by index from 0."""
+    wanted = len(NAMES[kind])
+    for one in candidates:
+        held = {i: n for i, n in sorted(one.by_index.items()) if n in numbers}
+        whole = len(held) >= wanted and len(_known(_stacked(held.values(), numbers))) > 1
+        if one.kind == kind and whole:
+            return replace(one, by_index=dict(enumerate(list(held.values())[:wanted])))
+    return None
+
+
+def _specs(
+    kind: str, chosen: Candidate, unit: str | None, *, scale: Sequence[float] | float = 1.0
+) -> dict[str, ColumnSpec]:
+    factors = np.broadcast_to(np.asarray(scale, float), len(NAMES[kind])).tolist()
+    return {
+        canonical: ColumnSpec(name=chosen.by_index[i], unit=unit, scale=factors[i])
+        for i, canonical in enumerate(NAMES[kind])
+    }
+
+
+def clock_found(source: Source, candidates: Sequence[Candidate], numbers: Numbers) -> Found:
+    """Find the clock: the first column that is named so and only rises."""
+    named = [one for one in candidates if one.kind == "time"]
+    fallback = Candidate(kind="time", stem="", by_index={0: source.names[0]}, unit=None)
+    for one in [*named, *([] if named else [fallback])]:
+        name = one.by_index[0]
+        if name not in numbers:
+            continue
+        steps = np.diff(numbers[name][np.isfinite(numbers[name])])
+        # A column of 0, 1, 2, ... counts the rows.
+        counts = not named and bool((steps == 1.0).all())
+        if len(steps) and (steps >= 0).all() and (steps > 0).any() and not counts:
+            return _clock(name, one.unit, float(np.median(steps[steps > 0])))
+    seen = ", ".join(one.by_index[0] for one in named)
+    texts = [one.by_index[0] for one in named if one.by_index[0] not in numbers]
+    what = f"{seen} does not rise from row to row" if seen else "no column is named like a clock"
+    what = f"{texts[0]} holds text, no numbers of s, ms or us" if texts else what
+    raise LogError(f"no time: {what}; record one, or name it as --column time=NAME")
+
+
+def _clock(name: str, unit: str | None, step: float) -> Found:
+    """Choose the unit of a clock: that of its name where the rows are then close enough."""
+    fits = {u: s * step for u, s in UNITS["time"].items() if 1e-5 <= s * step <= _LONGEST_STEP}
+    if not fits:
+        raise LogError(
+            f"rows are {step:.4g} apart in {name!r}: in no unit several rows a second, no flight"
+        )
+    best = min(fits, key=lambda u: abs(np.log(fits[u] / 4e-3)))
+    chosen = unit if unit in fits else best
+    why = "by its name" if unit in fits else "as rows come"
+    words = f"time: {name} in {chosen} {why}, {fits[chosen] * 1e3:.4g} ms a row"
+    doubts: tuple[str, ...] = ()
+    if unit in UNITS["time"] and unit not in fits:
+        doubts = (f"{name} is named as {unit}, but rows would be {step:g} {unit} apart",)
+    elif unit is None and _LONGEST_STEP <= step <= _SLOWEST_CLOCK:
+        doubts = (
+            f"{name} has no unit in its name and rises by {step:g} a row: if that is seconds, and "
+            f"not {chosen}, the log is too slow for a flight",
+        )
+    return Found(
+        columns={TIME: ColumnSpec(name=name, unit=chosen)}, reasons=(words,), doubts=doubts
+    )
+
+
+def accelerometer_found(chosen: Candidate | None, numbers: Numbers) -> tuple[Found, Axes]:
+    """Find the accelerometer's unit by gravity, and the axes by its sign."""
+    assert chosen is not None
+    values = _known(_stacked(chosen.by_index.values(), numbers))
+    length = float(np.median(np.linalg.norm(values, axis=1)))
+    along = np.median(values, axis=0)
+    unit, factor = _gravity_unit(length)
+    axis = int(np.argmax(np.abs(along)))
+    if axis != 2 or abs(along[2]) < 0.5 * length:
+        raise LogError(
+            f"gravity lies along {chosen.by_index[axis]} (median {along[axis]:.3g}), expected "
+            "along z: put the columns into the order forward, left, up with --column accel_z=NAME"
+        )
+    axes: Axes = "FLU" if along[2] > 0 else "FRD"
+    words = (
+        f"accelerometer: {length:.4g} in the median is gravity in {unit}"
+        f"{'' if factor == 1 else f' / {1 / factor:.0f}'}; {chosen.by_index[2]} of "
+        f"{along[2]:+.4g} says axes {axes} (z {'up' if axes == 'FLU' else 'down'})"
+    )
+    doubts = (
+        (f"the accelerometer is named in {chosen.unit}, but gravity says {unit}",)
+        if chosen.unit in UNITS["acceleration"] and chosen.unit != unit
+        else ()
+    )
+    columns = _specs("accel", chosen, unit, scale=factor)
+    return Found(columns=columns, reasons=(words,), doubts=doubts), axes
+
+
+def _gravity_unit(length: float) -> tuple[str, float]:
+    """Find the unit in which a length is gravity, with the factor of raw counts before it."""
+    for unit, si in UNITS["acceleration"].items():
+        if 0.75 < length * si / STANDARD_GRAVITY < 1.35:
+            return unit, 1.0
+    for counts in (512, 2048, 4096, 8192, 16384):
+        if 0.85 < length / counts < 1.15:
+            return "g", 1.0 / counts
+    raise LogError(
+        f"the accelerometer's median length is {length:.4g}, gravity in no unit (9.81 m/s^2, 1 g): "
+        "record the accelerometer itself, gravity included, and look at its columns"
+    )
+
+
+def attitude_found(chosen: Mapping[str, Candidate | None], numbers: Numbers) -> Found:
+    """Find the attitude: a quaternion of length 1, else Euler angles."""
+    quaternion, angles = chosen["quaternion"], chosen["angle"]
+    if quaternion is not None:
+        values = _known(_stacked(quaternion.by_index.values(), numbers))
+        if abs(np.median(np.linalg.norm(values, axis=1)) - 1.0) < 0.05:
+            return Found(columns=_specs("quaternion", _ordered(quaternion, values), None))
+    if angles is None:
+        return Found(columns={})
+    values = _known(_stacked(angles.by_index.values(), numbers))
+    by_value = "deg" if float(np.abs(values).max()) > 2 * np.pi else "rad"
+    unit = angles.unit if angles.unit in UNITS["angle"] else by_value
+    return Found(columns=_specs("angle", angles, unit))
+
+
+def _ordered(chosen: Candidate, values: Float[np.ndarray, "n 4"]) -> Candidate:
+    """Put numbered quaternions into the order w, x, y, z: a flight tilts little about x and y."""
+    if "lettered" in chosen.stem or chosen.stem == "":
+        return chosen
+    size = np.sqrt(np.mean(values**2, axis=0))
+    w_first = size[1] ** 2 + size[2] ** 2 <= size[0] ** 2 + size[1] ** 2
+    order = (0, 1, 2, 3) if w_first else (3, 0, 1, 2)
+    return replace(chosen, by_index={i: chosen.by_index[k] for i, k in enumerate(order)})
+
+
+def attitude_rate(
+    attitude: Found, clock: ColumnSpec, numbers: Numbers
+) -> Float[np.ndarray, "n 3"] | None:
+    """Differentiate the attitude: body rates in its own axes [rad/s]; None where there is none."""
+    if not attitude.columns:
+        return None
+    values = _stacked((spec.name for spec in attitude.columns.values()), numbers)
+    if "roll" in attitude.columns:
+        unit = unit_of("roll", attitude.columns["roll"])
+        values = attitude_from_euler(values * UNITS["angle"][unit])
+    time = numbers[clock.name] * UNITS["time"][unit_of(TIME, clock)]
+    w, u = values[:, :1], values[:, 1:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.gradient(values, time, axis=0)
+    dw, du = turn[:, :1], turn[:, 1:]
+    # 2 conj(q) dq, which a change of sign of q from row to row spoils: its median does not see it.
+    return 2.0 * (w * du - u * dw - np.cross(u, du))
+
+
+def gyro_found(
+    chosen: Candidate | None,
+    rate: Float[np.ndarray, "n 3"] | None,
+    numbers: Numbers,
+    stated: str | None,
+) -> Found:
+    """Find the gyro's unit: by the attitude, else by name, else by its peaks, else ask."""
+    assert chosen is not None
+    values = _stacked(chosen.by_index.values(), numbers)
+    named = chosen.unit if chosen.unit in UNITS["angular velocity"] else None
+    slopes = None if rate is None else _slopes(values, rate)
+    found = slopes if slopes is not None and np.isfinite(slopes).any() else None
+    if stated is not None:
+        return _with_unit(chosen, stated, f"gyro: {stated}, as stated")
+    if found is not None:
+        factor = float(np.nanmedian(np.abs(found)))
+        si = {u: s for u, s in UNITS["angular velocity"].items() if 0.8 < factor * s < 1.25}
+        if si:
+            unit = next(iter(si))
+            words = f"gyro: {factor:.3g} times the rate of the attitude in rad/s, so {unit}"
+            doubts = (
+                (f"the gyro is named in {named}, but the attitude says {unit}",)
+                if named not in (None, unit)
+                else ()
+            )
+            return replace(_with_unit(chosen, unit, words), doubts=doubts)
+    if named is not None:
+        return _with_unit(chosen, named, f"gyro: {named} by its name")
+    peak = float(np.nanmax(np.abs(values)))
+    if peak > _FASTEST_GYRO:
+        return _with_unit(chosen, "deg/s", f"gyro: up to {peak:.3g}, too fast for rad/s: deg/s")
+    words = f"Unit of the gyro ({', '.join(chosen.by_index.values())}, up to {peak:.3g})"
+    question = Question(channel="gyro", words=words, choices=("rad/s", "deg/s"))
+    found = _with_unit(chosen, "rad/s", "gyro: perhaps in rad/s, neither name nor values tell")
+    return replace(found, questions=(question,))
+
+
+def _with_unit(chosen: Candidate, unit: str, words: str) -> Found:
+    return Found(columns=_specs("gyro", chosen, unit), reasons=(words,))
+
+
+def _slopes(
+    values: Float[np.ndarray, "n 3"], rate: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, " 3"]:
+    """Fit gyro = slope * rate of the attitude, an axis each; NaN where they do not go together."""
+    slopes = np.full(3, np.nan)
+    good = np.isfinite(values).all(axis=1) & np.isfinite(rate).all(axis=1)
+    for i in range(3):
+        x, y = rate[good, i], values[good, i]
+        # Jumps of the attitude (yaw over a turn, a quaternion's sign) are no rates.
+        if len(x) == 0:
+            continue
+        kept = np.abs(x) < 20.0 * float(np.median(np.abs(x))) + 1e-9
+        x, y = _smoothed(x[kept]), _smoothed(y[kept])
+        if len(x) < 10 or np.std(x) == 0.0 or np.std(y) == 0.0:
+            continue
+        if abs(float(np.corrcoef(x, y)[0, 1])) > _LEAST_RATES:
+            slopes[i] = float(np.cov(x, y)[0, 1] / np.var(x, ddof=1))
+    return slopes
+
+
+def _smoothed(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
+    return np.convolve(values, np.full(9, 1 / 9), mode="valid") if len(values) > 9 else values
+
+
+def attitude_signed(
+    attitude: Found, gyro: Found, rate: Float[np.ndarray, "n 3"] | None, numbers: Numbers
+) -> Found:
+    """Turn the attitude into the gyro's axes where it has the other ones; doubt other signs."""
+    if rate is None:
+        return attitude
+    values = _stacked((spec.name for spec in gyro.columns.values()), numbers)
+    signs = np.nan_to_num(np.sign(_slopes(values, rate)))
+    seen = signs != 0
+    if not seen.any():
+        words = "the gyro does not follow the attitude on any axis: look at both"
+        return replace(attitude, doubts=(words,))
+    if (signs[seen] > 0).all():
+        shown = ", ".join(axis for axis, one in zip("xyz", seen, strict=True) if one)
+        return replace(attitude, reasons=(f"attitude: turns as the gyro does about {shown}",))
+    if seen[0] and signs[0] > 0 and (signs[1:][seen[1:]] < 0).all():
+        flip = {"quat_y", "quat_z", "pitch", "yaw"}
+        turned = {
+            name: replace(spec, scale=-spec.scale) if name in flip else spec
+            for name, spec in attitude.columns.items()
+        }
+        words = "attitude: in the other axes (y and z against the gyro), turned by scale = -1"
+        return Found(columns=turned, reasons=(words,))
+    against = ", ".join(axis for axis, sign in zip("xyz", signs, strict=True) if sign < 0)
+    words = f"gyro and attitude turn against each other about {against}: one has a wrong sign"
+    return replace(attitude, doubts=(words,))
+
+
+def motors_found(
+    candidates: Sequence[Candidate], numbers: Numbers, units: Mapping[str, str]
+) -> Found:
+    """Find rotor speeds and commands, and their units."""
+    columns: dict[str, ColumnSpec] = {}
+    reasons: list[str] = []
+    questions: list[Question] = []
+    for one in candidates:
+        held = [n for _, n in sorted(one.by_index.items()) if n in numbers]
+        values = _known(_stacked(held, numbers)) if held else np.empty((0, 0))
+        if one.kind != "motor" or len(held) < 3 or len(values) < 2 or float(np.ptp(values)) == 0:
+            continue
+        unit, why, choices = _motor_unit(one, values)
+        if unit is None:
+            unit, why = units.get("motors"), "as stated"
+            words = f"Unit of {', '.join(held)} ({values.min():.4g} to {values.max():.4g})"
+            if unit is None:
+                questions.append(Question(channel="motors", words=words, choices=choices))
+                unit, why = choices[0], "perhaps: neither name nor values tell"
+        stem = "rotor" if unit in ("rad/s", "rpm", "erpm", "Hz") else "command"
+        if f"{stem}_1" in columns:
+            reasons.append(f"{held[0]} ...: left out, {stem}_1 is {columns[f'{stem}_1'].name}")
+            continue
+        columns |= {
+            f"{stem}_{i}": ColumnSpec(name=name, unit=unit, range=_RANGES.get(unit))
+            for i, name in enumerate(held, start=1)
+        }
+        what = "rotor speed" if stem == "rotor" else "command"
+        reasons.append(f"{what}: {held[0]} to {held[-1]} in {unit} {why}")
+    return Found(columns=columns, reasons=tuple(reasons), questions=tuple(questions))
+
+
+def _motor_unit(
+    one: Candidate, values: Float[np.ndarray, "n k"]
+) -> tuple[str | None, str, tuple[str, ...]]:
+    """Find the unit of motor columns by name and values; None, and the choices, if unknown."""
+    joined, low, high = one.stem.replace(" ", ""), float(values.min()), float(values.max())
+    is_speed = any(word in joined for word in SPEED_WORDS if word != "rot") or one.unit in (
+        "rpm",
+        "erpm",
+        "rad/s",
+        "Hz",
+    )
+    is_command = any(word in joined for word in COMMAND_WORDS) and not is_speed
+    speeds = ("rpm", "erpm", "rad/s", "Hz") if high > 6000 else ("rad/s", "rpm", "Hz", "erpm")
+    is_full_word = 60_000 < high <= 65_535  # 16 bits, all of them used
+    if one.unit in ("rpm", "erpm", "rad/s", "Hz"):
+        return one.unit, "by its name", speeds
+    if not is_speed:
+        if low >= -0.1 and high <= 1.5:
+            return "1", "as it ends at 1", ()
+        if one.unit in ("%", "us"):
+            return one.unit, "by its name", ()
+        if is_command and low >= 700 and high <= 2300:
+            return "us", "as pulse widths are", ()
+        commands = ("us", "counts", "%") if high > 100 else ("%", "us", "counts")
+        if is_full_word:
+            return None, "", ("counts", *speeds)
+        return None, "", commands if is_command else (*speeds, *commands)
+    return None, "", speeds
+
+
+def others_found(chosen: Mapping[str, Candidate | None], gyro: Found, numbers: Numbers) -> Found:
+    """Find battery, reference and position; a velocity only where its name says body axes."""
+    columns: dict[str, ColumnSpec] = {}
+    reasons: list[str] = []
+    doubts: list[str] = []
+    battery, reference = chosen["battery"], chosen["reference"]
+    if battery is not None:
+        high = float(np.nanmedian(numbers[battery.by_index[0]]))
+        scale = 1.0 if 2.5 < high < 100 else 1e-3 if 2500 < high < 100_000 else 1e-2
+        if 2.5 < high * scale < 100:
+            columns |= _specs("battery", battery, "V", scale=scale)
+            reasons.append(f"battery: {high * scale:.3g} V in the median")
+    if reference is not None:
+        unit = reference.unit if reference.unit in UNITS["angular velocity"] else None
+        unit = unit or gyro.columns["gyro_x"].unit
+        columns |= _specs("reference", reference, unit)
+        reasons.append(f"set point of the rates: in {unit}, as the gyro")
+    position = chosen["position"]
+    if position is not None:
+        unit = position.unit if position.unit in UNITS["position"] else "m"
+        columns |= _specs("position", position, unit)
+        reasons.append(f"position: in {unit}")
+    velocity = chosen["velocity"]
+    if velocity is not None:
+        if "body" in velocity.stem.split():
+            unit = velocity.unit if velocity.unit in UNITS["velocity"] else "m/s"
+            columns |= _specs("velocity", velocity, unit)
+        else:
+            shown = ", ".join(velocity.by_index.values())
+            doubts.append(f"{shown}: a velocity is left out unless its name says body axes")
+    return Found(columns=columns, reasons=tuple(reasons), doubts=tuple(doubts))

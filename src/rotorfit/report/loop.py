@@ -1,0 +1,333 @@
+"""What `rotorfit loop` found, on one screen and as a page."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.control_loop.loop import (
+    SIDES,
+    AxisLoop,
+    LoopMeasures,
+    LoopOutcome,
+    Measure,
+    StepResponse,
+)
+from rotorfit.control_loop.margins import open_phase
+from rotorfit.formatting.series import Series
+from rotorfit.formatting.sheet import wrapped
+from rotorfit.report.chart import Area, Axis, Chart, Curve, Line, Panel, chart_svg
+from rotorfit.report.pages import render_page
+
+WIDTH = 80
+HEADS: Final = ("crossover [Hz]", "phase [deg]", "gain", "delay [ms]", "peak")
+HALF = 0.5
+"""Of a step."""
+CALM, LIVELY = 2.0, 3.0
+"""Peaks of the sensitivity up to which a loop is calm, and beyond which it nearly oscillates."""
+
+
+def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
+    """Write margins, proof and notes as plain text, lines of that width."""
+    lines = [
+        f"{outcome.name}: rate loops of {outcome.autopilot} ({outcome.firmware}), configuration "
+        f"{outcome.configuration}",
+        "",
+        *_margin_table("Rate loop with attitude loop, cut at the torque command",
+                       [(a.axis, a.with_attitude) for a in outcome.axes if a.axis != "yaw"]),
+        "",
+        *_margin_table("Rate loop alone", [(a.axis, a.rate_loop) for a in outcome.axes]),
+        "",
+    ]  # fmt: skip
+    for one in outcome.axes:
+        lines += wrapped(verdict(one), width, "  ", "    ")
+    lines += ["", "Step of the rate asked for, rate loop alone, no motor at its limit"]
+    lines += [f"  {one.axis:<6}{step_words(one)}" for one in outcome.axes if one.axis != "yaw"]
+    lines += ["", "Proof on this log"]
+    for one in outcome.axes:
+        for line in proof(one):
+            lines += wrapped(line, width, "  ", "    ")
+    gains = _gain_table(outcome.axes)
+    lines += ["", *gains, *wrapped(LEFT_OUT, width, "  ", "  ")] if gains else []
+    lines += ["", "Notes"]
+    for note in outcome.notes:
+        lines += wrapped(note, width, "  - ", "    ")
+    return "\n".join(lines) + "\n"
+
+
+GAINS_TITLE: Final = "Peak of the sensitivity with other rate gains"
+LEFT_OUT = (
+    "(P, I and D together times the factor; the peak that 97.5 % of the vehicles stay below that "
+    "this log leaves open. Not in it: resonance of the frame, noise and heat of the motors, motors "
+    "at their limits, other throttle.)"
+)
+
+
+def verdict(loop: AxisLoop) -> str:
+    """Say in one sentence how far an axis is from oscillating, or why nobody knows."""
+    found = loop.with_attitude
+    if loop.axis == "yaw":
+        return f"yaw: {loop.doubts[0]}"
+    if loop.doubts:
+        return f"{loop.axis}: not proved, so no margin is called good: {loop.doubts[0]}"
+    if found.stable < 1.0:
+        return (
+            f"{loop.axis}: {100 * (1 - found.stable):.0f} % of the vehicles that this log leaves "
+            "open oscillate with these gains: lower P and D"
+        )
+    peak = found.sensitivity.high
+    word = "calm" if peak <= CALM else "lively" if peak <= LIVELY else "close to oscillating"
+    return (
+        f"{loop.axis}: {word}; turns into oscillation if the loop were "
+        f"{1e3 * found.delay.value:.0f} ms later (at least {1e3 * found.delay.low:.0f}) or its "
+        f"gain {found.gain.value:.1f} times higher (at least {found.gain.low:.1f})"
+    )
+
+
+def proof(loop: AxisLoop) -> list[str]:
+    """Say how replay and closed loop bear the prediction out."""
+    gain, late = loop.error.half_widths
+    lines = [
+        f"{loop.axis}: the controller as its parameters set it gives the logged output: slope "
+        f"{loop.replay.slope:.3f}, {100 * loop.replay.left:.1f} % of it left"
+    ]
+    if loop.axis == "yaw":
+        return lines
+    if loop.mixer is not None:
+        lines.append(
+            f"{loop.axis}: the mixer as its parameters set it gives the motors' commands: slope "
+            f"{loop.mixer.slope:.3f} +- {loop.mixer.half_width:.3f}, {loop.mixer.name} measured as "
+            f"{loop.mixer.factor:.2f}"
+        )
+    lines.append(
+        f"{loop.axis}: measured closed loop over predicted: effectiveness {loop.error.gain:.2f} "
+        f"+- {gain:.2f}, delay {1e3 * loop.error.delay:+.1f} +- {1e3 * late:.1f} ms"
+    )
+    if loop.proved is not None:
+        low, high = loop.proved
+        lines.append(f"{loop.axis}: proved from {low:.1f} to {high:.1f} Hz")
+    return lines
+
+
+def step_words(loop: AxisLoop) -> str:
+    """Say how soon and how far over the rate answers."""
+    step = loop.step
+    if not math.isfinite(step.value[0]):
+        return (
+            "oscillates as predicted, which is not proved"
+            if loop.doubts
+            else ("oscillates: lower P and D")
+        )
+    unproved = "" if loop.proved is not None else "; not proved"
+    low, high = (100 * side.max() for side in (step.low, step.high))
+    half = step.value >= HALF
+    soon = f"half after {1e3 * step.time[half.argmax()]:.0f} ms" if half.any() else "under half"
+    return f"{soon}, at most {100 * step.value.max():.0f} % ({low:.0f}..{high:.0f}){unproved}"
+
+
+def measure_words(m: LoopMeasures) -> tuple[str, ...]:
+    """Write the numbers of a loop in the order of the tables, with the ends of their intervals."""
+    return (
+        _measure(m.crossover, 1),
+        _measure(m.phase, 0),
+        _measure(m.gain, 1),
+        _measure(m.delay, 0, 1e3),
+        _measure(m.sensitivity, 2),
+    )
+
+
+def _margin_table(title: str, rows: Sequence[tuple[str, LoopMeasures]]) -> list[str]:
+    table = [("", *HEADS), *((axis, *measure_words(m)) for axis, m in rows)]
+    wide = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return [
+        title,
+        *(
+            f"  {row[0]:<{wide[0]}}"
+            + "".join(f"  {cell:>{w}}" for cell, w in zip(row[1:], wide[1:], strict=True))
+            for row in table
+        ),
+    ]
+
+
+def _measure(measure: Measure, digits: int, factor: float = 1.0) -> str:
+    """Write a number with the ends of its interval."""
+    if not math.isfinite(measure.value):
+        return "none"
+    value, low, high = (
+        f"{factor * x:.{digits}f}" for x in (measure.value, measure.low, measure.high)
+    )
+    return f"{value} ({low}..{high})"
+
+
+def _gain_table(loops: Sequence[AxisLoop]) -> list[str]:
+    """Write the peak of the sensitivity over a factor of the gains."""
+    shown = [one for one in loops if one.proved is not None]
+    if not shown:
+        return []
+    return [
+        GAINS_TITLE,
+        f"  {'gains times':<12}" + "".join(f"{f:>12g}" for f, _ in shown[0].gains),
+        *(
+            f"  {one.axis:<12}" + "".join(f"{peak_words(peak):>12}" for _, peak in one.gains)
+            for one in shown
+        ),
+    ]
+
+
+def peak_words(peak: float) -> str:
+    """Write a peak of the sensitivity; infinite where vehicles oscillate."""
+    return "oscillates" if math.isinf(peak) else f"{peak:.2f}"
+
+
+HEIGHT: Final = 130.0
+"""Of a panel."""
+LOW_SIZE, HIGH_SIZE = 0.03, 30.0
+"""Of the open loop, as drawn."""
+HIGHEST: Final = 60.0
+"""Frequency as drawn [Hz]."""
+SHOWN: Final = 0.5
+"""Uncertainty of a band of the measured closed loop, from which on it is not drawn."""
+Row = Float[np.ndarray, " f"]
+
+
+def loop_section(outcome: LoopOutcome) -> dict[str, Any]:
+    """Collect what a page shows of it: verdicts and the pictures of roll and pitch."""
+    shown = [one for one in outcome.axes if one.axis != "yaw"]
+    return {
+        "outcome": outcome,
+        "verdicts": [verdict(one) for one in outcome.axes],
+        "pictures": [
+            (one.axis, step_words(one), chart_svg(bode_chart(one)), chart_svg(step_chart(one)))
+            for one in shown
+        ],
+    }
+
+
+def loop_html(outcome: LoopOutcome) -> str:
+    """Write the page."""
+    shown = [one for one in outcome.axes if one.axis != "yaw"]
+    return render_page(
+        "loop",
+        *("page", "figure", "fly", "dark"),
+        **loop_section(outcome),
+        heads=HEADS,
+        with_attitude=[(one.axis, measure_words(one.with_attitude)) for one in shown],
+        alone=[(one.axis, measure_words(one.rate_loop)) for one in outcome.axes],
+        proofs=[line for one in outcome.axes for line in proof(one)],
+        gains_title=GAINS_TITLE,
+        gains=[
+            (one.axis, [(factor, peak_words(peak)) for factor, peak in one.gains])
+            for one in outcome.axes
+            if one.proved is not None
+        ],
+        left_out=LEFT_OUT.strip("()"),
+    )
+
+
+def bode_chart(loop: AxisLoop) -> Chart:
+    """Lay out size and phase of the open loop, and of the closed one as predicted and measured."""
+    seen = loop.frequency <= HIGHEST
+    at = np.log10(loop.frequency[seen])
+    opened, closed = (
+        np.vstack([values[:1], values[1:][loop.stable[1:]]])[:, seen]
+        for values in (loop.open_loop, loop.closed_loop)
+    )
+    size, phase = (
+        np.log10(np.abs(opened)),
+        np.degrees([open_phase(one) for one in opened]),
+    )
+    closed_size = np.abs(closed)
+    closed_phase = np.degrees(np.unwrap(np.angle(closed), axis=1))
+    measured = list(_measured(loop, at, closed_size[0], closed_phase[0]))
+    of_size = [(low, high, value, off) for low, high, value, _, off, _ in measured]
+    of_phase = [(low, high, value, off) for low, high, _, value, _, off in measured]
+    top = max(1.5, 1.1 * float(closed_size[0].max(initial=0.0)))
+    crossover = _crossover(loop)
+    panels = (
+        _panel("Open loop with attitude loop: size", at, size, 0.0, log=True, lines=crossover,
+               span=(math.log10(LOW_SIZE), math.log10(HIGH_SIZE))),
+        _panel("its phase [deg]", at, phase, -180.0, span=(-360.0, 0.0), lines=crossover),
+        _panel("Rate over the rate asked for: size", at, closed_size, 1.0, of_size,
+               span=(0.0, top)),
+        _panel("its phase [deg]", at, closed_phase, -180.0, of_phase, span=(-360.0, 45.0)),
+    )  # fmt: skip
+    ends = float(at[0]), float(at[-1])
+    words = f"Open and closed loop of {loop.axis} by frequency: {verdict(loop)}"
+    axis = Axis(ends=ends, name="frequency [Hz]", unit="Hz", least=0.1, log=True)
+    return Chart(panels=panels, axis=axis, words=words, style="still")
+
+
+def step_chart(loop: AxisLoop) -> Chart:
+    """Lay out the answer to a step of the rate asked for."""
+    step = loop.step
+    axis = Axis(
+        ends=(0.0, float(step.time[-1])), name="time since the step [s]", unit="s", least=0.1
+    )
+    words = f"Step of the {loop.axis} rate: {step_words(loop)}"
+    title = "Step of the rate asked for: rate over it"
+    return Chart(panels=(_step_panel(title, step),), axis=axis, words=words, style="still")
+
+
+def _step_panel(title: str, step: StepResponse) -> Panel:
+    if not math.isfinite(step.value[0]):
+        return Panel(title=title, height=HEIGHT, missing="it oscillates")
+    rows = np.stack([step.value, step.low, step.high])
+    top = max(1.2, 1.05 * float(step.high.max()))
+    return _panel(title, step.time, rows, 1.0, span=(min(-0.1, float(step.low.min())), top))
+
+
+def _panel(
+    title: str,
+    at: Row,
+    rows: Float[np.ndarray, "D f"],
+    level: float,
+    measured: Sequence[tuple[float, float, float, float]] = (),
+    *,
+    span: tuple[float, float],
+    log: bool = False,
+    lines: tuple[Line, ...] = (),
+) -> Panel:
+    """Draw the nominal curve with its band, a level, and what was measured: from, to, value, +-."""
+    low, high = np.quantile(rows, SIDES, axis=0)
+    areas = [Area(style="rotor", at=at, low=low, high=high)]
+    curves = [
+        _curve("level", "level", at[[0, -1]], np.full(2, level)),
+        _curve("predicted", "rotor", at, np.clip(rows[0], *span)),
+    ]
+    for i, (start, end, value, off) in enumerate(measured):
+        ends, flat = np.array([start, end]), np.full(2, value)
+        areas.append(Area(style="body", at=ends, low=flat - off, high=flat + off))
+        curves.append(_curve(f"measured {i}", "body", ends, np.clip(flat, *span)))
+    return Panel(
+        title=title, height=HEIGHT, curves=tuple(curves), areas=tuple(areas), span=span, log=log,
+        lines=lines,
+    )  # fmt: skip
+
+
+def _curve(key: str, style: str, at: Row, values: Row) -> Curve:
+    series = Series(time=at, values={key: values}, gap=np.inf)
+    return Curve(key=key, name=key, style=style, series=series)
+
+
+def _measured(
+    loop: AxisLoop, at: Row, size: Row, phase: Row
+) -> Iterator[tuple[float, float, float, float, float, float]]:
+    """Yield the ends of each band (logarithms), size and phase, and half of their intervals."""
+    for band in loop.bands:
+        if loop.axis == "yaw" or band.uncertainty > SHOWN or band.high > HIGHEST:
+            continue
+        low, high = math.log10(band.low), math.log10(band.high)
+        middle = 0.5 * (low + high)
+        model = float(np.interp(middle, at, size))
+        turn = float(np.interp(middle, at, phase)) + band.degrees
+        off = math.degrees(math.asin(min(1.0, band.uncertainty / max(band.ratio, 1e-9))))
+        yield low, high, model * band.ratio, turn, model * band.uncertainty, off
+
+
+def _crossover(loop: AxisLoop) -> tuple[Line, ...]:
+    at = loop.with_attitude.crossover.value
+    if not math.isfinite(at):
+        return ()
+    return (Line(at=math.log10(at), style="crossover", label=f"crossover {at:.1f} Hz"),)

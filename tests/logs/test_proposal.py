@@ -1,0 +1,251 @@
+"""Unknown tables: whatever the columns are called and scaled, the proposal reads the flight."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from rotorfit.errors import LogError
+from rotorfit.logs.proposal import explains_itself, propose_columns
+from rotorfit.logs.table import format_table, read_table
+
+G = 9.80665
+ROWS, STEP = 600, 0.004
+NAMES = {
+    "time": (("t", 1.0), ("timestamp_us", 1e6), ("Time [ms]", 1e3), ("clock", 1e6), ("t", 1e9)),
+    "gyro": (
+        (("gyro_x", "gyro_y", "gyro_z"), "rad/s"),
+        (("IMU.gyroX [deg/s]", "IMU.gyroY [deg/s]", "IMU.gyroZ [deg/s]"), "deg/s"),
+        (("gyroADC[0]", "gyroADC[1]", "gyroADC[2]"), "deg/s"),
+        (("wx", "wy", "wz"), "rad/s"),
+        (("roll_rate_dps", "pitch_rate_dps", "yaw_rate_dps"), "deg/s"),
+        (("angular_velocity.x", "angular_velocity.y", "angular_velocity.z"), "rad/s"),
+    ),
+    "accel": (
+        (("accX", "accY", "accZ"), 1.0),
+        (("ax_g", "ay_g", "az_g"), 1 / G),
+        (("linear_acceleration.x", "linear_acceleration.y", "linear_acceleration.z"), 1.0),
+        (("accSmooth[0]", "accSmooth[1]", "accSmooth[2]"), 2048 / G),
+    ),
+    "rotor": (
+        ("ESC{} RPM", 0, 30 / math.pi),
+        ("rpm_{}", 1, 30 / math.pi),
+        ("w_rotor{}_hz", 1, 0.5 / math.pi),
+    ),
+    "attitude": (
+        ("qw", "qx", "qy", "qz"),
+        ("q0", "q1", "q2", "q3"),
+        ("orientation.w", "orientation.x", "orientation.y", "orientation.z"),
+        (),
+    ),
+}
+OTHERS = ("Unnamed", "baro_alt", "mag_x", "gyro_temp", "acc_bias_x", "state", "cpu load [%]")
+
+
+def flown() -> dict[str, np.ndarray]:
+    """A flight in FLU axes and SI units, by the names of rotorfit."""
+    time = 5.0 + STEP * np.arange(ROWS)
+    angles = np.stack([0.3 * np.sin((5 + i) * time + i) for i in range(3)], axis=1)
+    angles[:, 2] += 0.5
+    attitude = Rotation.from_euler("ZYX", angles[:, ::-1])
+    gyro = np.gradient(attitude.as_quat(scalar_first=True), time, axis=0)
+    turn = [
+        2.0 * (Rotation.from_quat(q, scalar_first=True).inv().as_matrix() @ _axis(q, dq))
+        for q, dq in zip(attitude.as_quat(scalar_first=True), gyro, strict=True)
+    ]
+    rng = np.random.default_rng(1)
+    accel = np.array([0.0, 0.0, G]) + 0.3 * rng.standard_normal((ROWS, 3))
+    return {
+        "time": time,
+        **{f"gyro_{a}": column for a, column in zip("xyz", np.array(turn).T, strict=True)},
+        **{f"accel_{a}": column for a, column in zip("xyz", accel.T, strict=True)},
+        **{f"rotor_{i}": 800 + 50 * np.sin(3 * time + i) for i in (1, 2, 3, 4)},
+        **dict(
+            zip((f"quat_{a}" for a in "wxyz"), attitude.as_quat(scalar_first=True).T, strict=True)
+        ),
+    }
+
+
+def _axis(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """World rate over 2: the vector part of dq conj(q)."""
+    return q[0] * dq[1:] - dq[0] * q[1:] - np.cross(dq[1:], q[1:])
+
+
+FLIGHT = flown()
+
+
+def written(path, columns: dict[str, np.ndarray], *, delimiter=","):
+    rows = [delimiter.join(columns)]
+    rows += [
+        delimiter.join(repr(v) for v in row) for row in np.array([*columns.values()]).T.tolist()
+    ]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def renamed(draw) -> dict[str, np.ndarray]:
+    """The flight as somebody else logs it."""
+    frd = draw(st.booleans())
+    turned = np.array([1.0, -1.0, -1.0]) if frd else np.ones(3)
+    clock, ticks = draw(st.sampled_from(NAMES["time"]))
+    found = {clock: ticks * FLIGHT["time"]}
+    gyro, unit = draw(st.sampled_from(NAMES["gyro"]))
+    accel, scale = draw(st.sampled_from(NAMES["accel"]))
+    stem, first, speed = draw(st.sampled_from(NAMES["rotor"]))
+    attitude = draw(st.sampled_from(NAMES["attitude"]))
+    factor = 1.0 if unit == "rad/s" else 180 / np.pi
+    for i, axis in enumerate("xyz"):
+        found[gyro[i]] = factor * turned[i] * FLIGHT[f"gyro_{axis}"]
+        found[accel[i]] = scale * turned[i] * FLIGHT[f"accel_{axis}"]
+    for i in range(4):
+        found[stem.format(i + first)] = speed * FLIGHT[f"rotor_{i + 1}"]
+    for i, name in enumerate(attitude):
+        found[name] = FLIGHT[f"quat_{'wxyz'[i]}"] * (1.0, *turned)[i]
+    for name in draw(st.lists(st.sampled_from(OTHERS), unique=True)):
+        found[name] = np.sin(FLIGHT["time"])
+    names = draw(st.permutations(list(found)))
+    return {name: found[name] for name in names}
+
+
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(st.data())
+def test_a_renamed_and_rescaled_flight_reads_the_same(tmp_path, data):
+    table = renamed(data.draw)
+    delimiter = data.draw(st.sampled_from([",", ";", "\t"]))
+    path = written(tmp_path / "own.csv", table, delimiter=delimiter)
+    # What names and attitude leave open is asked.
+    first = propose_columns(path)
+    truth = {"gyro": "deg/s" if "gyroADC[0]" in table else "rad/s", "motors": "rpm"}
+    units = {question.channel: truth[question.channel] for question in first.questions}
+    proposal = propose_columns(path, units=units)
+    assert not proposal.questions
+    log = read_table(path, columns=proposal.columns, axes=proposal.axes)
+    for channel, stem in (("gyro", "gyro"), ("accel", "accel")):
+        expected = np.stack([FLIGHT[f"{stem}_{a}"] for a in "xyz"], axis=1)
+        np.testing.assert_allclose(log.channels[channel].values, expected, rtol=1e-6, atol=1e-9)
+    expected = np.stack([FLIGHT[f"rotor_{i}"] for i in (1, 2, 3, 4)], axis=1)
+    np.testing.assert_allclose(log.channels["rotor_speed"].values, expected, rtol=1e-9)
+    assert log.seconds == pytest.approx(STEP * (ROWS - 1))
+    if any(name in table for name in ("qw", "q0", "orientation.w")):
+        expected = np.stack([FLIGHT[f"quat_{a}"] for a in "wxyz"], axis=1)
+        np.testing.assert_allclose(log.channels["attitude"].values, expected, atol=1e-9)
+
+
+def test_a_gyro_in_other_axes_than_the_attitude_is_seen(tmp_path):
+    table = dict(FLIGHT)
+    path = written(tmp_path / "own.csv", table | {"gyro_y": -table["gyro_y"]})
+    assert "gyro and attitude turn against each other about y" in " ".join(
+        propose_columns(path).doubts
+    )
+    mixed = table | {f"quat_{a}": -table[f"quat_{a}"] for a in "yz"}
+    proposal = propose_columns(written(tmp_path / "mixed.csv", mixed))
+    assert [proposal.columns[f"quat_{a}"].scale for a in "wxyz"] == [1, 1, -1, -1]
+
+
+def test_a_name_that_gravity_or_attitude_contradict_is_doubted(tmp_path):
+    names = {f"accel_{a}": f"acc_{a} [g]" for a in "xyz"} | {
+        f"gyro_{a}": f"gyro{a}_dps" for a in "xyz"
+    }
+    table = {names.get(name, name): column for name, column in FLIGHT.items()}
+    proposal = propose_columns(written(tmp_path / "own.csv", table))
+    assert proposal.columns["accel_x"].unit == "m/s^2"
+    assert proposal.columns["gyro_x"].unit == "rad/s"
+    assert len(proposal.doubts) == 2
+
+
+def test_a_unit_is_asked_where_nothing_tells_it(tmp_path):
+    table = {n.replace("rotor_", "m"): c for n, c in FLIGHT.items() if "quat" not in n}
+    path = written(tmp_path / "own.csv", table)
+    proposal = propose_columns(path)
+    assert [question.channel for question in proposal.questions] == ["gyro", "motors"]
+    stated = propose_columns(path, units={"gyro": "deg/s", "motors": "Hz"})
+    assert (stated.columns["gyro_z"].unit, stated.columns["rotor_4"].unit) == ("deg/s", "Hz")
+
+
+def test_columns_without_telling_names_are_named_by_hand(tmp_path):
+    given_names = {name: f"ch{i}" for i, name in enumerate(FLIGHT) if "quat" not in name}
+    path = written(tmp_path / "own.csv", {given_names.get(n, n): c for n, c in FLIGHT.items()})
+    with pytest.raises(LogError, match="as --column gyro_x=NAME"):
+        propose_columns(path)
+    named = {canonical: column for canonical, column in given_names.items()}
+    proposal = propose_columns(path, named=named, units={"motors": "rad/s"})
+    assert {n: s.name for n, s in proposal.columns.items() if n in named} == named
+    log = read_table(path, columns=proposal.columns, axes=proposal.axes)
+    assert log.channels["gyro"].values[5, 1] == FLIGHT["gyro_y"][5]
+
+
+def test_a_clock_that_may_be_slow_is_doubted(tmp_path):
+    """One row a second or a millisecond: whole steps of a clock without a unit do not tell."""
+    table = {**FLIGHT, "time": np.arange(ROWS, dtype=float)}
+    proposal = propose_columns(written(tmp_path / "own.csv", table))
+    assert any("too slow for a flight" in doubt for doubt in proposal.doubts)
+    known = propose_columns(written(tmp_path / "known.csv", FLIGHT))
+    assert not any("too slow for a flight" in doubt for doubt in known.doubts)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t.pop("time"), "no time: no column is named like a clock"),
+        (lambda t: t.update(time=t["time"][::-1]), "no time: time does not rise from row to row"),
+        (lambda t: t.update(time=1e12 * np.arange(ROWS)), "in no unit several rows a second"),
+        (lambda t: t.pop("gyro_z"), "no whole gyro: of gyro_x, gyro_y some hold"),
+        (lambda t: t.update(accel_y=np.full(ROWS, np.nan)), "no whole accelerometer"),
+        (lambda t: [t.pop(f"rotor_{i}") for i in (1, 2, 3, 4)], "no column for motor speeds or"),
+        (lambda t: t.update(accel_z=0.4 * t["accel_z"]), "gravity in no unit"),
+        (
+            lambda t: t.update(accel_x=t["accel_z"], accel_z=t["accel_x"]),
+            "gravity lies along accel_x",
+        ),
+    ],
+)
+def test_a_table_that_is_no_flight_is_refused(tmp_path, change, words):
+    table = dict(FLIGHT)
+    change(table)
+    with pytest.raises(LogError) as caught:
+        propose_columns(written(tmp_path / "own.csv", table))
+    assert words in str(caught.value)
+    assert str(caught.value).startswith(f"{tmp_path / 'own.csv'}: ")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "is empty"),
+        ("t,gyro_x\n", "no rows below the column names"),
+        ("t,gyro_x\n0,1\n", "1 row only"),
+        ("1,2\n3,4\n", "no row of column names"),
+        ("t~gyro_x\n0~1\n0.1~2\n", "cells are separated by comma"),
+        ("time,gyro_x\n" + "noon,1\n" * 20, "time holds text"),
+    ],
+)
+def test_a_file_that_is_no_table_is_refused(tmp_path, text, words):
+    path = tmp_path / "own.csv"
+    path.write_text(text)
+    with pytest.raises(LogError) as caught:
+        propose_columns(path)
+    assert words in str(caught.value)
+
+
+def test_text_beside_the_numbers_is_left_out(tmp_path):
+    path = written(tmp_path / "own.csv", FLIGHT)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([f"{lines[0]},motor_5", *(f"{line},idle" for line in lines[1:])]))
+    proposal = propose_columns(path)
+    assert "motor_5: holds text, left out" in proposal.doubts
+    assert "rotor_5" not in proposal.columns
+
+
+def test_own_names_need_no_proposal(tmp_path):
+    path = tmp_path / "own.csv"
+    path.write_text(format_table(FLIGHT))
+    assert explains_itself(path)
+    proposal = propose_columns(path, units={"motors": "rad/s"})
+    bare = {name: replace(spec, unit=None) for name, spec in proposal.columns.items()}
+    assert all(spec.name == name for name, spec in bare.items())
