@@ -148,3 +148,24 @@ def test_drag_acts_at_its_point_by_the_velocity_there():
     rolling = with_drag(body, NOTHING, (0.0, 0.0, 0.0), (4.0, 0.0, 0.0))
     np.testing.assert_allclose(rolling[:3], [0.0, 0.4, 0.0])
     np.testing.assert_allclose(rolling[3:6], [-0.2, 0.0, 0.0])
+
+
+@given(vector, vector, vector, vector, vector)
+def test_drag_is_a_force_at_its_point(coefficients, place, velocity, w, force):
+    body = rigid_body(replace(B, drag=coefficients, drag_position=place))
+    slowed = with_drag(body, wrench_of(force, w), velocity, w)
+    drag = -np.array(coefficients) * (np.array(velocity) + np.cross(w, place))
+    expected = [*(force + drag), *(w + np.cross(place, drag)), 0.0, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(slowed, expected, atol=1e-12)
+
+
+def test_the_columns_of_many_samples_give_what_each_alone_gives():
+    body = rigid_body(replace(B, drag=(0.1, 0.2, 0.3), drag_position=(0.1, -0.2, 0.5)))
+    rows = np.random.default_rng(1).normal(size=(20, 16))
+    x = rows.T
+    together = accelerations(body, with_drag(body, x[:10], x[10:13], x[13:]), x[13:])
+    alone = [
+        accelerations(body, with_drag(body, row[:10], row[10:13], row[13:]), row[13:])
+        for row in rows.tolist()
+    ]
+    np.testing.assert_allclose(np.transpose(together, (2, 0, 1)), alone, rtol=1e-12, atol=1e-12)

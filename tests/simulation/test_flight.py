@@ -25,6 +25,9 @@ from rotorfit.simulation import (
     sampled_flight_data,
     simulate_flight,
 )
+from rotorfit.simulation.controller import Gains, Memory, autopilot_of, control
+from rotorfit.simulation.motors import allocation
+from rotorfit.simulation.pilot import Reference
 
 
 def rms(values):
@@ -184,6 +187,28 @@ def test_the_autopilot_alone_holds_an_unbalanced_vehicle():
     assert rms(flight.external_wrench) == pytest.approx(
         [*truth.disturbance_force_std, *truth.disturbance_torque_std], rel=0.15
     )
+
+
+def test_torque_asked_is_that_of_each_axis_own_gains():
+    truth, vehicle = paper_vehicle("B")
+    truth = replace(truth, inertia=(0.011, 0.017, 0.023, 0.0, 0.0, 0.0), first_moments=(0.0,) * 3)
+    gains = Gains(rate=(5.0, 6.0, 0.7), damping=(0.1, 0.2, 0.3), integral=(4.0, 3.0, 0.2))
+    pilot = autopilot_of(truth, vehicle, thrust_to_weight=2.5, period=0.005, gains=gains)
+    w, last, trim = np.array([0.02, -0.03, 0.05]), np.array([0.01, -0.04, 0.06]), np.full(3, 1e-3)
+    state = (*w.tolist(), 1.0, *(0.0,) * 9)
+    speeds, after = control(
+        pilot,
+        Memory(0.0, tuple(trim), tuple(last), (0.0,) * 3),
+        state,
+        Reference(*(0.0,) * 6, 1.0, 0.0),
+        grounded=False,
+    )
+    I, error, nominal = np.array(truth.inertia[:3]), after.asked - w, np.full(4, truth.kt)
+    grown = trim + I * gains.integral * error * 0.005
+    torque = grown + I * (gains.rate * error - gains.damping * (w - last) / 0.005)
+    np.testing.assert_allclose(after.trim, grown, rtol=1e-12)
+    given = allocation(vehicle, kt=nominal, kd=truth.kd) @ speeds**2
+    np.testing.assert_allclose(given[2:], [truth.mass * GRAVITY, *torque], rtol=1e-9)
 
 
 def test_disturbance_changes_linearly_between_samples():

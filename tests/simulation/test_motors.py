@@ -97,6 +97,13 @@ def test_rotor_that_speeds_up_turns_the_body_against_its_spin():
     np.testing.assert_allclose(wrench[6:9], [0, 0, 2e-5 * 800], rtol=1e-12)
 
 
+def test_drag_torque_linear_in_speed_is_against_the_spin():
+    truth, vehicle = paper_vehicle("A")
+    rotors = rotors_of(replace(truth, kd_linear=1e-5, kd=0.0), vehicle)
+    (wrench,) = wrenches(rotors, np.array([[500.0, 500.0, 100.0, 100.0]]), np.zeros((1, 4)))
+    np.testing.assert_allclose(wrench[5], -1e-5 * (500 + 500 - 100 - 100), rtol=1e-12)
+
+
 def test_a_turn_is_held_back_by_rotors_far_out_and_fast():
     truth, _ = paper_vehicle("A")
     places = ((0.3, 0.4, 0.1), (-0.1, 0.0, 0.0))

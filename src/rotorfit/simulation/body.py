@@ -10,6 +10,7 @@ from math import atan2, cos, sin
 from typing import Final, TypeVar
 
 import numpy as np
+from jaxtyping import Float
 
 from rotorfit.simulation.truth import GRAVITY, Truth, tensor_elements
 
@@ -17,6 +18,9 @@ Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 Tensor = tuple[float, float, float, float, float, float]
 Quaternion = tuple[float, float, float, float]
+
+Number = TypeVar("Number", float, Float[np.ndarray, " n"])
+"""A float in the inner loop, or a column of them for the samples of a whole flight."""
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
@@ -54,7 +58,11 @@ def clip(value: float, limit: float) -> float:
 
 
 @no_type_check
-def rotation(quaternion: Quaternion) -> Matrix:
+def rotation(
+    quaternion: tuple[Number, Number, Number, Number],
+) -> tuple[
+    tuple[Number, Number, Number], tuple[Number, Number, Number], tuple[Number, Number, Number]
+]:
     """Convert a unit quaternion (w, x, y, z) to a rotation matrix."""
     w, x, y, z = quaternion
     return (
@@ -147,7 +155,9 @@ def rigid_body(truth: Truth) -> RigidBody:
 
 
 @no_type_check
-def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, Vector]:
+def accelerations(
+    body: RigidBody, wrench: Sequence[Number], w: tuple[Number, Number, Number]
+) -> tuple[tuple[Number, Number, Number], tuple[Number, Number, Number]]:
     """Solve Newton-Euler about the body origin for a and dw.
 
         m a + dw x ms + w x (w x ms) = f
@@ -181,7 +191,12 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
 
 
 @no_type_check
-def with_drag(body: RigidBody, wrench: Wrench, velocity: Vector, w: Vector) -> Wrench:
+def with_drag(
+    body: RigidBody,
+    wrench: Sequence[Number],
+    velocity: tuple[Number, Number, Number],
+    w: tuple[Number, Number, Number],
+) -> tuple[Number, ...]:
     """Add the drag on an origin that moves with `velocity` [m/s] while turning with `w` [rad/s]."""
     cx, cy, cz = body.drag
     px, py, pz = body.drag_position

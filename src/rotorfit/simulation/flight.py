@@ -6,7 +6,7 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.model.vehicle import Vehicle
@@ -14,9 +14,7 @@ from rotorfit.simulation.body import (
     RigidBody,
     State,
     Vector,
-    Wrench,
     accelerations,
-    cross,
     no_type_check,
     rigid_body,
     rotation,
@@ -284,29 +282,31 @@ def _advance(
     return state, speeds
 
 
-@no_type_check
-def _motion(
-    body: RigidBody, moment: _Moment, wrench: Wrench, disturbance: list[float]
-) -> tuple[Vector, Vector, Wrench]:
-    """Compute a and dw at a sample, and the wrench that acts beside that of the rotors."""
-    wx, wy, wz, qw, qx, qy, qz, vx, vy, vz, _, _, _ = moment.state
-    if moment.grounded:
-        x, y, z = rotation((qw, qx, qy, qz))[2]
-        a = (GRAVITY * x, GRAVITY * y, GRAVITY * z)
-        return a, (0.0, 0.0, 0.0), _reaction(body, wrench, a)
-    w = (wx, wy, wz)
-    external = with_drag(body, (*disturbance, 0.0, 0.0, 0.0, 0.0), (vx, vy, vz), w)
-    acting = [one + other for one, other in zip(wrench, external, strict=True)]
-    return *accelerations(body, acting, w), external
+def _motions(
+    body: RigidBody,
+    state: Float[np.ndarray, "n 13"],
+    of_rotors: Float[np.ndarray, "n 10"],
+    disturbance: Float[np.ndarray, "n 6"],
+    grounded: Bool[np.ndarray, " n"],
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 6"]]:
+    """Compute a and dw at the samples, and the wrench that acts beside that of the rotors.
 
-
-@no_type_check
-def _reaction(body: RigidBody, wrench: Wrench, a: Vector) -> Wrench:
-    """Compute the wrench of the ground that keeps a body at rest under another one."""
-    fx, fy, fz, tx, ty, tz, _, _, _, _ = wrench
-    x, y, z = cross(body.first_moments, a)
-    m = body.mass
-    return (m * a[0] - fx, m * a[1] - fy, m * a[2] - fz, x - tx, y - ty, z - tz)
+    The ground holds a body at rest: its wrench makes up for the weight and for the rotors.
+    """
+    wx, wy, wz, qw, qx, qy, qz, vx, vy, vz, _, _, _ = state.T
+    w, v = (wx, wy, wz), (vx, vy, vz)
+    gust = np.pad(disturbance, ((0, 0), (0, 4)))
+    external = np.column_stack(with_drag(body, list(gust.T), v, w))
+    a, dw = map(np.column_stack, accelerations(body, list((of_rotors + external).T), w))
+    rest = GRAVITY * np.column_stack(rotation((qw, qx, qy, qz))[2])
+    needed = np.hstack([body.mass * rest, np.cross(body.first_moments, rest)])
+    held = needed - of_rotors[:, :6]
+    stands = grounded[:, None]
+    return (
+        np.where(stands, rest, a),
+        np.where(stands, 0.0, dw),
+        np.where(stands, held, external[:, :6]),
+    )
 
 
 def _assemble(
@@ -322,12 +322,9 @@ def _assemble(
     attitude, rotor_speed = state[:, 3:7], np.array([moment.speeds for moment in moments])
     acting = np.array([moment.acting for moment in moments])
     slopes = speed_slopes(machine.rotors, rotor_speed, acting)
-    of_rotors = wrenches(machine.rotors, rotor_speed, slopes).tolist()
-    motions = [
-        _motion(machine.body, *row)
-        for row in zip(moments, of_rotors, disturbance.tolist(), strict=True)
-    ]
-    force = np.array([specific_force for specific_force, _, _ in motions])
+    grounded = np.array([moment.grounded for moment in moments])
+    of_rotors = wrenches(machine.rotors, rotor_speed, slopes)
+    force, turn, external = _motions(machine.body, state, of_rotors, disturbance, grounded)
     return SimulatedFlight(
         truth=truth,
         vehicle=vehicle,
@@ -340,14 +337,14 @@ def _assemble(
         specific_force=force,
         specific_force_imu=force,
         angular_velocity=state[:, :3],
-        angular_acceleration=np.array([turn for _, turn, _ in motions]),
+        angular_acceleration=turn,
         rotor_speed=rotor_speed,
         rotor_acceleration=slopes,
         commanded_speed=np.array([moment.command for moment in moments]),
         reference=np.array([moment.asked for moment in moments]),
         max_speed=machine.autopilot.speed_limits[1],
-        external_wrench=np.array([wrench[:6] for _, _, wrench in motions]),
-        airborne=np.array([not moment.grounded for moment in moments]),
+        external_wrench=external,
+        airborne=~grounded,
         gyro=state[:, :3],
         accel=force,
         rotor_speed_measured=rotor_speed,
