@@ -224,3 +224,24 @@ def test_two_swapped_motors_are_refused(indiflight_logs, tmp_path, i, k):
     wrong = replace(CINERAT, rotors=tuple(CINERAT.rotors[n] for n in order))
     named = ", ".join(str(n + 1) for n in order)
     assert f"your rotors listed in the order {named}" in refusal(indiflight_logs, tmp_path, wrong)
+
+
+@pytest.mark.parametrize(
+    ("name", "sides"),
+    [("LOG00230.BFL", (0.0635, 0.0455)), ("LOG00266.BFL", (0.0545, 0.0545))],
+    ids=["swapped", "square"],
+)
+def test_wrong_sides_are_seen_although_the_fit_lost_yaw(indiflight_logs, tmp_path, name, sides):
+    # Slopes at these sides leave the one open by .2 of s, and the other without any coupling.
+    places = np.sign([r.position for r in CINERAT.rotors]) * [*sides, 0.0]
+    rotors = [
+        replace(r, position=tuple(p.tolist())) for r, p in zip(CINERAT.rotors, places, strict=True)
+    ]
+    path, wrong = tmp_path / "experiment.toml", replace(CINERAT, rotors=tuple(rotors))
+    flown.experiment_file(path, wrong, [indiflight_logs / name], mass=0.428)
+    result = flown.quietly_identified(path)
+    (found,) = (one for one in result.findings if one.kind == "lever-arms")
+    assert found.severity == "doubt"
+    low, high = found.evidence[0].interval
+    assert low < 0.0455 / 0.0635 * np.exp(-0.1) < high < 1.0
+    assert result.derived_value("Ixx_com").verdict == "doubtful"

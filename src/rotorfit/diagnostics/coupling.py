@@ -11,9 +11,11 @@ from typing import Final
 
 import numpy as np
 
+from rotorfit.diagnostics.lever_arms import likeliest_sides
 from rotorfit.errors import EstimationError
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.fit import Fit, refit
+from rotorfit.fit.additional_parameters import gained
+from rotorfit.fit.fit import NO_COUPLING, Fit, refit
 from rotorfit.fit.intervals.excitation import SCALED
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.logs.flight_log import SITL
@@ -48,11 +50,13 @@ ADVICE: Final = (
     "terms (PX4's SIH, Gazebo, MuJoCo)"
 )
 _PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
-NO_COUPLING: Final = "no-coupling"
 
 
 def drop_absent_coupling(fit: Fit) -> Fit:
-    """Fit without gyroscopic terms where the flights show none, and withhold the scale of yaw."""
+    """Fit without gyroscopic terms where the flights show none, and withhold the scale of yaw.
+
+    Wrong sides of the frame hide them, too: where a fit with others is likelier, they are there.
+    """
     dataset, estimate = fit.dataset, fit.estimate
     if not any(_suspicious(fit.numbers, c.entry.name) for c in dataset.configurations):
         return fit
@@ -70,9 +74,12 @@ def drop_absent_coupling(fit: Fit) -> Fit:
         return fit
     gain = uncoupled.estimate.log_likelihood - estimate.log_likelihood
     least = LEAST_GAIN_SIMULATED if simulated else LEAST_GAIN
-    return (
-        fit if gain < least else uncoupled.found(_absent_coupling(uncoupled.numbers, gain, least))
-    )
+    if gain < least:
+        return fit
+    other_sides = None if simulated else likeliest_sides(fit)
+    if other_sides is not None and gained(uncoupled.estimate, other_sides.estimate) > 0.0:
+        return fit
+    return uncoupled.found(_absent_coupling(uncoupled.numbers, gain, least))
 
 
 def _absent_coupling(numbers: Numbers, gain: float, least: float) -> Finding:

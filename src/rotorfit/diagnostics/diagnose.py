@@ -16,12 +16,11 @@ from rotorfit.diagnostics import (
     steady_wrench,
     vehicle_size,
 )
-from rotorfit.diagnostics.coupling import NO_COUPLING
 from rotorfit.diagnostics.instruments import reference_test
 from rotorfit.diagnostics.motors import changed_rotor, motor_limits
 from rotorfit.diagnostics.sensors import clocks, imu_tilt, log_settings
 from rotorfit.findings import Finding
-from rotorfit.fit.fit import Fit
+from rotorfit.fit.fit import NO_COUPLING, Fit
 from rotorfit.results.parameter_tables import little_excitation, unknown_origin
 from rotorfit.results.physical_inertia import impossible_inertia
 from rotorfit.results.weak_directions import weak_directions
@@ -47,7 +46,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     of_steps,
     *spins.REFUSALS,
     *vehicle_size.REFUSALS,
-    *lever_arms.CHECKS,
+    *lever_arms.REFUSALS,
     weak_directions,
     *vehicle_size.CHECKS,
     *changed_rotor.CHECKS,

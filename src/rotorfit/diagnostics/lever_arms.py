@@ -24,16 +24,17 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from rotorfit.diagnostics.coupling import NO_COUPLING
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError, FrameError
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.additional_parameters import Added, Additional, estimate_additional
-from rotorfit.fit.fit import Fit
+from rotorfit.fit.additional_parameters import Added, Additional, estimate_additional, gained
+from rotorfit.fit.fit import Fit, refit
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION, NO_EXCITATION, inertia_bias
 from rotorfit.fit.intervals.joint_numbers import physical, weighed_excitation
 from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import INERTIA, INERTIA_COM
+from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.term import Block
 from rotorfit.model.vehicle import Vehicle
@@ -59,6 +60,11 @@ DOUBTED: Final = 0.9
 """The same, below which it is doubted: a mistake is twice as likely as before the flight."""
 OPEN: Final = 0.5
 """Deviation of s for the estimate alone: as good as free."""
+NEAR: Final = 0.1
+"""Of s: as far from the declared sides an estimate by the slopes there is that of a new fit, on the
+thirteen flights to .005."""
+FARTHEST: Final = 0.6
+"""Of s in a new fit: four times the ratio that was declared."""
 ALIKE: Final = 0.12
 """Of the logarithm of the ratio, within which it is that of swapped axes, or of a square."""
 KIND: Final = "lever-arms"
@@ -148,18 +154,89 @@ class FrameSides:
 
 
 def allow_for_sides(fit: Fit) -> Fit:
-    """Widen the intervals by what is open of the sides of the frame."""
+    """Widen the intervals by what is open of the sides of the frame, and say what the flights show.
+
+    A refusal waits for the checks: others look for its cause before (`refuse_wrong_sides`).
+    """
     sides = frame_sides(fit)
     if sides is None:
         return fit
-    return fit.with_half_width(np.hypot(fit.numbers.half_width, sides.half_widths))
+    found = () if not np.isfinite(sides.std) else (_finding(fit, sides),)
+    return fit.with_half_width(np.hypot(fit.numbers.half_width, sides.half_widths)).found(*found)
 
 
 def frame_sides(fit: Fit) -> FrameSides | None:
     """Estimate the sides of the frame; None where it has no two sides.
 
     Without gyroscopic terms, or where they are not determined, the flights tell nothing of them.
+    With sides that are far off a fit may lose yaw, and with it what shows the sides: so where the
+    estimate leaves the neighbourhood of the declared ones open, it is repeated from where it ends
+    and from as far as it is open, and the likeliest of these fits says what the sides are.
     """
+    first = _frame_sides(fit)
+    if first is None:
+        return first
+    moved = _likeliest(fit, first)
+    again = None if moved is None else _frame_sides(moved[1])
+    if moved is None or again is None or not np.isfinite(again.std):
+        return first
+    # Ratios multiply: s adds as velocities do.
+    by = moved[0]
+    slope = (1.0 - by * by) / (1.0 + by * again.value) ** 2
+    return replace(
+        first,
+        value=(by + again.value) / (1.0 + by * again.value),
+        std=slope * again.std,
+        blocks=again.blocks,
+    )
+
+
+def likeliest_sides(fit: Fit) -> Fit | None:
+    """Fit with the sides of the frame that are likelier by far; None where the declared ones are.
+
+    As far off as `frame_sides` looks.
+    """
+    first = _frame_sides(fit)
+    moved = None if first is None else _likeliest(fit, first)
+    return None if moved is None else moved[1]
+
+
+def _likeliest(fit: Fit, first: FrameSides) -> tuple[float, Fit] | None:
+    """Return s of the likeliest fit about an estimate, with it; None where the fit's own is."""
+    if not np.isfinite(first.std) or abs(first.value) + first.std < NEAR:
+        return None
+    open_by = [0.0] if first.std < NEAR else [-first.std, 0.0, first.std]
+    moved = [one for off in open_by for one in _moved(fit, first.value + off)]
+    best = max(moved, key=lambda one: gained(fit.estimate, one[1].estimate), default=None)
+    return best if best and gained(fit.estimate, best[1].estimate) > 0.0 else None
+
+
+def _moved(fit: Fit, by: float) -> list[tuple[float, Fit]]:
+    """Fit the flights with other sides, where that comes to an end; return s with the fit."""
+    by = float(np.clip(by, -FARTHEST, FARTHEST))
+    try:
+        return [(by, _with_sides(fit, by))]
+    except EstimationError:
+        return []
+
+
+def _with_sides(fit: Fit, by: float) -> Fit:
+    """Fit the flights with the rotors further out along x by a share, and nearer along y."""
+    vehicle = fit.dataset.vehicle
+    centre = vehicle.positions.mean(axis=0)
+    places = centre + (vehicle.positions - centre) * np.array([1.0 + by, 1.0 - by, 1.0])
+    rotors = (
+        replace(rotor, position=(x, y, z))
+        for rotor, (x, y, z) in zip(vehicle.rotors, places.tolist(), strict=True)
+    )
+    moved = replace(vehicle, rotors=tuple(rotors))
+    model = regressor(moved, added=fit.dataset.model.layout.added)
+    dataset: Dataset = replace(fit.dataset, vehicle=moved, model=model)
+    return refit(fit, dataset, guess=fit.estimate.estimate.by_name)
+
+
+def _frame_sides(fit: Fit) -> FrameSides | None:
+    """Estimate them by the slopes at the sides with which a fit was made; see `frame_sides`."""
     x, y = np.ptp(fit.dataset.vehicle.positions[:, :2], axis=0).tolist()
     if min(x, y) < 0.05 * max(x, y):
         return None
@@ -219,7 +296,7 @@ def _is_coupled(fit: Fit) -> bool:
     """Return whether turns about two axes tie them together: not in each simulator."""
     flights = [f for c in fit.dataset.configurations for f in c.flights]
     simulated = any(f.log.simulator == SITL for f in flights)
-    return not simulated and not any(one.kind == NO_COUPLING for one in fit.findings)
+    return fit.coupled and not simulated
 
 
 def sides_block(vehicle: Vehicle, layout: SignalLayout) -> Block:
@@ -250,11 +327,18 @@ def _slopes(fit: Fit, found: Additional) -> Float[np.ndarray, " q"]:
     return np.maximum(slopes, by_arm * np.abs(fit.numbers.values))
 
 
-def lever_arms(fit: Fit) -> Iterator[Finding]:
-    """Check the declared sides of the frame; refuse those that the flights surely contradict."""
-    sides = frame_sides(fit)
-    if sides is None or not np.isfinite(sides.std):
-        return
+def refuse_wrong_sides(fit: Fit) -> Iterator[Finding]:
+    """Refuse declared sides of the frame that the flights surely contradict."""
+    for one in fit.findings:
+        if one.kind == KIND and one.severity == "refusal":
+            raise FrameError(one.sentence).about(
+                kind=KIND, numbers=one.numbers, evidence=one.evidence
+            )
+    yield from ()
+
+
+def _finding(fit: Fit, sides: FrameSides) -> Finding:
+    """Judge the declared sides of the frame."""
     evidence = Evidence(
         name="lever_ratio",
         value=sides.ratio(sides.value),
@@ -265,20 +349,17 @@ def lever_arms(fit: Fit) -> Iterator[Finding]:
     found = Finding(kind=KIND, severity="passed", numbers=numbers, evidence=(evidence,))
     flown = [rho for name, rho in fit.numbers.excitation.items() if not name.startswith("yaw")]
     if sides.measured < REFUSED and min(flown) > LEAST_EXCITATION:
-        raise FrameError(f"{_sentence(sides)} and correct them").about(
-            kind=KIND, numbers=numbers, evidence=(evidence,)
-        )
+        return replace(found, severity="refusal", sentence=f"{_sentence(sides)} and correct them")
     if sides.measured < DOUBTED:
-        sentence = f"{_sentence(sides)}; until then do not trust inertia, kd and Jr"
-        found = replace(
+        return replace(
             found,
             severity="doubt",
-            sentence=sentence,
+            sentence=f"{_sentence(sides)}; until then do not trust inertia, kd and Jr",
             doubtful_because="the flight shows other distances between the rotors",
             next_step="measure the rotors' distances, front to back and left to right, from motor "
             "to motor, and correct their positions under [airframe]",
         )
-    yield found
+    return found
 
 
 def _sentence(sides: FrameSides) -> str:
@@ -296,4 +377,4 @@ def _sentence(sides: FrameSides) -> str:
     )
 
 
-CHECKS: Final = (lever_arms,)
+REFUSALS: Final = (refuse_wrong_sides,)

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.dataset.dataset import Dataset
-from rotorfit.diagnostics.coupling import NO_COUPLING, without_coupling
+from rotorfit.diagnostics.coupling import without_coupling
 from rotorfit.diagnostics.yaw_residuals import Pattern, less_left, with_spins
 from rotorfit.errors import EstimationError, FrameError
 from rotorfit.estimation.banded import BandedEstimate
@@ -33,6 +33,7 @@ from rotorfit.fit.additional_parameters import (
     Added,
     Additional,
     estimate_additional,
+    gained,
     inside,
     surprise,
 )
@@ -181,18 +182,6 @@ def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[float, Pattern, R
     return likeliest
 
 
-def gained(one: BandedEstimate, other: BandedEstimate) -> float:
-    """Compute the log of how many times likelier another fit of the same blocks is.
-
-    Over the errors that count in either, each with the variance that it has there.
-    """
-    counts = np.isfinite(one.variance) | np.isfinite(other.variance)
-    rows = np.concatenate([factors.rows for factors in one.problem.factors])[:, None]
-    floors = np.repeat(one.problem.floors, [len(f) for f in one.problem.factors], axis=0)
-    left = [np.log(np.maximum(e.residual_power / rows, floors)) for e in (one, other)]
-    return 0.5 * float((rows * (left[0] - left[1]))[counts].sum())
-
-
 def rotor_drags(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> RotorDrags:
     """Estimate a drag torque of each rotor's own, beside all that a fit knows of yaw.
 
@@ -273,7 +262,7 @@ def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags
     dataset = fit.dataset
     vehicle = with_spins(dataset.vehicle, pattern)
     model = regressor(vehicle, added=dataset.model.layout.added)
-    if any(one.kind == NO_COUPLING for one in fit.findings):
+    if not fit.coupled:
         model = without_coupling(model)
     other: Dataset = replace(dataset, vehicle=vehicle, model=model)
     try:

@@ -205,3 +205,15 @@ def surprise(square: float, blocks: float, dimensions: int = 1) -> float:
 def inside(square: float, blocks: float, dimensions: int) -> bool:
     """Return whether a squared distance is one that chance makes, but for one time in a hundred."""
     return square <= dimensions * float(stats.f.ppf(0.99, dimensions, blocks))
+
+
+def gained(one: BandedEstimate, other: BandedEstimate) -> float:
+    """Compute the log of how many times likelier another fit of the same blocks is.
+
+    Over the errors that count in either, each with the variance that it has there.
+    """
+    counts = np.isfinite(one.variance) | np.isfinite(other.variance)
+    rows = np.concatenate([factors.rows for factors in one.problem.factors])[:, None]
+    floors = np.repeat(one.problem.floors, [len(f) for f in one.problem.factors], axis=0)
+    left = [np.log(np.maximum(e.residual_power / rows, floors)) for e in (one, other)]
+    return 0.5 * float((rows * (left[0] - left[1]))[counts].sum())

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +17,9 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import FittedFactors, joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, at_values
 from rotorfit.fit.joint.term_choice import Choice
+
+NO_COUPLING: Final = "no-coupling"
+"""Kind of the finding of a fit without gyroscopic terms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +57,11 @@ class Fit:
     def mass_known(self) -> bool:
         """Whether every configuration was weighed."""
         return all(c.entry.mass != "unknown" for c in self.dataset.configurations)
+
+    @property
+    def coupled(self) -> bool:
+        """Whether turns about two axes act on the third in its model."""
+        return all(one.kind != NO_COUPLING for one in self.findings)
 
     @property
     def factors(self) -> FittedFactors:
