@@ -55,10 +55,11 @@ _PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
 def drop_absent_coupling(fit: Fit) -> Fit:
     """Fit without gyroscopic terms where the flights show none, and withhold the scale of yaw.
 
-    Wrong sides of the frame hide them, too: where a fit with others is likelier, they are there.
+    Wrong sides of the frame hide them, too: where a fit with others is likelier, and finds the
+    I_zz of a multirotor, they are there. (Other sides alone can always make a ball of a body.)
     """
     dataset, estimate = fit.dataset, fit.estimate
-    if not any(_suspicious(fit.numbers, c.entry.name) for c in dataset.configurations):
+    if not _suspicious(fit):
         return fit
     simulated = any(f.log.simulator == SITL for c in dataset.configurations for f in c.flights)
     other = dataclasses.replace(dataset, model=without_coupling(dataset.model))
@@ -77,7 +78,8 @@ def drop_absent_coupling(fit: Fit) -> Fit:
     if gain < least:
         return fit
     other_sides = None if simulated else likeliest_sides(fit)
-    if other_sides is not None and gained(uncoupled.estimate, other_sides.estimate) > 0.0:
+    is_multirotor = other_sides is not None and not _suspicious(other_sides)
+    if is_multirotor and gained(uncoupled.estimate, other_sides.estimate) > 0.0:
         return fit
     return uncoupled.found(_absent_coupling(uncoupled.numbers, gain, least))
 
@@ -95,8 +97,12 @@ def _absent_coupling(numbers: Numbers, gain: float, least: float) -> Finding:
     )
 
 
-def _suspicious(numbers: Numbers, configuration: str) -> bool:
-    """Return whether I_zz is known, and is that of no multirotor."""
+def _suspicious(fit: Fit) -> bool:
+    """Return whether a configuration's I_zz is known, and is that of no multirotor."""
+    return any(_no_multirotor(fit.numbers, c.name) for c in fit.configurations)
+
+
+def _no_multirotor(numbers: Numbers, configuration: str) -> bool:
     moments = [numbers.number(f"{name}_com@{configuration}") for name in ("Ixx", "Iyy", "Izz")]
     (Ixx, _), (Iyy, _), (Izz, half) = moments
     return half < KNOWN_IZZ * abs(Izz) and Izz < LARGEST_IZZ * max(Ixx, Iyy)
