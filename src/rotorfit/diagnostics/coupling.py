@@ -77,11 +77,17 @@ def drop_absent_coupling(fit: Fit) -> Fit:
     least = LEAST_GAIN_SIMULATED if simulated else LEAST_GAIN
     if gain < least:
         return fit
-    other_sides = None if simulated else likeliest_sides(fit)
-    is_multirotor = other_sides is not None and not _suspicious(other_sides)
-    if is_multirotor and gained(uncoupled.estimate, other_sides.estimate) > 0.0:
+    if not simulated and _hidden_by_sides(fit, uncoupled):
         return fit
     return uncoupled.found(_absent_coupling(uncoupled.numbers, gain, least))
+
+
+def _hidden_by_sides(fit: Fit, uncoupled: Fit) -> bool:
+    """Return whether other sides of the frame bring the coupling back, and a multirotor's I_zz."""
+    moved = likeliest_sides(fit)
+    if moved is None or _suspicious(moved):
+        return False
+    return gained(uncoupled.estimate, moved.estimate) > 0.0
 
 
 def _absent_coupling(numbers: Numbers, gain: float, least: float) -> Finding:
