@@ -68,12 +68,19 @@ def test_right_spins_are_taken(judged, flights, name):
     assert [one.severity for one in judged(flights[name])] == ["passed"]
 
 
-@pytest.mark.parametrize("name", ["A", "quad-x", "hexa-x", "x8"])
+@pytest.mark.parametrize("name", ["A", "quad-x", "hexa-x"])
 def test_one_wrong_spin_is_named(judged, flights, name):
     right = flights[name].vehicle.rotors[-1].spin
     last = len(flights[name].vehicle.rotors) - 1
     with pytest.raises(FrameError, match=f"with rotor {last + 1} {right} the rotors' drag"):
         judged(flights[name], last)
+
+
+def test_a_wrong_spin_of_two_on_one_axis_is_named_as_either(judged, flights):
+    with pytest.raises(FrameError, match=r"with rotor \d ccw \(or rotor \d ccw\)") as refused:
+        judged(flights["x8"], 7)
+    assert "rotor 8 ccw" in str(refused.value)
+    assert "rotor 4 ccw" in str(refused.value)
 
 
 def test_the_share_of_a_wrong_rotor_is_evidence(judged, flights):

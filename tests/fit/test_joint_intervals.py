@@ -451,9 +451,10 @@ def test_a_shared_number_uses_the_configuration_that_yaws_most():
 
 
 def test_yaw_products_widen_by_the_uncertainty_of_their_equation():
-    """Ixz = 3 hangs on the answer by 0.3, and on yaw by 3 / (12 + 3)."""
+    """Ixz = 3 hangs on the answer by 0.3, on yaw by 3 / (12 + 3), and on the rotors' lean."""
     half = widened({"Ixz_com@A": (3.0, 0.4)}, shifts={"Ixz_com@A": 0.3})
-    assert half["Ixz_com@A"] == pytest.approx(np.sqrt(0.4**2 + 0.3**2 + 0.6**2))
+    lean = 1.96 * np.radians(0.25) * 8.0  # Izz - Ixx
+    assert half["Ixz_com@A"] == pytest.approx(np.sqrt(0.4**2 + 0.3**2 + 0.6**2 + lean**2))
     assert widened({"Ixy_com@A": (3.0, 0.4)})["Ixy_com@A"] == pytest.approx(0.4)
 
 

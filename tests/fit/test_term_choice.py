@@ -13,7 +13,12 @@ from rotorfit.export.vehicle_model import terms_left_out
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import BY_LIKELIHOOD
-from rotorfit.model.terms.rotors import imu_mounting, rotor_thrust
+from rotorfit.model.terms.rotors import (
+    imu_mounting,
+    rotor_inertia,
+    rotor_thrust,
+    rotor_torque,
+)
 from rotorfit.report.text import result_text
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
 from rotorfit.simulation.pilot import Stick, Sticks
@@ -190,12 +195,13 @@ def test_rotors_that_a_turn_drags_do_not_bend_the_drag_torque(tmp_path):
     assert without.parameter("kd").value < 0.97 * true["kd"]
 
 
-FELT = ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag", "climb_drag")
+USUAL = ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag")
+FELT = (*USUAL, "climb_drag", "imu_mounting")
 
 
 def test_axial_drag_does_not_bias_kt_without_a_velocity(once, draggy, tmp_path):
     found = identified(tmp_path, draggy, channels=IMU_AND_SPEED)
-    without = identified(tmp_path, draggy, channels=IMU_AND_SPEED, terms=FELT[:-1])
+    without = identified(tmp_path, draggy, channels=IMU_AND_SPEED, terms=(*USUAL, "imu_mounting"))
     assert found.settings["used"]["terms"] == list(FELT)
     assert found.parameter("kt").value == pytest.approx(once.parameter("kt").value, rel=1e-3)
     # Without the term changes of thrust look too small, and only the weight holds kt.
@@ -244,7 +250,7 @@ def test_a_torque_linear_in_speed_gains_only_where_it_is(linear):
 def test_air_that_drives_a_climb_is_not_believed(tmp_path):
     driven = flight_of((0.0, 0.0, -0.3), seed=5)
     result = identified(tmp_path, driven, channels=IMU_AND_SPEED)
-    assert result.settings["used"]["terms"] == list(FELT[:-1])
+    assert result.settings["used"]["terms"] == [*USUAL, "imu_mounting"]
 
 
 def test_drag_without_velocity_is_refused_with_what_to_log(draggy, tmp_path):
@@ -255,9 +261,7 @@ def test_drag_without_velocity_is_refused_with_what_to_log(draggy, tmp_path):
 @pytest.mark.parametrize("kind", ["clean", "disturbed"])
 def test_terms_that_are_not_there_stay_out(tmp_path, kind):
     result = identified(tmp_path, flight_of((0.0, 0.0, 0.0), kind=kind, seed=4))
-    assert result.settings["used"]["terms"] == list(
-        ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag")
-    )
+    assert result.settings["used"]["terms"] == [*USUAL, "imu_mounting"]
     assert set(result.settings["used"]["terms_gain"]) == {t.name for t in BY_LIKELIHOOD}
     assert not any("raises the log-likelihood" in words for words in result.warnings)
 
@@ -266,8 +270,13 @@ def test_a_turned_imu_sees_thrust_and_torque_turned():
     """Against the rotors' wrench turned as a whole, about each axis."""
     layout = regressor(made_fit.QUAD).layout
     found = imu_mounting(made_fit.QUAD, layout)
-    plain = rotor_thrust(made_fit.QUAD, layout)["kt"]
+    wrenches = {
+        "kt": rotor_thrust(made_fit.QUAD, layout)["kt"],
+        **rotor_torque(made_fit.QUAD, layout),
+        **rotor_inertia(made_fit.QUAD, layout),
+    }
     for axis, direction in zip("xyz", np.eye(3), strict=True):
         turn = np.kron(np.eye(2), Rotation.from_rotvec(1e-6 * direction).as_matrix())
-        change = 1e6 * (turn @ plain - plain)
-        assert found[f"kt_mounting_{axis}"] == pytest.approx(change, abs=1e-5)
+        for name, plain in wrenches.items():
+            change = 1e6 * (turn @ plain - plain)
+            assert found[f"{name}_mounting_{axis}"] == pytest.approx(change, abs=1e-5)

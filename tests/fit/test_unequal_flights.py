@@ -71,7 +71,7 @@ def test_weak_flights_do_not_widen_what_a_good_one_tells(joint_and_alone):
     ratio = {name: joint.number(name)[1] / alone.number(name)[1] for name in told}
     assert max(ratio[name] for name in MAIN - {"Iyy_com@A"}) < 1.05
     # The bias along z is that of each flight: of several it is their mean.
-    assert max(ratio[name] for name in told - {"accel_bias_z@A"}) < 1.15
+    assert max(ratio[name] for name in told - {"accel_bias_z@A"}) < 1.16
 
 
 def test_a_climb_is_felt_only_where_no_velocity_is_known(joint_and_alone):

@@ -143,13 +143,15 @@ def _contradiction(fit: Fit) -> Finding:
     passed = Finding(kind=KIND, severity="passed", evidence=seen)
     if drags is not None and _surely(drags, declared):
         return passed
-    gain, pattern, again = _likeliest(fit, _suspects(fit, drags)) or (0.0, declared, drags)
+    found = _likeliest(fit, _suspects(fit, drags)) or ((0.0, declared, drags), [])
+    (gain, pattern, again), twins = found
     if again is None:
         return passed
     gain = surprise(2.0 * gain, again.blocks) - float(np.log(len(declared)))
     if gain < SUSPECTED:
         return passed
-    sentence, evidence = _sentence(fit.dataset.vehicle, pattern, again), _evidence(again, pattern)
+    sentence = _sentence(fit.dataset.vehicle, pattern, again, twins)
+    evidence = _evidence(again, pattern)
     if gain > REFUSED:
         return Finding(kind=KIND, severity="refusal", sentence=sentence, evidence=evidence)
     numbers = tuple(n for n in fit.numbers.names if n.partition("@")[0] in SCALED)
@@ -163,23 +165,39 @@ def _contradiction(fit: Fit) -> Finding:
     )
 
 
-def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[float, Pattern, RotorDrags] | None:
-    """Find the suspected spins that gain most over the declared ones, and hold; None if none do."""
+Judged = tuple[float, Pattern, RotorDrags]
+"""What other spins gain over the declared ones, and the drag torques with them."""
+
+
+def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Pattern]] | None:
+    """Find the suspected spins that gain most over the declared ones, and hold; None if none do.
+
+    With them all others of as many rotors that gain as much: of two on one axis at one speed no
+    flight tells which it is.
+    """
     declared = np.ones(len(fit.dataset.vehicle.rotors))
     # Fitted the same way: which bands count is told anew in every fit.
     as_declared = _fitted_with(fit, declared) if suspects else None
     if as_declared is None:
         return None
-    likeliest: tuple[float, Pattern, RotorDrags] | None = None
+    judged: list[Judged] = []
     for pattern in suspects:
         found = _fitted_with(fit, pattern)
         if found is None:
             continue
         estimate, again = found
         gain = min(gained(fit.estimate, estimate), gained(as_declared[0], estimate))
-        if again.speaks_for(declared, pattern) and (likeliest is None or gain > likeliest[0]):
-            likeliest = gain, pattern, again
-    return likeliest
+        judged.append((gain, pattern, again))
+    holding = [one for one in judged if one[2].speaks_for(declared, one[1])]
+    if not holding:
+        return None
+    best = max(holding, key=lambda one: one[0])
+    twins = [
+        pattern
+        for gain, pattern, _ in judged
+        if gain > best[0] - SUSPECTED and pattern.sum() == best[1].sum() and pattern is not best[1]
+    ]
+    return best, twins
 
 
 def rotor_drags(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> RotorDrags:
@@ -281,22 +299,31 @@ def _yaw_is_flown(fit: BandedEstimate, configurations: Sequence[JointConfigurati
     return any(rho[f"yaw@{c.name}"] > LEAST_EXCITATION for c in configurations)
 
 
-def _sentence(declared: Vehicle, pattern: Pattern, again: RotorDrags) -> str:
+def _sentence(
+    declared: Vehicle, pattern: Pattern, again: RotorDrags, twins: Sequence[Pattern]
+) -> str:
     """Explain which spins yaw shows, by the drag of those that are declared wrong."""
-    other = with_spins(declared, pattern)
     wrong = pattern < 0.0
     if wrong.all():
         return (
             "yaw contradicts the declared spins: with every spin reversed (props out instead of "
             "in) every rotor's drag turns the body against it, as it must; correct the spin"
         )
-    words = " and ".join(f"rotor {i + 1} {other.rotors[i].spin}" for i in np.flatnonzero(wrong))
+    words = _reversed_words(declared, pattern)
+    as_well = "".join(f" (or {_reversed_words(declared, twin)})" for twin in twins)
     share, std = again.share(wrong)
     return (
-        f"yaw contradicts the declared spins: with {words} the rotors' drag torques are alike, as "
-        f"declared {'those' if wrong.sum() > 1 else 'its'} would be {-share:.1f} +- "
-        f"{1.96 * std:.1f} times the others'; correct the spin"
+        f"yaw contradicts the declared spins: with {words}{as_well} the rotors' drag "
+        f"torques are alike, as declared {'those' if wrong.sum() > 1 else 'its'} would be "
+        f"{-share:.1f} +- {1.96 * std:.1f} times the others'; correct the spin"
     )
+
+
+def _reversed_words(declared: Vehicle, pattern: Pattern) -> str:
+    """List the rotors that a pattern reverses, with the spin that they then have."""
+    other = with_spins(declared, pattern)
+    wrong = np.flatnonzero(pattern < 0.0)
+    return " and ".join(f"rotor {i + 1} {other.rotors[i].spin}" for i in wrong)
 
 
 def _evidence(drags: RotorDrags, pattern: Pattern) -> tuple[Evidence, ...]:

@@ -63,7 +63,8 @@ PARAMETERS: Final[dict[str, ParameterInfo]] = {
 """Everything that stands under ``parameters`` of a result."""
 NUISANCE: Final = tuple(name for term in TERMS if term.of_sensor for name in term.parameters)
 """Of the sensors, not of the vehicle: nobody flies for them."""
-UNREPORTED: Final = tuple(n for t in TERMS if not t.reported for n in t.parameters)
+NO_NUMBERS: Final = {n: info for t in TERMS if not t.reported for n, info in t.parameters.items()}
+UNREPORTED: Final = tuple(NO_NUMBERS)
 """Parameters of a fit that are no numbers of a result."""
 ROW_ORDER: Final = (
     *(*_ROTORS, *MOTORS),

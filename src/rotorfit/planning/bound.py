@@ -30,7 +30,7 @@ from rotorfit.fit.intervals.joint_numbers import (
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_map import joint_map
 from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior
-from rotorfit.model.parameters import EVERY, SHARED
+from rotorfit.model.parameters import EVERY, NO_NUMBERS, SHARED
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.term import Size
 from rotorfit.planning.vehicle import (
@@ -391,7 +391,8 @@ def _scales(
     sizes: list[float] = []
     for name in mapped.names:
         base = name.partition("@")[0]
-        step = EVERY[base].step if base in EVERY else None
+        info = EVERY.get(base) or NO_NUMBERS.get(base)
+        step = None if info is None else info.step
         if step is not None:
             sizes.append(step(guessed))
         elif base in own:

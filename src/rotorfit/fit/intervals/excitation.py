@@ -16,6 +16,7 @@ Where neither of the two is flown it is noise, up to seventeen times too large; 
 gives it without that link. The height of the centre of mass hangs on roll and pitch, too.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -43,6 +44,8 @@ YAW_PRODUCTS: Final = ("Ixz", "Ixz_com", "Iyz", "Iyz_com")
 """Where roll and pitch are flown and yaw is not, these stand in the yaw equation alone, where
 their scale is that of k_d."""
 HEIGHTS: Final = tuple(name for name, info in EVERY.items() if info.motion == "height")
+ROTORS_LEAN: Final = math.radians(0.25)
+"""Deviation of the mean of four motors that each lean by half a degree [rad]."""
 COMMON: Final = 0.005
 COMMON_YAW: Final = 0.015
 """Shares of k_t and of roll and pitch inertia, and of what yaw tells, by which many flights are off
@@ -114,6 +117,15 @@ def product_allowance(size: float, rho: float) -> float:
         Of yaw.
     """
     return SCALE_BIAS / (max(float(rho), 0.0) + SCALE_BIAS) * abs(size)
+
+
+def lean_allowance(first: float, second: float) -> float:
+    """Return the half-width that the rotors' mean lean against the frame adds to a product.
+
+    Products of inertia are those in the rotors' axes; `first` and `second` are the moments about
+    the product's two axes.
+    """
+    return 1.96 * ROTORS_LEAN * abs(second - first)
 
 
 def scale_stretch(value: float, half_width: float) -> float:

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from rotorfit.estimation.banded import (
     BandedEstimate,
@@ -38,6 +39,7 @@ from rotorfit.fit.intervals.excitation import (
     attenuation_allowance,
     common_share,
     inertia_bias,
+    lean_allowance,
     link_allowance,
     product_allowance,
     scale_stretch,
@@ -52,7 +54,16 @@ from rotorfit.fit.intervals.numbers import (
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, flights_of
-from rotorfit.model.parameters import EVERY, INERTIA, inertia_about, names_of
+from rotorfit.model.parameters import (
+    EVERY,
+    FIRST_MOMENTS,
+    INERTIA,
+    INERTIA_PLACES,
+    inertia_about,
+    inertia_matrix,
+    names_of,
+)
+from rotorfit.model.terms.rotors import IMU_MOUNTING
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.frequency_bands import PILOT_BAND
@@ -256,9 +267,23 @@ def physical(
         # From theta, not phi: a body with a known payload has no free moments of its own.
         place = configuration.model.names.index
         own |= {name: float(theta[c, place(name)]) for name in MOMENTS}
-        numbers = _own_numbers({**own, **out}, configuration)
+        numbers = _own_numbers(_in_rotor_axes({**own, **out}), configuration)
         out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
     return out
+
+
+def _in_rotor_axes(p: Mapping[str, float]) -> dict[str, float]:
+    """Turn first moments and inertia from the IMU's axes into those of the rotors."""
+    turn = np.array([p.get(name, 0.0) for name in IMU_MOUNTING.names])
+    R = Rotation.from_rotvec(turn).as_matrix()
+    tensor = R.T @ inertia_matrix(np.array([p[name] for name in INERTIA])) @ R
+    moments = R.T @ [p[name] for name in FIRST_MOMENTS]
+    turned = [tensor[i, j] for i, j in INERTIA_PLACES]
+    return {
+        **p,
+        **dict(zip(FIRST_MOMENTS, moments.tolist(), strict=True)),
+        **{name: float(v) for name, v in zip(INERTIA, turned, strict=True)},
+    }
 
 
 def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> dict[str, float]:
@@ -371,12 +396,21 @@ def systematic_uncertainty(
             parts.append(attenuation_allowance(base, size, rho, with_response=False))
         if base in YAW_PRODUCTS:
             parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
+            parts.append(lean_allowance(*_moments_across(numbers, base, owner)))
         if EVERY[base].mass_power:
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)
             parts.append(1.96 * relative * value)
         extra[i] = quadrature(parts)
     return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
+
+
+def _moments_across(numbers: Numbers, product: str, owner: str) -> tuple[float, float]:
+    """Return the moments of inertia about the two axes of a product, of a configuration."""
+    first, second = (
+        float(numbers.values[numbers.index(f"I{axis}{axis}_com@{owner}")]) for axis in product[1:3]
+    )
+    return first, second
 
 
 def inertia_uncertainty(

@@ -85,7 +85,7 @@ def joint_map(
         free |= _body(c, configuration)
         products |= _spread_products(c, spread)
         for term in _own_terms(used, configuration):
-            own, more = _entries(term, c, configuration)
+            own, more = _entries(term, c, configuration, free)
             free |= own
             for entry, parts in more.items():
                 products[entry] = [*products.get(entry, ()), *parts]
@@ -116,8 +116,13 @@ def _own_terms(used: Sequence[Term], configuration: JointConfiguration) -> list[
     return centre + [t for t in used if t.owner == "configuration" and t.when != "always"]
 
 
-def _entries(term: Term, c: int, configuration: JointConfiguration) -> tuple[Free, Products]:
-    """Return a term's parameters of one configuration with the entries of theta that they move."""
+def _entries(
+    term: Term, c: int, configuration: JointConfiguration, others: Collection[str]
+) -> tuple[Free, Products]:
+    """Return a term's parameters of one configuration with the entries of theta that they move.
+
+    What is times a parameter that is not among the `others` of this model is no part of it.
+    """
     at = f"@{configuration.name}"
     free: Free = {f"{name}{at}": {} for name in term.parameters}
     products: Products = {}
@@ -129,6 +134,8 @@ def _entries(term: Term, c: int, configuration: JointConfiguration) -> tuple[Fre
             free[own][c, move.entry] = configuration.mass * move.factor
         else:
             other = _free_name(move, configuration)
+            if other not in others:
+                continue
             products.setdefault((c, move.entry), []).append((move.factor, other, own))
     return free, products
 

@@ -34,8 +34,6 @@ TWIST_STD: Final = np.radians(2.0)
 """Known of the motors' mean tilt about their arms before the flight [rad]."""
 MOUNTING_STD: Final = np.radians(0.5)
 """Known of the turn of an IMU against the rotors about each axis before the flight [rad]."""
-LEAST_MOUNTING: Final = np.radians(0.1)
-"""Below which that turn is of no account [rad]."""
 ROTOR_DRAG_STD: Final = 0.3
 """The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
@@ -99,18 +97,22 @@ def twist(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 
 
 def imu_mounting(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
-    """Rotors turned together against the IMU by small angles: their thrust, and where it acts.
+    """Rotors turned together against the IMU by small angles: all their forces and moments.
 
-    Parameters are k_t times each angle. Their drag torque, a tenth as large, does not count.
+    Parameters are each angle times k_t, k_d and J_r.
     """
-    columns = [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]
-    torque = np.cross(vehicle.positions, vehicle.axes)
     blocks: dict[str, Block] = {}
-    for axis, direction in zip("xyz", np.eye(3), strict=True):
-        out = block(layout, {})
-        out[:MX, columns] = -np.cross(direction, vehicle.axes).T
-        out[MX:, columns] = -np.cross(direction, torque).T
-        blocks[f"kt_mounting_{axis}"] = out
+    of_rotors = {
+        "kt": rotor_thrust(vehicle, layout)["kt"],
+        **rotor_torque(vehicle, layout),
+        **rotor_inertia(vehicle, layout),
+    }
+    for name, entries in of_rotors.items():
+        for axis, direction in zip("xyz", np.eye(3), strict=True):
+            rows = [
+                np.cross(direction, part, axisb=0, axisc=0) for part in (entries[:MX], entries[MX:])
+            ]
+            blocks[f"{name}_mounting_{axis}"] = np.vstack(rows)
     return blocks
 
 
@@ -287,7 +289,7 @@ TWIST: Final = Term(
 IMU_MOUNTING: Final = Term(
     name="imu_mounting",
     words="an IMU mounted turned by a small angle against the rotors",
-    when="likelihood",
+    when="default",
     parameters={
         f"mounting_{axis}": ParameterInfo(
             "rad",
@@ -295,17 +297,18 @@ IMU_MOUNTING: Final = Term(
             f"turn of the rotors about {axis} in the IMU's axes",
             title=f"Turn of the rotors about {axis} in the IMU's axes",
             prior=lambda s: MOUNTING_STD,
+            step=lambda s: 10.0 * MOUNTING_STD,
         )
         for axis in "xyz"
     },
     owner="configuration",
     entries=imu_mounting,
-    moves=tuple(Move(f"kt_mounting_{a}", f"mounting_{a}", "kt") for a in "xyz"),
-    significance=Significance(
-        parameters=tuple(f"mounting_{a}" for a in "xyz"),
-        least=lambda s: LEAST_MOUNTING,
-        brakes=False,
+    moves=tuple(
+        Move(f"{name}_mounting_{a}", f"mounting_{a}", name)
+        for name in ("kt", "kd", "Jr")
+        for a in "xyz"
     ),
+    dropped=0,
     # It tells where the sensor sits, but motors that all lean alike look the same.
     reported=False,
 )
