@@ -72,12 +72,6 @@ class Turning:
     group: int
     sample_rate: float
 
-    def half(self, second: bool) -> "Turning":
-        """Return the windows of the first or the second half of the flight."""
-        middle = len(self.windows) // 2
-        keep = slice(len(self.windows) - middle, None) if second else slice(middle)
-        return replace(self, windows=self.windows[keep], attitude=self.attitude[keep])
-
 
 def turning(data: FlightData) -> Turning:
     """Return how the axes of a flight turn by its gyro, in windows of its segments."""

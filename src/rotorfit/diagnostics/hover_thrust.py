@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
+from rotorfit.dataset.carried_weight import Measured
 from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.dataset.weight_balance import (
     Held,
@@ -33,6 +34,10 @@ UNLIKELY = 1e-4
 LEAST_THRUST_ERROR = 0.01
 """Thrust that misses the weight by less than this share is not worth words: so much do tilt, wind
 and a propeller's inflow make."""
+BATCH = 2.0
+"""Length of a batch [s]: gusts and climbs are forgotten from one to the next."""
+FEWEST_BATCHES = 4
+"""Of a half whose scatter tells anything."""
 LEAST_SAG = 0.05
 """The same for the change of thrust at one rotor speed during a flight."""
 
@@ -122,16 +127,14 @@ def hover_thrusts(
             whole = held_up(flight.turning, force)
             if whole is None:
                 continue
-            sag, sag_std = _sag(
-                *(held_up(flight.turning.half(late), force) for late in (False, True))
-            )
+            sag = thrust_sag(data, force)
             found.append(
                 HoverThrust(
                     configuration=configured.entry.name,
                     flight=flight.entry.file,
                     thrust=whole,
-                    sag=sag,
-                    sag_std=sag_std,
+                    sag=None if sag is None else sag.value,
+                    sag_std=np.inf if sag is None else sag.std,
                 )
             )
     return found
@@ -155,10 +158,40 @@ def _air_force(
     return lift - drag - lost
 
 
-def _sag(first: Held | None, second: Held | None) -> tuple[float | None, float]:
-    if first is None or second is None or first.ratio <= 0.0:
-        return None, np.inf
-    return second.ratio / first.ratio - 1.0, float(np.hypot(first.std, second.std))
+def thrust_sag(data: FlightData, force: Float[np.ndarray, "n 3"]) -> Measured | None:
+    """Measure by how much more a force is late in a flight than early, for what is felt, less one.
+
+    The accelerometer feels what lifts, whatever the vehicle does, and its bias is the same in both
+    halves. How the ratio scatters among batches tells what chance makes of it.
+
+    Parameters
+    ----------
+    force
+        Thrust and air force over mass by an estimate, of every sample [m/s^2].
+
+    Returns
+    -------
+    Measured
+        None of a flight that is too short.
+    """
+    rows = data.used_rows
+    mean = force[rows].mean(axis=0)
+    along = mean / np.linalg.norm(mean)
+    felt, made = data.specific_force[rows] @ along, force[rows] @ along
+    step = round(BATCH * data.sample_rate)
+    if len(rows) < 2 * FEWEST_BATCHES * step:
+        return None
+    halves: list[Measured] = []
+    for half in np.array_split(np.arange(len(rows)), 2):
+        batches = np.array_split(half, len(half) // step)
+        ratios = np.array([made[own].mean() / felt[own].mean() for own in batches])
+        few = float(stats.t.ppf(0.975, len(ratios) - 1)) / 1.96
+        std = few * float(ratios.std(ddof=1)) / len(ratios) ** 0.5
+        halves.append(Measured(value=float(ratios.mean()), std=std))
+    early, late = halves
+    ratio = late.value / early.value
+    std = float(np.hypot(early.std / early.value, late.std / late.value))
+    return Measured(value=ratio - 1.0, std=abs(ratio) * std)
 
 
 def hovers_differ(found: Sequence[HoverThrust]) -> Finding:

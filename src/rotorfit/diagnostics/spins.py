@@ -143,10 +143,10 @@ def _contradiction(fit: Fit) -> Finding:
     passed = Finding(kind=KIND, severity="passed", evidence=seen)
     if drags is not None and _surely(drags, declared):
         return passed
-    found = _likeliest(fit, _suspects(fit, drags)) or ((0.0, declared, drags), [])
-    (gain, pattern, again), twins = found
-    if again is None:
+    found = _likeliest(fit, _suspects(fit, drags))
+    if found is None:
         return passed
+    (gain, pattern, again), twins = found
     gain = surprise(2.0 * gain, again.blocks) - float(np.log(len(declared)))
     if gain < SUSPECTED:
         return passed
