@@ -97,7 +97,7 @@ def test_joined_flights_are_those_identified_together(two):
     """Timing, what counts, and the terms are settled flight by flight: that is the difference."""
     whole, loads = two
     away, std = steps(joined(loads), whole)
-    assert np.abs(away).max() < 0.25
+    assert np.abs(away).max() < 0.3
     assert std.max() < 1.2
     # What is open of the weight shifts every flight alike, which joined deviations do not have.
     own = [name not in ("kt", "hover_speed") for name in JOINED]

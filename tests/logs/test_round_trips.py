@@ -112,7 +112,8 @@ def check_alike(mine, other, flight, *, beside=frozenset(), but=()):
         else:
             tolerance = ALIKE * max(abs(parameter.value), scale_of(name, other, flight))
             # Poses are in single precision; the velocity that they give is in the rotors' drag.
-            if name in ("motor_delay", "rotor_drag"):
+            # An accelerometer's bias and the IMU's turn share what is felt sideways.
+            if name in ("motor_delay", "rotor_drag", "accel_bias_x", "accel_bias_y"):
                 tolerance = max(tolerance, SEARCH * parameter.std)
             assert mine[name].value == pytest.approx(parameter.value, abs=tolerance), name
 

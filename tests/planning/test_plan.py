@@ -315,10 +315,14 @@ def test_after_a_flight_missing_numbers_and_remedies_are_named(after_rolling, us
     missing = {m.name: m for m in planned.missing}
     assert {"kd", "Iyy_com", "Izz_com"} <= missing.keys()
     assert "Ixx_com" not in missing
-    # What the result advises, in its words, where that is enough.
+    # What the result advises, in its words, where that is enough: of products rolls alone are not.
     advised = {twin_of(m.name): m for m in planned.missing}
     for p in after_rolling.parameters:
-        if p.name in advised and p.advice and advised[p.name].manoeuvre in ("turns", "wiggles"):
+        if (
+            p.name in advised.keys() - {"Ixy", "Ixz", "Iyz"}
+            and p.advice
+            and advised[p.name].manoeuvre in ("turns", "wiggles")
+        ):
             assert advised[p.name].advice == p.advice
     assert missing["com_z"].manoeuvre == "wiggles"
     assert "wiggle roll and pitch" in after_rolling.parameter("msz", "A").advice

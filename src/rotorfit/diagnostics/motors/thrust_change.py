@@ -14,8 +14,8 @@ from rotorfit.diagnostics.hover_thrust import hover_thrusts
 from rotorfit.fit.fit import Fit
 from rotorfit.model.parameters import EVERY
 
-CHANCE: Final = 1.96
-"""Deviations of a change that chance makes."""
+CHANCE: Final = 1.0
+"""Deviations of a change that chance makes. (k_t, between both halves, is off by half of it.)"""
 
 
 def allow_for_thrust_change(fit: Fit) -> Fit:

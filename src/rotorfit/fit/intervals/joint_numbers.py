@@ -29,7 +29,7 @@ from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.reweighted import scatter_covariance
-from rotorfit.experiment.payload import MOMENTS
+from rotorfit.experiment.payload import MOMENTS, added_moments
 from rotorfit.fit.intervals.excitation import (
     AXES,
     HEIGHTS,
@@ -258,6 +258,7 @@ def physical(
     spread = spread_names(configurations[0].vehicle)
     for i in range(len(spread) if set(spread) <= set(p) else 0):
         out[f"kt_{i + 1}"] = p["kt"] + float(theta[0, index(f"kt_{i + 1}")])
+    turn = Rotation.from_rotvec([p.get(name, 0.0) for name in IMU_MOUNTING.names]).as_matrix()
     for c, configuration in enumerate(configurations):
         own = {
             name.removesuffix(f"@{configuration.name}"): value
@@ -266,24 +267,28 @@ def physical(
         }
         # From theta, not phi: a body with a known payload has no free moments of its own.
         place = configuration.model.names.index
-        own |= {name: float(theta[c, place(name)]) for name in MOMENTS}
-        numbers = _own_numbers(_in_rotor_axes({**own, **out}), configuration)
+        moments = {name: float(theta[c, place(name)]) for name in MOMENTS}
+        numbers = _own_numbers(
+            {**own, **out, **_turned(moments, turn, configuration)}, configuration
+        )
         out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
     return out
 
 
-def _in_rotor_axes(p: Mapping[str, float]) -> dict[str, float]:
-    """Turn first moments and inertia from the IMU's axes into those of the rotors."""
-    turn = np.array([p.get(name, 0.0) for name in IMU_MOUNTING.names])
-    R = Rotation.from_rotvec(turn).as_matrix()
-    tensor = R.T @ inertia_matrix(np.array([p[name] for name in INERTIA])) @ R
-    moments = R.T @ [p[name] for name in FIRST_MOMENTS]
-    turned = [tensor[i, j] for i, j in INERTIA_PLACES]
-    return {
-        **p,
-        **dict(zip(FIRST_MOMENTS, moments.tolist(), strict=True)),
-        **{name: float(v) for name, v in zip(INERTIA, turned, strict=True)},
-    }
+def _turned(
+    moments: Mapping[str, float], R: Float[np.ndarray, "3 3"], configuration: JointConfiguration
+) -> dict[str, float]:
+    """Turn a body's moments from the IMU's axes into those of the rotors.
+
+    A known payload stands in the axes of the rotors already.
+    """
+    payload = configuration.payload if configuration.payload_of is not None else ()
+    added = added_moments(payload)
+    body = {name: value - added.get(name, 0.0) for name, value in moments.items()}
+    tensor = R.T @ inertia_matrix(np.array([body[name] for name in INERTIA])) @ R
+    turned = dict(zip(FIRST_MOMENTS, R.T @ [body[name] for name in FIRST_MOMENTS], strict=True))
+    turned |= {name: tensor[place] for name, place in zip(INERTIA, INERTIA_PLACES, strict=True)}
+    return {name: float(value) + added.get(name, 0.0) for name, value in turned.items()}
 
 
 def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> dict[str, float]:

@@ -73,7 +73,7 @@ def joint_map(
     free: Free = {
         name: {(c, name): 1.0 for c in every}
         for term in used
-        if term.owner == "shared"
+        if term.owner == "shared" and not term.moves
         for name in term.parameters
     }
     free |= {name: {} for name in dict.fromkeys(spread)}
@@ -84,7 +84,7 @@ def joint_map(
         given[c, "mass"] = configuration.mass
         free |= _body(c, configuration)
         products |= _spread_products(c, spread)
-        for term in _own_terms(used, configuration):
+        for term in (*_own_terms(used, configuration), *_shared_moves(used)):
             own, more = _entries(term, c, configuration, free)
             free |= own
             for entry, parts in more.items():
@@ -116,14 +116,19 @@ def _own_terms(used: Sequence[Term], configuration: JointConfiguration) -> list[
     return centre + [t for t in used if t.owner == "configuration" and t.when != "always"]
 
 
-def _entries(
-    term: Term, c: int, configuration: JointConfiguration, others: Collection[str]
-) -> tuple[Free, Products]:
-    """Return a term's parameters of one configuration with the entries of theta that they move.
+def _shared_moves(used: Sequence[Term]) -> list[Term]:
+    """Return the terms whose parameters are the same in all configurations, and move entries."""
+    return [term for term in used if term.owner == "shared" and term.moves]
 
-    What is times a parameter that is not among the `others` of this model is no part of it.
+
+def _entries(
+    term: Term, c: int, configuration: JointConfiguration, shared: Collection[str]
+) -> tuple[Free, Products]:
+    """Return a term's parameters with the entries of theta of one configuration that they move.
+
+    What is times a parameter that is not among the `shared` ones of this model is no part of it.
     """
-    at = f"@{configuration.name}"
+    at = "" if term.owner == "shared" else f"@{configuration.name}"
     free: Free = {f"{name}{at}": {} for name in term.parameters}
     products: Products = {}
     for move in term.every_move:
@@ -134,7 +139,7 @@ def _entries(
             free[own][c, move.entry] = configuration.mass * move.factor
         else:
             other = _free_name(move, configuration)
-            if other not in others:
+            if "@" not in other and other not in shared:
                 continue
             products.setdefault((c, move.entry), []).append((move.factor, other, own))
     return free, products

@@ -313,12 +313,12 @@ def _mixed(
 def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float]:
     """Return the deviations of free parameters that are known before the flight, about zero.
 
-    Of shared parameters, whose sizes go with the rotors' speeds, only where something was flown.
+    Of parameters whose sizes go with the rotors' speeds only where something was flown.
     """
     first = configurations[0]
     prior = {f"spread_{i}": spread_std(r) for i, r in enumerate(first.vehicle.rotors, start=1)}
-    if len(first.factors):
-        prior |= _known_before("shared", size_of(first))
+    shared = _known_before("shared", size_of(first))
+    prior |= {name: std for name, std in shared.items() if np.isfinite(std)}
     for configuration in configurations:
         at, size = f"@{configuration.name}", size_of(configuration)
         own = _known_before("configuration", size)

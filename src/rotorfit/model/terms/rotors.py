@@ -301,7 +301,7 @@ IMU_MOUNTING: Final = Term(
         )
         for axis in "xyz"
     },
-    owner="configuration",
+    owner="shared",
     entries=imu_mounting,
     moves=tuple(
         Move(f"{name}_mounting_{a}", f"mounting_{a}", name)
