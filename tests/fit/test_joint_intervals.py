@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
 import made_fit
 from rotorfit.estimation.banded import (
@@ -15,7 +16,7 @@ from rotorfit.estimation.banded import (
 )
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
-from rotorfit.experiment.payload import PointMass
+from rotorfit.experiment.payload import PointMass, added_moments
 from rotorfit.fit.intervals import joint_numbers as module
 from rotorfit.fit.intervals.joint_numbers import (
     Numbers,
@@ -26,6 +27,7 @@ from rotorfit.fit.intervals.joint_numbers import (
     number_scale,
     systematic_uncertainty,
     timing_shifts,
+    turned_moments,
     weighed_excitation,
 )
 from rotorfit.fit.joint.joint_problem import joint_problem
@@ -441,6 +443,28 @@ def test_a_number_near_zero_is_pulled_as_one_that_matters():
     assert half["Jr"] == pytest.approx(0.5 * 0.01)
     assert half["Ixy_com@A"] == pytest.approx(2.5 / 7.0 * 0.2)
     assert widened({"Jr": (0.5, 0.0)}, rho=rho)["Jr"] == pytest.approx(0.25)
+
+
+def test_a_body_about_a_turned_imu_is_the_same_body():
+    """Against the point masses that it is made of, payload and all."""
+    rng = np.random.default_rng(5)
+    imu, R = rng.normal(size=3), Rotation.from_rotvec([0.02, -0.01, 0.03]).as_matrix()
+    body = [
+        PointMass(mass=m, position=tuple(p))
+        for m, p in zip((1.0, 2.0, 0.5), rng.normal(size=(3, 3)), strict=True)
+    ]
+    payload = (PointMass(mass=0.3, position=(0.1, 0.2, -0.3)),)
+    seen = [
+        replace(p, position=tuple((imu + R @ (np.array(p.position) - imu)).tolist())) for p in body
+    ]
+    loaded = replace(
+        made_fit.configuration("B", mass=3.8),
+        vehicle=replace(made_fit.QUAD, imu_position=tuple(imu.tolist())),
+        payload=payload,
+        payload_of="A",
+    )
+    moments = {n: v + added_moments(payload)[n] for n, v in added_moments(seen).items()}
+    assert turned_moments(moments, R, loaded) == pytest.approx(added_moments([*body, *payload]))
 
 
 def test_a_shared_number_uses_the_configuration_that_yaws_most():

@@ -266,17 +266,46 @@ def test_terms_that_are_not_there_stay_out(tmp_path, kind):
     assert not any("raises the log-likelihood" in words for words in result.warnings)
 
 
+def about(place):
+    """Return the matrix from a wrench about the origin to that about a place."""
+    return np.block([[np.eye(3), np.zeros((3, 3))], [-np.cross(place, np.eye(3)).T, np.eye(3)]])
+
+
 def test_a_turned_imu_sees_thrust_and_torque_turned():
-    """Against the rotors' wrench turned as a whole, about each axis."""
-    layout = regressor(made_fit.QUAD).layout
-    found = imu_mounting(made_fit.QUAD, layout)
+    """Against the rotors' wrench about the IMU turned as a whole, about each axis."""
+    imu = np.array([0.02, -0.03, 0.05])
+    vehicle = replace(made_fit.QUAD, imu_position=tuple(imu.tolist()))
+    layout = regressor(vehicle).layout
+    found = imu_mounting(vehicle, layout)
     wrenches = {
-        "kt": rotor_thrust(made_fit.QUAD, layout)["kt"],
-        **rotor_torque(made_fit.QUAD, layout),
-        **rotor_inertia(made_fit.QUAD, layout),
+        "kt": rotor_thrust(vehicle, layout)["kt"],
+        **rotor_torque(vehicle, layout),
+        **rotor_inertia(vehicle, layout),
     }
     for axis, direction in zip("xyz", np.eye(3), strict=True):
         turn = np.kron(np.eye(2), Rotation.from_rotvec(1e-6 * direction).as_matrix())
+        turn = about(-imu) @ turn @ about(imu)
         for name, plain in wrenches.items():
             change = 1e6 * (turn @ plain - plain)
             assert found[f"{name}_mounting_{axis}"] == pytest.approx(change, abs=1e-5)
+
+
+def test_an_imu_a_degree_off_leaves_no_wrong_product_of_inertia(tmp_path):
+    flight = flown.simulated("A", "noisy", seed=7, **SHORT)
+    table = tmp_path / "flight.csv"
+    write_flight_table(flight, table, channels=LOGGED)
+    header, values = table.read_text().splitlines()[0], np.loadtxt(table, delimiter=",", skiprows=1)
+    turn = Rotation.from_rotvec(np.radians([0.8, -1.0, 0.7]))
+    for names in (("gyro_x", "gyro_y", "gyro_z"), ("accel_x", "accel_y", "accel_z")):
+        at = [header.split(",").index(name) for name in names]
+        values[:, at] = turn.inv().apply(values[:, at])
+    np.savetxt(table, values, delimiter=",", header=header, comments="")
+    path = flown.experiment_file(
+        tmp_path / "experiment.toml", flight.vehicle, [table], mass=flight.truth.mass
+    )
+    result = flown.quietly_identified(path)
+    found = [result.diagnostics[f"mounting_{axis}"] for axis in "xyz"]
+    assert found == pytest.approx((-turn.as_rotvec()).tolist(), abs=np.radians(0.2))
+    tensor = flight.truth.com_inertia
+    for name, true in (("Ixz_com", tensor[0, 2]), ("Iyz_com", tensor[1, 2])):
+        assert inside(result.derived_value(name), true)

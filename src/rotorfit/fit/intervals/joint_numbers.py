@@ -269,25 +269,30 @@ def physical(
         place = configuration.model.names.index
         moments = {name: float(theta[c, place(name)]) for name in MOMENTS}
         numbers = _own_numbers(
-            {**own, **out, **_turned(moments, turn, configuration)}, configuration
+            {**own, **out, **turned_moments(moments, turn, configuration)}, configuration
         )
         out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
     return out
 
 
-def _turned(
+def turned_moments(
     moments: Mapping[str, float], R: Float[np.ndarray, "3 3"], configuration: JointConfiguration
 ) -> dict[str, float]:
-    """Turn a body's moments from the IMU's axes into those of the rotors.
+    """Turn a body's moments about the IMU from its axes into those of the rotors.
 
     A known payload stands in the axes of the rotors already.
     """
     payload = configuration.payload if configuration.payload_of is not None else ()
     added = added_moments(payload)
     body = {name: value - added.get(name, 0.0) for name, value in moments.items()}
-    tensor = R.T @ inertia_matrix(np.array([body[name] for name in INERTIA])) @ R
-    turned = dict(zip(FIRST_MOMENTS, R.T @ [body[name] for name in FIRST_MOMENTS], strict=True))
-    turned |= {name: tensor[place] for name, place in zip(INERTIA, INERTIA_PLACES, strict=True)}
+    mass = configuration.mass - sum(item.mass for item in payload)
+    com = np.array([body[name] for name in FIRST_MOMENTS]) / mass
+    about_com = inertia_about(np.array([body[name] for name in INERTIA]), -mass, com)
+    tensor = R.T @ inertia_matrix(about_com) @ R
+    imu = np.array(configuration.vehicle.imu_position or (0.0, 0.0, 0.0))
+    com = imu + R.T @ (com - imu)
+    elements = inertia_about(np.array([tensor[place] for place in INERTIA_PLACES]), mass, com)
+    turned = dict(zip((*FIRST_MOMENTS, *INERTIA), [*(mass * com), *elements], strict=True))
     return {name: float(value) + added.get(name, 0.0) for name, value in turned.items()}
 
 

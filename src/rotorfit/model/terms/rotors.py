@@ -97,7 +97,7 @@ def twist(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 
 
 def imu_mounting(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
-    """Rotors turned together against the IMU by small angles: all their forces and moments.
+    """Rotors turned together about the IMU by small angles: all their forces and moments.
 
     Parameters are each angle times k_t, k_d and J_r.
     """
@@ -107,12 +107,12 @@ def imu_mounting(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
         **rotor_torque(vehicle, layout),
         **rotor_inertia(vehicle, layout),
     }
+    imu = np.array(vehicle.imu_position or (0.0, 0.0, 0.0))
     for name, entries in of_rotors.items():
+        force, torque = entries[:MX].T, entries[MX:].T
         for axis, direction in zip("xyz", np.eye(3), strict=True):
-            rows = [
-                np.cross(direction, part, axisb=0, axisc=0) for part in (entries[:MX], entries[MX:])
-            ]
-            blocks[f"{name}_mounting_{axis}"] = np.vstack(rows)
+            turned = np.cross(direction, torque) - np.cross(np.cross(direction, imu), force)
+            blocks[f"{name}_mounting_{axis}"] = np.vstack([np.cross(direction, force).T, turned.T])
     return blocks
 
 
