@@ -176,7 +176,7 @@ def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Patt
     flight tells which it is.
     """
     declared = np.ones(len(fit.dataset.vehicle.rotors))
-    # Fitted the same way: which bands count is told anew in every fit.
+    # Fitted the same way: every fit selects its bands anew.
     as_declared = _fitted_with(fit, declared) if suspects else None
     if as_declared is None:
         return None

@@ -269,7 +269,7 @@ MAIN: Final = (
 
 
 def _sheet(result: IdentificationResult) -> Sheet:
-    """Return what a result shows of itself: its main numbers, the others counted."""
+    """Collect the main numbers of a result, and count the others."""
     shown = [e for e in result._entries if e.name in MAIN]  # pyright: ignore[reportPrivateUsage]
     several = len({e.configuration for e in shown} - {None}) > 1
     shown.sort(key=lambda e: (e.configuration or "", MAIN.index(e.name)))
@@ -440,7 +440,7 @@ def _findings(data: Mapping[str, Any]) -> tuple[Finding, ...]:
 
 
 def _no_result(path: Path, why: str) -> str:
-    """Return what a file is in place of a result, and which would be right."""
+    """Say what a file is in place of a result, and which would be right."""
     if not path.exists():
         return f"no file {path}; rotorfit identify LOG ... -o {path.name}  writes a result"
     kind = kind_of(path)

@@ -116,7 +116,7 @@ def condition_words(condition: float) -> str:
 
 
 def weak_sentence(directions: Sequence[WeakDirection], doubtful: Collection[str]) -> str | None:
-    """Return what the flights cannot tell apart; None where all is well.
+    """Name the numbers that the flights cannot separate; None where all is well.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ BETTER = 0.6
 ALIKE = 0.02
 """Declarations whose scores differ by less explain the flight equally well."""
 NEGLIGIBLE = 0.1
-"""An unexplained share below which two declarations are not told apart."""
+"""An unexplained share below which two declarations count as equal."""
 TURNED = float(np.radians(12.0))
 """Angle about z between IMU and rotors from which it is no tolerance: sound logs have up to 3.5."""
 LAGS_TRIED = (LAG_PRIOR[0], 0.06, 0.1)
@@ -96,7 +96,7 @@ def response(factors: Factors, vehicle: Vehicle, *, made_for: Vehicle | None = N
 
 
 def free_response(factors: Factors, vehicle: Vehicle) -> Response:
-    """Return what the squared speeds of the rotors explain, wherever the rotors are."""
+    """Compute the shares that the rotors' squared speeds explain, wherever the rotors are."""
     R, layout = _inside_band(factors), signal_layout(vehicle)
     squares = R[:, _square_columns(vehicle)]
     thrust = squares @ vehicle.axes[:, 2]
@@ -337,7 +337,7 @@ def _check_flight(
 
 
 def _leaning(flight: LoadedFlight) -> str:
-    """Return that the thrust leans in the IMU's axes, which may be why rotors seem wrong."""
+    """Describe a thrust that leans in the IMU's axes: rotors may seem wrong by it."""
     tilt = mean_force_tilt([flight.prepared.data])
     if tilt.angle < LEAST_TILT:
         return ""
@@ -368,7 +368,7 @@ def _others_tried(
 def _other_drives(
     vehicle: Vehicle,
 ) -> tuple[Float[np.ndarray, "o 3 4 c"], Bool[np.ndarray, " o"], tuple[str, ...]]:
-    """Return what drives roll, pitch and yaw by other declarations, and which keep the spins."""
+    """Compute the drives of roll, pitch and yaw by other declarations, and which keep the spins."""
     others, words = zip(*_others(vehicle), strict=True)
     agree = np.array([float(other.spins @ vehicle.spins) for other in others])
     drives = np.array([_drives(other, vehicle) for other in others])

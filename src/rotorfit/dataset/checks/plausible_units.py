@@ -1,4 +1,4 @@
-r"""Whether the sizes of gyro, arms and rotor speeds can be: units told from the flight itself.
+r"""Whether the sizes of gyro, arms and rotor speeds can be: units seen in the flight itself.
 
 Two witnesses. Over some seconds of flight the specific force, turned by the gyro into axes that do
 not rotate, has the mean of gravity (see `weight_balance`); with a gyro in deg/s that is taken for
@@ -91,7 +91,7 @@ def _slope(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> tuple[floa
 
 
 def _rejection(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
-    """Return what of y does not go with x: thrust turns a vehicle whose CoM is off the centre."""
+    """Remove the part of y along x: thrust turns a vehicle whose CoM is off the centre."""
     return y - x * (float(x @ y) / float(x @ x))
 
 
@@ -119,7 +119,7 @@ def refuse_gyro_in_degrees(
 
 
 def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | None:
-    """Return what contradicts a gyro in rad/s, None where nothing does."""
+    """Describe the contradiction to a gyro in rad/s; None where there is none."""
     as_said = held_up(turning(data), data.specific_force)
     if as_said is None or as_said.ratio > LOST_GRAVITY:
         return None
@@ -149,7 +149,7 @@ def refuse_implausible_size(factors: Factors, vehicle: Vehicle) -> None:
 
 
 def implausible_size(found: float | None, arm: float) -> str | None:
-    """Return what contradicts a radius of gyration over the arm [m], None where nothing does."""
+    """Describe an impossible radius of gyration over the arm [m]; None where it can be."""
     if found is None or SLIMMEST <= found <= STOUTEST:
         return None
     expected = f"{SLIMMEST:g} to {STOUTEST:g} was expected, most have 0.2 to 0.6"

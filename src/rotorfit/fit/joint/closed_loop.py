@@ -75,7 +75,7 @@ def response_from_scores(
     G: Float[np.ndarray, "m f e"],
     prior: Float[np.ndarray, "f f"],
 ) -> ClosedLoopResponse:
-    """Return the same from what the flights ask for.
+    """Estimate the response from the informations and scores of the flights.
 
     Parameters
     ----------

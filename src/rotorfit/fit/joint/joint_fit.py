@@ -113,7 +113,7 @@ def _fit_from(
     select: dict[str, Any],
     more: dict[str, Any],
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
-    """Return the fit of what counts, from where that can be told, and its configurations."""
+    """Fit the informative bands, selected at `begin`; return the fit and its configurations."""
     joint = select_informative_bands(joint, begin, **select, **more)
     fit = joint_estimate(joint, [], begin=begin, close=_close(joint), **more)
     if not _several_flights(joint):

@@ -239,7 +239,7 @@ def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
 
 
 def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopResponses:
-    """Return what the autopilot does about roll, pitch, yaw and climb errors in every block."""
+    """Compute the autopilot's responses to roll, pitch, yaw and climb errors in every block."""
     factors, counted = configuration.factors, configuration.counted
     with_response = configuration.with_response
     assert with_response is not None and counted is not None
@@ -346,7 +346,7 @@ def size_of(configuration: JointConfiguration) -> Size:
 
 
 def error_correlation_std(vehicle: Vehicle) -> float:
-    """Return what is known beforehand of the turn that comes with a push [(rad/s^2) / (m/s^2)]."""
+    """Compute the prior deviation of the turn that comes with a push [(rad/s^2) / (m/s^2)]."""
     return PUSHED_STD / vehicle.arm
 
 

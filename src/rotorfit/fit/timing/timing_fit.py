@@ -37,7 +37,7 @@ from rotorfit.reduction.motor_timing import (
 )
 
 SUMMED: Final = ("motor_lag", "motor_delay")
-"""Whose sum is told best."""
+"""Times whose sum is known better than each."""
 MOST_ROUNDS: Final = 10
 """Of fitting, and of making the signals anew where the fit has moved to."""
 LONGEST_MOVE: Final = 0.02

@@ -146,7 +146,7 @@ def pilot_band_cost(dataset: Dataset, response: MotorResponse) -> float:
 
 
 def _every_cost(dataset: Dataset, response: MotorResponse) -> float:
-    """Return the same in every band."""
+    """Compute the cost of a timing in every band."""
     return -sum(
         angular_log_likelihood(
             f, dataset.model, mass=configured.mass, counted=np.ones((len(f.band), 3), dtype=bool)

@@ -133,7 +133,7 @@ def _flight_log(path: Path, sha256: str) -> FlightLog:
 
 
 def _wanted(choice: imu.ImuChoice, names: frozenset[str]) -> Wanted:
-    """Return what is kept of the messages with these names: of IMUs the chosen one alone."""
+    """Select the fields to keep of the messages with these names: of IMUs the chosen one alone."""
     labels = dict.fromkeys(choice.names, imu.LABELS)
     labels |= dict.fromkeys(motors.ESC_NAMES, motors.ESC_LABELS)
     return Wanted(names=names, instances=choice.instances, labels=labels)

@@ -174,12 +174,12 @@ SPIN: Final = AddedSignals(name="spin", names=spin_names, of_rotors=spin_columns
 
 
 def rotor_drag_std(size: Size) -> float:
-    """Return what is known of the rotors' drag before the flight [N s^2/(m rad)]."""
+    """Compute the prior deviation of the rotors' drag [N s^2/(m rad)]."""
     return ROTOR_DRAG_STD * size.mass / size.speeds
 
 
 def spread_std(rotor: Rotor) -> float:
-    """Return what is known of a rotor's own share of k_t before the flight."""
+    """Compute the prior deviation of a rotor's own share of k_t."""
     return ROTOR_SPREAD_STD if rotor.group is None else GROUP_SPREAD_STD
 
 

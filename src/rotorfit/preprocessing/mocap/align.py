@@ -28,7 +28,7 @@ CUTOFF = 8.0
 STEPS_PER_CUTOFF = 12.5
 """Samples of the common grid per period of the cut-off."""
 SHORTEST_OVERLAP = 5.0
-"""Of two recordings, to be told to belong together [s]."""
+"""Common time from which two recordings may belong together [s]."""
 CANDIDATES = 8
 SEPARATION = 0.3
 """Between two candidates for the offset [s]."""
