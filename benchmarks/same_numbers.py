@@ -221,7 +221,18 @@ def _read(text: str) -> object:
         read = json.loads(text)
     except ValueError:
         return text
-    return {k: v for k, v in read.items() if k not in NEW} if isinstance(read, dict) else read
+    return _without_new(read)
+
+
+def _without_new(read: object) -> object:
+    """Leave out the new keys, however deep."""
+    match read:
+        case dict():
+            return {k: _without_new(v) for k, v in read.items() if k not in NEW}
+        case list():
+            return [_without_new(one) for one in read]
+        case _:
+            return read
 
 
 def difference(before: dict[str, object], after: dict[str, object]) -> str:

@@ -218,7 +218,7 @@ def as_prepared(data, *, motor_rate):
         slowest_rate=data.sample_rate,
         motor_rate=motor_rate,
         cuts=(),
-        warnings=(),
+        findings=(),
     )
 
 

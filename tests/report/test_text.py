@@ -115,7 +115,7 @@ def result_of(
         samples_used=4000,
         used=((1.0, 21.0),),
         cuts=(),
-        warnings=("no 1 s at rest found",),
+        findings=(doubt("gyro-bias", "no 1 s at rest found"),),
     )
     fields = {
         "name": "test",

@@ -25,6 +25,7 @@ from rotorfit.dataset.dataset import (
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.declared_vehicle import payload_of, vehicle_of
 from rotorfit.experiment.experiment import ConfigurationEntry, Experiment, MotorsEntry
+from rotorfit.findings import doubts
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.air import CLIMB, VELOCITY
 from rotorfit.model.terms.registry import added_signals, considered_terms, terms_named
@@ -176,8 +177,8 @@ def _screen_speeds(
         data, takes = flight.prepared.data, flight.log.takes_columns
         name = Path(flight.entry.file).name
         refuse_rotors_too_fast({name: data}, arm, law=law, takes_columns=takes)
-        slow = slow_rotor_doubts(data, arm, law=law, takes_columns=takes)
-        prepared = dataclasses.replace(flight.prepared, warnings=(*flight.prepared.warnings, *slow))
+        slow = doubts("slow-rotors", slow_rotor_doubts(data, arm, law=law, takes_columns=takes))
+        prepared = dataclasses.replace(flight.prepared, findings=(*flight.prepared.findings, *slow))
         screened.append(dataclasses.replace(flight, prepared=prepared))
     return screened
 

@@ -55,8 +55,8 @@ class FlightRecord:
         Start and end of each stretch, since the first sample [s].
     cuts
         Start and end of what was left out [s], and why.
-    warnings
-        Doubts about this flight, one sentence each.
+    findings
+        Doubts about this flight.
     """
 
     file: str
@@ -66,7 +66,12 @@ class FlightRecord:
     samples_used: int
     used: tuple[tuple[float, float], ...]
     cuts: tuple[tuple[float, float, str], ...]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Doubts about this flight, one sentence each: those of the findings."""
+        return sentences(self.findings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -371,7 +376,9 @@ def _plain(result: IdentificationResult) -> dict[str, Any]:
         "parameters": parameters,
         "derived": [dataclasses.asdict(d) for d in result.derived],
         "validation": [dict(v) for v in result.validation],
-        "flights": [dataclasses.asdict(f) for f in result.flights],
+        "flights": [
+            {**dataclasses.asdict(f), "warnings": list(f.warnings)} for f in result.flights
+        ],
         "covariance": {
             "names": list(result.covariance_names),
             "matrix": result.covariance.tolist(),
@@ -458,5 +465,6 @@ def _flight_record(entry: dict[str, Any]) -> FlightRecord:
     fields: dict[str, Any] = dict(entry)
     fields["used"] = tuple((a, b) for a, b in entry["used"])
     fields["cuts"] = tuple((a, b, why) for a, b, why in entry["cuts"])
-    fields["warnings"] = tuple(entry["warnings"])
+    del fields["warnings"]
+    fields["findings"] = _findings(entry)
     return FlightRecord(**fields)
