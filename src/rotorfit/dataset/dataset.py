@@ -1,17 +1,16 @@
-"""From the flights of an experiment to factors: read, prepare, reduce."""
+"""The flights of an experiment, by configuration: read and prepared."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
 from rotorfit.dataset.weight_balance import Turning, turning
 from rotorfit.errors import ExperimentError, RotorfitError
-from rotorfit.estimation.factors import Factors, stack_recordings
 from rotorfit.experiment.declared_vehicle import (
     imu_tilt_of,
     motor_model_of,
@@ -33,7 +32,7 @@ from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.decimate import AsRecorded, as_recorded, decimated
-from rotorfit.preprocessing.imu_tilt import ImuTilt, levelled
+from rotorfit.preprocessing.imu_tilt import levelled
 from rotorfit.preprocessing.mocap.align import with_poses
 from rotorfit.preprocessing.mocap.prepare_mocap import prepare_mocap
 from rotorfit.preprocessing.motors.command_response import (
@@ -45,9 +44,8 @@ from rotorfit.preprocessing.motors.motor_limits import MotorLimits, motor_limits
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import State, Telemetry, telemetry
 from rotorfit.preprocessing.prepare import PreparedFlight, on_one_clock, prepared_from
-from rotorfit.reduction.frequency_bands import EDGES, banded_data, flight_bands
-from rotorfit.reduction.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming, TimedBands
-from rotorfit.reduction.reduce import Lines, body_lines, yaw_factors
+from rotorfit.reduction.frequency_bands import EDGES
+from rotorfit.reduction.motor_timing import LAG_PRIOR
 
 UNRESPONSIVE: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
 """States of a measured speed from which no law can be learnt."""
@@ -109,22 +107,15 @@ class Dataset:
         As declared.
     configurations
         In the order of the experiment.
-    motor_timing
-        When the rotors do what the motor data say, where it was found.
     source
         What measured the motion.
-    body
-        Lines of the signals that the rotors have no part in, of each flight of each configuration:
-        made once (`reduced`), they serve every timing of the motors.
     """
 
     vehicle: Vehicle
     model: Regressor
     motors: MotorsEntry
     configurations: tuple[ConfigurationData, ...]
-    motor_timing: MotorTiming | None = None
     source: Source = "imu"
-    body: tuple[tuple[tuple[Lines, ...], ...], ...] | None = None
 
     @property
     def declared(self) -> MotorResponse:
@@ -150,136 +141,8 @@ class Dataset:
             return LAG_PRIOR
         return self.motors.lag, self.motors.lag_std
 
-    @property
-    def timing(self) -> MotorResponse | None:
-        """Lag and delay that were found; None leaves the flights as they were prepared."""
-        return None if self.motor_timing is None else self.motor_timing.response
 
-    @property
-    def timing_identifiable(self) -> bool:
-        """Whether lag and delay are given, or the flights tell them."""
-        return self.motor_timing is None or self.motor_timing.identifiable
-
-    @property
-    def reached(self) -> Mapping[str, float] | None:
-        """Where the fit that found the timing ended; None where none did."""
-        return None if self.motor_timing is None else self.motor_timing.reached
-
-    @property
-    def free_timing(self) -> FreeTiming | None:
-        """What a joint fit may move of the timing; None where it is given, or untold."""
-        found = self.motor_timing
-        if found is None or not found.free:
-            return None
-        bands = self._timed_already
-        at = found.response if bands is None else bands.at
-        return FreeTiming(at=at, names=found.free, lag_prior=self.lag_prior)
-
-    @property
-    def _timed_already(self) -> TimedBands | None:
-        """The bands that the timing was found with, where they are of these flights."""
-        bands = None if self.motor_timing is None else self.motor_timing.bands
-        return bands if bands is not None and bands.matches(self._made_of) else None
-
-    @property
-    def _made_of(self) -> tuple[object, ...]:
-        return self.vehicle, self.configurations, self.model.layout
-
-    def at(
-        self,
-        response: MotorResponse,
-        free: tuple[str, ...] = (),
-        *,
-        additional: tuple[str, ...] = (),
-    ) -> "Dataset":
-        """Return the same with the motors timed so, and what a fit may move of it.
-
-        With `additional`, what it may move after a call of `freed`.
-        """
-        timing = MotorTiming(response=response, total_std=0.0, free=free, additional=additional)
-        return dataclasses.replace(self, motor_timing=timing)
-
-    def freed(self) -> "Dataset":
-        """Return the same where a fit moves the times beside, too; no signals are made anew."""
-        found, free = self.motor_timing, self.free_timing
-        assert found is not None and free is not None
-        bands = TimedBands(at=free.at, inputs=self._made_of, factors=self._every_slope)
-        names = (*found.free, *found.additional)
-        timing = dataclasses.replace(found, free=names, additional=(), bands=bands)
-        return dataclasses.replace(self, motor_timing=timing)
-
-    def reduced(self) -> "Dataset":
-        """Return the same with the body's lines made, for bands at many timings."""
-        body = tuple(
-            tuple(
-                body_lines(data, plan=plan, added=self.model.layout.added)
-                for data, plan in (banded_data(f.prepared, None) for f in c.flights)
-            )
-            for c in self.configurations
-        )
-        return dataclasses.replace(self, body=body)
-
-    def bands(
-        self,
-        response: MotorResponse | None = None,
-        *,
-        free: FreeTiming | None = None,
-        top: float = np.inf,
-    ) -> tuple[Factors, ...]:
-        """Return the band factors of each configuration, at another timing of the motors.
-
-        With `free`, their slopes by the times that a fit may move; only of the bands that begin
-        under `top` [Hz].
-        """
-        body = self.body or [None] * len(self.configurations)
-        return tuple(
-            flight_bands(
-                [f.prepared for f in c.flights],
-                self.vehicle,
-                response,
-                added=self.model.layout.added,
-                free=free,
-                body=own,
-                top=top,
-            )
-            for c, own in zip(self.configurations, body, strict=True)
-        )
-
-    @cached_property
-    def timed_bands(self) -> tuple[Factors, ...]:
-        """The same at the timing that was found, with what a fit may move of it."""
-        bands, found = self._timed_already, self.motor_timing
-        if bands is not None:
-            return bands.factors
-        if found is None or not found.additional:
-            return self.bands(self.timing, free=self.free_timing)
-        return tuple(one.first_slopes(len(found.free)) for one in self._every_slope)
-
-    @cached_property
-    def _every_slope(self) -> tuple[Factors, ...]:
-        """The same with the slopes by the times beside, too."""
-        found, free = self.motor_timing, self.free_timing
-        assert found is not None and free is not None
-        names = (*found.free, *found.additional)
-        return self.bands(free.at, free=dataclasses.replace(free, names=names))
-
-    def found_with(self) -> TimedBands:
-        """Return the timed bands for other fits of the same flights."""
-        free = self.free_timing
-        assert free is not None
-        return TimedBands(at=free.at, inputs=self._made_of, factors=self.timed_bands)
-
-    def yaw_bands(self) -> tuple[Factors, ...]:
-        """Return the band factors of yaw alone at that timing, every rotor for itself."""
-        return tuple(
-            stack_recordings(
-                [
-                    yaw_factors(data, len(self.vehicle.rotors), plan=plan)
-                    for data, plan in (banded_data(f.prepared, self.timing) for f in c.flights)
-                ]
-            )
-            for c in self.configurations
-        )
+Kind = TypeVar("Kind", bound=Dataset)
 
 
 def load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
@@ -413,13 +276,7 @@ def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLo
     return dataclasses.replace(log, channels=channels), True
 
 
-def levelled_flights(dataset: Dataset, tilt: ImuTilt) -> Dataset:
-    """Return the flights with the IMU's readings turned into the rotors' axes."""
-    turned = with_prepared(dataset, lambda prepared: levelled(prepared, tilt))
-    return dataclasses.replace(turned, body=None)
-
-
-def with_prepared(dataset: Dataset, change: Callable[[PreparedFlight], PreparedFlight]) -> Dataset:
+def with_prepared(dataset: Kind, change: Callable[[PreparedFlight], PreparedFlight]) -> Kind:
     """Return the dataset with every prepared flight changed."""
     configurations = tuple(
         dataclasses.replace(

@@ -66,7 +66,7 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
         motors=agreed_motors(experiment.motors, flights),
         configurations=loaded,
         source=source,
-    ).reduced()
+    )
 
 
 def _felt_where_unknown(configuration: ConfigurationData) -> ConfigurationData:

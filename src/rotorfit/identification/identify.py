@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.dataset.load import Progress, load_dataset, resolved_method
 from rotorfit.diagnostics.assumptions import assumptions, log_metadata
 from rotorfit.diagnostics.coupling import drop_absent_coupling
@@ -32,6 +31,7 @@ from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import mark_doubtful, with_diagnosis, with_setting
 from rotorfit.results.command_units import in_command_units, with_flight_numbers
@@ -67,7 +67,7 @@ class Identified:
     """
 
     result: IdentificationResult
-    dataset: Dataset
+    dataset: TimedDataset
     fit: Fit | None
 
 
@@ -105,7 +105,7 @@ def identify_flights(experiment: Experiment, *, progress: Progress | None = None
 
 def _identify(experiment: Experiment, report: Progress) -> Identified:
     method = resolved_method(experiment)
-    dataset = load_dataset(experiment, report)
+    dataset = TimedDataset.of(load_dataset(experiment, report))
     found = log_metadata(experiment.motors, dataset)
     experiment = experiment.model_copy(update={"motors": dataset.motors})
     # The paper neglects lag and delay, but takes out the delay of its motion capture.
@@ -149,7 +149,7 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
 LEAST_SQUARES: Final = {"ols": row_result, "tls": paper_result}
 
 
-def _fit(experiment: Experiment, dataset: Dataset) -> Fit:
+def _fit(experiment: Experiment, dataset: TimedDataset) -> Fit:
     """Fit the joint likelihood, and take every step to its intervals."""
     fit = fit_flights(dataset, experiment.identification.terms)
     for step in STEPS:

@@ -6,7 +6,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import SMALLEST_STEP, BandedEstimate
 from rotorfit.experiment.model_terms import DEFAULT_TERMS
@@ -15,6 +14,7 @@ from rotorfit.fit.joint.informative_bands import select_informative_bands, selec
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, separate_flights
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, flights_of, scatters
 from rotorfit.fit.rows.row_fits import fit_rows
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.reduction.frequency_bands import LEAST_RATIO
 
 NEAR: Final = 0.1
@@ -42,7 +42,7 @@ class FittedFactors:
 
 
 def joint_fit(
-    dataset: Dataset,
+    dataset: TimedDataset,
     *,
     top: float = np.inf,
     terms: Sequence[str] = DEFAULT_TERMS,
