@@ -15,7 +15,7 @@ from rotorfit.cli.main import main
 from rotorfit.control_loop.controllers import rate_controller
 from rotorfit.control_loop.filters import GyroFilter
 from rotorfit.control_loop.loop import judge_flight, loop_margins
-from rotorfit.control_loop.outcome import loop_to_json
+from rotorfit.control_loop.plain import loop_to_json
 from rotorfit.control_loop.proof import replay_mixer
 from rotorfit.control_loop.vehicle import Flown
 from rotorfit.errors import LogError

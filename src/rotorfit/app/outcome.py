@@ -12,8 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.app.files import Progress, json_with_shown_names, with_shown_names
 from rotorfit.app.form import SOURCE, experiment_of, rows, table, text_of
-from rotorfit.control_loop.loop import first_flight_margins
-from rotorfit.control_loop.outcome import LoopOutcome
+from rotorfit.control_loop.loop import LoopOutcome, first_flight_margins
 from rotorfit.errors import (
     ExperimentError,
     MissingNumbersError,

@@ -33,7 +33,7 @@ from rotorfit.cli.terminal import (
 from rotorfit.errors import ExperimentError, RotorfitError
 
 if TYPE_CHECKING:
-    from rotorfit.control_loop.outcome import LoopOutcome
+    from rotorfit.control_loop.loop import LoopOutcome
     from rotorfit.experiment.experiment import Experiment, FlightEntry, IdentificationEntry
     from rotorfit.results.result import IdentificationResult
 

@@ -38,7 +38,7 @@ def loop(
     margins of the rate loop are proved on the flight itself, or withheld with the reason.
     """
     from rotorfit.control_loop.loop import loop_margins
-    from rotorfit.control_loop.outcome import loop_to_json
+    from rotorfit.control_loop.plain import loop_to_json
     from rotorfit.logs.files import write_whole
     from rotorfit.report.loop import loop_html, loop_text
     from rotorfit.results.sound_result import load_sound

@@ -1,7 +1,7 @@
 """Judge the loop that flew: margins with intervals, their proof, and what other gains would do."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -12,13 +12,6 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.control_loop.controllers import AXES, moving_filters, rate_controller
 from rotorfit.control_loop.margins import Margins, margins
-from rotorfit.control_loop.outcome import (
-    AxisLoop,
-    LoopMeasures,
-    LoopOutcome,
-    Measure,
-    StepResponse,
-)
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.proof import (
     UNKNOWN,
@@ -63,6 +56,146 @@ SETTLED: Final = 4.0
 """By then the answer to a step has come to rest [s]."""
 STEP_TIMES: Final = np.linspace(0.0, 0.6, 121)
 """At which it is shown [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """A number of the loop with its 95 % interval; NaN where the loop has none.
+
+    Attributes
+    ----------
+    value
+        Of the nominal vehicle.
+    low, high
+        Ends of the interval.
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopMeasures:
+    """How far a loop is from oscillating.
+
+    Attributes
+    ----------
+    crossover
+        Frequency at which the gain falls to 1 for the last time [Hz].
+    phase
+        Phase margin [deg].
+    gain
+        Factor of the gain at which the loop oscillates.
+    delay
+        Time by which the loop may be later until it oscillates [s].
+    sensitivity
+        Peak of ``1 / |1 + L|``: by how much disturbances are amplified at worst.
+    stable
+        Share of the vehicles that the flights leave open in which the closed loop is stable.
+    """
+
+    crossover: Measure
+    phase: Measure
+    gain: Measure
+    delay: Measure
+    sensitivity: Measure
+    stable: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepResponse:
+    """Rate over the rate asked for, that steps to 1 at time 0 [s], with its 95 % band.
+
+    Without noise, at no motor's limit; NaN where the nominal loop oscillates.
+    """
+
+    time: Float[np.ndarray, " t"]
+    value: Float[np.ndarray, " t"]
+    low: Float[np.ndarray, " t"]
+    high: Float[np.ndarray, " t"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisLoop:
+    """What is said of one axis.
+
+    Attributes
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    controller
+        As flown.
+    replay, mixer
+        Of its output, and of the motors' commands by it; None where the log has no curve of them.
+    contradicts
+        Whether its closed loop contradicts the result.
+    rate_loop, with_attitude
+        Cut at the torque command: the rate loop alone, and with the attitude loop around it.
+    bands, error
+        Of the measured closed loop, and what they say of effectiveness and delay.
+    doubts
+        Why no margin of it is proved; empty where it is.
+    gains
+        Factor of P, I and D, and the peak of the sensitivity that 97.5 % of the vehicles stay
+        below; infinite where more oscillate.
+    step
+        Of the rate loop alone.
+    frequency, open_loop, closed_loop
+        [Hz]; of each vehicle, the nominal one first: the open loop with its attitude loop, and the
+        rate over the rate asked for.
+    stable
+        Which of these vehicles do not oscillate.
+    """
+
+    axis: str
+    controller: RateController
+    replay: ReplayedOutput
+    mixer: ReplayedMixer | None
+    contradicts: bool
+    rate_loop: LoopMeasures
+    with_attitude: LoopMeasures
+    bands: tuple[Band, ...]
+    error: LoopError
+    doubts: tuple[str, ...]
+    gains: tuple[tuple[float, float], ...]
+    step: StepResponse
+    frequency: Float[np.ndarray, " f"]
+    open_loop: Complex[np.ndarray, "D f"]
+    closed_loop: Complex[np.ndarray, "D f"]
+    stable: Bool[np.ndarray, " D"]
+
+    @property
+    def proved(self) -> tuple[float, float] | None:
+        """The frequencies between which the log proves the closed loop [Hz]."""
+        good = [band for band in self.bands if band.proved]
+        return (good[0].low, good[-1].high) if good and not self.doubts else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopOutcome:
+    """The loops of a flight, and what to know of them.
+
+    Attributes
+    ----------
+    name
+        Of the result.
+    configuration
+        Which flew.
+    autopilot, firmware
+        Whose controller it is, and its version in the log's words.
+    axes
+        Roll, pitch and yaw.
+    notes
+        What they rest on.
+    """
+
+    name: str
+    configuration: str
+    autopilot: str
+    firmware: str
+    axes: tuple[AxisLoop, ...]
+    notes: tuple[str, ...]
 
 
 def loop_margins(
@@ -201,7 +334,13 @@ def _axis(
     rate_loop = _measures(found)
     alone = _rate_loops(controller, vehicles, filtered=at_harmonics, frequency=harmonics)
     closed = closed_loop(controller, alone, harmonics)
+    doubts = doubts or _too_little(rate_loop.crossover.value, bands, error)
     outer = _with_attitude(inner, controller, frequency)
+    gains = [
+        (factor, _peak(margins(frequency, _with_attitude(factor * inner, scaled, frequency))))
+        for factor in FACTORS
+        for scaled in [controller.scaled(factor)]
+    ]
     return AxisLoop(
         axis=AXES[axis],
         controller=controller,
@@ -212,8 +351,8 @@ def _axis(
         with_attitude=_measures(margins(frequency, outer)),
         bands=tuple(bands),
         error=error,
-        doubts=tuple(doubts or _too_little(rate_loop.crossover.value, bands, error)),
-        gains=tuple(_peak_by_gain(inner, controller, frequency)),
+        doubts=tuple(doubts),
+        gains=tuple(gains),
         step=_step(step_response(harmonics, closed, STEP_TIMES), found.stable),
         frequency=frequency,
         open_loop=outer,
@@ -335,18 +474,6 @@ def _peak(found: Margins) -> float:
     """Return the peak of the sensitivity that 97.5 % of the vehicles stay below."""
     peaks = np.where(found.stable, found.sensitivity, np.inf)
     return float(np.sort(peaks)[int(np.ceil(SIDES[1] * len(peaks))) - 1])
-
-
-def _peak_by_gain(
-    inner: Complex[np.ndarray, "D f"],
-    controller: RateController,
-    frequency: Float[np.ndarray, " f"],
-) -> Iterator[tuple[float, float]]:
-    """Yield factors of the rate gains, and the peak of the sensitivity with each."""
-    for factor in FACTORS:
-        scaled = controller.scaled(factor)
-        outer = _with_attitude(factor * inner, scaled, frequency)
-        yield factor, _peak(margins(frequency, outer))
 
 
 def _contradictions(

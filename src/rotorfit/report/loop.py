@@ -7,15 +7,15 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.control_loop.loop import SIDES
-from rotorfit.control_loop.margins import open_phase
-from rotorfit.control_loop.outcome import (
+from rotorfit.control_loop.loop import (
+    SIDES,
     AxisLoop,
     LoopMeasures,
     LoopOutcome,
     Measure,
     StepResponse,
 )
+from rotorfit.control_loop.margins import open_phase
 from rotorfit.formatting.series import Series
 from rotorfit.formatting.sheet import wrapped
 from rotorfit.report.chart import Area, Axis, Chart, Curve, Line, Panel, chart_svg

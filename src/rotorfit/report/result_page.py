@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from rotorfit.control_loop.outcome import LoopOutcome
+from rotorfit.control_loop.loop import LoopOutcome
 from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.chart import chart_svg
 from rotorfit.report.correlations import correlation_section
