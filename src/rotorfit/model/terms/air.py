@@ -274,6 +274,7 @@ INFLOW: Final = Term(
             "thrust lost over rotor speed and climb",
             title="Thrust lost over rotor speed and climb",
             effective_unit="N s/m per command",
+            speed_power=1,
             motion="air",
             relevant=rotor_drag_std,
             prior=lambda s: INFLOW_STD * s.mass / s.speeds,

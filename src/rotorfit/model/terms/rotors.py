@@ -190,6 +190,7 @@ def _thrust(rotor: str) -> ParameterInfo:
         f"thrust coefficient of {rotor}",
         title=f"Thrust coefficient of {rotor}",
         effective_unit="N per squared command",
+        speed_power=2,
     )
 
 
@@ -208,6 +209,7 @@ TORQUE: Final = Term(
             "drag torque coefficient of a rotor",
             title="Drag torque coefficient of a rotor",
             effective_unit="N m per squared command",
+            speed_power=2,
             motion="yaw",
             on_yaw_scale=True,
             between_flights="air",
@@ -227,6 +229,7 @@ ROTOR_INERTIA: Final = Term(
             "spin inertia of a rotor with its motor bell",
             title="Spin inertia of a rotor",
             effective_unit="N m s per command",
+            speed_power=1,
             motion="yaw",
             on_yaw_scale=True,
             relevant=lambda s: abs(s.moments[2]) / 1000.0,
@@ -323,6 +326,7 @@ ROTOR_DRAG: Final = Term(
             "in-plane drag of a rotor over its speeds",
             title="In-plane drag of a rotor over its two speeds",
             effective_unit="N s/m per command",
+            speed_power=1,
             motion="yaw",
             on_yaw_scale=True,
             relevant=rotor_drag_std,
@@ -349,6 +353,7 @@ LINEAR_DRAG_TORQUE: Final = Term(
             "drag torque of a rotor over its speed",
             title="Drag torque of a rotor over its speed",
             effective_unit="N m per command",
+            speed_power=1,
             motion="yaw",
             on_yaw_scale=True,
             # A tenth of a usual drag torque in hover.
