@@ -2,7 +2,7 @@
 
 import dataclasses
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rotorfit.dataset.load import Progress, load_dataset, resolved_method
+from rotorfit.dataset.load import Method, Progress, load_dataset, resolved_method
 from rotorfit.diagnostics.assumptions import assumptions, log_metadata
 from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.diagnose import diagnose
@@ -58,17 +58,25 @@ class Identified:
 
     Attributes
     ----------
-    result
-        As `identify` returns it.
+    experiment
+        As declared, completed by the logs and the flights.
     dataset
         The flights as they were fitted, their samples too.
     fit
-        The joint fit; None of methods that fit no joint likelihood.
+        The joint fit; None of estimators that fit no joint likelihood.
+    result
+        As `identify` returns it.
     """
 
-    result: IdentificationResult
+    experiment: Experiment
     dataset: TimedDataset
     fit: Fit | None
+    result: IdentificationResult
+
+    def preceded_by(self, findings: Sequence[Finding]) -> "Identified":
+        """Put findings before those of the result."""
+        result = dataclasses.replace(self.result, findings=(*findings, *self.result.findings))
+        return dataclasses.replace(self, result=result)
 
 
 def identify(experiment: Experiment, *, progress: Progress | None = None) -> IdentificationResult:
@@ -106,31 +114,16 @@ def identify_flights(experiment: Experiment, *, progress: Progress | None = None
 def _identify(experiment: Experiment, report: Progress) -> Identified:
     method = resolved_method(experiment)
     dataset = TimedDataset.of(load_dataset(experiment, report))
-    found = log_metadata(experiment.motors, dataset)
+    metadata = log_metadata(experiment.motors, dataset)
     experiment = experiment.model_copy(update={"motors": dataset.motors})
     # The paper neglects lag and delay, but takes out the delay of its motion capture.
     if method != "tls" or dataset.source == "mocap":
         dataset = time_motors(dataset, lag=method != "tls", report=report)
     report("fitting")
-    if method == "banded":
-        experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
-        fit = _fit(experiment, dataset)
-        result = with_diagnosis(joint_result(fit, experiment), diagnose(fit))
-        found = (*found, *tilt)
-    else:
-        fit = None
-        result = LEAST_SQUARES[method](experiment, dataset)
-    result = dataclasses.replace(result, findings=(*found, *result.findings))
-    result = in_command_units(result, dataset)
-    result = add_motor_law(result, dataset, report)
-    result = with_flight_numbers(result, dataset.motors)
-    dataset = dataset if fit is None else fit.dataset
-    joint = () if fit is None else fit.configurations
-    result = with_setting(result, hangs_on=list(assumptions(result, dataset, joint)))
-    result = mark_doubtful(_describe_units(result, experiment))
-    _warn(result)
-    result = _validate(result, experiment, report)
-    return Identified(result=result, dataset=dataset, fit=fit)
+    identified = ESTIMATORS[method](experiment, dataset).preceded_by(metadata)
+    identified = _completed(identified, report)
+    _warn(identified.result)
+    return _validated(identified, report)
 
 
 STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
@@ -146,15 +139,48 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     allow_for_sides,
 )
 """From the fit of the joint likelihood to the intervals of its numbers."""
-LEAST_SQUARES: Final = {"ols": row_result, "tls": paper_result}
 
 
-def _fit(experiment: Experiment, dataset: TimedDataset) -> Fit:
-    """Fit the joint likelihood, and take every step to its intervals."""
+def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
+    """Fit the joint likelihood of all bands, take every step to its intervals, and diagnose it."""
+    experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
     fit = fit_flights(dataset, experiment.identification.terms)
     for step in STEPS:
         fit = step(fit)
-    return fit
+    result = with_diagnosis(joint_result(fit, experiment), diagnose(fit))
+    identified = Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
+    return identified.preceded_by(tilt)
+
+
+def by_rows(experiment: Experiment, dataset: TimedDataset) -> Identified:
+    """Solve each equation of motion by least squares."""
+    result = row_result(experiment, dataset)
+    return Identified(experiment=experiment, dataset=dataset, fit=None, result=result)
+
+
+def by_paper(experiment: Experiment, dataset: TimedDataset) -> Identified:
+    """Solve all equations by total least squares, as Six et al. (2020) do."""
+    result = paper_result(experiment, dataset)
+    return Identified(experiment=experiment, dataset=dataset, fit=None, result=result)
+
+
+ESTIMATORS: Final[dict[Method, Callable[[Experiment, TimedDataset], Identified]]] = {
+    "banded": by_likelihood,
+    "ols": by_rows,
+    "tls": by_paper,
+}
+
+
+def _completed(identified: Identified, report: Progress) -> Identified:
+    """Add the motors' law, the numbers of flight, the units and the assumptions to a result."""
+    dataset, fit = identified.dataset, identified.fit
+    result = in_command_units(identified.result, dataset)
+    result = add_motor_law(result, dataset, report)
+    result = with_flight_numbers(result, dataset.motors)
+    joint = () if fit is None else fit.configurations
+    result = with_setting(result, hangs_on=list(assumptions(result, dataset, joint)))
+    result = mark_doubtful(_describe_units(result, identified.experiment))
+    return dataclasses.replace(identified, result=result)
 
 
 def _describe_units(result: IdentificationResult, experiment: Experiment) -> IdentificationResult:
@@ -178,16 +204,16 @@ def _warn(result: IdentificationResult) -> None:
             warnings.warn(f"{Path(record.file).name}: {sentence}", FlightWarning, stacklevel=3)
 
 
-def _validate(
-    result: IdentificationResult, experiment: Experiment, report: Progress
-) -> IdentificationResult:
+def _validated(identified: Identified, report: Progress) -> Identified:
     """Compare the model with flights that the fit has not seen."""
-    if not any(entry.validation for entry in experiment.configuration):
-        return result
+    result, configurations = identified.result, identified.experiment.configuration
+    if not any(entry.validation for entry in configurations):
+        return identified
     report("validating on flights kept apart")
-    comparisons = validation_comparisons(result, experiment)
-    written = [entry.written for c in experiment.configuration for entry in c.validation]
-    return dataclasses.replace(result, validation=validation_rows(comparisons, written))
+    comparisons = validation_comparisons(result, identified.experiment)
+    written = [entry.written for c in configurations for entry in c.validation]
+    rows = validation_rows(comparisons, written)
+    return dataclasses.replace(identified, result=dataclasses.replace(result, validation=rows))
 
 
 def _silent(words: str) -> None:
