@@ -114,13 +114,14 @@ def identify_flights(experiment: Experiment, *, progress: Progress | None = None
 def _identify(experiment: Experiment, report: Progress) -> Identified:
     method = resolved_method(experiment)
     dataset = TimedDataset.of(load_dataset(experiment, report))
-    metadata = log_metadata(experiment.motors, dataset)
+    declared = experiment.motors
     experiment = experiment.model_copy(update={"motors": dataset.motors})
     # The paper neglects lag and delay, but takes out the delay of its motion capture.
     if method != "tls" or dataset.source == "mocap":
         dataset = time_motors(dataset, lag=method != "tls", report=report)
     report("fitting")
-    identified = ESTIMATORS[method](experiment, dataset).preceded_by(metadata)
+    identified = ESTIMATORS[method](experiment, dataset)
+    identified = identified.preceded_by(log_metadata(declared, dataset))
     identified = _completed(identified, report)
     _warn(identified.result)
     return _validated(identified, report)
