@@ -1,4 +1,4 @@
-"""How well the law of commanded motors is known: in every number that hangs on their speeds.
+"""How well the law of commanded motors is known: in every number that depends on their speeds.
 
 A law that is wrong by a factor leaves forces and inertia as they are, and takes k_t, k_d and J_r
 with it: by its inverse square, and its inverse. One whose slope is wrong makes changes of thrust

@@ -3,7 +3,7 @@
 Half-width^2 = (the largest of formal and scatter)^2 + answer^2 + push^2 + tolerances^2.
 Formal: the covariance of the fit. Scatter: the one-step jackknife over stretches and bands, with
 the t of those that tell the number (`effective_blocks`); over phases; over flights. Answer:
-how far the estimate hangs on what is assumed of the autopilot, which answers disturbances
+how far the estimate depends on what is assumed of the autopilot, which answers disturbances
 (`banded.response_sensitivity`). Push: what is open of where gusts and drag push
 (`error_correlation_shifts`). What a change of settings shifts is added by the recipe.
 """

@@ -62,7 +62,7 @@ CLIMB_BANDWIDTH = 4.0
 """[rad/s] up to which an altitude hold answers climb errors: PX4 by default, ArduCopter 5."""
 SLOW_YAW = 0.3
 """[Hz] up to which that is taken for granted: each autopilot answers there. What it does further up
-hangs on its gains, on filters and on the rotors' reaction."""
+depends on its gains, on filters and on the rotors' reaction."""
 PUSHED_STD = 1.0
 """Known of how far an acceleration from without, over the arm, turns a vehicle: of a body whose
 radius of gyration is half its arm, pushed a quarter of an arm beside its centre of mass."""
