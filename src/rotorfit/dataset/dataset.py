@@ -212,14 +212,9 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
 
 
 def completed_motors(motors: MotorsEntry, log: FlightLog) -> MotorsEntry:
-    """Return the motors as declared, with what only the log's parameters say of them.
+    """Complete the declared motors by the log's parameters; a declared law stands.
 
-    Parameters
-    ----------
-    motors
-        As declared. A law in it stands; measured speeds need none.
-    log
-        Whose ``motors`` fill what is not declared.
+    Measured speeds need none.
     """
     logged = log.motors
     if motors.speed == "measured" or logged is None or "command" not in log.channels:
@@ -245,22 +240,11 @@ def _voltage(battery: Channel | None, flown: Sequence[tuple[float, float]]) -> f
 
 
 def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLog, bool]:
-    """Return the log with commanded rotor speeds as its commands, and whether it has them.
+    """Take commanded rotor speeds as a log's commands; return the log, and whether it has them.
 
-    Simulators command speeds in rad/s, and so did the paper: the motors follow them with a lag,
-    as they follow any command, but no law is needed.
-
-    Parameters
-    ----------
-    log
-        As read.
-    motors
-        As declared: only of ``speed = "commanded"`` is a rotor speed a command.
-
-    Raises
-    ------
-    ExperimentError
-        If a law from command to speed is given for commands that are speeds.
+    Simulators command speeds in rad/s, and so did the paper: the motors follow them with a lag, as
+    they follow any command, but no law is needed, and one that is given is refused. Only of motors
+    with ``speed = "commanded"`` is a rotor speed a command.
     """
     if motors.speed != "commanded" or "command" in log.channels:
         return log, False

@@ -317,14 +317,9 @@ def configuration_names(result: IdentificationResult) -> list[str]:
 
 
 def meant_configuration(names: Sequence[str], said: str | None) -> str | None:
-    """Return the configuration that is meant; None where it is not among them.
+    """Choose the configuration that a user means; None where it is not among the names.
 
-    Parameters
-    ----------
-    names
-        Of a result.
-    said
-        What the user calls it; may be None where there is one.
+    `said` may be None where there is one.
     """
     if said is None and len(names) == 1:
         return names[0]

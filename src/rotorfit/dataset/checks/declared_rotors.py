@@ -79,17 +79,10 @@ class Response:
 
 
 def response(factors: Factors, vehicle: Vehicle, *, made_for: Vehicle | None = None) -> Response:
-    """Return how rotors explain the response of each axis.
+    """Compute the shares by which the rotors explain the response of each axis.
 
-    Parameters
-    ----------
-    factors
-        Of a flight.
-    vehicle
-        The rotors.
-    made_for
-        Those whose spins are in the signals; None: the same. Of other spins the spin-up of the
-        rotors is left out, and yaw has the drag alone.
+    `made_for`: the vehicle whose spins are in the signals; None: this one. Of other spins the
+    spin-up of the rotors is left out, and yaw has the drag alone.
     """
     declared = made_for or vehicle
     return _response(_products(_inside_band(factors), declared), vehicle, declared=declared)
@@ -269,17 +262,11 @@ def _refuse_turned(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> None:
 def turn_about_z(
     R: Float[np.ndarray, "z z"], vehicle: Vehicle
 ) -> tuple[float, tuple[float, float]]:
-    """Return by which angle [rad] the IMU is turned about z against the rotors.
+    """Estimate the angle [rad] by which the IMU is turned about z against the rotors.
 
     The answer of roll and pitch to the torques of the rotors is a turn times a symmetric matrix,
     the inverse inertia (polar decomposition); and the shares of roll and pitch that it explains.
-
-    Parameters
-    ----------
-    R
-        Factor of the signals.
-    vehicle
-        The rotors.
+    `R`: factor of the signals.
     """
     layout = signal_layout(vehicle)
     squares = R[:, _square_columns(vehicle)]
@@ -296,24 +283,11 @@ def turn_about_z(
 
 
 def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:
-    """Refuse the declared rotors if a flight contradicts them.
+    """Refuse the declared rotors if a flight contradicts them: with the declaration that would fit.
 
     Commands are looked at behind the lag that motors usually have: without it, what an autopilot
     answers in a hover to the noise of its gyro looks like a response with the sign reversed.
-
-    Parameters
-    ----------
-    flights
-        As they were prepared.
-    vehicle
-        As declared.
-    motors
-        Whether commanded, and whether their lag is in the flights already.
-
-    Raises
-    ------
-    FrameError
-        With the declaration that would fit.
+    `motors`: whether commanded, and whether their lag is in the flights already.
     """
     lagging = motors.speed == "measured" or motors.lag is not None
     tried = [MotorResponse(lag=lag, delay=motors.delay or 0.0) for lag in LAGS_TRIED]

@@ -53,16 +53,10 @@ SLOWEST_TIP: Final = 30.0
 
 
 def gyration(factors: Factors, vehicle: Vehicle) -> float | None:
-    """Return the radius of gyration over the arm, in roll or pitch, whichever is clearer.
+    """Estimate the radius of gyration over the arm, in roll or pitch, whichever is clearer.
 
-    None where the rotors explain too little of the motion.
-
-    Parameters
-    ----------
-    factors
-        Of the signals of a flight in the band that the vehicle answers in.
-    vehicle
-        Its rotors.
+    None where the rotors explain too little of the motion. `factors` are those of the band that
+    the vehicle answers in.
     """
     R, layout = factors.total, signal_layout(vehicle)
     squares = R[:, [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]]
@@ -100,17 +94,8 @@ def refuse_gyro_in_degrees(
 ) -> None:
     """Raise where the specific force only has the mean of gravity if a gyro is in deg/s.
 
-    Parameters
-    ----------
-    flights
-        By the name of their file.
-    takes_columns
-        Whether units of these logs can be declared.
-
-    Raises
-    ------
-    FlightError
-        Also of a flight so gentle that no single reading is impossible.
+    Also of a flight so gentle that no single reading is impossible. `flights` are by the name of
+    their file; `takes_columns`: whether units of these logs can be declared.
     """
     for name, data in flights.items():
         words = gyro_in_degrees(data, takes_columns=takes_columns)
@@ -181,21 +166,8 @@ def refuse_rotors_too_fast(
 ) -> None:
     """Raise where no rotor hovers at such a speed, as where rpm are taken for rad/s.
 
-    Parameters
-    ----------
-    flights
-        By the name of their file, with rotor speeds in rad/s.
-    arm
-        Of the vehicle [m].
-    law
-        Whether the speeds come from commands by a law.
-    takes_columns
-        Whether units of these logs can be declared.
-
-    Raises
-    ------
-    FlightError
-        With the unit that would explain it.
+    `flights` are by the name of their file, `arm` in m; `law`: whether the speeds come from
+    commands by a law; `takes_columns`: whether units of these logs can be declared.
     """
     for name, data in flights.items():
         speed = hover_speed(data)
