@@ -215,7 +215,7 @@ ROOMS: Final[dict[str, Room]] = {
         tests=(
             "tests/fit/test_excitation.py",
             "tests/fit/test_joint_intervals.py",
-            "tests/fit/test_hanging_on_roll_and_pitch.py",
+            "tests/fit/test_inertia_uncertainty.py",
         ),
         scaled=(
             "INERTIA_BIAS: Final = <<2.5>>",
@@ -305,7 +305,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "fit/joint/joint_problem.py": Room(
-        tests=("tests/fit/test_known_beforehand.py", "tests/fit/test_answers.py"),
+        tests=("tests/fit/test_known_beforehand.py", "tests/fit/test_closed_loop.py"),
         scaled=(
             "BANDWIDTH = <<25.0>>",
             "through = <<BANDWIDTH * (s + ATTITUDE)>>",
@@ -335,7 +335,7 @@ ROOMS: Final[dict[str, Room]] = {
             "tests/fit/test_row_intervals.py",
             "tests/fit/test_known_beforehand.py",
             "tests/results/test_stated_intervals.py",
-            "tests/fit/test_hanging_on_roll_and_pitch.py",
+            "tests/fit/test_inertia_uncertainty.py",
         ),
         scaled=(
             "return t * <<np.sqrt(np.maximum(np.diagonal(formal), np.diagonal(scatter)))>>",
@@ -354,7 +354,7 @@ ROOMS: Final[dict[str, Room]] = {
         tests=(
             "tests/fit/test_joint_intervals.py",
             "tests/fit/test_excitation.py",
-            "tests/fit/test_hanging_on_roll_and_pitch.py",
+            "tests/fit/test_inertia_uncertainty.py",
         ),
         scaled=(
             "FEWEST_FLIGHTS = <<3>>",

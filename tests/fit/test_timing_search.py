@@ -111,8 +111,8 @@ def test_a_bench_lag_is_a_prior_or_a_fact(flown_on_commands):
         load_dataset(load_experiment(folder / "experiment.toml"), lambda words: None)
     )
 
-    def with_motors(**told):
-        motors = MotorsEntry(speed="commanded", law=loaded.motors.law, **told)
+    def with_motors(**said):
+        motors = MotorsEntry(speed="commanded", law=loaded.motors.law, **said)
         timing = find_timing(replace(loaded, motors=motors))
         return timing, {p.name: p for p in motor_parameters(motors, timing)}
 
