@@ -144,7 +144,7 @@ def _values(tables: Mapping[str, Any]) -> int:
 
 def experiment_text(tables: Mapping[str, Any]) -> str:
     """Write tables as `read_toml` returns them into the text of a file; None is left out."""
-    plain = [f"{_key(k)} = {toml_value(v)}" for k, v in tables.items() if not _is_table(v)]
+    plain = [f"{_key(k)} = {_value(v)}" for k, v in tables.items() if not _is_table(v)]
     blocks = ["\n".join(plain)] if plain else []
     for key, value in tables.items():
         if isinstance(value, Mapping):
@@ -163,12 +163,11 @@ def _is_table(value: Any) -> bool:
 
 
 def _block(head: str, table: Mapping[str, Any]) -> str:
-    lines = [f"{_key(k)} = {toml_value(v)}" for k, v in table.items() if v is not None]
+    lines = [f"{_key(k)} = {_value(v)}" for k, v in table.items() if v is not None]
     return "\n".join([head, *lines])
 
 
-def toml_value(value: Any) -> str:
-    """Write one value as TOML."""
+def _value(value: Any) -> str:
     match value:
         case bool():
             return "true" if value else "false"
@@ -177,10 +176,10 @@ def toml_value(value: Any) -> str:
             return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
         case Mapping():
             table = cast("Mapping[str, Any]", value)
-            pairs = [f"{_key(k)} = {toml_value(v)}" for k, v in table.items() if v is not None]
+            pairs = [f"{_key(k)} = {_value(v)}" for k, v in table.items() if v is not None]
             return "{ " + ", ".join(pairs) + " }"
         case list() | tuple():
-            return _list([toml_value(one) for one in cast("Sequence[Any]", value)])
+            return _list([_value(one) for one in cast("Sequence[Any]", value)])
         case _:
             return repr(value)
 
@@ -193,4 +192,4 @@ def _list(values: Sequence[str]) -> str:
 
 
 def _key(name: str) -> str:
-    return name if _BARE.fullmatch(name) else toml_value(name)
+    return name if _BARE.fullmatch(name) else _value(name)

@@ -1,8 +1,8 @@
 """The motors' law in words and as a picture: measured speeds over commands, and the curve."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +10,6 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.experiment.law_table import speed_law_of
-from rotorfit.experiment.toml_files import toml_value
 from rotorfit.formatting.digits import Number, number_of
 from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.preprocessing.motors.thrust_curve import speeds
@@ -163,8 +162,15 @@ def motors_lines(law: CommandLaw) -> tuple[str, ...]:
     """Write the TOML of ``[motors]`` for flights of this vehicle without rotor speed."""
     if not law.motors:
         return ()
-    lines = [f"{key} = {toml_value(value)}" for key, value in law.motors.items()]
+    lines = [f"{key} = {_toml(value)}" for key, value in law.motors.items()]
     return ("[motors]", *lines)
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, Mapping):
+        table = cast("Mapping[str, object]", value)
+        return "{ " + ", ".join(f"{k} = {_toml(v)}" for k, v in table.items()) + " }"
+    return f'"{value}"' if isinstance(value, str) else str(value)
 
 
 def law_picture(law: CommandLaw) -> str:
