@@ -142,12 +142,18 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
 """From the fit of the joint likelihood to the intervals of its numbers."""
 
 
-def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
-    """Fit the joint likelihood of all bands, take every step to its intervals, and diagnose it."""
-    experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
+def _fit(experiment: Experiment, dataset: TimedDataset) -> Fit:
+    """Fit the joint likelihood, and take every step to its intervals."""
     fit = fit_flights(dataset, experiment.identification.terms)
     for step in STEPS:
         fit = step(fit)
+    return fit
+
+
+def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
+    """Fit the joint likelihood of all bands, and diagnose the fit."""
+    experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
+    fit = _fit(experiment, dataset)
     result = with_diagnosis(joint_result(fit, experiment), diagnose(fit))
     identified = Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
     return identified.preceded_by(tilt)

@@ -292,7 +292,7 @@ def _axis_message(axis: Excitation, found: Prospects) -> str:
     width = "" if axis.width is None else f" (to about +-{short(100.0 * axis.width)} %)"
     reason = _reason(axis, found)
     verdict = {
-        # The scale of Izz depends on small terms of all equations, which only an estimate weighs.
+        # The scale of Izz hangs on small terms of all equations, which only an estimate weighs.
         "well": f"{what} can be found well{width}{others and f'; {others} less surely'}",
         "roughly": f"{what} roughly{width}{others and f', {others} less surely'}: {reason}",
         "not": f"{what}{others and f', {others}'} cannot be found: {reason}",

@@ -163,7 +163,7 @@ def _doubts(result: IdentificationResult) -> tuple[tuple[str, ...], int]:
 
 
 def _in_short(finding: Finding) -> str:
-    """Shorten a finding to its cause, without remarks in brackets, consequence and advice."""
+    """Return what was met, without remarks in brackets, consequence and advice."""
     if finding.doubtful_because and finding.numbers:
         names = ", ".join(finding.numbers)
         return f"{names} may be outside their intervals: {finding.doubtful_because}"

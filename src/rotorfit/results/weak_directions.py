@@ -116,10 +116,15 @@ def condition_words(condition: float) -> str:
 
 
 def weak_sentence(directions: Sequence[WeakDirection], doubtful: Collection[str]) -> str | None:
-    """Name the numbers that the flights cannot separate; None where all is well.
+    """Return what the flights cannot tell apart; None where all is well.
 
-    `directions`: the weakest first. `doubtful`: full names of parameters whose verdict is not
-    ``identified``; a weak combination that harms no verdict needs no words.
+    Parameters
+    ----------
+    directions
+        Of the estimate, the weakest first.
+    doubtful
+        Full names of parameters whose verdict is not ``identified``: a weak combination that harms
+        no verdict needs no words.
     """
     weakest, condition = directions[0], condition_number(directions)
     if condition <= FAIR or len(weakest.parts) < 2 or not doubtful & weakest.parts.keys():
