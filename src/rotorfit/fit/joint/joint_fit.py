@@ -1,8 +1,9 @@
 """The joint fit of what was flown: flights to bands, a start, what counts, and the estimate."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from functools import partial
+from typing import Final
 
 import numpy as np
 
@@ -84,45 +85,51 @@ def joint_fit(
         )
         for factors, configured in zip(dataset.timed_bands, dataset.configurations, strict=True)
     ]
-    more: dict[str, Any] = {"known": known or {}, "terms": terms}
-    select: dict[str, Any] = {
-        "commanded": dataset.motors.speed == "commanded",
-        "least_ratio": least_ratio,
-    }
+    estimate = partial(joint_estimate, known=known or {}, terms=terms)
+    select = partial(
+        select_informative_bands,
+        commanded=dataset.motors.speed == "commanded",
+        known=known or {},
+        terms=terms,
+        least_ratio=least_ratio,
+    )
     if begin is not None:
-        return _fit_from(joint, begin, select=select, more=more)
+        return _fit_from(joint, begin, select=select, estimate=estimate)
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if guess is None else []
 
     def first(looked_at: list[JointConfiguration]) -> Mapping[str, float]:
         close = _close(looked_at)
-        return joint_estimate(looked_at, starts, begin=guess, close=close, **more).estimate.by_name
+        return estimate(looked_at, starts, begin=guess, close=close).estimate.by_name
 
     # Before the first fit nobody can tell the pilot's motion from disturbances: further up an
     # autopilot's answer to the noise of its gyro may well be all there is.
     try:
         slow = first([select_slow_bands(c) for c in joint])
-        return _fit_from(joint, slow, select=select, more=more)
+        return _fit_from(joint, slow, select=select, estimate=estimate)
     except UnsettledError:
-        return _fit_from(joint, first(joint), select=select, more=more)
+        return _fit_from(joint, first(joint), select=select, estimate=estimate)
+
+
+Select = Callable[[list[JointConfiguration], Mapping[str, float]], list[JointConfiguration]]
 
 
 def _fit_from(
     joint: list[JointConfiguration],
     begin: Mapping[str, float],
     *,
-    select: dict[str, Any],
-    more: dict[str, Any],
+    select: Select,
+    estimate: Callable[..., BandedEstimate],
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Fit the informative bands, selected at `begin`; return the fit and its configurations."""
-    joint = select_informative_bands(joint, begin, **select, **more)
-    fit = joint_estimate(joint, [], begin=begin, close=_close(joint), **more)
+    joint = select(joint, begin)
+    fit = estimate(joint, [], begin=begin, close=_close(joint))
     if not _several_flights(joint):
         return fit, joint  # one flight each
     response, differ = _response(fit, joint), _scatters(fit, joint)
     joint = [
         replace(c, response=response, scatter=differ.get(k, c.scatter)) for k, c in enumerate(joint)
     ]
-    return joint_estimate(joint, [], begin=fit.estimate.by_name, **more), joint
+    return estimate(joint, [], begin=fit.estimate.by_name), joint
 
 
 def _several_flights(joint: Sequence[JointConfiguration], least: int = 2) -> bool:
