@@ -2,7 +2,7 @@
 
 import dataclasses
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,22 +12,11 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.dataset.load import Method, Progress, load_dataset, resolved_method
 from rotorfit.diagnostics.assumptions import assumptions, log_metadata
-from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.diagnose import diagnose
-from rotorfit.diagnostics.kt_from_weight import weigh_thrust
-from rotorfit.diagnostics.lever_arms import allow_for_sides
-from rotorfit.diagnostics.motors.law_uncertainty import allow_for_law
-from rotorfit.diagnostics.motors.motor_limits import allow_for_motor_limits
-from rotorfit.diagnostics.motors.motor_time_split import allow_for_noise_feedback
-from rotorfit.diagnostics.motors.thrust_change import allow_for_thrust_change
 from rotorfit.diagnostics.sensors.imu_tilt import correct_imu_tilt
-from rotorfit.diagnostics.sensors.sensor_faults import (
-    allow_for_gyro_lowpass,
-    allow_for_velocity_errors,
-)
-from rotorfit.diagnostics.sensors.sensor_response import allow_for_sensor_response
+from rotorfit.diagnostics.steps import every_step
 from rotorfit.errors import EstimationError, FlightWarning
-from rotorfit.experiment.experiment import Experiment
+from rotorfit.experiment.experiment import Experiment, MotorsEntry
 from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
@@ -73,11 +62,6 @@ class Identified:
     fit: Fit | None
     result: IdentificationResult
 
-    def preceded_by(self, findings: Sequence[Finding]) -> "Identified":
-        """Put findings before those of the result."""
-        result = dataclasses.replace(self.result, findings=(*findings, *self.result.findings))
-        return dataclasses.replace(self, result=result)
-
 
 def identify(experiment: Experiment, *, progress: Progress | None = None) -> IdentificationResult:
     """Identify the vehicle of an experiment from its flights.
@@ -120,34 +104,14 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
     if method != "tls" or dataset.source == "mocap":
         dataset = time_motors(dataset, lag=method != "tls", report=report)
     report("fitting")
-    identified = ESTIMATORS[method](experiment, dataset)
-    identified = identified.preceded_by(log_metadata(declared, dataset))
-    identified = _completed(identified, report)
+    identified = _completed(ESTIMATORS[method](experiment, dataset), declared, report)
     _warn(identified.result)
     return _validated(identified, report)
 
 
-STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
-    drop_absent_coupling,
-    weigh_thrust,
-    allow_for_motor_limits,
-    allow_for_law,
-    allow_for_velocity_errors,
-    allow_for_gyro_lowpass,
-    allow_for_thrust_change,
-    allow_for_sensor_response,
-    allow_for_noise_feedback,
-    allow_for_sides,
-)
-"""From the fit of the joint likelihood to the intervals of its numbers."""
-
-
 def _fit(experiment: Experiment, dataset: TimedDataset) -> Fit:
     """Fit the joint likelihood, and take every step to its intervals."""
-    fit = fit_flights(dataset, experiment.identification.terms)
-    for step in STEPS:
-        fit = step(fit)
-    return fit
+    return every_step(fit_flights(dataset, experiment.identification.terms))
 
 
 def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
@@ -155,8 +119,8 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
     experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
     fit = _fit(experiment, dataset)
     result = with_diagnosis(joint_result(fit, experiment), diagnose(fit))
-    identified = Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
-    return identified.preceded_by(tilt)
+    result = dataclasses.replace(result, findings=(*tilt, *result.findings))
+    return Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
 
 
 def by_rows(experiment: Experiment, dataset: TimedDataset) -> Identified:
@@ -178,14 +142,16 @@ ESTIMATORS: Final[dict[Method, Callable[[Experiment, TimedDataset], Identified]]
 }
 
 
-def _completed(identified: Identified, report: Progress) -> Identified:
+def _completed(identified: Identified, declared: MotorsEntry, report: Progress) -> Identified:
     """Add the motors' law, the numbers of flight, the units and the assumptions to a result."""
     dataset, fit = identified.dataset, identified.fit
     result = in_command_units(identified.result, dataset)
     result = add_motor_law(result, dataset, report)
     result = with_flight_numbers(result, dataset.motors)
     joint = () if fit is None else fit.configurations
-    result = with_setting(result, hangs_on=list(assumptions(result, dataset, joint)))
+    rests_on, metadata = assumptions(result, dataset, joint), log_metadata(declared, dataset)
+    result = with_setting(result, hangs_on=list(rests_on))
+    result = dataclasses.replace(result, findings=(*metadata, *result.findings))
     result = mark_doubtful(_describe_units(result, identified.experiment))
     return dataclasses.replace(identified, result=result)
 
