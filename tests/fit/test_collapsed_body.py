@@ -17,6 +17,8 @@ def fitted(Iyy):
 def test_a_body_that_shrinks_to_nothing_is_refused():
     joint = [SimpleNamespace(name="A", mass=1.4, vehicle=QUAD)]
     refuse_collapse(fitted(0.012), joint)
-    with pytest.raises(UnsettledError, match="A: the rotors explain nothing .* 20 s of quick") as e:
+    with pytest.raises(
+        UnsettledError, match=r"A: the rotors explain nothing .* 20 s of quick"
+    ) as e:
         refuse_collapse(fitted(-1e-9), joint)
     assert e.value.reached["Iyy@A"] == -1e-9
