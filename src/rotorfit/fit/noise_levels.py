@@ -9,7 +9,7 @@ The level is that of whitened errors: a slow gust, whose size in a fraction of a
 makes none.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -18,9 +18,12 @@ from jaxtyping import Float
 from scipy import ndimage
 
 from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
+from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.fit import Fit
+from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.joint.joint_problem import NOISY, RESPONSE_ERRORS, theta_of
+from rotorfit.fit.timing.timing_fit import timed_again
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.airborne import MOTION_CUTOFF
 from rotorfit.preprocessing.flight_data import FlightData, Segment
@@ -39,6 +42,20 @@ LOWEST: Final = EDGES[1]
 """Of the errors that are looked at [Hz]; the highest is that of the motion."""
 FLAT: Final = 10
 """Lines over which a spectrum is averaged to whiten it."""
+
+
+def fit_by_noise(fit: Fit, wanted: Sequence[str] | None) -> Fit:
+    """Fit the flights once more where their noise changes within a phase, each row by its own.
+
+    `wanted`: terms of the model, as for `fit_flights`. What does not settle so stays as it was.
+    """
+    unsteady = with_noise_levels(fit)
+    if unsteady is None:
+        return fit
+    try:
+        return fit_flights(timed_again(unsteady, fit.terms), wanted)
+    except UnsettledError:
+        return fit
 
 
 def with_noise_levels(fit: Fit) -> Dataset | None:

@@ -32,8 +32,8 @@ from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
-from rotorfit.fit.noise_levels import with_noise_levels
-from rotorfit.fit.timing.timing_fit import time_motors, timed_again
+from rotorfit.fit.noise_levels import fit_by_noise
+from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import mark_doubtful, with_diagnosis, with_setting
 from rotorfit.results.command_units import in_command_units, with_flight_numbers
 from rotorfit.results.joint_tables import joint_result
@@ -153,10 +153,7 @@ LEAST_SQUARES: Final = {"ols": row_result, "tls": paper_result}
 def _fit(experiment: Experiment, dataset: Dataset) -> Fit:
     """Fit the joint likelihood, and take every step to its intervals."""
     wanted = experiment.identification.terms
-    fit = fit_flights(dataset, wanted)
-    noisy = with_noise_levels(fit)
-    if noisy is not None:
-        fit = fit_flights(timed_again(noisy, fit.terms), wanted)
+    fit = fit_by_noise(fit_flights(dataset, wanted), wanted)
     for step in STEPS:
         fit = step(fit)
     return fit
