@@ -96,7 +96,7 @@ def _flight_levels(
     """Compute the level of every row of a flight, its mean logarithm zero in every stretch."""
     data, plan = banded_data(flight.prepared, fit.dataset.timing)
     levels = np.ones(len(data.time))
-    answered = [NOISY.index(name) for name in RESPONSE_ERRORS]
+    places = [NOISY.index(name) for name in RESPONSE_ERRORS]
     for stretch in _stretches(data, plan.longest):
         Z = signal_matrix(
             data,
@@ -105,7 +105,7 @@ def _flight_levels(
             stretch.stop,
             added=fit.dataset.model.layout.added,
         )
-        errors = (Z @ G.T)[:, answered]
+        errors = (Z @ G.T)[:, places]
         levels[stretch.start : stretch.stop] = noise_levels(errors, data.sample_rate)
     return levels
 

@@ -332,7 +332,8 @@ def stretch_window(flight: FlightData, stretch: Segment, plan: BandPlan) -> Floa
     window: Float[np.ndarray, " n"] = signal.windows.tukey(len(stretch), plan.taper)
     if flight.noise_level is not None:
         window = window / flight.noise_level[stretch.start : stretch.stop]
-    return window / np.sqrt(window @ window)
+    energy = float(window @ window)
+    return window / np.sqrt(energy) if energy > 0.0 else window  # of two rows: its ends alone
 
 
 def _lines(
