@@ -23,7 +23,6 @@ from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.joint.joint_problem import NOISY, RESPONSE_ERRORS, theta_of
-from rotorfit.fit.timing.timing_fit import timed_again
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.airborne import MOTION_CUTOFF
 from rotorfit.preprocessing.flight_data import FlightData, Segment
@@ -53,7 +52,7 @@ def fit_by_noise(fit: Fit, wanted: Sequence[str] | None) -> Fit:
     if unsteady is None:
         return fit
     try:
-        return fit_flights(timed_again(unsteady, fit.terms), wanted)
+        return fit_flights(unsteady, wanted, begin=fit.estimate.estimate.by_name)
     except UnsettledError:
         return fit
 
