@@ -31,9 +31,10 @@ KNOWN_IZZ: Final = 0.5
 LEAST_GAIN: Final = 10.0
 """Of the log-likelihood, by which flights must be likelier without coupling: sound real logs lose
 more than that, or do not tell I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 900."""
-LEAST_GAIN_SIMULATED: Final = -3.0
-"""The same of a program whose own frames have none: with I_xx = I_yy a body with I_zz the same is
-as likely."""
+LEAST_GAIN_SIMULATED: Final = -50.0
+"""The same of a program whose own frames have none: coupling must show itself there as any other
+term must. With I_xx = I_yy a body with I_zz the same is about as likely: one such flight gains 4
+or loses 30, by how its rows count."""
 LEFT_SCALE: Final = (0.05, 0.01)
 """k_d and its deviation, as shares of what it is with coupling. Without it nothing fixes the scale
 of yaw; with a small one the rotors' gyroscopic torque vanishes from roll and pitch, as it does in
