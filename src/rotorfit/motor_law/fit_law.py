@@ -272,10 +272,12 @@ def _slow_shift(recording: Recording, fit: LawFit) -> Float[np.ndarray, " p"]:
     """
     rows = round(1.0 / (SLOW * float(np.median(np.diff(recording.time)))))
     window = np.hanning(rows + 2)
-    slopes, residuals = (ndimage.convolve1d(x, window, axis=0) for x in (fit.slopes, fit.residuals))
-    size = np.sqrt((slopes * slopes).sum(axis=0))
+    slopes = np.asarray(ndimage.convolve1d(fit.slopes, window, axis=0), dtype=float)
+    residuals = np.asarray(ndimage.convolve1d(fit.residuals, window, axis=0), dtype=float)
+    size: Float[np.ndarray, " p"] = np.linalg.norm(slopes, axis=0)
     size[size == 0.0] = 1.0
-    moved: Float[np.ndarray, " p"] = np.linalg.lstsq(slopes / size, residuals)[0] / size
+    scaled: Float[np.ndarray, "m p"] = slopes / size
+    moved: Float[np.ndarray, " p"] = np.linalg.lstsq(scaled, residuals)[0] / size
     return moved
 
 
