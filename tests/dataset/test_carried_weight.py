@@ -11,11 +11,11 @@ from rotorfit.dataset.carried_weight import (
     VerticalMotion,
     carrying_stretches,
     climb_drag,
-    pull_of,
+    height_force_of,
     vertical_acceleration,
     vertical_motions,
 )
-from rotorfit.dataset.height_pull import weighed
+from rotorfit.dataset.height_force import weighed
 from rotorfit.dataset.weight_balance import turning
 from rotorfit.preprocessing.flight_data import Segment
 
@@ -182,7 +182,7 @@ def hanging(pull, *, noise, seed=3):
 
 
 def test_a_tether_is_found_and_leaves_the_mean_force_open():
-    found = pull_of(hanging(0.25, noise=0.05))
+    found = height_force_of(hanging(0.25, noise=0.05))
     assert found.value == pytest.approx(0.25, abs=3.0 * found.std)
     assert found.std < 0.03
     assert found.probability > 0.999
@@ -191,7 +191,7 @@ def test_a_tether_is_found_and_leaves_the_mean_force_open():
 
 
 def test_without_a_tether_nothing_grows_with_height():
-    found = [pull_of(hanging(0.0, noise=0.1, seed=seed)) for seed in range(40)]
+    found = [height_force_of(hanging(0.0, noise=0.1, seed=seed)) for seed in range(40)]
     assert max(one.probability for one in found) < 0.5
     assert np.median([one.half_width for one in found]) == 0.0
     assert np.mean([abs(one.value) < 1.96 * one.std for one in found]) > 0.9
@@ -207,4 +207,4 @@ def test_a_doubtful_tether_is_open_by_its_likelihood():
 def test_a_short_stretch_tells_no_tether():
     short = hanging(0.25, noise=0.0)
     short = replace(short, read=short.read[:140], push=short.push[:140])
-    assert pull_of(short) is None
+    assert height_force_of(short) is None

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from rotorfit.dataset.height_pull import HeightPull, height_pull
+from rotorfit.dataset.height_force import HeightForce, height_force
 from rotorfit.dataset.weight_balance import VELOCITY_CHANGE, Held, Turning, grouped
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
@@ -182,14 +182,14 @@ def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
     few = float(stats.t.ppf(0.975, count - 1)) / 1.96
     std = few * float(np.sqrt(batches @ batches * count / (count - 1)))
     mean = brake * float(weights @ velocity) if known else 0.0
-    pull = pull_of(motion)
-    hangs = 0.0 if pull is None else pull.mean_std
-    return mean, float(np.linalg.norm([std, LINEAR * mean, hangs]))
+    found = height_force_of(motion)
+    by_height = 0.0 if found is None else found.mean_std
+    return mean, float(np.linalg.norm([std, LINEAR * mean, by_height]))
 
 
-def pull_of(motion: VerticalMotion) -> HeightPull | None:
+def height_force_of(motion: VerticalMotion) -> HeightForce | None:
     """Estimate how a force that is no thrust grows with height; None of a short stretch."""
-    return height_pull(_unexplained(motion), _vertical_velocity(motion), motion.step)
+    return height_force(_unexplained(motion), _vertical_velocity(motion), motion.step)
 
 
 def _unexplained(motion: VerticalMotion) -> Float[np.ndarray, " n"]:

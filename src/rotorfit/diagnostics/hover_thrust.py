@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from rotorfit.dataset.carried_weight import Measured, pull_of, vertical_motions
+from rotorfit.dataset.carried_weight import Measured, height_force_of, vertical_motions
 from rotorfit.dataset.dataset import ConfigurationData
-from rotorfit.dataset.height_pull import HeightPull
+from rotorfit.dataset.height_force import HeightForce
 from rotorfit.dataset.weight_balance import (
     Held,
     held_together,
@@ -39,7 +39,7 @@ BATCH = 2.0
 """Length of a batch [s]: gusts and climbs are forgotten from one to the next."""
 FEWEST_BATCHES = 4
 """Of a half whose scatter tells anything."""
-SURE_OF_PULL = 0.99
+LIKELY_FORCE = 0.99
 """Probability of a force that grows with height from which it is said: of 150 random sound flights
 .94 at most."""
 LEAST_SAG = 0.05
@@ -264,32 +264,34 @@ def force_by_height(fit: Fit) -> Iterator[Finding]:
         for flight in configured.flights:
             data = retimed(flight.prepared, fit.dataset.timing)
             push = kt / configured.mass * (data.rotor_speed**2) @ vehicle.axes
-            found = [pull_of(motion) for motion in vertical_motions(flight.turning, data, push)]
-            pulls = [pull for pull in found if pull is not None]
-            if not pulls:
+            found = [
+                height_force_of(motion) for motion in vertical_motions(flight.turning, data, push)
+            ]
+            forces = [one for one in found if one is not None]
+            if not forces:
                 continue
-            worst = max(pulls, key=lambda pull: pull.probability)
+            worst = max(forces, key=lambda one: one.probability)
             measured.append(_by_height(worst))
-            if worst.probability > SURE_OF_PULL:
+            if worst.probability > LIKELY_FORCE:
                 flights.append(file_name(flight.entry.file))
-                sentences.append(f"{flights[-1]}: {_pulled(worst)}")
+                sentences.append(f"{flights[-1]}: {_height_force_sentence(worst)}")
     checked = doubt_or_passed("force-by-height", "; ".join(sentences) or None, flights=flights)
     yield replace(checked, evidence=tuple(measured))
 
 
-def _by_height(pull: HeightPull) -> Evidence:
-    """Return the share of the weight by which a pull grows a metre, as evidence."""
+def _by_height(force: HeightForce) -> Evidence:
+    """Return the share of the weight by which a force grows a metre, as evidence."""
     low, value, high = (
-        (pull.value + side * 1.96 * pull.std) / GRAVITY for side in (-1.0, 0.0, 1.0)
+        (force.value + side * 1.96 * force.std) / GRAVITY for side in (-1.0, 0.0, 1.0)
     )
     return Evidence(name="force_by_height", value=value, interval=(low, high))
 
 
-def _pulled(pull: HeightPull) -> str:
-    """Say what pulls."""
+def _height_force_sentence(force: HeightForce) -> str:
+    """Say what hangs on the vehicle, or carries it."""
     return (
-        f"with every metre of height the vehicle needs {100 * pull.value / GRAVITY:.1f} +- "
-        f"{196 * pull.std / GRAVITY:.1f} % of its weight more thrust: a tether or cable hangs on "
+        f"with every metre of height the vehicle needs {100 * force.value / GRAVITY:.1f} +- "
+        f"{196 * force.std / GRAVITY:.1f} % of its weight more thrust: a tether or cable hangs on "
         "it, or the ground carried part of it; kt is therefore that of changes of thrust rather "
         "than of the weight, with intervals that cover it: fly free, and higher"
     )

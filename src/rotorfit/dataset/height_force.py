@@ -34,7 +34,7 @@ LARGEST: Final = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeightPull:
+class HeightForce:
     """By how much a force over mass grows with height [m/s^2 a metre].
 
     Attributes
@@ -58,9 +58,9 @@ class HeightPull:
         return self.half_width * HEIGHT / 1.96
 
 
-def height_pull(
+def height_force(
     left: Float[np.ndarray, " n"], velocity: Float[np.ndarray, " n"], step: float
-) -> HeightPull | None:
+) -> HeightForce | None:
     """Estimate how a force that is no thrust grows with height; None of a short stretch.
 
     Parameters
@@ -123,7 +123,7 @@ def _by_gusts(
     return sum(power) / ORDERS / max(float(height @ height), TINY)
 
 
-def weighed(value: float, std: float, *, degrees: int) -> HeightPull:
+def weighed(value: float, std: float, *, degrees: int) -> HeightForce:
     """Weigh an estimate by the mixture of no force and a usual one."""
     grid = np.linspace(0.0, LARGEST, 601)
     prior = SHARE * 2.0 * stats.norm.pdf(grid, scale=USUAL)
@@ -131,7 +131,7 @@ def weighed(value: float, std: float, *, degrees: int) -> HeightPull:
     none = (1.0 - SHARE) * float(stats.t.pdf(value / std, degrees))
     total = float(some.sum()) + none
     beyond = 1.0 - (none + np.cumsum(some)) / total
-    return HeightPull(
+    return HeightForce(
         value=value,
         std=std,
         probability=float(some.sum()) / total,
