@@ -19,6 +19,7 @@ from typing import IO, Any, Final
 
 from benchmarks.worlds.engine import Record, fly
 from benchmarks.worlds.sensing import truth, write_world
+from benchmarks.worlds.told import tell
 from benchmarks.worlds.world import World, draw_world
 
 from rotorfit.errors import RotorfitError
@@ -38,7 +39,8 @@ Row = dict[str, Any]
 class Study:
     """Which worlds: their seed, the chance of each hazard, the length of a flight if not drawn.
 
-    `alone`: each world has one of those hazards and no other, in turn.
+    `alone`: each world has one of those hazards and no other, in turn; `told`: each is identified
+    again with each of its hazards said, or flown without it.
     """
 
     seed: int
@@ -46,6 +48,7 @@ class Study:
     seconds: float | None = None
     keep: Path | None = None
     alone: bool = False
+    told: bool = False
 
     def world(self, index: int) -> World:
         """Draw a world."""
@@ -62,7 +65,24 @@ def rows_of(study: Study, indices: Sequence[int]) -> Iterator[Row]:
     records = fly(worlds)
     flown = (time.process_time() - begin) / len(worlds)
     for world, record in zip(worlds, records, strict=True):
-        yield row_of(world, record, study.keep) | {"flown_seconds": round(flown, 2)}
+        row = row_of(world, record, study.keep) | {"flown_seconds": round(flown, 2)}
+        yield row | ({"told": dict(_told(study, world, record, row))} if study.told else {})
+
+
+def _told(
+    study: Study, world: World, record: Record, row: Row
+) -> Iterator[tuple[str, tuple[str, Row]]]:
+    """Yield each hazard of a world with its reference, and the numbers of that one."""
+    for hazard in sorted(world.hazards) if "numbers" in row else ():
+        said = tell(world, hazard)
+        if said is None:
+            without = draw_world(
+                study.seed, world.index, dict.fromkeys(world.hazards - {hazard}, 1.0), study.seconds
+            )
+            words, other, flown = "flown without", without, fly([without])[0]
+        else:
+            (words, other), flown = said, record
+        yield hazard, (words, row_of(other, flown).get("numbers", {}))
 
 
 def blamed(study: Study, index: int) -> Iterator[tuple[str, Row]]:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 from benchmarks.worlds.hazards import CAUSES, HAZARDS, NAMED
+from benchmarks.worlds.told import told_table
 
 Row = dict[str, Any]
 SHOWN: Final = (
@@ -101,7 +102,7 @@ def report(rows: Sequence[Row], before: Sequence[Row] = ()) -> list[str]:
         runs = [[row for row in run if row["index"] in both] for run in runs]
     parts = (
         _overview, _by_parameter, _by_hazard, _by_parameter_and_hazard, _refusals, _findings,
-        _wrong, _invisible,
+        _wrong, _invisible, lambda each: told_table(each[0]),
     )  # fmt: skip
     return [line for part in parts for line in [*part(runs), ""]] + _worst(runs[0])
 
