@@ -150,6 +150,8 @@ def experiment_text(world: World, file: str) -> str:
     lines.append("]")
     if log.imu_declared:
         lines.append(f"imu = {{ position = {world.sensors.imu.tolist()} }}")
+    if log.tilt_declared is not None:
+        lines.append(f"imu_tilt_deg = {list(log.tilt_declared)}")
     lines += ["[motors]", f'speed = "{log.driven}"']
     if log.driven == "commanded" and log.law == "given":
         lines.append(_law(world))

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 from benchmarks.worlds.sensing import truth
 from benchmarks.worlds.world import World
+from scipy.spatial.transform import Rotation
 
 Row = dict[str, Any]
 GIVEN: Final = ("identified", "weak")
@@ -53,6 +54,11 @@ def _lags(world: World) -> World | None:
     return _with_log(world, lag_declared=True) if commanded else None
 
 
+def _tilt(world: World) -> World:
+    roll, pitch, _ = Rotation.from_matrix(world.sensors.turn).as_euler("XYZ", degrees=True).tolist()
+    return _with_log(world, tilt_declared=(roll, -pitch))
+
+
 def _delay(world: World) -> World | None:
     seconds = truth(world).get("motor_delay")
     return None if seconds is None else _with_log(world, delay_declared=seconds)
@@ -72,6 +78,7 @@ SAID: Final[Mapping[str, tuple[str, Callable[[World], World | None]]]] = {
     "sag": ("battery", _voltage),
     "no_law": ("law", _declared(law="given")),
     "law_wrong": ("law", _declared(law_error=0.0)),
+    "tilted_imu": ("tilt of the IMU", _tilt),
     "drag": ("velocity", _logged("vel")),
     "inflow": ("velocity", _logged("vel")),
     **{name: ("right way", _right(name)) for name in ("wrong_spins", "wrong_order", "wrong_sides")},

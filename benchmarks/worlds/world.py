@@ -129,8 +129,8 @@ class Flight:
 class Log:
     """What is recorded and how, and how it is declared; steps of gyro, accel, speed, command.
 
-    `axes_declared`, `lag_declared` and `delay_declared` [s] are what the experiment file says
-    besides, where the estimator is told of a hazard.
+    `axes_declared`, `lag_declared`, `delay_declared` [s] and `tilt_declared` [degrees] are what the
+    experiment file says besides, where the estimator is told of a hazard.
     """
 
     rate: int
@@ -153,6 +153,7 @@ class Log:
     axes_declared: bool = False
     lag_declared: bool = False
     delay_declared: float | None = None
+    tilt_declared: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

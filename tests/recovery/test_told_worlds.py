@@ -11,6 +11,8 @@ from benchmarks.worlds.study import Study, rows_of
 from benchmarks.worlds.told import SAID, ratios, tell, told_table
 from benchmarks.worlds.world import World, draw_world
 
+from rotorfit.preprocessing.imu_tilt import ImuTilt
+
 
 def _world(*hazards: str, driven: str | None = None) -> World:
     """Return the first world with these hazards and this kind of motor data."""
@@ -31,6 +33,10 @@ def test_what_is_said_of_a_hazard_is_true_of_the_world() -> None:
     motors = _declared(world, "lag_unlike")["motors"]
     assert (motors["lag"], motors["lag_down"]) == (world.motors.lag_up, world.motors.lag_down)
     assert _declared(world, "command_delay")["motors"]["delay"] == truth(world)["motor_delay"]
+    tilted = _world("tilted_imu")
+    roll, pitch = np.radians(_declared(tilted, "tilted_imu")["airframe"]["imu_tilt_deg"])
+    mounted = ImuTilt(roll=roll, pitch=pitch).rotation_imu_to_body
+    assert mounted == pytest.approx(tilted.sensors.turn, abs=1e-9)
     on_thrust = _declared(_world("lag_on_thrust", driven="commanded"), "lag_on_thrust")
     assert on_thrust["motors"]["lag_on"] == "thrust"
     assert "delay" not in on_thrust["motors"]
