@@ -62,27 +62,37 @@ def rows_of(study: Study, indices: Sequence[int]) -> Iterator[Row]:
     """Fly some worlds together and identify them, one after the other."""
     worlds = [study.world(index) for index in indices]
     begin = time.process_time()
-    records = fly(worlds)
-    flown = (time.process_time() - begin) / len(worlds)
-    for world, record in zip(worlds, records, strict=True):
+    without = [_without(study, world) if study.told else {} for world in worlds]
+    records = fly(worlds + [other for each in without for other in each.values()])
+    flown = (time.process_time() - begin) / len(records)
+    others = iter(records[len(worlds) :])
+    for world, record, each in zip(worlds, records, without, strict=False):
         row = row_of(world, record, study.keep) | {"flown_seconds": round(flown, 2)}
-        yield row | ({"told": dict(_told(study, world, record, row))} if study.told else {})
+        flights = {hazard: (other, next(others)) for hazard, other in each.items()}
+        yield row | ({"told": _told(world, record, flights, row)} if study.told else {})
+
+
+def _without(study: Study, world: World) -> dict[str, World]:
+    """Draw a world without each of its hazards that nothing can be said of."""
+    kept = {one: dict.fromkeys(world.hazards - {one}, 1.0) for one in sorted(world.hazards)}
+    return {
+        hazard: draw_world(study.seed, world.index, chance, study.seconds)
+        for hazard, chance in kept.items()
+        if tell(world, hazard) is None
+    }
 
 
 def _told(
-    study: Study, world: World, record: Record, row: Row
-) -> Iterator[tuple[str, tuple[str, Row]]]:
-    """Yield each hazard of a world with its reference, and the numbers of that one."""
+    world: World, record: Record, flights: Mapping[str, tuple[World, Record]], row: Row
+) -> dict[str, tuple[str, Row]]:
+    """Return the reference of each hazard of a world, and the numbers of that one."""
+    found: dict[str, tuple[str, Row]] = {}
     for hazard in sorted(world.hazards) if "numbers" in row else ():
         said = tell(world, hazard)
-        if said is None:
-            without = draw_world(
-                study.seed, world.index, dict.fromkeys(world.hazards - {hazard}, 1.0), study.seconds
-            )
-            words, other, flown = "flown without", without, fly([without])[0]
-        else:
-            (words, other), flown = said, record
-        yield hazard, (words, row_of(other, flown).get("numbers", {}))
+        words = "flown without" if said is None else said[0]
+        other, flown = flights[hazard] if said is None else (said[1], record)
+        found[hazard] = (words, row_of(other, flown).get("numbers", {}))
+    return found
 
 
 def blamed(study: Study, index: int) -> Iterator[tuple[str, Row]]:
