@@ -21,6 +21,7 @@ from rotorfit.fit.intervals.joint_numbers import joint_numbers
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import joint_estimate
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import find_timing
 from rotorfit.model.terms.registry import terms_named
 
@@ -31,7 +32,8 @@ def fitted(path: Path, extra: str) -> tuple[BandedEstimate, BandedEstimate, Numb
     terms = experiment.identification.terms or DEFAULT_TERMS
     wider = (*terms, extra)
     asked = experiment.identification.model_copy(update={"terms": wider})
-    dataset = load_dataset(experiment.model_copy(update={"identification": asked}), lambda _: None)
+    experiment = experiment.model_copy(update={"identification": asked})
+    dataset = TimedDataset.of(load_dataset(experiment, lambda _: None))
     dataset = replace(dataset, motor_timing=find_timing(dataset))
     mass_std = {entry.name: entry.mass_std for entry in experiment.configuration}
     before, joint = joint_fit(dataset, terms=terms)

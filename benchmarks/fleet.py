@@ -29,7 +29,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from rotorfit.dataset.dataset import load_flight
+from rotorfit.dataset.load import load_flight
 from rotorfit.errors import RotorfitWarning
 from rotorfit.fleet.executors import Workspace, process_log
 from rotorfit.fleet.joined import joined

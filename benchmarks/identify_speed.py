@@ -35,7 +35,7 @@ from pathlib import Path
 warnings.simplefilter("ignore")
 from rotorfit.experiment.experiment import load_experiment
 try:
-    from rotorfit.dataset.dataset import load_flight
+    from rotorfit.dataset.load import load_flight
 except ModuleNotFoundError:  # a version before the rooms of today
     from rotorfit.fit.flights import load_flight
 from rotorfit.identification.identify import identify

@@ -140,17 +140,17 @@ def by_rotorfit(folder: Path, flown: SimulatedVehicle, settings: str) -> Told:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FlightWarning)
         result = identify(load_experiment(path))
-    told = {
+    said = {
         number.name: (number.value, 0.5 * (number.interval[1] - number.interval[0]))
         for number in (*result.parameters, *result.derived)
         if number.value is not None and number.interval is not None
     }
     mass = flown.truth.mass  # the preset gives first moments alone
     for axis in "xyz":
-        if f"ms{axis}" in told:
-            value, half = told[f"ms{axis}"]
-            told[f"com_{axis}"] = value / mass, half / mass
-    return {name: numbers for name, numbers in told.items() if name in NAMES}
+        if f"ms{axis}" in said:
+            value, half = said[f"ms{axis}"]
+            said[f"com_{axis}"] = value / mass, half / mass
+    return {name: numbers for name, numbers in said.items() if name in NAMES}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -380,12 +380,12 @@ def task(folder: Path, name: str, asked: argparse.Namespace) -> None:
         return
     start = time.process_time()
     if asked.method in SYSID:
-        told = by_sysid(folder, flown, exact=asked.method == SYSID[0])
+        said = by_sysid(folder, flown, exact=asked.method == SYSID[0])
     else:
-        told = by_rotorfit(folder, flown, SETTINGS[asked.method])
+        said = by_rotorfit(folder, flown, SETTINGS[asked.method])
     seconds = time.process_time() - start
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(json.dumps({"told": told, "seconds": seconds, "memory": memory}))
+    print(json.dumps({"told": said, "seconds": seconds, "memory": memory}))
 
 
 def table(truth: Truth, found: Mapping[str, Mapping[str, Any]]) -> list[str]:

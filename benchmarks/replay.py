@@ -117,8 +117,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         result = fitted(asked.fit or [asked.log], Path(folder))
     replays = replayed(result, asked.log)
-    told = ", ".join(path.name for path in asked.fit) or "the same log"
-    print(f"{asked.log.name}, {len(replays[0].time)} windows of 0.5 s, parameters from {told}")
+    said = ", ".join(path.name for path in asked.fit) or "the same log"
+    print(f"{asked.log.name}, {len(replays[0].time)} windows of 0.5 s, parameters from {said}")
     print("\n".join(table(replays)))
 
 

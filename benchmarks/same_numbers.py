@@ -129,15 +129,15 @@ def prepared(folder: Path, data: Path, seconds: float) -> list[Case]:
 def _real_cases(folder: Path, data: Path) -> list[Case]:
     cases = [_case("plan", "plan", "cinerat.toml", "--mass", "0.428")]
     for log, (mass, airframe) in LOGS.items():
-        told = (f"data/{log}", "--mass", mass, "--airframe", airframe)
+        stated = (f"data/{log}", "--mass", mass, "--airframe", airframe)
         cases += [_case(f"inspect {log}", "inspect", f"data/{log}"),
-                  _case(f"identify {log}", "identify", *told)]  # fmt: skip
+                  _case(f"identify {log}", "identify", *stated)]  # fmt: skip
     for folder_of_logs in ("crazypad",):
         for log in sorted((data / folder_of_logs).glob("*_log*")):
             name = f"{folder_of_logs}/{log.name}"
-            told = (f"data/{name}", "--mass", "0.03", "--airframe", "crazyflie.toml")
+            stated = (f"data/{name}", "--mass", "0.03", "--airframe", "crazyflie.toml")
             cases += [_case(f"inspect {name}", "inspect", f"data/{name}"),
-                      _case(f"identify {name}", "identify", *told)]  # fmt: skip
+                      _case(f"identify {name}", "identify", *stated)]  # fmt: skip
     cases.append(_case("identify LOG00267, 271 and 340 together", "identify", "all.toml"))
     made = ("identify", "three.toml", "-o", "three.json")
     paper = ("identify", "three.toml", "--preset", "paper", "-o", "paper.json")
@@ -221,7 +221,18 @@ def _read(text: str) -> object:
         read = json.loads(text)
     except ValueError:
         return text
-    return {k: v for k, v in read.items() if k not in NEW} if isinstance(read, dict) else read
+    return _without_new(read)
+
+
+def _without_new(read: object) -> object:
+    """Leave out the new keys, however deep."""
+    match read:
+        case dict():
+            return {k: _without_new(v) for k, v in read.items() if k not in NEW}
+        case list():
+            return [_without_new(one) for one in read]
+        case _:
+            return read
 
 
 def difference(before: dict[str, object], after: dict[str, object]) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
+from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.factors import Factors, triangular_factors
@@ -21,6 +21,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
 from rotorfit.fit.joint.term_choice import Choice
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
@@ -218,7 +219,7 @@ def as_prepared(data, *, motor_rate):
         slowest_rate=data.sample_rate,
         motor_rate=motor_rate,
         cuts=(),
-        warnings=(),
+        findings=(),
     )
 
 
@@ -236,7 +237,7 @@ def dataset(*flights, mass=1.4, motors=None, vehicle=QUAD, **more):
         for number, flight in enumerate(flights)
     ]
     entry = ConfigurationEntry(name="A", mass=mass, flights=(FlightEntry(file="A0.csv"),))
-    return Dataset(
+    return TimedDataset(
         vehicle=vehicle,
         model=regressor(vehicle),
         motors=motors or MotorsEntry(),
@@ -247,7 +248,7 @@ def dataset(*flights, mass=1.4, motors=None, vehicle=QUAD, **more):
 
 def as_kind(kind, flights, **more):
     """Return a dataset as one of a subclass that makes its bands otherwise."""
-    return kind(**{one.name: getattr(flights, one.name) for one in fields(Dataset)}, **more)
+    return kind(**{one.name: getattr(flights, one.name) for one in fields(TimedDataset)}, **more)
 
 
 def no_numbers(*names, values=(), half_width=(), excitation=None):

@@ -1,6 +1,6 @@
 """What a check finds: one type for refusals, doubts, notes, and checks that passed."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal
 
@@ -92,6 +92,11 @@ DISOWNING: Final = ("doubtful_because", "next_step")
 def doubt(kind: str, sentence: str, **about: Any) -> Finding:
     """Return a doubt; `about` are further fields of `Finding`."""
     return Finding(kind=kind, severity="doubt", sentence=sentence, **about)
+
+
+def doubts(kind: str, said: Iterable[str]) -> Iterator[Finding]:
+    """Yield a doubt for each of some sentences."""
+    return (doubt(kind, sentence) for sentence in said)
 
 
 def note(kind: str, sentence: str, **about: Any) -> Finding:

@@ -41,11 +41,11 @@ def identified(tmp_path_factory, flight):
     """An engine that has identified the short flight, and its outcome."""
     folder = tmp_path_factory.mktemp("page")
     engine = Engine(folder=folder)
-    told = dropped(engine, "flight.csv", flight)
+    said = dropped(engine, "flight.csv", flight)
     steps: list[tuple[str, float | None]] = []
     outcome = engine.call("identify", {"form": FORM}, lambda *step: steps.append(step))
     assert "refused" not in outcome, outcome
-    return engine, told, outcome, steps
+    return engine, said, outcome, steps
 
 
 def test_the_result_is_exactly_that_of_the_command_line(identified, tmp_path, flight):
@@ -62,8 +62,8 @@ def test_the_result_is_exactly_that_of_the_command_line(identified, tmp_path, fl
 
 
 def test_nothing_tells_where_the_files_are_kept(identified):
-    engine, told, outcome, steps = identified
-    everything = json.dumps([told, outcome, steps, engine.call("restore", {}, quiet)])
+    engine, said, outcome, steps = identified
+    everything = json.dumps([said, outcome, steps, engine.call("restore", {}, quiet)])
     for document in ("report", "result", "experiment"):
         everything += engine.document(document).read_text()
     everything += engine.document("findings", "flight.csv").read_text()
@@ -74,9 +74,9 @@ def test_nothing_tells_where_the_files_are_kept(identified):
 
 
 def test_the_doctor_fills_the_form(identified):
-    _, told, _, steps = identified
-    assert (told["kind"], told["name"], told["logs"]) == ("log", "flight.csv", [])
-    found = told["findings"]
+    _, said, _, steps = identified
+    assert (said["kind"], said["name"], said["logs"]) == ("log", "flight.csv", [])
+    found = said["findings"]
     assert (found["rotors"], found["guess"]["speed"]) == (4, "measured")
     assert found["verdict"]["level"] in ("good", "fair", "poor")
     assert found["verdict"]["words"].startswith("This flight ")
@@ -86,9 +86,9 @@ def test_the_doctor_fills_the_form(identified):
 
 
 def test_a_new_page_has_what_was_done(identified):
-    engine, told, outcome, _ = identified
+    engine, said, outcome, _ = identified
     kept = engine.call("restore", {}, quiet)
-    assert kept["files"] == [told]
+    assert kept["files"] == [said]
     assert kept["form"] == FORM
     assert kept["outcome"] == outcome
 
@@ -176,25 +176,25 @@ def test_every_layout_and_target_is_offered(engine):
     ],
 )
 def test_what_is_wrong_has_its_place(engine, change, place, words):
-    told = engine.call("describe", {"form": {**FORM, **change}}, quiet)
-    assert told["text"] is None
-    problems = {problem["place"]: problem["words"] for problem in told["problems"]}
+    said = engine.call("describe", {"form": {**FORM, **change}}, quiet)
+    assert said["text"] is None
+    problems = {problem["place"]: problem["words"] for problem in said["problems"]}
     assert words in problems[place]
-    assert (told["rotors"] is None) == ("airframe" in change)
+    assert (said["rotors"] is None) == ("airframe" in change)
     assert engine.call("restore", {}, quiet)["form"] == {**FORM, **change}
 
 
 def test_the_file_of_the_form_is_what_the_command_line_reads(engine, flight, tmp_path):
     dropped(engine, "flight.csv", flight)
     configuration = {**FORM["configuration"][0], "validation": [{"file": "flight.csv", "log": 1}]}
-    told = engine.call("describe", {"form": {**FORM, "configuration": [configuration]}}, quiet)
-    assert told["problems"] == []
-    assert [rotor["spin"] for rotor in told["rotors"]] == ["ccw", "ccw", "cw", "cw"]
-    (tmp_path / "experiment.toml").write_text(told["text"])
+    said = engine.call("describe", {"form": {**FORM, "configuration": [configuration]}}, quiet)
+    assert said["problems"] == []
+    assert [rotor["spin"] for rotor in said["rotors"]] == ["ccw", "ccw", "cw", "cw"]
+    (tmp_path / "experiment.toml").write_text(said["text"])
     experiment = load_experiment(tmp_path / "experiment.toml")
     assert experiment.airframe.arm == 0.2
     assert experiment.configuration[0].validation[0].log == 1
-    again = dropped(engine, "my experiment.toml", told["text"].encode())
+    again = dropped(engine, "my experiment.toml", said["text"].encode())
     assert again["kind"] == "experiment"
     assert again["form"] == {**FORM, "configuration": [configuration]}
     assert again["words"] == ["it names flight.csv: drop these here too"]
@@ -220,11 +220,11 @@ def test_the_file_of_the_form_is_what_the_command_line_reads(engine, flight, tmp
     ],
 )
 def test_what_is_no_log_is_told_in_one_line(engine, name, content, kind, words):
-    told = dropped(engine, name, content)
-    assert told["kind"] == kind
-    assert len(told["words"]) == 1 and "\n" not in told["words"][0]
-    assert words in told["words"][0]
-    assert str(engine.folder) not in told["words"][0]
+    said = dropped(engine, name, content)
+    assert said["kind"] == kind
+    assert len(said["words"]) == 1 and "\n" not in said["words"][0]
+    assert words in said["words"][0]
+    assert str(engine.folder) not in said["words"][0]
     refused = engine.call("identify", {"form": {**FORM, "configuration": [
         {"mass": 1, "flights": [{"file": name}]}]}}, quiet)  # fmt: skip
     assert "\n" not in refused["refused"]

@@ -47,10 +47,10 @@ def call(tmp_path):
 
 
 def test_files_come_and_go(call):
-    told = call("add_file", {"name": "../a.toml"}, b"[airframe]\nlayout = 'quad-x'\narm = 0.1\n")
-    assert (told["name"], told["kind"]) == ("a.toml", "airframe")
-    assert told["form"] == {"airframe": {"layout": "quad-x", "arm": 0.1}}
-    assert call("restore", {})["files"] == [told]
+    said = call("add_file", {"name": "../a.toml"}, b"[airframe]\nlayout = 'quad-x'\narm = 0.1\n")
+    assert (said["name"], said["kind"]) == ("a.toml", "airframe")
+    assert said["form"] == {"airframe": {"layout": "quad-x", "arm": 0.1}}
+    assert call("restore", {})["files"] == [said]
     assert call("remove_file", {"name": "a.toml"}) == {}
     assert call("restore", {})["files"] == []
 
@@ -62,13 +62,13 @@ def test_documents_come_as_text(call):
         "airframe": {"layout": "quad-x", "arm": 0.1},
         "configuration": [{"mass": 1, "flights": [{"file": "b.csv"}]}],
     }
-    told = call("describe", {"form": form})
-    assert [problem["place"] for problem in told["problems"]] == [
+    said = call("describe", {"form": form})
+    assert [problem["place"] for problem in said["problems"]] == [
         "configuration[0].flights[0].file"
     ]
     call("add_file", {"name": "b.csv"}, b"")
-    told = call("describe", {"form": form})
-    assert told["problems"][0]["words"] == "b.csv is no flight log: name one"
+    said = call("describe", {"form": form})
+    assert said["problems"][0]["words"] == "b.csv is no flight log: name one"
 
 
 def test_more_than_the_browser_holds_is_refused(call):

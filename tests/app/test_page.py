@@ -198,8 +198,8 @@ def test_the_page_says_what_the_command_line_says(
     result = tmp_path / "by-command.json"
     command = [sys.executable, "-m", "rotorfit", "identify", str(experiment), "-o", str(result)]
     subprocess.run(command, check=True, capture_output=True)
-    told = json.loads(result.read_text())
-    numbers = [p for p in (*told["parameters"], *told["derived"]) if p["value"] is not None]
+    said = json.loads(result.read_text())
+    numbers = [p for p in (*said["parameters"], *said["derived"]) if p["value"] is not None]
     shown = work.evaluate(VALUES)
     assert len(numbers) > 20
     for number in numbers:
@@ -320,8 +320,8 @@ def test_an_experiment_file_with_two_configurations(page: Any, tmp_path: Path) -
     plan = plan_experiment("payload-pair", "clean", seed=1, seconds=15.0)
     dropped = [tmp_path / "experiment.toml"]
     lines = experiment_text(plan).splitlines()
-    told = [line for line in lines if "B2.csv" not in line and not line.startswith("law = ")]
-    dropped[0].write_text("\n".join(told), encoding="utf-8")
+    said = [line for line in lines if "B2.csv" not in line and not line.startswith("law = ")]
+    dropped[0].write_text("\n".join(said), encoding="utf-8")
     for flight in planned_flights(plan):
         if flight.file in ("A1.csv", "A2.csv", "B1.csv"):
             dropped.append(tmp_path / flight.file)

@@ -92,8 +92,8 @@ def test_no_path_leads_out(server, page, path):
 
 
 def test_a_log_is_dropped_identified_and_shown(server, page, flight):
-    told = page.drop("../../flight.csv", flight)
-    assert (told["name"], told["kind"]) == ("flight.csv", "log")
+    stated = page.drop("../../flight.csv", flight)
+    assert (stated["name"], stated["kind"]) == ("flight.csv", "log")
     outcome = page.call("identify", {"form": FORM})
     kt = next(p["value"] for p in outcome["result"]["parameters"] if p["name"] == "kt")
     assert kt > 0

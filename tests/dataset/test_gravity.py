@@ -37,8 +37,8 @@ def test_a_wrong_scale_shows_at_rest_and_in_flight(log, scale):
     found = seen(log, lambda accel, time: scale * accel)
     assert found.at_rest == pytest.approx(scale, abs=1e-3)
     assert found.in_flight == pytest.approx(scale, rel=0.03)
-    [told] = gravity_doubts(found)
-    assert told.startswith(
+    [said] = gravity_doubts(found)
+    assert said.startswith(
         f"at rest on the ground the accelerometer reads {9.80665 * scale:.2f} m/s^2 where gravity "
         "is 9.81: calibrate it"
     )
@@ -52,15 +52,15 @@ def test_a_shift_in_flight_alone_is_vibration(log):
 
     found = seen(log, shifted)
     assert found.at_rest == pytest.approx(1.0, abs=1e-3)
-    [told] = gravity_doubts(found)
-    assert "at rest 9.81: vibration shifts it" in told
+    [said] = gravity_doubts(found)
+    assert "at rest 9.81: vibration shifts it" in said
 
 
 def test_without_rest_the_flight_alone_tells(log):
     found = replace(seen(log, lambda accel, time: 1.2 * accel), at_rest=None)
-    [told] = gravity_doubts(found)
-    assert told.startswith("in hover the accelerometer reads 11.")
-    assert told.endswith("where gravity is 9.81: calibrate it (bias or scale)")
+    [said] = gravity_doubts(found)
+    assert said.startswith("in hover the accelerometer reads 11.")
+    assert said.endswith("where gravity is 9.81: calibrate it (bias or scale)")
 
 
 def test_a_flight_from_the_air_has_no_rest(log):

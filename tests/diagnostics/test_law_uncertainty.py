@@ -6,9 +6,16 @@ import pytest
 import flown
 from rotorfit.diagnostics.motors.law_uncertainty import scale_shift
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.model.parameters import EFFECTIVE_UNITS, EVERY
 
 CINERAT = [(-1, -1, "cw"), (1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw")]
 NAMES = ("kt", "kt_2", "kd", "Jr", "kd_over_Izz@A", "Ixx@A", "kd_over_kt", "com_x@A")
+
+
+def test_what_goes_with_the_speed_has_a_unit_with_the_command():
+    by_unit = {n: 2 if "squared" in unit else 1 for n, unit in EFFECTIVE_UNITS.items()}
+    assert by_unit == {n: info.speed_power for n, info in EVERY.items() if info.speed_power}
+    assert {by_unit["kd"], by_unit["Jr"]} == {2, 1}
 
 
 def test_speeds_that_are_off_by_a_share_move_what_goes_with_them():

@@ -94,10 +94,10 @@ def test_sides_that_no_flight_shows_are_those_of_a_ruler():
 
 
 def test_one_side_that_is_surely_wrong_moves_the_mean_arm_too():
-    told = [sides(-0.11, 0.005, 12.0, by_mistake=k) for k in (1.0, 2.0)]
-    assert told[0].measured < 0.1
-    assert half_width(told[0]) == pytest.approx(0.13, abs=0.02)
-    assert half_width(told[1]) == pytest.approx(2.0 * half_width(told[0]), rel=0.05)
+    stated = [sides(-0.11, 0.005, 12.0, by_mistake=k) for k in (1.0, 2.0)]
+    assert stated[0].measured < 0.1
+    assert half_width(stated[0]) == pytest.approx(0.13, abs=0.02)
+    assert half_width(stated[1]) == pytest.approx(2.0 * half_width(stated[0]), rel=0.05)
 
 
 def test_the_half_width_grows_to_a_mistake_without_a_jump():

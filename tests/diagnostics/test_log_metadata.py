@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.dataset.dataset import completed_motors
-from rotorfit.dataset.load import agreed_motors
+from rotorfit.dataset.load import agreed_motors, completed_motors
 from rotorfit.diagnostics.assumptions import log_metadata
 from rotorfit.diagnostics.sensors.sensor_faults import (
     lowpass_half_width,

@@ -48,10 +48,10 @@ def seen(flight, tmp_path_factory):
 
 def test_the_reference_tells_the_response_of_every_axis(seen):
     result, _ = seen
-    told = result.diagnostics
-    assert told["reference_axes@A"] == 3.0
+    said = result.diagnostics
+    assert said["reference_axes@A"] == 3.0
     for axis in AXES:
-        ratio, half = (told[f"reference_{axis}{end}@A"] for end in ("", "_half_width"))
+        ratio, half = (said[f"reference_{axis}{end}@A"] for end in ("", "_half_width"))
         assert abs(ratio - 1.0) < half < 0.05, axis
     assert not any("measured by the commanded rates alone" in words for words in result.warnings)
 

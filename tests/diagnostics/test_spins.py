@@ -13,6 +13,7 @@ from rotorfit.errors import FrameError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.fit_flights import fit_flights, widen_by_settings
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.simulation import (
     PERFECT,
@@ -47,7 +48,9 @@ def judged(tmp_path_factory):
             folder / "experiment.toml", declared, [table], mass=flight.truth.mass
         )
         dataset = time_motors(
-            load_dataset(load_experiment(path), str), lag=True, report=lambda words: None
+            TimedDataset.of(load_dataset(load_experiment(path), str)),
+            lag=True,
+            report=lambda words: None,
         )
         return list(refuse_wrong_spins(widen_by_settings(fit_flights(dataset, None))))
 

@@ -147,7 +147,6 @@ def a_result(
                 samples_used=12240,
                 used=((3.0, 64.2),),
                 cuts=(),
-                warnings=(),
             ),
         ),
         covariance_names=(),

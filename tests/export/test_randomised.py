@@ -74,10 +74,10 @@ def test_arrays_hold_the_draws_and_their_correlation(result):
 
 def test_json_says_the_same_as_npz(result):
     arrays = np.load(io.BytesIO(drawn(result, "samples", "v.npz", count=3)[0]))
-    told = json.loads(drawn(result, "samples", "v.json", count=3)[0])
-    for name, values in told["values"].items():
+    said = json.loads(drawn(result, "samples", "v.json", count=3)[0])
+    for name, values in said["values"].items():
         np.testing.assert_array_equal(np.array(values), arrays[name])
-    assert told["flights"][0]["file"] == "A1--long.csv"
+    assert said["flights"][0]["file"] == "A1--long.csv"
 
 
 def test_what_is_assumed_is_the_same_in_all(result):

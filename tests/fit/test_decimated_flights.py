@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import rotorfit.dataset.dataset
-from rotorfit.dataset.dataset import load_flight
+import rotorfit.dataset.load
+from rotorfit.dataset.load import load_flight
 from rotorfit.experiment.experiment import single_flight_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
@@ -46,7 +46,7 @@ def experiments(tmp_path_factory):
 def test_fewer_samples_give_the_same_numbers(experiments, speed, monkeypatch):
     found = identify(experiments[speed])
     monkeypatch.setattr(
-        rotorfit.dataset.dataset, "decimated", lambda prepared, motors, *, top: prepared
+        rotorfit.dataset.load, "decimated", lambda prepared, motors, *, top: prepared
     )
     wanted = identify(experiments[speed])
     assert found.flights == wanted.flights

@@ -5,6 +5,7 @@ import pytest
 
 import flown
 import made_fit
+from rotorfit.dataset.load import load_dataset
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.joint.informative_bands import (
@@ -15,7 +16,7 @@ from rotorfit.fit.joint.informative_bands import (
 )
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import NOISY, TURN_ERRORS
-from rotorfit.identification.identify import load_dataset
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.reduction.frequency_bands import (
     EDGES,
     LEAST_RATIO,
@@ -168,7 +169,7 @@ def rolled(tmp_path_factory):
     path = flown.experiment_file(
         folder / "experiment.toml", flight.vehicle, ["flight.csv"], mass=flight.truth.mass
     )
-    loaded = load_dataset(load_experiment(path), lambda words: None)
+    loaded = TimedDataset.of(load_dataset(load_experiment(path), lambda words: None))
     _, (configuration,) = joint_fit(loaded)
     return configuration
 

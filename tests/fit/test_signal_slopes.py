@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy import signal
 
 import made_fit
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.factors import (
     Factors,
@@ -19,6 +18,7 @@ from rotorfit.estimation.factors import (
 )
 from rotorfit.fit.intervals.other_settings import longer_arms
 from rotorfit.fit.joint.joint_problem import joint_problem
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import rotor_columns
 from rotorfit.preprocessing.flight_data import Segment
@@ -124,7 +124,7 @@ ELSEWHERE = MotorResponse(lag=0.0402, delay=0.0101)
 
 
 @dataclass(frozen=True, kw_only=True)
-class CountedFlights(Dataset):
+class CountedFlights(TimedDataset):
     """Flights that note the timing wherever signals are made anew."""
 
     made: list = field(default_factory=list)

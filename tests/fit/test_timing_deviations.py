@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import made_fit
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.fit.timing import timing_fit, timing_search
 from rotorfit.fit.timing.onboard_filter import shape_fault
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import (
     find_timing,
     first_fit,
@@ -42,7 +42,7 @@ def norm(*parts):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BandedFlights(Dataset):
+class BandedFlights(TimedDataset):
     """Flights whose bands are given, one per configuration, at any timing of the motors."""
 
     given: tuple[Factors, ...]

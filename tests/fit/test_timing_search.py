@@ -6,10 +6,12 @@ from dataclasses import replace
 import pytest
 
 import flown
+from rotorfit.dataset.load import load_dataset
 from rotorfit.errors import FlightWarning
 from rotorfit.experiment.experiment import MotorsEntry, load_experiment
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import find_timing
-from rotorfit.identification.identify import identify, load_dataset
+from rotorfit.identification.identify import identify
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.results.parameter_tables import motor_parameters
@@ -105,10 +107,12 @@ def test_equal_lags_are_reported_as_one(flown_on_commands):
 def test_a_bench_lag_is_a_prior_or_a_fact(flown_on_commands):
     """As far as the timing goes: what is fitted with it is the same as ever."""
     folder, free = flown_on_commands
-    loaded = load_dataset(load_experiment(folder / "experiment.toml"), lambda words: None)
+    loaded = TimedDataset.of(
+        load_dataset(load_experiment(folder / "experiment.toml"), lambda words: None)
+    )
 
-    def with_motors(**told):
-        motors = MotorsEntry(speed="commanded", law=loaded.motors.law, **told)
+    def with_motors(**said):
+        motors = MotorsEntry(speed="commanded", law=loaded.motors.law, **said)
         timing = find_timing(replace(loaded, motors=motors))
         return timing, {p.name: p for p in motor_parameters(motors, timing)}
 
@@ -228,7 +232,7 @@ def timing_of(folder, *, seed, channels, motors=""):
         mass=truth.mass,
         extra=motors and f"{motors}law = {{ linear = [0, {flight.max_speed}] }}\n",
     )
-    return find_timing(load_dataset(load_experiment(path), lambda words: None))
+    return find_timing(TimedDataset.of(load_dataset(load_experiment(path), lambda words: None)))
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

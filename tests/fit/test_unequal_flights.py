@@ -62,16 +62,16 @@ MAIN = {"kd", "Jr", "Ixx_com@A", "Iyy_com@A", "Izz_com@A", "kd_over_Izz@A", "com
 
 def test_weak_flights_do_not_widen_what_a_good_one_tells(joint_and_alone):
     joint, alone = (one.fit.numbers for one in joint_and_alone[:2])
-    told = {
+    said = {
         name
         for name, value, half in zip(alone.names, alone.values, alone.half_width, strict=True)
         if half < 0.5 * abs(value)
     }
-    assert told > MAIN | OF_THE_AIR
-    ratio = {name: joint.number(name)[1] / alone.number(name)[1] for name in told}
+    assert said > MAIN | OF_THE_AIR
+    ratio = {name: joint.number(name)[1] / alone.number(name)[1] for name in said}
     assert max(ratio[name] for name in MAIN - {"Iyy_com@A"}) < 1.05
     # The bias along z is that of each flight: of several it is their mean.
-    assert max(ratio[name] for name in told - {"accel_bias_z@A"}) < 1.16
+    assert max(ratio[name] for name in said - {"accel_bias_z@A"}) < 1.16
 
 
 def test_a_climb_is_felt_only_where_no_velocity_is_known(joint_and_alone):

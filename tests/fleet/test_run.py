@@ -42,11 +42,11 @@ def test_every_log_has_a_row_or_a_reason(small_fleet):
 
 
 def test_what_is_kept_is_not_worked_on_again(small_fleet):
-    told = []
-    again = read_fleet(small_fleet.logs, small_fleet.cache, Workers(count=0), progress=told.append)
-    assert (told[-1].done, told[-1].total) == (7, 7)
+    said = []
+    again = read_fleet(small_fleet.logs, small_fleet.cache, Workers(count=0), progress=said.append)
+    assert (said[-1].done, said[-1].total) == (7, 7)
     # An empty file is looked at every time: there is nothing to know it by.
-    assert told[-1].fresh == 1
+    assert said[-1].fresh == 1
     assert files(again, small_fleet.cache) == files(small_fleet.fleet, small_fleet.cache)
 
 
@@ -99,7 +99,7 @@ def test_interrupted_processes_give_the_same_bytes(small_fleet, tmp_path):
     assert [log.task.file for log in logs] == [str(first), str(second)]
     cache = tmp_path / "cache"
 
-    def stop(told):
+    def stop(said):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -122,12 +122,12 @@ def test_interrupted_processes_give_the_same_bytes(small_fleet, tmp_path):
 
     killer = threading.Thread(target=kill_one)
     killer.start()
-    told = []
-    fleet = read_fleet(logs, cache, Workers(count=1), progress=told.append)
+    said = []
+    fleet = read_fleet(logs, cache, Workers(count=1), progress=said.append)
     done.set()
     killer.join()
     assert killed
-    assert [t.fresh for t in told] == [0, 1]
+    assert [t.fresh for t in said] == [0, 1]
     assert not fleet.refused
     expected = read_fleet(logs, small_fleet.cache, Workers(count=0))
     assert files(fleet, cache) == files(expected, small_fleet.cache)

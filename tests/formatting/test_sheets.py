@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import LogError, OutputError
+from rotorfit.findings import doubt
 from rotorfit.formatting.sheet import LINES, WIDTH, Sheet, sheet_html, sheet_text
 from rotorfit.logs.flight_log import Channel, FlightLog
 
@@ -26,7 +27,7 @@ def a_log() -> FlightLog:
             "battery": Channel(time=slow, values=np.array([[16.0], [np.nan], [15.8]]), source="v"),
         },
         seconds=0.02,
-        warnings=("3 frames were damaged",),
+        findings=(doubt("damaged-log", "3 frames were damaged"),),
     )
 
 

@@ -237,7 +237,7 @@ def test_filters_of_betaflight_stand_at_the_headers_frequencies():
 
 
 def test_filters_of_inav():
-    told = {
+    stated = {
         "Firmware revision": "INAV 7.1.0",
         "gyro_lpf_hz": "60",
         "acc_lpf_hz": "15",
@@ -247,7 +247,7 @@ def test_filters_of_inav():
         "rpm_gyro_harmonics": "2",
         "rpm_gyro_min_hz": "80",
     }
-    found = filters_of(log_of(imu(), log_format="blackbox", **told))
+    found = filters_of(log_of(imu(), log_format="blackbox", **stated))
     assert [(f.channel, f.low, f.high, f.harmonics) for f in found] == [
         ("gyro", 60.0, 60.0, ()),
         ("accel", 60.0, 135.0, ()),
@@ -257,7 +257,7 @@ def test_filters_of_inav():
 
 
 def test_filters_of_px4_are_behind_the_samples_of_the_sensors():
-    told = {
+    stated = {
         "IMU_GYRO_CUTOFF": "40",
         "IMU_ACCEL_CUTOFF": "30",
         "IMU_GYRO_NF0_FRQ": "80",
@@ -267,7 +267,7 @@ def test_filters_of_px4_are_behind_the_samples_of_the_sensors():
         "IMU_GYRO_DNF_MIN": "25",
     }
     sensors = imu("sensor_combined.gyro_rad", "sensor_combined.accelerometer_m_s2")
-    found = filters_of(log_of(sensors, log_format="ulog", **told))
+    found = filters_of(log_of(sensors, log_format="ulog", **stated))
     assert [(f.low, f.high, f.harmonics, f.passed) for f in found] == [
         (40.0, 40.0, (), False),
         (70.0, 90.0, (), False),
@@ -275,12 +275,12 @@ def test_filters_of_px4_are_behind_the_samples_of_the_sensors():
         (30.0, 30.0, (), False),
     ]
     assert found[0].words.endswith("(IMU_GYRO_CUTOFF); the samples of this log are from before it")
-    control = filters_of(log_of(imu("vehicle_angular_velocity.xyz"), log_format="ulog", **told))
+    control = filters_of(log_of(imu("vehicle_angular_velocity.xyz"), log_format="ulog", **stated))
     assert control[0].passed and not control[-1].passed
 
 
 def test_filters_of_ardupilot():
-    told = {
+    stated = {
         "INS_GYRO_FILTER": "20",
         "INS_ACCEL_FILTER": "10",
         "INS_HNTCH_ENABLE": "1",
@@ -292,18 +292,18 @@ def test_filters_of_ardupilot():
         "INS_HNTC2_FREQ": "120",
         "INS_HNTC2_BW": "30",
     }
-    found = filters_of(log_of(imu("IMU.GyrX", "IMU.AccX"), log_format="dataflash", **told))
+    found = filters_of(log_of(imu("IMU.GyrX", "IMU.AccX"), log_format="dataflash", **stated))
     assert [(f.low, f.high, f.harmonics) for f in found] == [
         (20.0, 20.0, ()),
         (60.0, 60.0, (1, 3)),
         (105.0, 135.0, ()),
         (10.0, 10.0, ()),
     ]
-    raw = filters_of(log_of(imu("GYR1.GyrX", "ACC1.AccX"), log_format="dataflash", **told))
+    raw = filters_of(log_of(imu("GYR1.GyrX", "ACC1.AccX"), log_format="dataflash", **stated))
     assert not any(f.passed for f in raw)
 
 
 def test_settings_that_are_no_numbers_are_no_filters():
-    told = {"gyro_lpf1_static_hz": "fast", "gyro_notch_hz": "180", "acc_lpf_hz": ""}
-    assert filters_of(log_of(imu(), log_format="blackbox", **told)) == ()
+    stated = {"gyro_lpf1_static_hz": "fast", "gyro_notch_hz": "180", "acc_lpf_hz": ""}
+    assert filters_of(log_of(imu(), log_format="blackbox", **stated)) == ()
     assert filters_of(log_of(imu(), log_format="table", gyro_lpf1_static_hz="100")) == ()

@@ -6,7 +6,8 @@ import pytest
 import flown
 import made_fit
 from rotorfit.diagnostics.kt_from_weight import kt_from_weight
-from rotorfit.inspection.prospects import PROSPECT, guessed_vehicles, kt_by_weight, prospects
+from rotorfit.inspection.guessed_rotors import guessed_vehicles
+from rotorfit.inspection.prospects import PROSPECT, kt_by_weight, prospects
 from rotorfit.inspection.recording import motor_lateness
 from rotorfit.logs import read_log
 from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse

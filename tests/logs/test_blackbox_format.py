@@ -261,8 +261,8 @@ def test_of_several_logs_the_longest_is_named_first(tmp_path):
     path = tmp_path / "three.bfl"
     path.write_bytes(log_lasting(3) + log_lasting(90, b"\xff" * 40_000) + log_lasting(41))
     entries = list_blackbox_logs(path)
-    told = [(entry.number, entry.description.split(",")[0]) for entry in entries]
-    assert told == [(2, "about 90 s"), (3, "about 41 s"), (1, "about 3 s")]
+    said = [(entry.number, entry.description.split(",")[0]) for entry in entries]
+    assert said == [(2, "about 90 s"), (3, "about 41 s"), (1, "about 3 s")]
     with pytest.raises(LogError, match=r"holds 3 logs \(2: about 90 s, .*; 3: about 41 s, "):
         read_blackbox(path)
     path.write_bytes(log_lasting(3))

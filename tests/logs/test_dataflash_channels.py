@@ -574,9 +574,9 @@ def test_a_log_appended_to_another_is_told(tmp_path, lengths):
     ]
     path = tmp_path / "two.bin"
     path.write_bytes(b"".join(parts))
-    [told] = [words for words in read_log(path).warnings if "begins anew" in words]
+    [said] = [words for words in read_log(path).warnings if "begins anew" in words]
     left = 300 if lengths[0] > lengths[1] else 299  # at the same time one of two may stay
-    assert told == (
+    assert said == (
         f"the clock begins anew 1 time within the file, as where a second log is appended: {left} "
         "of 700 messages IMU are left out; download the logs one by one"
     )

@@ -53,8 +53,8 @@ def refusal(path, content: str) -> str:
 
 def test_a_number_sign_in_every_row_of_a_table_is_no_comment(tmp_path):
     rows = "".join(f"{k},1#,2,3\n" for k in range(5))
-    told = refusal(tmp_path / "flight.csv", "time,gyro_x,gyro_y,gyro_z\n" + rows)
-    assert told == "line 2, column 'gyro_x': '1#' is not a number"
+    said = refusal(tmp_path / "flight.csv", "time,gyro_x,gyro_y,gyro_z\n" + rows)
+    assert said == "line 2, column 'gyro_x': '1#' is not a number"
 
 
 MOTIVE = "Format Version,1.23,Length Units,Meters\n"
@@ -74,8 +74,8 @@ def test_a_motive_header_that_is_cut_short(tmp_path, rows, words):
 
 @pytest.mark.parametrize("line", ["DATA_INCLUDED", "DATA_INCLUDED\t"])
 def test_a_qualisys_header_without_the_kind_of_its_data(tmp_path, line):
-    told = refusal(tmp_path / "take.tsv", f"NO_OF_FRAMES\t9\nNO_OF_CAMERAS\t8\n{line}\n1\t2\n")
-    assert told.startswith("the file holds unknown data, expected 6D")
+    said = refusal(tmp_path / "take.tsv", f"NO_OF_FRAMES\t9\nNO_OF_CAMERAS\t8\n{line}\n1\t2\n")
+    assert said.startswith("the file holds unknown data, expected 6D")
 
 
 def test_a_qualisys_header_without_a_frequency(tmp_path):
@@ -83,8 +83,8 @@ def test_a_qualisys_header_without_a_frequency(tmp_path):
     columns += "".join(f"\tRot[{k}]" for k in range(9))
     row = "\t".join(["1"] * 16) + "\n"
     head = "NO_OF_FRAMES\t2\nNO_OF_CAMERAS\t8\nFREQUENCY\nDATA_INCLUDED\t6D\nBODY_NAMES\tQuad\n"
-    told = refusal(tmp_path / "take.tsv", f"{head}{columns}\n{row}{row}")
-    assert told.startswith("the file has no column of times and its FREQUENCY is not given")
+    said = refusal(tmp_path / "take.tsv", f"{head}{columns}\n{row}{row}")
+    assert said.startswith("the file has no column of times and its FREQUENCY is not given")
 
 
 def test_signalling_nans_of_esc_telemetry_are_no_speeds(tmp_path):

@@ -12,7 +12,7 @@ from benchmarks.large_log import CHANNELS, FORMATS, RATE, SECONDS, parts
 from flight_writers import WRITERS, in_whole_rpm
 
 from flown import experiment_file, simulated
-from rotorfit.dataset.dataset import load_flight
+from rotorfit.dataset.load import load_flight
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.logs import read_log

@@ -33,18 +33,18 @@ def test_a_reader_tells_how_far_it_is(name, flight, tmp_path, monkeypatch):
     write(flight, path)
     for place, size in SMALL.items():
         monkeypatch.setattr(place, size)
-    told, seen = [], []
+    said, seen = [], []
     with watched(lambda file, done: seen.append((file, done))):
-        log = read_log(path, progress=told.append)
+        log = read_log(path, progress=said.append)
     # A bag of a few seconds is one chunk.
     in_one = name in ("ros1", "mcap")
-    assert len(told) >= (1 if in_one else 4)
-    assert told == sorted(told)
-    assert 0.0 < told[0] < (1.0 if in_one else 0.5)
-    assert told[-1] == 1.0
-    assert seen == [(path, done) for done in told]
+    assert len(said) >= (1 if in_one else 4)
+    assert said == sorted(said)
+    assert 0.0 < said[0] < (1.0 if in_one else 0.5)
+    assert said[-1] == 1.0
+    assert seen == [(path, done) for done in said]
     assert read_log(path).sha256 == log.sha256  # asked by nobody
-    assert seen == [(path, done) for done in told]
+    assert seen == [(path, done) for done in said]
 
 
 def test_a_recording_of_several_files_is_gone_through_once(flight, tmp_path):
@@ -55,17 +55,17 @@ def test_a_recording_of_several_files_is_gone_through_once(flight, tmp_path):
         part = messages[k * len(messages) // 3 : (k + 1) * len(messages) // 3]
         write_messages_ros2(part, tmp_path / f"part_{k}")
         (tmp_path / f"part_{k}" / f"part_{k}.db3").rename(folder / f"part_{k}.db3")
-    told = []
-    log = read_log(folder, progress=told.append)
+    said = []
+    log = read_log(folder, progress=said.append)
     assert len(log.channels["gyro"].time) == len(flight.time)
-    assert told == sorted(told)
+    assert said == sorted(said)
     for third in range(3):
-        assert sum(third / 3 < done < (third + 0.8) / 3 for done in told) >= 5
-    assert told[-1] == 1.0
+        assert sum(third / 3 < done < (third + 0.8) / 3 for done in said) >= 5
+    assert said[-1] == 1.0
 
 
 def test_nobody_is_told_outside_of_reading():
-    told = []
-    with watched(lambda file, done: told.append(done)):
+    said = []
+    with watched(lambda file, done: said.append(done)):
         report_progress(1, 2)
-    assert told == []
+    assert said == []

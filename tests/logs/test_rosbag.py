@@ -142,9 +142,9 @@ def test_without_rosbags_the_command_to_install_it_is_said(tmp_path, flight):
     for name, write in WRITERS.items():
         write(flight, tmp_path / name)
     without = "import sys; sys.modules['rosbags'] = None\n"
-    told = told_by(without + READ, *(tmp_path / name for name in WRITERS)).splitlines()
+    said = told_by(without + READ, *(tmp_path / name for name in WRITERS)).splitlines()
     needed = "reading ROS bags needs rosbags: pip install 'rotorfit[ros]' ModuleNotFoundError"
-    assert told == 3 * [needed]
+    assert said == 3 * [needed]
 
 
 def test_rosbags_is_imported_for_bags_only(tmp_path):

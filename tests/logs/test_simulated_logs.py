@@ -65,10 +65,10 @@ def test_gazebos_output_is_a_speed(tmp_path):
     assert found.motors.lag_on == "speed"
 
 
-@pytest.mark.parametrize(("factor", "told"), [(0.0, False), (0.4, True)])
-def test_of_a_vehicle_only_a_curve_that_was_set_is_a_law(tmp_path, factor, told):
+@pytest.mark.parametrize(("factor", "stated"), [(0.0, False), (0.4, True)])
+def test_of_a_vehicle_only_a_curve_that_was_set_is_a_law(tmp_path, factor, stated):
     found = px4(tmp_path, {"THR_MDL_FAC": factor}, info={"ver_hw": "PX4_FMU_V6C"})
-    assert (found.motors is not None) == told
+    assert (found.motors is not None) == stated
     if found.motors is not None:
         curve = found.motors.law.curve
         assert isinstance(curve, SquareRootLaw)

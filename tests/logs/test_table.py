@@ -581,13 +581,13 @@ def test_a_long_table_in_pieces_is_as_in_one(tmp_path, monkeypatch, ending, gaps
     path.write_text("time,gyro_x,gyro_y,gyro_z\n" + "\n".join(lines) + ending)
     whole = read_table(path)
     monkeypatch.setattr("rotorfit.logs.delimited.PIECE_BYTES", 500)
-    told = []
+    said = []
     assert fast_numbers(open_delimited(path.read_bytes()), range(4)) is not None
-    again = read_log(path, progress=told.append)
+    again = read_log(path, progress=said.append)
     assert np.array_equal(
         again.channels["gyro"].values, whole.channels["gyro"].values, equal_nan=True
     )
     assert again.sha256 == whole.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
-    assert len(told) > 20
-    assert told == sorted(told)
-    assert told[-1] == pytest.approx(1.0, abs=0.02)
+    assert len(said) > 20
+    assert said == sorted(said)
+    assert said[-1] == pytest.approx(1.0, abs=0.02)

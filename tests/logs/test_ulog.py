@@ -444,8 +444,9 @@ def test_a_vtol_is_named_and_its_servos_are_no_motors(tmp_path, parameters):
 
 
 def test_a_log_never_armed_is_said(tmp_path):
-    (doubt,) = read(tmp_path, IMU, armed(TIME[::50], False)).warnings
-    assert doubt.startswith("the vehicle was never armed in this log")
+    (doubt,) = read(tmp_path, IMU, armed(TIME[::50], False)).findings
+    assert doubt.kind == "never-armed"
+    assert doubt.sentence.startswith("the vehicle was never armed in this log")
     status = Logged(
         name="vehicle_status",
         time=TIME[::50],

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motor_answers import (
+from motor_responses import (
     DELAY,
     EXPONENT,
     FACTORS,
@@ -13,7 +13,7 @@ from motor_answers import (
     NOMINAL,
     OFFSET,
     VOLTAGE_EXPONENT,
-    motor_answers,
+    motor_responses,
 )
 
 from rotorfit.errors import EstimationError
@@ -34,7 +34,7 @@ def numbers(answers, count=4):
 
 
 def test_motors_without_noise_give_their_law():
-    found = fitted(motor_answers(1, air=0.0, noise=0.0))
+    found = fitted(motor_responses(1, air=0.0, noise=0.0))
     best = found.best
     assert best.layout.form == "offset power"
     assert best.layout.voltage
@@ -49,46 +49,46 @@ def test_motors_without_noise_give_their_law():
 
 
 def test_rising_and_falling_are_told_apart_where_they_differ():
-    law, apart = numbers(motor_answers(2, up=0.03, down=0.02))
+    law, apart = numbers(motor_responses(2, up=0.03, down=0.02))
     assert apart["motor_lag_up"].value == pytest.approx(0.03, rel=0.06)
     assert apart["motor_lag_down"].value == pytest.approx(0.02, rel=0.06)
     assert apart["motor_lag"].value == pytest.approx(0.025, rel=0.06)
     assert law.motors["lag"] == pytest.approx(0.025, rel=0.06)
-    _, alike = numbers(motor_answers(2))
+    _, alike = numbers(motor_responses(2))
     assert "motor_lag_up" not in alike
 
 
 @pytest.mark.parametrize("latency", [0.02, 0.09])
 def test_late_telemetry_is_delay_and_no_lag(latency):
-    _, found = numbers(motor_answers(3, latency=latency, seconds=12.0))
+    _, found = numbers(motor_responses(3, latency=latency, seconds=12.0))
     assert found["motor_lag"].value == pytest.approx(LAG, rel=0.06)
     assert found["command_delay"].value == pytest.approx(DELAY + latency, abs=5e-4)
 
 
 def test_slow_telemetry_gives_law_and_lag():
-    _, fast = numbers(motor_answers(4))
-    _, slow = numbers(motor_answers(4, speed_rate=12.0))
+    _, fast = numbers(motor_responses(4))
+    _, slow = numbers(motor_responses(4, speed_rate=12.0))
     assert slow["max_speed"].interval[0] < fast["max_speed"].value < slow["max_speed"].interval[1]
     assert slow["motor_lag"].interval[0] < LAG < slow["motor_lag"].interval[1]
     assert slow["motor_lag"].std > fast["motor_lag"].std
 
 
 def test_without_voltage_the_law_is_of_the_charge_that_was_flown():
-    law, found = numbers(motor_answers(5, voltage=False))
+    law, found = numbers(motor_responses(5, voltage=False))
     assert law.nominal_voltage is None
     assert "voltage" not in law.motors["law"]
     assert found["max_speed"].value == pytest.approx(FULL, rel=0.02)
 
 
 def test_a_constant_voltage_has_no_exponent():
-    answers = [replace(a, voltage=np.full(len(a.command), 16.0)) for a in motor_answers(6)]
+    answers = [replace(a, voltage=np.full(len(a.command), 16.0)) for a in motor_responses(6)]
     assert numbers(answers)[0].nominal_voltage is None
 
 
 def test_a_hover_does_not_tell_the_speed_at_full_command():
     """What the law is continued to must be as wide as the forms that fit are apart."""
-    _, calm = numbers(motor_answers(7, lively=0.02, pulses=False, seconds=10.0))
-    _, lively = numbers(motor_answers(7, seconds=10.0))
+    _, calm = numbers(motor_responses(7, lively=0.02, pulses=False, seconds=10.0))
+    _, lively = numbers(motor_responses(7, seconds=10.0))
     if calm["max_speed"].value is not None:
         wide = calm["max_speed"].std / calm["max_speed"].value
         assert wide > 3.0 * lively["max_speed"].std / lively["max_speed"].value
@@ -97,7 +97,7 @@ def test_a_hover_does_not_tell_the_speed_at_full_command():
 
 
 def test_glitches_and_stopped_rotors_do_not_move_the_law():
-    answers = motor_answers(8)
+    answers = motor_responses(8)
     sound = fitted(answers).best
     rng = np.random.default_rng(0)
 
@@ -126,11 +126,11 @@ def test_glitches_and_stopped_rotors_do_not_move_the_law():
 )
 def test_what_tells_no_law_is_refused(change, words):
     with pytest.raises(EstimationError, match=words):
-        fitted([change(a) for a in motor_answers(9, seconds=6.0)])
+        fitted([change(a) for a in motor_responses(9, seconds=6.0)])
 
 
 def test_three_rotors_of_four_are_enough():
-    law, _ = numbers([a for a in motor_answers(10) if a.rotor != 2])
+    law, _ = numbers([a for a in motor_responses(10) if a.rotor != 2])
     assert law.rotor_factors[2] is None
     assert law.rotor_factors[1] < law.rotor_factors[0]
 
@@ -142,17 +142,17 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     inside: dict[str, list[bool]] = {name: [] for name in truth}
     sharp: dict[str, list[tuple[float, float]]] = {name: [] for name in truth}
     for seed in range(60):
-        found = fitted(motor_answers(100 + seed))
+        found = fitted(motor_responses(100 + seed))
         layout, nominal = found.best.layout, found.recording.nominal_voltage
 
         def full(fit, x, nominal=nominal):
             shift = x[fit.layout.exponent] * np.log(NOMINAL / nominal) if fit.layout.voltage else 0
             return float(x[0] + shift)
 
-        told = {"full": found.number(full), "lag": found.own(layout.size - 2)}
+        said = {"full": found.number(full), "lag": found.own(layout.size - 2)}
         if layout.form == "offset power":
-            told |= {"offset": found.own(1), "exponent": found.own(2)}
-        for name, (value, half) in told.items():
+            said |= {"offset": found.own(1), "exponent": found.own(2)}
+        for name, (value, half) in said.items():
             inside[name].append(abs(value - truth[name]) < half)
             sharp[name].append((value - truth[name], half))
     for name, held in inside.items():

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from motor_answers import motor_answers
+from motor_responses import motor_responses
 from scipy.integrate import solve_ivp
 
 from rotorfit.logs.flight_log import Channel
@@ -61,7 +61,10 @@ def test_speeds_are_those_of_an_ode_solver(up, down, delay):
 @pytest.mark.parametrize("form", ["linear", "power", "sqrt", "offset power"])
 @pytest.mark.parametrize("voltage", [False, True])
 def test_slopes_are_those_of_differences(form, voltage):
-    flights = [motor_answers(1, seconds=4.0, rate=100.0), motor_answers(2, seconds=3.0, rate=100.0)]
+    flights = [
+        motor_responses(1, seconds=4.0, rate=100.0),
+        motor_responses(2, seconds=3.0, rate=100.0),
+    ]
     recording = recording_of(flights)
     layout = Layout(form=form, voltage=voltage, two_way=True, rotors=4, flights=2)
     rng = np.random.default_rng(0)

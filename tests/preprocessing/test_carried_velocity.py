@@ -51,9 +51,9 @@ def test_velocity_holds_between_rare_positions_and_over_a_gap(bias):
 
 def test_no_velocity_far_from_any_position():
     found = carried_velocity(log_of(keep=lambda s: (s < 4.0) | (s > 7.0)))
-    told = found.time - 3.0
-    assert not ((told > 4.52) & (told < 6.48)).any()
-    assert ((told > 4.0) & (told < 4.4)).any()
+    said = found.time - 3.0
+    assert not ((said > 4.52) & (said < 6.48)).any()
+    assert ((said > 4.0) & (said < 4.4)).any()
 
 
 @pytest.mark.parametrize("without", ["position", "attitude", "accel"])

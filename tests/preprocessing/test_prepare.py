@@ -209,6 +209,7 @@ def test_a_large_bias_is_taken_off_and_said():
     result = prepared(motion_log(thrust, force=force, rates=rates))
     assert result.gyro_bias == pytest.approx((0, 0.25, 0), abs=2e-3)
     assert result.warnings == ("the gyro reads up to 0.25 rad/s at rest (taken off); calibrate it",)
+    assert [one.kind for one in result.findings] == ["gyro-bias"]
 
 
 def test_cuts_are_named_in_the_order_of_time(hover):

@@ -55,9 +55,9 @@ def test_nothing_where_either_is_absent(log, missing):
 def test_a_permutation_is_named(log, order):
     found = telemetry(with_channel(log, "rotor_speed", speeds(log)[:, order]))
     moved = [i for i in range(4) if order[i] != i]
-    told = ", ".join(f"command {i + 1} moves speed {order.index(i) + 1}" for i in moved)
+    said = ", ".join(f"command {i + 1} moves speed {order.index(i) + 1}" for i in moved)
     [words] = found.doubts
-    assert told in words
+    assert said in words
     assert [i for i, state in enumerate(states(found)) if state == "swapped"] == moved
 
 
@@ -74,22 +74,22 @@ def test_a_dead_speed_is_named(log, value, words):
     values[:, 2] = value
     found = telemetry(with_channel(log, "rotor_speed", values))
     assert states(found) == ["follows", "follows", "dead", "follows"]
-    [told] = found.doubts
-    assert told.startswith(words)
+    [said] = found.doubts
+    assert said.startswith(words)
 
 
 def test_dead_telemetry_is_said_once(log):
     found = telemetry(with_channel(log, "rotor_speed", 0.0 * speeds(log)))
     assert states(found) == ["dead"] * 4
-    [told] = found.doubts
-    assert told.startswith("none of the measured rotor speeds changes")
+    [said] = found.doubts
+    assert said.startswith("none of the measured rotor speeds changes")
 
 
 def test_a_dead_command_is_named(log):
     values = log.channels["command"].values.copy()
     values[:, 0] = 0.25
-    [told] = telemetry(with_channel(log, "command", values)).doubts
-    assert told.startswith("the command of rotor 1 is 0.25 throughout though its speed changes")
+    [said] = telemetry(with_channel(log, "command", values)).doubts
+    assert said.startswith("the command of rotor 1 is 0.25 throughout though its speed changes")
 
 
 @pytest.mark.parametrize("lost", [False, True], ids=["held", "lost"])
@@ -99,8 +99,8 @@ def test_a_speed_that_stops_on_the_way_is_named(log, lost):
     found = telemetry(with_channel(log, "rotor_speed", values))
     assert states(found) == ["follows", "stuck", "follows", "follows"]
     assert found.rotors[1].stuck == pytest.approx(0.5, abs=0.1)
-    [told] = found.doubts
-    assert told.startswith("the measured speed of rotor 2 stays constant for ")
+    [said] = found.doubts
+    assert said.startswith("the measured speed of rotor 2 stays constant for ")
 
 
 @pytest.mark.parametrize("factor", [0.8, 7 / 6])
@@ -108,8 +108,8 @@ def test_a_speed_of_another_ratio_is_named(log, factor):
     found = telemetry(with_channel(log, "rotor_speed", speeds(log) * [1, 1, 1, factor]))
     assert states(found) == ["follows"] * 3 + ["unlike"]
     assert found.rotors[3].ratio == pytest.approx(factor, rel=0.03)
-    [told] = found.doubts
-    assert told.startswith(f"rotor 4 turns at {found.rotors[3].ratio:.2f} times the speed")
+    [said] = found.doubts
+    assert said.startswith(f"rotor 4 turns at {found.rotors[3].ratio:.2f} times the speed")
 
 
 @pytest.mark.parametrize("factor", [0.95, 1.05])
@@ -124,8 +124,8 @@ def test_a_speed_that_follows_nothing_is_named(log):
     values[:, 0] = 400.0 + 20.0 * rng.normal(size=len(values))
     found = telemetry(with_channel(log, "rotor_speed", values))
     assert states(found)[0] == "apart"
-    [told] = found.doubts
-    assert told.startswith("the measured speed of rotor 1 does not follow its command")
+    [said] = found.doubts
+    assert said.startswith("the measured speed of rotor 1 does not follow its command")
 
 
 def test_speeds_of_another_flight_are_named(log):
@@ -133,17 +133,17 @@ def test_speeds_of_another_flight_are_named(log):
     found = telemetry(
         with_channel(log, "rotor_speed", 400.0 + 20.0 * rng.normal(size=values.shape))
     )
-    [told] = found.doubts
-    assert told.startswith("the measured rotor speeds match no command")
+    [said] = found.doubts
+    assert said.startswith("the measured rotor speeds match no command")
     assert found.lateness is None
 
 
 def test_other_numbers_of_commands_and_speeds_are_said(log):
     found = telemetry(with_channel(log, "rotor_speed", speeds(log)[:, :3]))
     assert found.rotors == ()
-    [told] = found.doubts
-    assert told.startswith("the log has 4 motor commands")
-    assert "but 3 measured speeds" in told
+    [said] = found.doubts
+    assert said.startswith("the log has 4 motor commands")
+    assert "but 3 measured speeds" in said
 
 
 def test_slow_and_late_telemetry_still_tells_the_order(log):
@@ -213,5 +213,5 @@ def test_real_telemetry_and_the_same_with_two_plugs_swapped(flight_data_dir, nam
     assert [rotor.ratio for rotor in found.rotors] == pytest.approx([1.0] * 4, abs=0.03)
     swapped = telemetry(with_channel(log, "rotor_speed", speeds(log)[:, [0, 1, 3, 2]]))
     assert states(swapped) == ["follows", "follows", "swapped", "swapped"]
-    [told] = swapped.doubts
-    assert "command 3 moves speed 4, command 4 moves speed 3" in told
+    [said] = swapped.doubts
+    assert "command 3 moves speed 4, command 4 moves speed 3" in said

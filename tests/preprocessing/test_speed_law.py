@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rotorfit.errors import LogError
+from rotorfit.findings import sentences
 from rotorfit.logs.speed_law import (
     PolynomialLaw,
     PowerLaw,
@@ -13,7 +14,7 @@ from rotorfit.logs.speed_law import (
     SquareRootLaw,
     TableLaw,
     VoltageFactor,
-    law_warnings,
+    law_doubts,
     speed_from_command,
 )
 
@@ -38,6 +39,10 @@ def law_of(kind, numbers) -> SpeedLaw:
         return SpeedLaw(curve=SquareRootLaw(*numbers))
     commands, speeds = np.cumsum(numbers, axis=0).T.tolist()
     return SpeedLaw(curve=TableLaw(tuple(c / commands[-1] for c in commands), tuple(speeds)))
+
+
+def doubts_of(law, command):
+    return sentences(law_doubts(law, command))
 
 
 def test_a_polynomial():
@@ -115,20 +120,20 @@ def test_a_voltage_factor_without_voltage_is_refused():
 
 
 def test_commands_beyond_a_table_are_doubted():
-    (doubt,) = law_warnings(SpeedLaw(curve=TABLE), COMMANDS)
+    (doubt,) = doubts_of(SpeedLaw(curve=TABLE), COMMANDS)
     assert doubt.startswith(
         "19.5 % of the commands (0 to 1) are beyond the table of the motors' law"
     )
     assert "(0.1 to 0.9)" in doubt
-    assert law_warnings(SpeedLaw(curve=TABLE), COMMANDS[4:37]) == ()
-    assert len(law_warnings(SpeedLaw(curve=TABLE), COMMANDS[3:37])) == 1
+    assert doubts_of(SpeedLaw(curve=TABLE), COMMANDS[4:37]) == ()
+    assert len(doubts_of(SpeedLaw(curve=TABLE), COMMANDS[3:37])) == 1
 
 
 def test_a_law_that_falls_where_it_is_used_is_doubted():
     law = SpeedLaw(curve=PolynomialLaw((0.0, 1000.0, -1000.0)))  # falls from 0.5
-    assert law_warnings(law, COMMANDS[:21]) == ()
-    assert "falls somewhere between the commands 0 and 1" in law_warnings(law, COMMANDS)[0]
-    assert law_warnings(SpeedLaw(curve=SquareRootLaw(900.0, 0.3)), COMMANDS) == ()
+    assert doubts_of(law, COMMANDS[:21]) == ()
+    assert "falls somewhere between the commands 0 and 1" in doubts_of(law, COMMANDS)[0]
+    assert doubts_of(SpeedLaw(curve=SquareRootLaw(900.0, 0.3)), COMMANDS) == ()
 
 
 @given(full=st.floats(100, 5000), b=st.floats(-0.3, 0.5), p=st.floats(0.3, 1.5))
@@ -137,4 +142,4 @@ def test_a_power_law_has_its_ends_and_its_dead_zone(full, b, p):
     assert speed[-1, 0] == pytest.approx(full)
     assert speed[0, 0] == pytest.approx(full * max(b, 0.0) ** p)
     assert (np.diff(speed[:, 0]) >= 0.0).all()
-    assert law_warnings(SpeedLaw(curve=PowerLaw(full, b, p)), COMMANDS) == ()
+    assert doubts_of(SpeedLaw(curve=PowerLaw(full, b, p)), COMMANDS) == ()

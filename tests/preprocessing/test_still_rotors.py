@@ -101,9 +101,9 @@ def test_a_calm_hover_in_coarse_steps_is_no_fault(resolution):
     values[1000:1600, 0] = 400.0
     found = frozen_channels(values, [(0, 4000)], 200.0, measured=True, step=resolution)
     assert found == ()
-    (told,) = frozen_channels(values, [(0, 4000)], 200.0, measured=True)
-    assert told.rotor == 1
-    assert told.rows == pytest.approx((1000, 1600), abs=10)
+    (said,) = frozen_channels(values, [(0, 4000)], 200.0, measured=True)
+    assert said.rotor == 1
+    assert said.rows == pytest.approx((1000, 1600), abs=10)
 
 
 def test_rotors_that_all_stand_still_tell_nothing():

@@ -11,7 +11,7 @@ from functools import cache
 import pytest
 
 import flown
-from rotorfit.dataset.dataset import load_flight
+from rotorfit.dataset.load import load_flight
 from rotorfit.diagnostics.sensors.log_settings import FAST
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import load_experiment

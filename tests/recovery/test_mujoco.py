@@ -99,14 +99,14 @@ def test_other_layouts_with_rotor_inertia(tmp_path, name, axes, motors):
     truth = replace(truth, Jr=2e-5, drag=mujoco_paper.DRAG)
     flight = mujoco_flight.fly(truth, vehicle, seed=3, seconds=25.0, sensors=SENSORS, axes=axes)
     mujoco_flight.write_table(flight, tmp_path / "flight.csv", motors=motors)
-    told = f'speed = "commanded"\n{mujoco_flight.LAW}' if motors == "command" else ""
+    said = f'speed = "commanded"\n{mujoco_flight.LAW}' if motors == "command" else ""
     entry = f'{{ file = "flight.csv", axes = "{axes}" }}'
     path = tmp_path / "experiment.toml"
     path.write_text(
         mujoco_flight.experiment_text(
             vehicle,
             f"[[configuration]]\nmass = {truth.mass!r}\nflights = [{entry}]\n",
-            motors=told,
+            motors=said,
             axes=axes,
         ),
         encoding="utf-8",

@@ -43,11 +43,11 @@ def test_windows_hold_the_flight_alone_and_start_from_its_state(still_air):
 
 def test_rotorfit_s_numbers_are_compared_about_the_body_origin(still_air):
     folder, flown = still_air
-    told = peers.by_rotorfit(folder, flown, peers.SETTINGS["paper"])
+    said = peers.by_rotorfit(folder, flown, peers.SETTINGS["paper"])
     true, unit = peers.truths(flown.truth), peers.units(flown.truth)
-    assert {"kt", "Ixx", "com_x"} <= set(told) <= set(true)
-    assert abs(told["com_x"][0] - true["com_x"]) < 1e-3
-    assert abs(told["Ixx"][0] - true["Ixx"]) < 10 * unit["Ixx"]
+    assert {"kt", "Ixx", "com_x"} <= set(said) <= set(true)
+    assert abs(said["com_x"][0] - true["com_x"]) < 1e-3
+    assert abs(said["Ixx"][0] - true["Ixx"]) < 10 * unit["Ixx"]
 
 
 def test_the_table_marks_what_does_not_hold(still_air):

@@ -163,7 +163,7 @@ def a_result(
                 samples_used=12240,
                 used=((3.0, 30.0), (31.0, 65.2)),
                 cuts=((0.0, 3.0, "not airborne"), (30.0, 31.0, "gap in the log")),
-                warnings=(words,),
+                findings=(doubt("made", words),),
             )
             for c in configurations
         ),

@@ -94,10 +94,10 @@ def test_the_page_holds_what_it_redraws_and_nothing_else(html: str) -> None:
 
 def test_names_from_a_log_cannot_become_elements() -> None:
     log = a_log(rotor_speed=None)
-    told = {**NOTCH, "Craft name": "<script>alert(1)</script>"}
+    said = {**NOTCH, "Craft name": "<script>alert(1)</script>"}
     evil = FlightLog(
         path=Path("<b>.bfl"), sha256="", format="blackbox", channels=log.channels,
-        seconds=SECONDS, metadata=told, notes=("<img src=x>",),
+        seconds=SECONDS, metadata=said, notes=("<img src=x>",),
     )  # fmt: skip
     page = log_report_html(inspect_log(evil))
     assert "<b>" not in page and "<img" not in page and "alert(1)</script>" not in page

@@ -22,8 +22,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     wanted = os.environ.get("ROTORFIT_SCREENSHOTS")
     path = Path(wanted) if wanted else tmp_path_factory.mktemp("browser")
     path.mkdir(parents=True, exist_ok=True)
-    told = {"law": {"power": {"full_speed": 1234.567890, "offset": 0.0123, "exponent": 0.9}}}
-    result = a_result(command_law=replace(FOUND, motors=told))
+    said = {"law": {"power": {"full_speed": 1234.567890, "offset": 0.0123, "exponent": 0.9}}}
+    result = a_result(command_law=replace(FOUND, motors=said))
     flights = [a_comparison(), a_comparison(configuration="B", seed=2)]
     write_report(path / "report.html", result, comparisons=flights, paper=True, force=True)
     return path

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from rotorfit.findings import doubt
 from rotorfit.formatting.digits import with_interval
+from rotorfit.report.parameters import axis_of
 from rotorfit.report.text import result_text
 from rotorfit.results.result import (
     Derived,
@@ -115,7 +116,7 @@ def result_of(
         samples_used=4000,
         used=((1.0, 21.0),),
         cuts=(),
-        warnings=("no 1 s at rest found",),
+        findings=(doubt("gyro-bias", "no 1 s at rest found"),),
     )
     fields = {
         "name": "test",
@@ -300,3 +301,18 @@ def test_numbers_of_two_configurations_stand_with_their_bodies():
     assert "hover_speed" not in first.split("Body")[0]
     assert "900.0 +- 2.0" in first and "950.0 +- 2.0" in second
     assert "  - b2.csv (B): Fz 1.2 %" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "other", "together"),
+    [
+        ("Ixy", "Izz", True),
+        ("Ixx", "Ixx_com", False),
+        ("com_x", "com_z", True),
+        ("drag_x", "drag_z", True),
+        ("drag_x", "drag_moment_xy", False),
+        ("kt_1", "kt_2", False),
+    ],
+)
+def test_kin_of_one_unit_are_drawn_over_one_axis(name, other, together):
+    assert (axis_of(name) == axis_of(other)) == together

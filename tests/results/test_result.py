@@ -8,6 +8,7 @@ import pytest
 
 import flown
 from rotorfit.errors import OutputError
+from rotorfit.findings import doubt
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.verdicts import ADVICE, judge, motion_for
 
@@ -95,6 +96,24 @@ def test_saved_and_read_back_it_is_the_same(tmp_path, result):
         if field.name != "covariance":
             assert getattr(again, field.name) == getattr(result, field.name), field.name
     assert again.to_json() == result.to_json()
+
+
+def test_a_flights_doubts_are_findings_and_sentences(result):
+    finding = doubt("gyro-bias", "no 1 s at rest found")
+    flights = (dataclasses.replace(result.flights[0], findings=(finding,)),)
+    plain = json.loads(dataclasses.replace(result, flights=flights).to_json())["flights"][0]
+    assert plain["warnings"] == ["no 1 s at rest found"]
+    assert plain["findings"][0]["kind"] == "gyro-bias"
+
+
+def test_older_results_have_sentences_alone(tmp_path, result):
+    path, plain = tmp_path / "old.json", json.loads(result.to_json())
+    del plain["flights"][0]["findings"]
+    plain["flights"][0]["warnings"] = ["the gyro drifts"]
+    path.write_text(json.dumps(plain))
+    again = IdentificationResult.load(path).flights[0]
+    assert again.warnings == ("the gyro drifts",)
+    assert [one.kind for one in again.findings] == ["warning"]
 
 
 def test_the_file_has_every_key_of_the_format(result):

@@ -108,8 +108,8 @@ def test_a_field_of_another_type(tmp_path):
     ended = subprocess.run(
         [sys.executable, "-c", PLAIN, *paths], capture_output=True, text=True, check=True
     )
-    told = ended.stdout.splitlines()
-    for (_, words), line in zip(OTHER_TYPES, told, strict=True):
+    said = ended.stdout.splitlines()
+    for (_, words), line in zip(OTHER_TYPES, said, strict=True):
         assert words in line
 
 

@@ -33,7 +33,7 @@ def _response(request: dict[str, Any], stream: TextIO) -> dict[str, Any]:
         return engine.call(request["name"], request["argument"], progress)
     except MemoryError:
         return {"refused": "there is not enough memory for this: use shorter logs, or fewer"}
-    except Exception as error:  # a fault of ours: the page is told, and stays alive
+    except Exception as error:  # a fault of ours: the page says so, and stays alive
         fault = " ".join(f"{type(error).__name__}: {error}".split())
         return {"refused": f"internal error ({fault}); please report it with the log"}
 

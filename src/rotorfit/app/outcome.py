@@ -23,6 +23,7 @@ from rotorfit.errors import (
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import Experiment, airframe_of_tables
 from rotorfit.export.targets import OFFERED, RANDOM_TARGETS
+from rotorfit.findings import Finding
 from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.identification.identify import identify
 from rotorfit.logs.files import write_whole
@@ -95,24 +96,24 @@ def _judged_loop(result: IdentificationResult, experiment: Experiment) -> LoopOu
 def _with_shown_names(folder: Path, result: IdentificationResult) -> IdentificationResult:
     """Replace the stored names in the texts of a result."""
 
-    def renamed(texts: Iterable[str]) -> tuple[str, ...]:
-        return tuple(with_shown_names(folder, text) for text in texts)
+    def renamed(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+        return tuple(
+            dataclasses.replace(
+                one,
+                sentence=with_shown_names(folder, one.sentence),
+                flights=tuple(with_shown_names(folder, flight) for flight in one.flights),
+            )
+            for one in findings
+        )
 
     flights = tuple(
-        dataclasses.replace(flight, warnings=renamed(flight.warnings)) for flight in result.flights
+        dataclasses.replace(flight, findings=renamed(flight.findings)) for flight in result.flights
     )
     return dataclasses.replace(
         result,
         flights=flights,
         settings=json_with_shown_names(folder, result.settings),
-        findings=tuple(
-            dataclasses.replace(
-                one,
-                sentence=with_shown_names(folder, one.sentence),
-                flights=renamed(one.flights),
-            )
-            for one in result.findings
-        ),
+        findings=renamed(result.findings),
     )
 
 

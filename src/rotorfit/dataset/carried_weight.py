@@ -104,20 +104,8 @@ def carrying_stretches(
 ) -> Iterator[Held]:
     """Yield the k_t that carries the weight over each stretch: `ratio` and `std` are in its unit.
 
-    Parameters
-    ----------
-    flight
-        Prepared.
-    axes
-        As they turn in it.
-    vehicle
-        For the directions of the rotors' axes.
-    mass
-        [kg]
-    bias
-        Of the accelerometer along the vertical [m/s^2].
-    velocity_std
-        Of the velocity, where the log has it [m/s].
+    `bias`: of the accelerometer along the vertical [m/s^2]; `velocity_std`: of the velocity, where
+    the log has it [m/s].
     """
     # The square of a noisy speed is larger by the noise.
     squares = flight.rotor_speed**2 - flight.rotor_speed_std**2
@@ -239,15 +227,7 @@ def gyro_drift(
 
     Where the bias b has turned them by c, what would be a constant force f is f + c x f. The mean
     force of a stretch is as sure as the change of velocity, which is not known, allows.
-
-    Parameters
-    ----------
-    attitude
-        From the body's axes to those.
-    force
-        In those axes [m/s^2].
-    step
-        Between samples [s].
+    `force` is in the carried axes [m/s^2], `step` between samples [s].
     """
     axes = np.broadcast_to(np.eye(3), (len(attitude), 3, 3))
     bias_turns = np.cumsum(rotated(attitude[:, None].repeat(3, axis=1), axes), axis=0) * step

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -15,23 +15,41 @@ from rotorfit.dataset.checks.plausible_units import (
     slow_rotor_doubts,
 )
 from rotorfit.dataset.checks.recorded_motors import refuse_wrong_speeds
-from rotorfit.dataset.dataset import (
-    ConfigurationData,
-    Dataset,
-    LoadedFlight,
-    load_flight,
-    velocity_known,
+from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
+from rotorfit.errors import ExperimentError, RotorfitError
+from rotorfit.experiment.declared_vehicle import (
+    imu_tilt_of,
+    motor_model_of,
+    payload_of,
+    read_options_of,
+    recording_options_of,
+    vehicle_of,
 )
-from rotorfit.errors import ExperimentError
-from rotorfit.experiment.declared_vehicle import payload_of, vehicle_of
-from rotorfit.experiment.experiment import ConfigurationEntry, Experiment, MotorsEntry
+from rotorfit.experiment.experiment import ConfigurationEntry, Experiment, FlightEntry, MotorsEntry
+from rotorfit.experiment.law_table import law_entry_of
+from rotorfit.findings import doubts
+from rotorfit.logs import read_log
+from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.air import CLIMB, VELOCITY
 from rotorfit.model.terms.registry import added_signals, considered_terms, terms_named
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.decimate import as_recorded, decimated
+from rotorfit.preprocessing.imu_tilt import levelled
+from rotorfit.preprocessing.mocap.align import with_poses
+from rotorfit.preprocessing.mocap.prepare_mocap import prepare_mocap
+from rotorfit.preprocessing.motors.command_response import command_responses, responses_within
+from rotorfit.preprocessing.motors.motor_limits import motor_limits
+from rotorfit.preprocessing.motors.rotor_telemetry import State, Telemetry, telemetry
+from rotorfit.preprocessing.prepare import on_one_clock, prepared_from
+from rotorfit.reduction.frequency_bands import EDGES
 
 Method = Literal["banded", "ols", "tls"]
 Progress = Callable[[str], None]
+
+
+UNRESPONSIVE: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
+"""States of a measured speed from which no law can be learnt."""
 
 
 def resolved_method(experiment: Experiment) -> Method:
@@ -65,7 +83,7 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
         motors=agreed_motors(experiment.motors, flights),
         configurations=loaded,
         source=source,
-    ).reduced()
+    )
 
 
 def _felt_where_unknown(configuration: ConfigurationData) -> ConfigurationData:
@@ -176,8 +194,8 @@ def _screen_speeds(
         data, takes = flight.prepared.data, flight.log.takes_columns
         name = Path(flight.entry.file).name
         refuse_rotors_too_fast({name: data}, arm, law=law, takes_columns=takes)
-        slow = slow_rotor_doubts(data, arm, law=law, takes_columns=takes)
-        prepared = dataclasses.replace(flight.prepared, warnings=(*flight.prepared.warnings, *slow))
+        slow = doubts("slow-rotors", slow_rotor_doubts(data, arm, law=law, takes_columns=takes))
+        prepared = dataclasses.replace(flight.prepared, findings=(*flight.prepared.findings, *slow))
         screened.append(dataclasses.replace(flight, prepared=prepared))
     return screened
 
@@ -205,3 +223,130 @@ def _refuse_mixed_commands(flights: list[LoadedFlight]) -> None:
             f"{one} commands rotor speeds in rad/s, {two} commands from 0 to 1: identify them in "
             "experiments of their own"
         )
+
+
+def load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
+    """Read and prepare one flight, its motion from the IMU or from motion capture.
+
+    Parameters
+    ----------
+    entry
+        The flight; it need not be one of the experiment's own.
+    experiment
+        Whose vehicle, motors and source of motion it has.
+
+    Raises
+    ------
+    LogError, FlightError, FrameError
+        If it cannot be used; the message names the file.
+    """
+    try:
+        return _loaded(entry, experiment)
+    except RotorfitError as error:
+        name = Path(entry.file).name
+        if name in str(error):
+            raise
+        raise type(error)(f"{name}: {error}") from error
+
+
+def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
+    motors, source = experiment.motors, experiment.identification.source
+    vehicle = vehicle_of(experiment.airframe, source)
+    log = read_log(Path(entry.file), options=read_options_of(entry, motors))
+    log, speeds_commanded = with_commanded_speeds(log, motors)
+    motors = motors if speeds_commanded else completed_motors(motors, log)
+    motor_model = motor_model_of(motors)
+    seen = telemetry(log) if motors.speed == "measured" else None
+    responses = () if seen is None else command_responses(log, excluded=_unresponsive_rotors(seen))
+    if entry.mocap is not None:
+        recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
+        log = with_poses(log, recording)
+    window, count = (entry.start, entry.end), len(vehicle.rotors)
+    battery, command = log.channels.get("battery"), log.channels.get("command")
+    if source == "mocap":
+        prepared = prepare_mocap(
+            log, rotor_count=count, arm=vehicle.arm, motors=motor_model, window=window
+        )
+        log, recorded = dataclasses.replace(log, channels={}), as_recorded(prepared)
+    else:
+        on_clock = on_one_clock(log, rotor_count=count, motors=motor_model)
+        log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
+        prepared = prepared_from(on_clock, arm=vehicle.arm, motors=motor_model, window=window)
+        del on_clock
+        recorded, tilt = as_recorded(prepared), imu_tilt_of(experiment.airframe)
+        if experiment.identification.in_bands:
+            prepared = decimated(prepared, motor_model, top=EDGES[-1])
+        prepared = prepared if tilt is None else levelled(prepared, tilt)
+    return LoadedFlight(
+        entry=entry,
+        log=log,
+        prepared=prepared,
+        recorded=recorded,
+        speeds_commanded=speeds_commanded,
+        telemetry=seen,
+        limits=None if command is None else motor_limits(command, recorded.spans),
+        command_responses=responses_within(responses, recorded.spans),
+        motors=motors,
+        battery=_voltage(battery, recorded.spans),
+    )
+
+
+def completed_motors(motors: MotorsEntry, log: FlightLog) -> MotorsEntry:
+    """Complete the declared motors by the log's parameters; a declared law stands.
+
+    Measured speeds need none.
+    """
+    logged = log.motors
+    if motors.speed == "measured" or logged is None or "command" not in log.channels:
+        return motors
+    law = motors.law or law_entry_of(logged.law)
+    return motors.model_copy(update={"law": law, "lag_on": motors.lag_on or logged.lag_on})
+
+
+def _unresponsive_rotors(seen: Telemetry) -> list[int]:
+    """Return the rotors, from 0, whose speed is not what their command makes it."""
+    return [r.rotor - 1 for r in seen.rotors if r.state in UNRESPONSIVE]
+
+
+def _voltage(battery: Channel | None, flown: Sequence[tuple[float, float]]) -> float | None:
+    """Return the mean voltage in flight [V]; None where none was logged."""
+    if battery is None:
+        return None
+    inside = np.zeros(len(battery.time), dtype=bool)
+    for begin, end in flown:
+        inside |= (battery.time >= begin) & (battery.time <= end)
+    seen = battery.values[inside & np.isfinite(battery.values[:, 0]), 0]
+    return float(seen.mean()) if len(seen) else None
+
+
+def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLog, bool]:
+    """Take commanded rotor speeds as a log's commands; return the log, and whether it has them.
+
+    Simulators command speeds in rad/s, and so did the paper: the motors follow them with a lag, as
+    they follow any command, but no law is needed, and one that is given is refused. Only of motors
+    with ``speed = "commanded"`` is a rotor speed a command.
+    """
+    if motors.speed != "commanded" or "command" in log.channels:
+        return log, False
+    if "rotor_speed" not in log.channels:
+        return log, False
+    if motors.law is not None:
+        raise ExperimentError(
+            f"the log commands rotor speeds ({log.channels['rotor_speed'].source}), and [motors] "
+            "has a law from command to speed: leave law out"
+        )
+    channels = dict(log.channels)
+    channels["command"] = channels.pop("rotor_speed")
+    return dataclasses.replace(log, channels=channels), True
+
+
+def velocity_known(flights: list[LoadedFlight]) -> bool:
+    """Return whether every used sample of every flight has a velocity, its neighbours too."""
+    return all(
+        flight.prepared.data.velocity is not None
+        and all(
+            np.isfinite(flight.prepared.data.velocity[max(s.start - 1, 0) : s.stop + 1]).all()
+            for s in flight.prepared.data.segments
+        )
+        for flight in flights
+    )

@@ -89,20 +89,10 @@ def turning(data: FlightData) -> Turning:
 
 
 def held_up(axes: Turning, force: Float[np.ndarray, "n 3"]) -> Held | None:
-    """Return the mean of a specific force along the vertical, over gravity.
+    """Compute the mean of a specific force along the vertical, over gravity.
 
-    Parameters
-    ----------
-    axes
-        Of the flight.
-    force
-        Specific force of every sample of it, body axes [m/s^2]: of the accelerometer, or thrust
-        over mass.
-
-    Returns
-    -------
-    Held
-        None where no stretch is long enough.
+    `force`: of every sample, body axes [m/s^2], of the accelerometer or thrust over mass. None
+    where no stretch is long enough.
     """
     if not axes.windows:
         return None
@@ -124,15 +114,10 @@ def held_up(axes: Turning, force: Float[np.ndarray, "n 3"]) -> Held | None:
 
 
 def hovering(data: FlightData) -> FlightData:
-    """Return a flight with those pieces alone in which it hovers, more or less.
+    """Select the pieces of a flight in which it hovers, more or less.
 
     In throws, dives and crashes the velocity changes by more than `VELOCITY_CHANGE`, and what the
-    accelerometer reads on average is no gravity.
-
-    Parameters
-    ----------
-    data
-        With its segments, which are looked at in pieces of the shortest window.
+    accelerometer reads on average is no gravity. Pieces are of the shortest window.
     """
     squares: Float[np.ndarray, " n"] = np.einsum("nr,nr->n", data.rotor_speed, data.rotor_speed)
     usual = float(np.median(squares[data.used_rows])) if data.segments else 0.0

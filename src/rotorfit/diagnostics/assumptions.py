@@ -57,7 +57,7 @@ def assumptions(
 
 
 def _shared(configuration: str, flights: int) -> str:
-    """Return what stays in the intervals of however many flights, in words."""
+    """Describe the uncertainty that no number of flights averages out."""
     return (
         f"{configuration}: {flights} flights average out what changes between them (trim, air, "
         "gusts), but not what they share, which stays in every interval: mass, arms, place of the "
@@ -67,7 +67,7 @@ def _shared(configuration: str, flights: int) -> str:
 
 
 def _imu_place(dataset: Dataset) -> str:
-    """Return what hangs on the place of the IMU, and on its height."""
+    """Describe the numbers that depend on the place of the IMU, and on its height."""
     place = dataset.vehicle.imu_position
     if place is None or dataset.source == "mocap":
         return "com_x, com_y, com_z and inertia at the origin are counted from the origin"

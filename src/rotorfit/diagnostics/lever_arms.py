@@ -24,7 +24,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError, FrameError
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.findings import Evidence, Finding
@@ -32,6 +31,7 @@ from rotorfit.fit.additional_parameters import Added, Additional, estimate_addit
 from rotorfit.fit.fit import Fit, refit
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION, NO_EXCITATION, inertia_bias
 from rotorfit.fit.intervals.joint_numbers import physical, weighed_excitation
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import INERTIA, INERTIA_COM
 from rotorfit.model.regressor import regressor
@@ -235,7 +235,7 @@ def _with_sides(fit: Fit, by: float) -> Fit:
     )
     moved = replace(vehicle, rotors=tuple(rotors))
     model = regressor(moved, added=fit.dataset.model.layout.added)
-    dataset: Dataset = replace(fit.dataset, vehicle=moved, model=model)
+    dataset: TimedDataset = replace(fit.dataset, vehicle=moved, model=model)
     return refit(fit, dataset, guess=fit.estimate.estimate.by_name)
 
 

@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Complex, Float
 from scipy import signal, stats
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.banded_problem import solved
 from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_problem import theta_of
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.reduction.frequency_bands import EDGES, STRETCH, retimed
@@ -111,7 +111,7 @@ def highest_peaks(fit: Fit) -> list[Peak]:
 
 
 def _errors(
-    dataset: Dataset, flights: Sequence[PreparedFlight], G: Float[np.ndarray, "k z"]
+    dataset: TimedDataset, flights: Sequence[PreparedFlight], G: Float[np.ndarray, "k z"]
 ) -> Iterator[tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"], float]]:
     """Yield the errors of every stretch, the rotors' push along the same axes, and the rate."""
     vehicle = dataset.vehicle

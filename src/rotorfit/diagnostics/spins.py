@@ -23,7 +23,6 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.diagnostics.coupling import without_coupling
 from rotorfit.diagnostics.yaw_residuals import Pattern, less_left, with_spins
 from rotorfit.errors import EstimationError, FrameError
@@ -43,6 +42,7 @@ from rotorfit.fit.intervals.joint_numbers import excitation
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.rotors import rotor_torque
 from rotorfit.model.vehicle import Vehicle
@@ -176,7 +176,7 @@ def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Patt
     flight tells which it is.
     """
     declared = np.ones(len(fit.dataset.vehicle.rotors))
-    # Fitted the same way: which bands count is told anew in every fit.
+    # Fitted the same way: every fit selects its bands anew.
     as_declared = _fitted_with(fit, declared) if suspects else None
     if as_declared is None:
         return None
@@ -282,7 +282,7 @@ def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags
     model = regressor(vehicle, added=dataset.model.layout.added)
     if not fit.coupled:
         model = without_coupling(model)
-    other: Dataset = replace(dataset, vehicle=vehicle, model=model)
+    other: TimedDataset = replace(dataset, vehicle=vehicle, model=model)
     try:
         guess = fit.estimate.estimate.by_name  # near, but for yaw: half the steps of row fits
         estimate, joint = joint_fit(other, terms=fit.terms, known=fit.known, guess=guess)

@@ -41,7 +41,7 @@ class Factors:
         Variance per row that known errors of measurement add to each signal, where they are
         known: for signals that stand among the regressors. None: nothing is known, or none.
     source
-        Which recording (flight) each block comes from, where that is told.
+        Which recording (flight) each block comes from, where that is known.
     slopes
         Derivative of the block's rows by what moves the signals themselves (the motors' lag and
         delay), for few of them: the rows are then R, `m - z` rows of zeros below it, plus slopes
@@ -75,7 +75,7 @@ class Factors:
 
     @property
     def recording(self) -> Int[np.ndarray, " b"]:
-        """Which recording each block comes from; all from one where that is not told."""
+        """Which recording each block comes from; all from one where that is unknown."""
         return np.zeros(len(self), dtype=np.int64) if self.source is None else self.source
 
     @property
@@ -101,7 +101,7 @@ class Factors:
         )
 
     def first_slopes(self, count: int) -> "Factors":
-        """Return the same with no more than so many of the slopes."""
+        """Keep the first slopes alone."""
         assert self.slopes is not None
         slopes = self.slopes[:, :count]
         rows = np.flatnonzero(slopes.any(axis=(0, 1, 3)))

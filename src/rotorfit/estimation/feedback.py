@@ -90,7 +90,7 @@ class Feedback:
         return replace(self, responses=uncertain)
 
     def gain(self, c: int, G: Float[np.ndarray, "k z"]) -> float:
-        """Return what part `c` adds to the log-likelihood, up to a constant."""
+        """Compute the share of part `c` in the log-likelihood, up to a constant."""
         response = self.responses[c]
         effect = self._effect(response, G)
         effect = np.where(np.real(effect) < 0, -effect, effect)  # away from the logarithm's cut

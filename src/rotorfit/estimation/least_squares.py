@@ -136,7 +136,7 @@ def total(problem: LinearProblem) -> Estimate:
 def _refined(
     Wt: Float[np.ndarray, "m g"], svd: ScaledSingular, chi: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, " f"]:
-    r"""Return the same solution with the digits that columns of very different size have cost.
+    r"""Refine a solution by the digits that columns of very different size have cost.
 
     In SI units the columns differ by 1e7, and the singular vector is off by some 1e-7. The solution
     obeys :math:`(A^T A - \sigma^2 1) \chi = -A^T y` for :math:`W_t = [A\ y]` and its smallest

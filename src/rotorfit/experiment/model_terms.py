@@ -20,7 +20,7 @@ nothing where it has not."""
 
 
 def known_terms(given: object, info: Any) -> object:
-    """Return what a file gives as its terms, each named once.
+    """Check the terms that a file names; each is named once.
 
     Raises
     ------

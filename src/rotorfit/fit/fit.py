@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.findings import Finding
@@ -17,6 +16,7 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import FittedFactors, joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, at_values
 from rotorfit.fit.joint.term_choice import Choice
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 NO_COUPLING: Final = "no-coupling"
 """Kind of the finding of a fit without gyroscopic terms."""
@@ -44,7 +44,7 @@ class Fit:
         Mean and standard deviation of free parameters from elsewhere, with which it was made.
     """
 
-    dataset: Dataset
+    dataset: TimedDataset
     terms: tuple[str, ...]
     choice: Choice
     estimate: BandedEstimate
@@ -87,7 +87,7 @@ class Fit:
         return dataclasses.replace(self, numbers=numbers)
 
 
-def refit(fit: Fit, dataset: Dataset, **settings: Any) -> Fit:
+def refit(fit: Fit, dataset: TimedDataset, **settings: Any) -> Fit:
     """Fit a dataset with the terms of a fit and what is known, and compute its numbers.
 
     `settings` are those of `joint_fit`.
@@ -105,7 +105,7 @@ def refit(fit: Fit, dataset: Dataset, **settings: Any) -> Fit:
 
 
 def numbers_of(
-    dataset: Dataset, estimate: BandedEstimate, joint: list[JointConfiguration]
+    dataset: TimedDataset, estimate: BandedEstimate, joint: list[JointConfiguration]
 ) -> Numbers:
     """Compute the physical numbers of a joint estimate, with intervals."""
     mass_std = {c.entry.name: c.entry.mass_std for c in dataset.configurations}
@@ -113,7 +113,7 @@ def numbers_of(
 
 
 def shift_of(
-    fit: Fit, dataset: Dataset, *, begin: Mapping[str, float] | None = None, **settings: Any
+    fit: Fit, dataset: TimedDataset, *, begin: Mapping[str, float] | None = None, **settings: Any
 ) -> Float[np.ndarray, " q"]:
     """Compute how far the numbers move where the dataset, or the settings of its fit, are others.
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.findings import Finding, doubt, note
@@ -15,12 +14,13 @@ from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import chosen
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, flights_of
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import timed_again
 from rotorfit.model.terms.registry import DEFAULT, DROPPED
 from rotorfit.reduction.frequency_bands import OTHER_RATIOS
 
 
-def fit_flights(dataset: Dataset, wanted: Sequence[str] | None) -> Fit:
+def fit_flights(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:
     """Fit the flights with the terms that the user wants, or those that they ask for (None)."""
     estimate, joint, present, unsettled = _settled(dataset, wanted)
 
@@ -47,7 +47,7 @@ def fit_flights(dataset: Dataset, wanted: Sequence[str] | None) -> Fit:
 
 
 def _settled(
-    dataset: Dataset, wanted: Sequence[str] | None
+    dataset: TimedDataset, wanted: Sequence[str] | None
 ) -> tuple[BandedEstimate, list[JointConfiguration], tuple[str, ...], tuple[Finding, ...]]:
     """Fit with all default terms, or the most of them with which the fit settles.
 
@@ -80,7 +80,7 @@ def _left_out(dropped: tuple[str, ...]) -> Finding:
 def widen_by_settings(fit: Fit) -> Fit:
     """Widen the intervals by what settings shift that could as well be others."""
 
-    def shift(other: Dataset, top: float) -> Float[np.ndarray, " q"]:
+    def shift(other: TimedDataset, top: float) -> Float[np.ndarray, " q"]:
         return shift_of(fit, other, top=top)
 
     timed = fit.dataset.free_timing is not None

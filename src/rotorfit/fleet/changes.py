@@ -137,7 +137,7 @@ class _Series:
         return min(MOST_CHANGES, n // LEAST_SERIES) if n >= LEAST_SERIES else 0
 
     def price(self, freedom: float) -> float:
-        """Return what a change costs in log likelihood: more where the scatter is hardly known.
+        """Compute the price of a change in log likelihood: higher where scatter is hardly known.
 
         At Student's t that one of the shapes exceeds by chance as often as alarms may.
         """

@@ -175,7 +175,7 @@ def _full_name(number: NumberStatistics) -> str:
 def _changes(
     statistics: FleetStatistics, vehicle: int, records: Sequence[FlightRecord]
 ) -> list[VehicleFinding]:
-    """Return what changed in a vehicle: each cause once."""
+    """Describe the changes in a vehicle: each cause once."""
     seen = [
         _Seen(number=number, place=place, change=change)
         for number in statistics.numbers
@@ -277,7 +277,7 @@ def _change_advice(seen: _Seen) -> str:
 
 
 def _advice(name: str) -> str:
-    """Return what to check where a number is unusual."""
+    """Advise a check where a number is unusual."""
     if name in IN_METRES:
         return CHECK_BALANCE
     if name.endswith("_com"):
@@ -331,7 +331,7 @@ def _outlier_evidence(number: NumberStatistics, place: int) -> Evidence:
 
 
 def _outlier_advice(names: Sequence[str]) -> str:
-    """Return what to check of a vehicle that differs in these numbers."""
+    """Advise a check of a vehicle that differs in these numbers."""
     rotors = [name for name in names if name in ROTORS]
     if len(rotors) == 1 and not set(names) & {"kd", "Jr"}:
         i = rotors[0].removeprefix("kt_")

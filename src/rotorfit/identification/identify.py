@@ -10,28 +10,17 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rotorfit.dataset.dataset import Dataset
-from rotorfit.dataset.load import Progress, load_dataset, resolved_method
+from rotorfit.dataset.load import Method, Progress, load_dataset, resolved_method
 from rotorfit.diagnostics.assumptions import assumptions, log_metadata
-from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.diagnose import diagnose
-from rotorfit.diagnostics.kt_from_weight import weigh_thrust
-from rotorfit.diagnostics.lever_arms import allow_for_sides
-from rotorfit.diagnostics.motors.law_uncertainty import allow_for_law
-from rotorfit.diagnostics.motors.motor_limits import allow_for_motor_limits
-from rotorfit.diagnostics.motors.motor_time_split import allow_for_noise_feedback
-from rotorfit.diagnostics.motors.thrust_change import allow_for_thrust_change
 from rotorfit.diagnostics.sensors.imu_tilt import correct_imu_tilt
-from rotorfit.diagnostics.sensors.sensor_faults import (
-    allow_for_gyro_lowpass,
-    allow_for_velocity_errors,
-)
-from rotorfit.diagnostics.sensors.sensor_response import allow_for_sensor_response
+from rotorfit.diagnostics.steps import every_step
 from rotorfit.errors import EstimationError, FlightWarning
-from rotorfit.experiment.experiment import Experiment
+from rotorfit.experiment.experiment import Experiment, MotorsEntry
 from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import mark_doubtful, with_diagnosis, with_setting
 from rotorfit.results.command_units import in_command_units, with_flight_numbers
@@ -58,17 +47,20 @@ class Identified:
 
     Attributes
     ----------
-    result
-        As `identify` returns it.
+    experiment
+        As declared, completed by the logs and the flights.
     dataset
         The flights as they were fitted, their samples too.
     fit
-        The joint fit; None of methods that fit no joint likelihood.
+        The joint fit; None of estimators that fit no joint likelihood.
+    result
+        As `identify` returns it.
     """
 
-    result: IdentificationResult
-    dataset: Dataset
+    experiment: Experiment
+    dataset: TimedDataset
     fit: Fit | None
+    result: IdentificationResult
 
 
 def identify(experiment: Experiment, *, progress: Progress | None = None) -> IdentificationResult:
@@ -105,56 +97,63 @@ def identify_flights(experiment: Experiment, *, progress: Progress | None = None
 
 def _identify(experiment: Experiment, report: Progress) -> Identified:
     method = resolved_method(experiment)
-    dataset = load_dataset(experiment, report)
-    found = log_metadata(experiment.motors, dataset)
+    dataset = TimedDataset.of(load_dataset(experiment, report))
+    declared = experiment.motors
     experiment = experiment.model_copy(update={"motors": dataset.motors})
     # The paper neglects lag and delay, but takes out the delay of its motion capture.
     if method != "tls" or dataset.source == "mocap":
         dataset = time_motors(dataset, lag=method != "tls", report=report)
     report("fitting")
-    if method == "banded":
-        experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
-        fit = _fit(experiment, dataset)
-        result = with_diagnosis(joint_result(fit, experiment), diagnose(fit))
-        found = (*found, *tilt)
-    else:
-        fit = None
-        result = LEAST_SQUARES[method](experiment, dataset)
-    result = dataclasses.replace(result, findings=(*found, *result.findings))
-    result = in_command_units(result, dataset)
+    identified = _completed(ESTIMATORS[method](experiment, dataset), declared, report)
+    _warn(identified.result)
+    return _validated(identified, report)
+
+
+def _fit(experiment: Experiment, dataset: TimedDataset) -> Fit:
+    """Fit the joint likelihood, and take every step to its intervals."""
+    return every_step(fit_flights(dataset, experiment.identification.terms))
+
+
+def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
+    """Fit the joint likelihood of all bands, and diagnose the fit."""
+    experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
+    fit = _fit(experiment, dataset)
+    result = with_diagnosis(joint_result(fit, experiment), diagnose(fit))
+    result = dataclasses.replace(result, findings=(*tilt, *result.findings))
+    return Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
+
+
+def by_rows(experiment: Experiment, dataset: TimedDataset) -> Identified:
+    """Solve each equation of motion by least squares."""
+    result = row_result(experiment, dataset)
+    return Identified(experiment=experiment, dataset=dataset, fit=None, result=result)
+
+
+def by_paper(experiment: Experiment, dataset: TimedDataset) -> Identified:
+    """Solve all equations by total least squares, as Six et al. (2020) do."""
+    result = paper_result(experiment, dataset)
+    return Identified(experiment=experiment, dataset=dataset, fit=None, result=result)
+
+
+ESTIMATORS: Final[dict[Method, Callable[[Experiment, TimedDataset], Identified]]] = {
+    "banded": by_likelihood,
+    "ols": by_rows,
+    "tls": by_paper,
+}
+
+
+def _completed(identified: Identified, declared: MotorsEntry, report: Progress) -> Identified:
+    """Add the motors' law, the numbers of flight, the units and the assumptions to a result."""
+    dataset, fit = identified.dataset, identified.fit
+    result = in_command_units(identified.result, dataset)
     result = add_motor_law(result, dataset, report)
     result = with_flight_numbers(result, dataset.motors)
-    dataset = dataset if fit is None else fit.dataset
     joint = () if fit is None else fit.configurations
-    result = with_setting(result, hangs_on=list(assumptions(result, dataset, joint)))
-    result = mark_doubtful(_describe_units(result, experiment))
-    _warn(result)
-    result = _validate(result, experiment, report)
-    return Identified(result=result, dataset=dataset, fit=fit)
-
-
-STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
-    drop_absent_coupling,
-    weigh_thrust,
-    allow_for_motor_limits,
-    allow_for_law,
-    allow_for_velocity_errors,
-    allow_for_gyro_lowpass,
-    allow_for_thrust_change,
-    allow_for_sensor_response,
-    allow_for_noise_feedback,
-    allow_for_sides,
-)
-"""From the fit of the joint likelihood to the intervals of its numbers."""
-LEAST_SQUARES: Final = {"ols": row_result, "tls": paper_result}
-
-
-def _fit(experiment: Experiment, dataset: Dataset) -> Fit:
-    """Fit the joint likelihood, and take every step to its intervals."""
-    fit = fit_flights(dataset, experiment.identification.terms)
-    for step in STEPS:
-        fit = step(fit)
-    return fit
+    rests_on, metadata = assumptions(result, dataset, joint), log_metadata(declared, dataset)
+    result = with_setting(result, hangs_on=list(rests_on))
+    result = dataclasses.replace(result, findings=(*metadata, *result.findings))
+    result = mark_doubtful(_describe_units(result, identified.experiment))
+    return dataclasses.replace(identified, result=result)
 
 
 def _describe_units(result: IdentificationResult, experiment: Experiment) -> IdentificationResult:
@@ -178,16 +177,16 @@ def _warn(result: IdentificationResult) -> None:
             warnings.warn(f"{Path(record.file).name}: {sentence}", FlightWarning, stacklevel=3)
 
 
-def _validate(
-    result: IdentificationResult, experiment: Experiment, report: Progress
-) -> IdentificationResult:
+def _validated(identified: Identified, report: Progress) -> Identified:
     """Compare the model with flights that the fit has not seen."""
-    if not any(entry.validation for entry in experiment.configuration):
-        return result
+    result, configurations = identified.result, identified.experiment.configuration
+    if not any(entry.validation for entry in configurations):
+        return identified
     report("validating on flights kept apart")
-    comparisons = validation_comparisons(result, experiment)
-    written = [entry.written for c in experiment.configuration for entry in c.validation]
-    return dataclasses.replace(result, validation=validation_rows(comparisons, written))
+    comparisons = validation_comparisons(result, identified.experiment)
+    written = [entry.written for c in configurations for entry in c.validation]
+    rows = validation_rows(comparisons, written)
+    return dataclasses.replace(identified, result=dataclasses.replace(result, validation=rows))
 
 
 def _silent(words: str) -> None:

@@ -240,7 +240,7 @@ def _identified(
 
 
 def _reader_findings(look: _Look) -> Iterator[Finding]:
-    yield from (doubt("reader-warning", sentence) for sentence in look.log.warnings)
+    yield from look.log.findings
     yield from (note(READER_NOTE, sentence) for sentence in look.log.notes)
 
 
@@ -292,7 +292,7 @@ def _preparation(look: _Look) -> Iterator[Finding]:
         yield _refusal("preparation", look.unprepared)
     if look.prepared is None:
         return
-    yield from (doubt("preparation", sentence) for sentence in look.prepared.warnings)
+    yield from look.prepared.findings
     degrees = gyro_in_degrees(look.prepared.data, takes_columns=look.log.takes_columns)
     if degrees is not None:
         yield doubt("gyro-in-degrees", degrees)

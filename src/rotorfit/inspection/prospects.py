@@ -1,21 +1,13 @@
-"""What one log can show, cheaply: kt, excitation of each axis, and whose motor order it has.
+"""What one log can show, cheaply: kt, excitation of each axis, and whose motor order it has."""
 
-Without a known layout, places and spins of the rotors are guessed from the flight itself: for a
-look at a flight before its airframe is known, not for an estimate.
-"""
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Final, Literal
 
 import numpy as np
-import scipy.linalg
-from jaxtyping import Float
-from scipy import signal, stats
+from scipy import stats
 
 from rotorfit.dataset.carried_weight import Measured, carrying_stretches
-from rotorfit.dataset.checks.declared_rotors import response
 from rotorfit.dataset.weight_balance import turning
 from rotorfit.diagnostics.kt_from_weight import (
     CHANGES_STD,
@@ -31,38 +23,28 @@ from rotorfit.diagnostics.sensors.log_settings import (
     slow_words,
 )
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR
-from rotorfit.errors import ExperimentError
-from rotorfit.estimation.factors import Factors
 from rotorfit.fit.intervals.excitation import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.rows.row_fits import RowFits, angular_log_likelihood, fit_rows
 from rotorfit.fit.timing.timing_search import CLEAR_GAIN
+from rotorfit.inspection.guessed_rotors import guessed_vehicles, likely_motors, rotors_on_circle
 from rotorfit.inspection.recording import LOW_PASS
 from rotorfit.logs.flight_log import FlightLog
-from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.regressor import Regressor, regressor
-from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.next_step import NextStep
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.prepare import PreparedFlight
-from rotorfit.preprocessing.signals import smooth, whole_samples
-from rotorfit.reduction.frequency_bands import EDGES, PILOT_BAND, STRETCH, retimed, slow_bands
+from rotorfit.preprocessing.signals import smooth
+from rotorfit.reduction.frequency_bands import prepared_bands, retimed, slow_bands
 from rotorfit.reduction.motor_timing import LAG_PRIOR
-from rotorfit.reduction.reduce import BandPlan, band_factors
 from rotorfit.results.result import Verdict
 from rotorfit.results.verdicts import ADVISED, FLOWN, judge
 from rotorfit.simulation.pilot import Manoeuvre
 
 Axis = Literal["roll", "pitch", "yaw"]
 Prospect = Literal["well", "roughly", "not"]
-Convention = Literal["px4", "betaflight", "crazyflie", "paper"]
 AXES: Final[tuple[Axis, ...]] = ("roll", "pitch", "yaw")
-CONVENTIONS: Final[tuple[Convention, ...]] = ("px4", "betaflight", "crazyflie", "paper")
-LAYOUTS: Final = {
-    4: ("quad-x", "quad-plus"),
-    6: ("hexa-x", "hexa-plus"),
-    8: ("octo-x", "octo-plus", "octo-coax-x"),
-}
 PROSPECT: Final[dict[Verdict, Prospect]] = {
     "identified": "well",
     "weak": "roughly",
@@ -70,21 +52,7 @@ PROSPECT: Final[dict[Verdict, Prospect]] = {
 }
 LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
 """Of commanded motors, tried one by one [s]."""
-LEAST_ORDER_FIT: Final = 0.4
-"""Share of roll and pitch that a motor order must explain before it is named."""
-LEAST_YAW: Final = 0.1
-"""Share of yaw that the spins must explain before they are believed."""
-SPREAD: Final = 0.15
-"""Deviation of the rotors' places on each axis; any will do [m]."""
-MOST_TRIED: Final = 12
-"""Rotors up to which every pattern of spins is tried; above, they alternate."""
-LEAST_SPIN_FIT: Final = 0.3
-"""Share of what the best spins explain of yaw from which others might be the true ones."""
-MOST_SPINS: Final = 6
 IDENTIFY: Final = "identify it: rotorfit identify LOG --mass KG --airframe AIRFRAME"
-LEAST_MOVED: Final = 0.02
-"""Motion of the rotors against each other, over the strongest, below which it is noise: six rotors
-are moved in four ways only."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,8 +195,8 @@ def prospects(
     if commanded and motors is None:
         motors = MotorResponse(lag=LAG_PRIOR[0])
     timed = replace(prepared, data=retimed(prepared, motors))
-    stand_in = _stand_in(timed.data.rotor_speed.shape[1])
-    known = likely_motors(_factors(timed, stand_in), stand_in)
+    circle = rotors_on_circle(timed.data.rotor_speed.shape[1])
+    known = likely_motors(prepared_bands(timed, circle, None), circle)
     vehicle = known[0] if known is not None else _likeliest(timed, guessed_vehicles(timed.data))
     model, commands = regressor(vehicle), None
     if commanded and motors is not None:
@@ -244,11 +212,11 @@ def prospects(
             seen_lag=seen,
             rate=prepared.slowest_rate,
         )
-    fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
+    fits = fit_rows(prepared_bands(timed, vehicle, None), model, mass=1.0)
     if commanded and motors is not None and not _followed(fits):
         clearer = _clearer_lag(prepared, vehicle, model, motors)
         timed = replace(prepared, data=retimed(prepared, clearer))
-        fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
+        fits = fit_rows(prepared_bands(timed, vehicle, None), model, mass=1.0)
     followed = _followed(fits)
     thrust = _thrust(timed.data, vehicle, fits, followed=followed, commanded=commanded)
     return Prospects(
@@ -291,7 +259,7 @@ def _best_lag(
     """Find the lag with which commands explain the turns best in the pilot's band."""
     return max(
         (replace(motors, lag=lag) for lag in LAGS),
-        key=lambda at: _likelihood(replace(prepared, data=retimed(prepared, at)), vehicle, model),
+        key=lambda at: _likelihood(prepared, vehicle, model, at),
     )
 
 
@@ -300,10 +268,7 @@ def _clearer_lag(
 ) -> MotorResponse:
     """Find the lag of all bands where that of the pilot's is clearly wrong, as an estimate does."""
     tried = [motors, *(replace(motors, lag=lag) for lag in LAGS)]
-    gains = [
-        _likelihood(replace(prepared, data=retimed(prepared, at)), vehicle, model, every=True)
-        for at in tried
-    ]
+    gains = [_likelihood(prepared, vehicle, model, at, every=True) for at in tried]
     best = int(np.argmax(gains))
     return tried[best] if gains[best] - gains[0] > CLEAR_GAIN else motors
 
@@ -314,10 +279,15 @@ def _followed(fits: RowFits) -> bool:
 
 
 def _likelihood(
-    prepared: PreparedFlight, vehicle: Vehicle, model: Regressor, *, every: bool = False
+    prepared: PreparedFlight,
+    vehicle: Vehicle,
+    model: Regressor,
+    motors: MotorResponse | None = None,
+    *,
+    every: bool = False,
 ) -> float:
-    """Return the log-likelihood of the turns in the pilot's band, or in every one."""
-    factors = _factors(prepared, vehicle)
+    """Compute the log-likelihood of the turns in the pilot's band, or in every one."""
+    factors = prepared_bands(prepared, vehicle, motors)
     counted = slow_bands(factors) | every
     return angular_log_likelihood(factors, model, mass=1.0, counted=counted)
 
@@ -393,57 +363,6 @@ def _finite(width: float) -> float | None:
     return width if np.isfinite(width) else None
 
 
-def likely_motors(factors: Factors, made_for: Vehicle) -> tuple[Vehicle, str] | None:
-    """Select the known layout and motor order that the flight confirms, and name it.
-
-    The spins of `made_for` are in the signals of `factors`.
-    """
-    tried = [
-        (response(factors, vehicle, made_for=made_for), vehicle, name)
-        for vehicle, name in _usual_vehicles(len(made_for.rotors))
-    ]
-    found = [one for one in tried if min(one[0].roll, one[0].pitch) > LEAST_ORDER_FIT]
-    if not found:
-        return None
-    best, vehicle, name = max(found, key=lambda one: one[0].score)
-    return vehicle, name if best.yaw > LEAST_YAW else f"{name} (spins unsure: yaw hardly moves)"
-
-
-def _usual_vehicles(rotor_count: int) -> Iterator[tuple[Vehicle, str]]:
-    """Yield vehicles of the usual layouts and orders with their names, propellers in and out."""
-    for layout in LAYOUTS.get(rotor_count, ()):
-        for order in CONVENTIONS:
-            try:
-                rotors = tuple(layout_rotors(layout, arm=0.2, order=order))
-            except ExperimentError:
-                continue
-            name = f'layout = "{layout}", order = "{order}"'
-            yield Vehicle(rotors=rotors), name
-            turned = tuple(replace(r, spin="cw" if r.spin == "ccw" else "ccw") for r in rotors)
-            yield Vehicle(rotors=turned), f"{name} with every spin reversed (list the rotors)"
-
-
-def _stand_in(rotor_count: int) -> Vehicle:
-    """Return rotors on a circle, where only their number counts."""
-    angles = 2.0 * np.pi * np.arange(rotor_count) / rotor_count
-    return Vehicle(
-        rotors=tuple(
-            Rotor(
-                position=(float(0.2 * np.cos(a)), float(0.2 * np.sin(a)), 0.0),
-                spin="ccw" if i % 2 else "cw",
-            )
-            for i, a in enumerate(angles)
-        )
-    )
-
-
-def _factors(prepared: PreparedFlight, vehicle: Vehicle) -> Factors:
-    data = replace(prepared.data, segments=prepared.phases)
-    top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
-    edges = (*(edge for edge in EDGES if edge < top), top)
-    return band_factors(data, vehicle, plan=BandPlan(edges=edges, longest=STRETCH))
-
-
 def _turning(data: FlightData) -> list[float]:
     """Return the deviation of each angular acceleration below 15 Hz [rad/s^2]."""
     parts = [
@@ -451,101 +370,3 @@ def _turning(data: FlightData) -> list[float]:
         for s in data.segments
     ]
     return [float(x) for x in np.concatenate(parts).std(axis=0)]
-
-
-def guessed_vehicles(data: FlightData) -> list[Vehicle]:
-    """Guess the places and spins of rotors from the response of a flight, up to a scale.
-
-    All axes are upright. One or a few vehicles that differ by their spins, the likeliest first.
-    Roll and pitch respond to each rotor's squared speed by its place, yaw by its spin; the scale is
-    unknown, and excitation does not depend on it. Rotor speeds are those at the time of the motion.
-    """
-    turn, squares, slopes = _slow_signals(data)
-    roll, pitch = _centred(_solved(squares, turn[:, 0])), _centred(_solved(squares, turn[:, 1]))
-    places = [(float(-p), float(r), 0.0) for r, p in zip(roll, pitch, strict=True)]
-    return [
-        Vehicle(
-            rotors=tuple(
-                Rotor(position=place, spin="ccw" if spin > 0 else "cw")
-                for place, spin in zip(places, spins, strict=True)
-            )
-        )
-        for spins in _spins(turn[:, 2], squares, slopes)
-    ]
-
-
-def _slow_signals(
-    data: FlightData,
-) -> tuple[Float[np.ndarray, "z 3"], Float[np.ndarray, "z N"], Float[np.ndarray, "z N"]]:
-    """Return turn, squared speeds and their slopes as a factor, in the pilot's band."""
-    low, high = PILOT_BAND
-    sos = signal.butter(
-        2, (low, min(high, 0.45 * data.sample_rate)), "bandpass", fs=data.sample_rate, output="sos"
-    )
-    count = data.rotor_speed.shape[1]
-    wide = 3 + 2 * count
-    factor = np.zeros((0, wide))
-    for s in data.segments:
-        if len(s) < whole_samples(data.sample_rate / low):
-            continue
-        rows = slice(s.start, s.stop)
-        columns = np.column_stack(
-            [
-                data.angular_acceleration[rows],
-                data.rotor_speed[rows] ** 2,
-                data.rotor_acceleration[rows],
-            ]
-        )
-        slow = signal.sosfiltfilt(sos, columns, axis=0)
-        factor = np.linalg.qr(np.concatenate([factor, slow]), mode="r")
-    # Never fewer rows than columns, so that a flight without a long stretch is no special case.
-    factor = np.concatenate([factor, np.zeros((wide, wide))])
-    return factor[:, :3], factor[:, 3 : 3 + count], factor[:, 3 + count :]
-
-
-def _solved(
-    columns: Float[np.ndarray, "z k"], target: Float[np.ndarray, " z"]
-) -> Float[np.ndarray, " k"]:
-    solved: Float[np.ndarray, " k"] = scipy.linalg.pinv(columns, rtol=LEAST_MOVED) @ target
-    return solved
-
-
-def _centred(response: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
-    """Scale the response of an axis to each rotor to places along the other axis [m]."""
-    places = response - response.mean()
-    size = float(np.sqrt((places**2).mean()))
-    # Where nothing responds, any place is as good as another, but for all at one.
-    return np.linspace(-SPREAD, SPREAD, len(response)) if size == 0.0 else SPREAD * places / size
-
-
-def _spins(
-    turn: Float[np.ndarray, " z"],
-    squares: Float[np.ndarray, "z N"],
-    slopes: Float[np.ndarray, "z N"],
-) -> list[Float[np.ndarray, " N"]]:
-    """Find the spins, +1 for ccw, whose drag and spin-up explain yaw, the best first."""
-    count = squares.shape[1]
-    tried: list[tuple[float, Float[np.ndarray, " N"]]] = []
-    for pattern in _patterns(count):
-        columns = np.column_stack([squares @ pattern, slopes @ pattern])
-        lengths = np.linalg.norm(columns, axis=0)
-        columns = columns / np.where(lengths > 0, lengths, 1.0)
-        weights = _solved(columns, turn)
-        # Drag and spin-up both turn the body against the rotor.
-        spins = -pattern if weights.sum() > 0 else pattern
-        tried.append((float(turn @ columns @ weights), spins))
-    best = max(explained for explained, _ in tried)
-    likely = [one for one in tried if one[0] >= LEAST_SPIN_FIT * best]
-    likely.sort(key=lambda one: -one[0])
-    return [spins for _, spins in likely[:MOST_SPINS]]
-
-
-def _patterns(count: int) -> Iterator[Float[np.ndarray, " N"]]:
-    """Yield the patterns of as many ccw as cw (or one more), each once but for its sign."""
-    if count > MOST_TRIED:
-        yield np.array([(-1.0) ** i for i in range(count)])
-        return
-    for ccw in combinations(range(1, count), (count + 1) // 2 - 1):
-        pattern = -np.ones(count)
-        pattern[[0, *ccw]] = 1.0
-        yield pattern

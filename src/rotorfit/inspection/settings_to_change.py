@@ -95,7 +95,7 @@ def _comments(head: str, lines: Iterable[str]) -> list[str]:
 
 
 def _reason(setting: Setting) -> str:
-    """Return what a setting is for, with what its words say beyond the value."""
+    """Explain a setting, with the words that stand beside its value."""
     more = (
         setting.value.removeprefix(setting.new or "")
         .removeprefix(",")

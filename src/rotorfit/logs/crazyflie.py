@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
+from rotorfit.findings import doubts
 from rotorfit.logs.axes import attitude_from_euler
 from rotorfit.logs.crazyflie_records import (
     MAGIC,
@@ -144,7 +145,7 @@ def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
             "events recorded": _event_counts(records),
         },
         notes=_notes(recording, found),
-        warnings=_damage(records, unordered),
+        findings=tuple(doubts("damaged-log", _damage(records, unordered))),
         circumstances=_circumstances(recording),
     )
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
 from rotorfit.errors import LogError
+from rotorfit.findings import Finding, sentences
 from rotorfit.formatting.sheet import DataFrame, Sheet, frame, pandas, sheet_html, sheet_text
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.logs.speed_law import SpeedLaw
@@ -181,8 +182,8 @@ class FlightLog:
         What the log says of vehicle, firmware and settings; for people to read.
     notes
         What the reader met and did, one sentence each (fields taken or left out).
-    warnings
-        What was damaged and passed over, one sentence each; part of every result.
+    findings
+        What was damaged and passed over, or is doubtful; part of every result.
     simulator
         Which simulator flew, of `LEAVES_OUT`; empty for a vehicle, or where unknown.
     motors
@@ -203,11 +204,16 @@ class FlightLog:
     seconds: float
     metadata: Mapping[str, str] = field(default_factory=dict[str, str])
     notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     simulator: str = ""
     motors: LoggedMotors | None = None
     gyro_lowpass: float | None = None
     circumstances: Circumstances = Circumstances()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to doubt of the log, one sentence each: those of the findings."""
+        return sentences(self.findings)
 
     @property
     def takes_columns(self) -> bool:

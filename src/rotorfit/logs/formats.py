@@ -19,12 +19,12 @@ from rotorfit.logs.columns import ColumnSpec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadOptions:
-    """What a reader is told besides the file.
+    """How to read a file, where its content leaves that open.
 
     Attributes
     ----------
     format
-        Name of a format of `FORMATS`; None: told from the content.
+        Name of a format of `FORMATS`; None: by the content.
     log_number
         Which log of a file with several, from 1; None: the reader's choice.
     columns

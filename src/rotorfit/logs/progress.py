@@ -1,4 +1,4 @@
-"""How far a log is read, told to whoever asked; silent where nobody did."""
+"""How far a log is read, for whoever asked; silent where nobody did."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ _progress: ContextVar[Progress | None] = ContextVar("progress", default=None)
 
 @contextmanager
 def watched(watcher: Watcher) -> Generator[None]:
-    """Have a function told how far each log is that is read meanwhile.
+    """Report to a function how far each log is that is read meanwhile.
 
     For long work that reads logs on its way, such as `identify`. `read_log` itself takes a
     function for its one file.
@@ -31,7 +31,7 @@ def watched(watcher: Watcher) -> Generator[None]:
 
 @contextmanager
 def read_for(path: Path, progress: Progress | None) -> Generator[None]:
-    """Have what the reader of a file tells told on, in steps of a hundredth, ending with 1."""
+    """Pass on the progress of a file's reader, in steps of a hundredth, ending with 1."""
     watcher = _watcher.get()
     reported = -1.0
 

@@ -1,4 +1,4 @@
-"""Any log to a FlightLog: the format is told from the content, not from the name."""
+"""Any log to a FlightLog: the format is recognised by the content, not by the name."""
 
 import json
 import tomllib

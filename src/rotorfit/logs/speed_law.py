@@ -1,11 +1,13 @@
 """The speed that a motor settles at, over its command: laws as curves, with the battery's share."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
+from rotorfit.findings import Finding, doubt
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,24 +124,25 @@ def _curve_speed(command: Float[np.ndarray, "n N"], curve: Curve) -> Float[np.nd
             return full_speed * np.maximum(b + (1.0 - b) * command, 0.0) ** p
 
 
-def law_warnings(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, ...]:
-    """Say what to doubt of a law for the commands of a flight, one sentence each."""
+def law_doubts(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> Iterator[Finding]:
+    """Find what contradicts a law for the commands of a flight."""
     low, high = float(command.min()), float(command.max())
-    warnings: list[str] = []
     if isinstance(law.curve, TableLaw):
         first, last = law.curve.commands[0], law.curve.commands[-1]
         beyond = float(((command < first) | (command > last)).mean())
         if beyond > 0.0:
-            warnings.append(
+            yield doubt(
+                "beyond-law",
                 f"{100 * beyond:.3g} % of the commands ({low:.3g} to {high:.3g}) are beyond the "
                 f"table of the motors' law ({first:g} to {last:g}), where its end is taken: "
-                "measure the speed there, too"
+                "measure the speed there, too",
             )
     else:
         speeds = _curve_speed(np.linspace(low, high, 101)[:, None], law.curve)
         if (np.diff(speeds[:, 0]) < 0.0).any():
-            warnings.append(
+            yield doubt(
+                "falling-law",
                 f"the motors' law falls somewhere between the commands {low:.3g} and {high:.3g} of "
-                "the flight, but no rotor slows down when the command rises: check its coefficients"
+                "the flight, but no rotor slows down when the command rises: check its "
+                "coefficients",
             )
-    return tuple(warnings)

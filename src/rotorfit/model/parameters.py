@@ -22,7 +22,8 @@ MOTOR_TIMES: Final = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_dela
 
 
 def _of_motors(unit: str, meaning: str, title: str, effective: str | None = None) -> ParameterInfo:
-    return ParameterInfo(unit, 0, meaning, title=title, effective_unit=effective)
+    power = 0 if effective is None else 1
+    return ParameterInfo(unit, 0, meaning, title=title, effective_unit=effective, speed_power=power)
 
 
 MOTORS: Final[dict[str, ParameterInfo]] = {
@@ -105,6 +106,7 @@ def _over_kt(name: str, axis: str) -> ParameterInfo:
         f"{axis} inertia about the CoM over kt",
         title=f"{axis.capitalize()} inertia over thrust coefficient",
         effective_unit="m s^2 times squared command",
+        speed_power=2,
         motion=PARAMETERS[name].motion,
         on_yaw_scale=PARAMETERS[name].on_yaw_scale,
     )
@@ -135,6 +137,7 @@ DERIVED: Final[dict[str, ParameterInfo]] = {
         "yaw acceleration per rotor speed squared",
         title="Yaw acceleration per rotor speed squared",
         effective_unit="1/s^2 per squared command",
+        speed_power=2,
         motion="yaw",
     ),
     "Jr_over_Izz": ParameterInfo(
@@ -143,6 +146,7 @@ DERIVED: Final[dict[str, ParameterInfo]] = {
         "yaw acceleration per rotor acceleration",
         title="Yaw acceleration per rotor acceleration",
         effective_unit="1/s per command",
+        speed_power=1,
         motion="yaw",
     ),
     "hover_speed": ParameterInfo(
@@ -151,6 +155,7 @@ DERIVED: Final[dict[str, ParameterInfo]] = {
         "rotor speed that carries the weight",
         title="Rotor speed in hover",
         effective_unit="command",
+        speed_power=1,
     ),
     "motor_lag_total": ParameterInfo(
         "s", 0, "motor lag plus delay", title="Motor lag and delay together"

@@ -145,7 +145,7 @@ def signal_matrix(
 def body_signals(
     flight: FlightData, start: int, stop: int, *, added: Sequence[AddedSignals] = ()
 ) -> Float[np.ndarray, "n b"]:
-    """Return those columns of `signal_matrix` that the rotors have no part in (`body_columns`)."""
+    """Compute the columns of `signal_matrix` without rotors (`body_columns`)."""
     rows, exact = _with_margin(flight, start, stop)
     w = flight.angular_velocity[rows]
     more = [s.of_body(flight, rows) for s in added if s.of_body is not None]
@@ -170,7 +170,7 @@ def rotor_signals(
     *,
     added: Sequence[AddedSignals] = (),
 ) -> Float[np.ndarray, "n r"]:
-    """Return those columns of `signal_matrix` that rotors' speeds stand in (`rotor_columns`)."""
+    """Compute the columns of `signal_matrix` with rotors' speeds (`rotor_columns`)."""
     rows, exact = _with_margin(flight, start, stop)
     layout = signal_layout(vehicle, added)
     w, O = flight.angular_velocity[rows], flight.rotor_speed[rows]
@@ -226,7 +226,7 @@ def _spin(
     vehicle: Vehicle,
     motion: tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n N"], Float[np.ndarray, "n N"]],
 ) -> Float[np.ndarray, "n s"]:
-    """Return those of dH/dt and w x H that the layout has."""
+    """Compute the components of dH/dt and w x H that the layout has."""
     w, O, dO = motion
     spin_axes = vehicle.spins[:, None] * vehicle.axes
     if "dHx" not in layout:

@@ -227,14 +227,7 @@ def predicted(
 ) -> Numbers:
     """Compute the numbers with the half-widths that `identify` would state.
 
-    Parameters
-    ----------
-    problem
-        What is to be determined.
-    flown
-        What would be flown.
-    known
-        Information from earlier flights.
+    `flown`: what would be flown; `known`: information from earlier flights.
     """
     covariance, jacobian = _covariance(problem, flown, known), problem.jacobian
     shift = jacobian @ covariance @ flown.timing * UNSURE_DELAY

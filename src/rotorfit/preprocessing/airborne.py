@@ -9,6 +9,7 @@ A window that the user gives may hold the ground, which carries the weight there
 would give too small a thrust and a bias of metres per second squared. These parts are cut out.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
@@ -18,6 +19,7 @@ from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from rotorfit.errors import FlightError
+from rotorfit.findings import Finding, doubt
 from rotorfit.preprocessing.signals import (
     central_difference,
     pieces,
@@ -483,12 +485,13 @@ def aloft(motion: Motion, flights: list[Rows], standing: list[Rows]) -> list[Row
     return left
 
 
-def ground_warnings(time: Float[np.ndarray, " n"], standing: list[Rows]) -> tuple[str, ...]:
-    """Tell where the vehicle stands, in seconds since the log's first sample."""
+def ground_doubts(time: Float[np.ndarray, " n"], standing: list[Rows]) -> Iterator[Finding]:
+    """Find where the vehicle stands, in seconds since the log's first sample."""
     if not standing:
-        return ()
+        return
     when = ", ".join(f"{time[a] - time[0]:.1f} to {time[b - 1] - time[0]:.1f}" for a, b in standing)
-    return (
+    yield doubt(
+        "on-the-ground",
         f"the vehicle stands on the ground at {when} s: these parts of the stretch between "
         "start and end are left out, as the ground carries some of the weight there",
     )

@@ -1,7 +1,7 @@
 """What makes a flight unusable, and what makes it doubtful: every message in one place."""
 
 import contextlib
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError, FrameError, LogError
+from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
 from rotorfit.preprocessing.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.preprocessing.clocks import UniformChannels
@@ -331,15 +332,15 @@ def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:
         )
 
 
-def frozen_channel_warnings(
+def frozen_channel_doubts(
     frozen: tuple[FrozenChannel, ...], time: Float[np.ndarray, " n"], *, measured: bool
-) -> tuple[str, ...]:
-    """Warn of each motor channel that freezes for a moment; raise where one does for long."""
+) -> tuple[Finding, ...]:
+    """Find each motor channel that freezes for a moment; raise where one does for long."""
     if any(rotor.share > MOST_FROZEN for rotor in frozen):
         worst = max(frozen, key=lambda rotor: rotor.share)
         raise FlightError(_frozen_message(worst, time, measured=measured))
     return tuple(
-        _frozen_message(rotor, time, measured=measured)
+        doubt("frozen-motor", _frozen_message(rotor, time, measured=measured))
         for rotor in frozen
         if rotor.share >= LEAST_FROZEN
     )
@@ -375,58 +376,62 @@ def explained_by_slow_motors(motor_rate: float) -> Generator[None, None, None]:
         ) from error
 
 
-def imu_warnings(
+def imu_doubts(
     data: FlightData, uniform: UniformChannels, bias: tuple[float, float, float] | None
-) -> tuple[str, ...]:
-    """Warn of gyro bias, slow motor data and whatever `flight_warnings` finds."""
-    warnings: list[str] = []
+) -> Iterator[Finding]:
+    """Find gyro bias, slow motor data and what `flight_doubts` finds."""
     if bias is None:
-        warnings.append(
+        yield doubt(
+            "gyro-bias",
             "no 1 s at rest found; gyro bias not removed: leave the vehicle still on the ground "
-            "for two seconds before take-off"
+            "for two seconds before take-off",
         )
     elif max(map(abs, bias)) > 0.1:
-        warnings.append(
+        yield doubt(
+            "gyro-bias",
             f"the gyro reads up to {max(map(abs, bias)):.2f} rad/s at rest (taken off); "
-            "calibrate it"
+            "calibrate it",
         )
     motor_rate, gyro_rate = uniform.rates["motor"], uniform.rates["gyro"]
     if motor_rate < 0.4 * gyro_rate:
-        warnings.append(
+        yield doubt(
+            "slow-motor-data",
             f"motor data come at {motor_rate:.0f} Hz, the gyro at {gyro_rate:.0f} Hz: fast "
-            f"motion is used only up to {0.4 * motor_rate:.0f} Hz; log motors faster"
+            f"motion is used only up to {0.4 * motor_rate:.0f} Hz; log motors faster",
         )
-    return (*warnings, *flight_warnings(data))
+    yield from flight_doubts(data)
 
 
-def flight_warnings(data: FlightData) -> list[str]:
-    """Warn of thrust and speed outside the model's range, whatever measured the flight."""
+def flight_doubts(data: FlightData) -> Iterator[Finding]:
+    """Find thrust and speed outside the model's range, whatever measured the flight."""
     rows = data.used_rows
-    warnings = _thrust_warnings(data.rotor_speed[rows])
-    return warnings if data.velocity is None else warnings + _speed_warnings(data.velocity[rows])
+    yield from _thrust_doubts(data.rotor_speed[rows])
+    if data.velocity is not None:
+        yield from _speed_doubts(data.velocity[rows])
 
 
-def _thrust_warnings(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
-    """Warn where thrust leaves the near-hover scope of the model."""
+def _thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> Iterator[Finding]:
+    """Find thrust outside the near-hover scope of the model."""
     thrust: Float[np.ndarray, " n"] = np.einsum("nr,nr->n", rotor_speed, rotor_speed)
     hover = float(np.median(thrust))
     far = float(((thrust > 1.8 * hover) | (thrust < 0.3 * hover)).mean())
-    if far <= 0.1:
-        return []
-    return [
-        f"thrust is outside 0.3 to 1.8 times hover for {100 * far:.0f} % of the flight: fast "
-        "climbs and falls change the airflow through the rotors, which the model leaves out"
-    ]
+    if far > 0.1:
+        yield doubt(
+            "thrust-range",
+            f"thrust is outside 0.3 to 1.8 times hover for {100 * far:.0f} % of the flight: fast "
+            "climbs and falls change the airflow through the rotors, which the model leaves out",
+        )
 
 
-def _speed_warnings(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
-    """Warn where the vehicle flies so fast that drag counts."""
+def _speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> Iterator[Finding]:
+    """Find flight so fast that drag counts."""
     speed = np.sqrt((velocity * velocity).sum(axis=1))
     known = speed[np.isfinite(speed)]
     fast = float(np.percentile(known, 95)) if len(known) else 0.0
-    if fast <= 5.0:
-        return []
-    return [
-        f"the vehicle flies at up to {fast:.1f} m/s; over 5 m/s the air drag of the frame "
-        "matters, and the model has it only with the term drag: use a slower part of the flight"
-    ]
+    if fast > 5.0:
+        yield doubt(
+            "fast-flight",
+            f"the vehicle flies at up to {fast:.1f} m/s; over 5 m/s the air drag of the frame "
+            "matters, and the model has it only with the term drag: use a slower part of the "
+            "flight",
+        )

@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError, FlightError
+from rotorfit.findings import Finding, sentences
 from rotorfit.logs.flight_log import Channel, FlightLog
-from rotorfit.logs.speed_law import law_warnings
+from rotorfit.logs.speed_law import law_doubts
 from rotorfit.preprocessing.airborne import (
     ON_THE_GROUND,
     SHORTEST_FLIGHT,
@@ -18,7 +19,7 @@ from rotorfit.preprocessing.airborne import (
     airborne_rows,
     aloft,
     ground_contact,
-    ground_warnings,
+    ground_doubts,
     misfit,
     phase_edges,
     rest_rows,
@@ -32,9 +33,9 @@ from rotorfit.preprocessing.clocks import (
 )
 from rotorfit.preprocessing.flight_checks import (
     explained_by_slow_motors,
-    frozen_channel_warnings,
+    frozen_channel_doubts,
     frozen_channels,
-    imu_warnings,
+    imu_doubts,
     refuse_absurd_sensors,
     refuse_blows,
     refuse_empty_window,
@@ -100,8 +101,8 @@ class PreparedFlight:
         Of the channels used, and of the motor channel [Hz].
     cuts
         What is not used, in the order of time; seconds of the log's own clock.
-    warnings
-        Doubts, one sentence each.
+    findings
+        Doubts of the flight.
     """
 
     data: FlightData
@@ -112,7 +113,12 @@ class PreparedFlight:
     slowest_rate: float
     motor_rate: float
     cuts: tuple[Cut, ...]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Doubts of the flight, one sentence each: those of the findings."""
+        return sentences(self.findings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,7 +228,7 @@ def prepared_from(
     refuse_blows(uniform, flights)
     motor, step = uniform.values["motor"], recorded.speed_step
     found = frozen_channels(motor, flights, uniform.sample_rate, measured=measured, step=step)
-    frozen = frozen_channel_warnings(found, uniform.time, measured=measured)
+    frozen = frozen_channel_doubts(found, uniform.time, measured=measured)
     rest = rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
     bias = None
     if rest.sum() >= 0.5 * uniform.sample_rate:
@@ -249,11 +255,11 @@ def prepared_from(
         slowest_rate=min(uniform.rates[name] for name in ("gyro", "accel", "motor")),
         motor_rate=uniform.rates["motor"],
         cuts=_cuts(data, uniform, window, standing),
-        warnings=(
-            *ground_warnings(uniform.time, standing),
-            *imu_warnings(data, uniform, bias),
+        findings=(
+            *ground_doubts(uniform.time, standing),
+            *imu_doubts(data, uniform, bias),
             *frozen,
-            *(() if motors.law is None else law_warnings(motors.law, motor[data.used_rows])),
+            *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
     )
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from rotorfit.formatting.digits import Number, finite_interval, known, number_of
 from rotorfit.model.parameters import COM, EVERY, INERTIA_COM, OF_FLIGHT
-from rotorfit.model.terms.air import DRAG_MOMENTS
+from rotorfit.model.terms.registry import TERMS
 from rotorfit.report.pages import drawing, tag
 from rotorfit.results.result import (
     Derived,
@@ -62,10 +62,17 @@ def percent(number: Parameter | Derived) -> float | None:
 
 WIDTH, HEIGHT, MARGIN = 132.0, 18.0, 5.0
 
-FAMILIES = (
-    *("com_", "ms", "rotor_center_", "accel_bias_"),
-    *("drag_", "turn_damping_", "torque_offset_"),
-)
+AXES: Final = {
+    **{
+        name: f"{term.name} [{info.unit}]"
+        for term in TERMS
+        if term.owner == "configuration"
+        for name, info in term.parameters.items()
+    },
+    **dict.fromkeys(COM, "centre of mass"),
+    **dict.fromkeys(INERTIA_COM, "inertia about the CoM"),
+}
+"""Of numbers that are drawn over one axis with their kin."""
 
 
 COM_FIRST = (*COM, *INERTIA_COM)
@@ -262,14 +269,7 @@ def _letter(index: int) -> str:
 
 def axis_of(name: str) -> str:
     """Name the axis that a number shares with its kin, so that sizes compare."""
-    for family in FAMILIES:
-        if name.startswith(family) and len(name) == len(family) + 1:
-            return family
-    if name in DRAG_MOMENTS:
-        return "drag_moment_"
-    if name.startswith("I") and len(name.removesuffix("_com")) == 3:
-        return "I_com" if name.endswith("_com") else "I"
-    return name
+    return AXES.get(name, name)
 
 
 def axis_range(numbers: Sequence[Parameter | Derived]) -> tuple[float, float]:

@@ -70,7 +70,7 @@ def _record(flight: LoadedFlight, configuration: str) -> FlightRecord:
         samples_used=recorded.samples,
         used=tuple((start - zero, end - zero) for start, end in recorded.spans),
         cuts=tuple((c.start - zero, c.end - zero, c.reason) for c in flight.prepared.cuts),
-        warnings=(*flight.log.warnings, *flight.prepared.warnings),
+        findings=(*flight.log.findings, *flight.prepared.findings),
     )
 
 

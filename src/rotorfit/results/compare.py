@@ -154,7 +154,7 @@ def _entry(
     verdict: str | None,
     reference: Parameter | Derived | None,
 ) -> Entry:
-    """Return what a result says of a number, and how far that is from the reference."""
+    """Compare a result's number with that of the reference."""
     if number is None:
         return Entry(value=None, interval=None, verdict=None, difference=None, overlap=None)
     difference = overlap = None

@@ -122,7 +122,7 @@ def joint_covariance(
     """Compute the covariance of numbers and of the motors' times that were fitted with them.
 
     The fit says how they go together. Each number keeps the deviation of its interval, and the
-    times keep theirs and that of their sum, which is told best. Without fitted times: of the
+    times keep theirs and that of their sum, the best known of them. Without fitted times: of the
     numbers alone.
     """
     timing, estimate = fit.dataset.motor_timing, fit.estimate.estimate
@@ -269,7 +269,7 @@ def _derived_numbers(
 
 MOSTLY_ASSUMED = 0.5
 """Deviation after the flights over that before, from which a coefficient counts as assumed. A
-quadrotor's are told to 0.2 of it; of six or eight rotors 0.6 and more is left at best."""
+quadrotor's come to 0.2 of it; of six or eight rotors 0.6 and more is left at best."""
 
 
 def assumed_rotors(

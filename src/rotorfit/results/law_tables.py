@@ -77,14 +77,9 @@ def add_motor_law(
 
 
 def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[Parameter, ...]]:
-    """Return the law of the motors, and the parameters that it gives.
+    """Tabulate the law of the motors, and the parameters that it gives.
 
-    Parameters
-    ----------
-    fitted
-        From `fit_law`.
-    rotor_count
-        Of the vehicle; some may have had no speeds to fit.
+    Some of the `rotor_count` rotors may have had no speeds to fit.
     """
     times = _times(fitted)
     full, half = fitted.number(_full_speed)

@@ -3,11 +3,11 @@
 from dataclasses import replace
 from typing import Final
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.findings import note
 from rotorfit.fit.rows.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings, paper_estimate
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import PARAMETERS, full_name
 from rotorfit.results.assemble import assembled
 from rotorfit.results.parameter_tables import (
@@ -25,7 +25,7 @@ SIGMAS: Final = (
 )
 
 
-def paper_result(experiment: Experiment, dataset: Dataset) -> IdentificationResult:
+def paper_result(experiment: Experiment, dataset: TimedDataset) -> IdentificationResult:
     """Estimate by total least squares, the paper's way: its values, its sigmas, what it removed."""
     settings = _settings(experiment)
     return paper_tables(paper_estimate(dataset, settings=settings), settings, experiment, dataset)
@@ -35,7 +35,7 @@ def paper_tables(
     essential: EssentialEstimate,
     settings: PaperSettings,
     experiment: Experiment,
-    dataset: Dataset,
+    dataset: TimedDataset,
 ) -> IdentificationResult:
     """Tabulate the paper's estimate with its own sigmas."""
     estimate = essential.estimate

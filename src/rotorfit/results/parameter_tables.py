@@ -39,14 +39,9 @@ def unit_of(info: ParameterInfo, entry: ConfigurationEntry) -> str:
 
 
 def judgements(numbers: Numbers, scale_of: Callable[[str], float]) -> dict[str, Judgement]:
-    """Return the verdict on every number.
+    """Judge every number with its final interval.
 
-    Parameters
-    ----------
-    numbers
-        With their final intervals.
-    scale_of
-        From a number's name to a size of it that matters.
+    `scale_of`: from a number's name to a size of it that matters.
     """
     return {
         name: judge(
@@ -67,18 +62,10 @@ def number_parameter(
     owner: str | None,
     entry: ConfigurationEntry,
 ) -> Parameter:
-    """Return one parameter with its verdict, and its value where that says that there is one.
+    """Tabulate one parameter with its verdict, and its value where that says that there is one.
 
-    Parameters
-    ----------
-    name
-        Among the numbers.
-    numbers, judgement
-        Of the estimate.
-    owner
-        The configuration it belongs to; None for what all share.
-    entry
-        By which its unit goes.
+    `owner`: the configuration it belongs to; None for what all share. `entry`: by which its unit
+    goes.
     """
     known = judgement.verdict != "not-identified"
     base = name.partition("@")[0]

@@ -105,7 +105,7 @@ def _slopes() -> list[Float[np.ndarray, "3 3"]]:
 
 
 def possible_sentence(moment: SecondMoment, configuration: str) -> str | None:
-    """Return what is wrong with a body in words; None where it can exist."""
+    """Describe an impossible body in words; None where it can exist."""
     if moment.value >= 0.0:
         return None
     percent = 100.0 * abs(moment.share)

@@ -55,8 +55,8 @@ class FlightRecord:
         Start and end of each stretch, since the first sample [s].
     cuts
         Start and end of what was left out [s], and why.
-    warnings
-        Doubts about this flight, one sentence each.
+    findings
+        Doubts about this flight.
     """
 
     file: str
@@ -66,7 +66,12 @@ class FlightRecord:
     samples_used: int
     used: tuple[tuple[float, float], ...]
     cuts: tuple[tuple[float, float, str], ...]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Doubts about this flight, one sentence each: those of the findings."""
+        return sentences(self.findings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,7 +274,7 @@ MAIN: Final = (
 
 
 def _sheet(result: IdentificationResult) -> Sheet:
-    """Return what a result shows of itself: its main numbers, the others counted."""
+    """Collect the main numbers of a result, and count the others."""
     shown = [e for e in result._entries if e.name in MAIN]  # pyright: ignore[reportPrivateUsage]
     several = len({e.configuration for e in shown} - {None}) > 1
     shown.sort(key=lambda e: (e.configuration or "", MAIN.index(e.name)))
@@ -312,14 +317,9 @@ def configuration_names(result: IdentificationResult) -> list[str]:
 
 
 def meant_configuration(names: Sequence[str], said: str | None) -> str | None:
-    """Return the configuration that is meant; None where it is not among them.
+    """Choose the configuration that a user means; None where it is not among the names.
 
-    Parameters
-    ----------
-    names
-        Of a result.
-    said
-        What the user calls it; may be None where there is one.
+    `said` may be None where there is one.
     """
     if said is None and len(names) == 1:
         return names[0]
@@ -371,7 +371,9 @@ def _plain(result: IdentificationResult) -> dict[str, Any]:
         "parameters": parameters,
         "derived": [dataclasses.asdict(d) for d in result.derived],
         "validation": [dict(v) for v in result.validation],
-        "flights": [dataclasses.asdict(f) for f in result.flights],
+        "flights": [
+            {**dataclasses.asdict(f), "warnings": list(f.warnings)} for f in result.flights
+        ],
         "covariance": {
             "names": list(result.covariance_names),
             "matrix": result.covariance.tolist(),
@@ -440,7 +442,7 @@ def _findings(data: Mapping[str, Any]) -> tuple[Finding, ...]:
 
 
 def _no_result(path: Path, why: str) -> str:
-    """Return what a file is in place of a result, and which would be right."""
+    """Say what a file is in place of a result, and which would be right."""
     if not path.exists():
         return f"no file {path}; rotorfit identify LOG ... -o {path.name}  writes a result"
     kind = kind_of(path)
@@ -458,5 +460,6 @@ def _flight_record(entry: dict[str, Any]) -> FlightRecord:
     fields: dict[str, Any] = dict(entry)
     fields["used"] = tuple((a, b) for a, b in entry["used"])
     fields["cuts"] = tuple((a, b, why) for a, b, why in entry["cuts"])
-    fields["warnings"] = tuple(entry["warnings"])
+    del fields["warnings"]
+    fields["findings"] = _findings(entry)
     return FlightRecord(**fields)

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.intervals.other_settings import widened
 from rotorfit.fit.rows.row_fits import ROWS, RowFits, fit_rows
 from rotorfit.fit.rows.row_parameters import number_scale, row_numbers
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS, ROW_ORDER, SHARED, full_name
 from rotorfit.results.assemble import assembled
 from rotorfit.results.parameter_tables import (
@@ -31,14 +31,14 @@ from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.results.verdicts import ADVICE, Judgement
 
 
-def row_result(experiment: Experiment, dataset: Dataset) -> IdentificationResult:
+def row_result(experiment: Experiment, dataset: TimedDataset) -> IdentificationResult:
     """Estimate row by row, and tabulate the numbers with verdicts."""
     fits = _rows_at(dataset)
     return row_tables(_widened(dataset, fits), fits, experiment, dataset)
 
 
 def row_tables(
-    numbers: Numbers, fits: RowFits, experiment: Experiment, dataset: Dataset
+    numbers: Numbers, fits: RowFits, experiment: Experiment, dataset: TimedDataset
 ) -> IdentificationResult:
     """Tabulate numbers with their final intervals, with verdicts."""
     configured = dataset.configurations[0]
@@ -80,25 +80,25 @@ def row_tables(
     )
 
 
-def _rows_at(dataset: Dataset, *, top: float = np.inf) -> RowFits:
+def _rows_at(dataset: TimedDataset, *, top: float = np.inf) -> RowFits:
     """Fit every row by the bands that begin under an edge [Hz]."""
     factors = dataset.bands(dataset.timing)[0]
     factors = factors.select(factors.band[:, 0] < top)
     return fit_rows(factors, dataset.model, mass=dataset.configurations[0].mass)
 
 
-def _numbers(dataset: Dataset, fits: RowFits) -> Numbers:
+def _numbers(dataset: TimedDataset, fits: RowFits) -> Numbers:
     configured = dataset.configurations[0]
     return row_numbers(
         fits, dataset.vehicle, mass=configured.mass, mass_std=configured.entry.mass_std
     )
 
 
-def _widened(dataset: Dataset, fits: RowFits) -> Numbers:
+def _widened(dataset: TimedDataset, fits: RowFits) -> Numbers:
     """Compute the numbers, their intervals widened by settings that could as well be others."""
     numbers = _numbers(dataset, fits)
 
-    def shift(other: Dataset, top: float) -> Float[np.ndarray, " q"]:
+    def shift(other: TimedDataset, top: float) -> Float[np.ndarray, " q"]:
         return _numbers(other, _rows_at(other, top=top)).values - numbers.values
 
     return replace(numbers, half_width=widened(numbers.half_width, dataset, shift, timed=False))

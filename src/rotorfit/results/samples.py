@@ -217,12 +217,9 @@ def normal_draws(
 
 
 def about_com(values: Values) -> Values:
-    """Return the values with the CoM and the inertia about it, of those at the origin.
+    """Add the CoM, and the inertia about it, to values at the origin.
 
-    Parameters
-    ----------
-    values
-        With ``mass``; first moments and inertia at the origin as far as they are known.
+    `values` have ``mass``, and first moments and inertia as far as they are known.
     """
     m, out = values["mass"], dict(values)
     out |= {

@@ -62,7 +62,7 @@ def refuse_unsound(result: IdentificationResult) -> None:
 
 
 def _structure(result: IdentificationResult) -> str | None:
-    """Return what is wrong with the tables of a result."""
+    """Describe the first fault in the tables of a result."""
     tables: tuple[tuple[str, Any], ...] = (
         ("settings", result.settings),
         ("versions", result.versions),
@@ -92,7 +92,7 @@ def _doubled(result: IdentificationResult) -> str | None:
 
 
 def _entry(entry: Parameter | Derived) -> str | None:
-    """Return what is wrong with one number."""
+    """Describe the first fault of one number."""
     name: Any = entry.name
     known = PARAMETERS if isinstance(entry, Parameter) else DERIVED
     if not isinstance(name, str) or name not in known:
@@ -112,7 +112,7 @@ def _entry(entry: Parameter | Derived) -> str | None:
 
 
 def _number(name: str, value: Any) -> str | None:
-    """Return what is wrong with a value: none is fine, NaN is not."""
+    """Describe the fault of a value: none is fine, NaN is not."""
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
@@ -124,7 +124,7 @@ def _number(name: str, value: Any) -> str | None:
 
 
 def _interval(name: str, entry: Parameter | Derived) -> str | None:
-    """Return what is wrong with an interval: two ends in order, the value between them."""
+    """Describe the fault of an interval: two ends in order, the value between them."""
     ends: Any = entry.interval
     if ends is None:
         return None

@@ -115,16 +115,10 @@ def twin_of(name: str) -> str:
 def body_verdict(
     derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived] | None = None
 ) -> Verdict:
-    """Return the verdict on a number about the CoM: by its own interval, else its twin's.
+    """Judge a number about the CoM: by its own interval, else its twin's.
 
-    Parameters
-    ----------
-    derived
-        The number.
-    twin
-        The parameter at the origin, by `twin_of`; None where the result has none.
-    kin
-        All derived numbers of its body, by name: what products of inertia are measured by.
+    `twin`: the parameter at the origin, by `twin_of`; None where the result has none. `kin`: all
+    derived numbers of its body by name, by which products of inertia are measured.
     """
     verdict = None if twin is None else twin.verdict
     if _known(derived.value) is None:

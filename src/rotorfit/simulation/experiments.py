@@ -132,7 +132,7 @@ class PlannedFlight(NamedTuple):
 def plan_experiment(
     scenario: ScenarioName, quality: Quality, *, seed: int, seconds: float = SECONDS
 ) -> ExperimentPlan:
-    """Return what a scenario flies.
+    """Plan the flights of a scenario.
 
     Parameters
     ----------

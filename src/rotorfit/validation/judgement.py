@@ -113,7 +113,7 @@ class Judgement:
         )
 
     def to_plain(self) -> dict[str, Any]:
-        """Return it as JSON holds it."""
+        """Return the judgement as JSON holds it."""
         return {
             "level": self.level,
             "sentence": self.sentence,

@@ -26,7 +26,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float, Int
 
-from rotorfit.dataset.dataset import LoadedFlight, load_flight
+from rotorfit.dataset.dataset import LoadedFlight
+from rotorfit.dataset.load import load_flight
 from rotorfit.errors import ExperimentError, FlightError, LogError
 from rotorfit.experiment.experiment import (
     Experiment,

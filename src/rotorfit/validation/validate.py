@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import LoadedFlight, load_flight, velocity_known
+from rotorfit.dataset.dataset import LoadedFlight
+from rotorfit.dataset.load import load_flight, velocity_known
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import (

@@ -38,7 +38,7 @@ BETTER = 0.6
 ALIKE = 0.02
 """Declarations whose scores differ by less explain the flight equally well."""
 NEGLIGIBLE = 0.1
-"""An unexplained share below which two declarations are not told apart."""
+"""An unexplained share below which two declarations count as equal."""
 TURNED = float(np.radians(12.0))
 """Angle about z between IMU and rotors from which it is no tolerance: sound logs have up to 3.5."""
 LAGS_TRIED = (LAG_PRIOR[0], 0.06, 0.1, 0.012)
@@ -79,24 +79,17 @@ class Response:
 
 
 def response(factors: Factors, vehicle: Vehicle, *, made_for: Vehicle | None = None) -> Response:
-    """Return how rotors explain the response of each axis.
+    """Compute the shares by which the rotors explain the response of each axis.
 
-    Parameters
-    ----------
-    factors
-        Of a flight.
-    vehicle
-        The rotors.
-    made_for
-        Those whose spins are in the signals; None: the same. Of other spins the spin-up of the
-        rotors is left out, and yaw has the drag alone.
+    `made_for`: the vehicle whose spins are in the signals; None: this one. Of other spins the
+    spin-up of the rotors is left out, and yaw has the drag alone.
     """
     declared = made_for or vehicle
     return _response(_products(_inside_band(factors), declared), vehicle, declared=declared)
 
 
 def free_response(factors: Factors, vehicle: Vehicle) -> Response:
-    """Return what the squared speeds of the rotors explain, wherever the rotors are."""
+    """Compute the shares that the rotors' squared speeds explain, wherever the rotors are."""
     R, layout = _inside_band(factors), signal_layout(vehicle)
     squares = R[:, _square_columns(vehicle)]
     thrust = squares @ vehicle.axes[:, 2]
@@ -307,17 +300,11 @@ def _refuse_turned(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> None:
 def turn_about_z(
     R: Float[np.ndarray, "z z"], vehicle: Vehicle
 ) -> tuple[float, tuple[float, float]]:
-    """Return by which angle [rad] the IMU is turned about z against the rotors, at least.
+    """Estimate the least angle [rad] by which the IMU is turned about z against the rotors.
 
     The answer of roll and pitch to the torques of the rotors is a turn times a symmetric matrix,
     the inverse inertia (polar decomposition); and the shares of roll and pitch that it explains.
-
-    Parameters
-    ----------
-    R
-        Factor of the signals.
-    vehicle
-        The rotors.
+    `R`: factor of the signals.
     """
     layout = signal_layout(vehicle)
     squares = R[:, _square_columns(vehicle)]
@@ -337,24 +324,11 @@ def turn_about_z(
 
 
 def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:
-    """Refuse the declared rotors if a flight contradicts them.
+    """Refuse the declared rotors if a flight contradicts them: with the declaration that would fit.
 
     Commands are looked at behind the lag that motors usually have: without it, what an autopilot
     answers in a hover to the noise of its gyro looks like a response with the sign reversed.
-
-    Parameters
-    ----------
-    flights
-        As they were prepared.
-    vehicle
-        As declared.
-    motors
-        Whether commanded, and whether their lag is in the flights already.
-
-    Raises
-    ------
-    FrameError
-        With the declaration that would fit.
+    `motors`: whether commanded, and whether their lag is in the flights already.
     """
     lagging = motors.speed == "measured" or motors.lag is not None
     tried = [MotorResponse(lag=lag, delay=motors.delay or 0.0) for lag in LAGS_TRIED]
@@ -378,7 +352,7 @@ def _check_flight(
 
 
 def _leaning(flight: LoadedFlight) -> str:
-    """Return that the thrust leans in the IMU's axes, which may be why rotors seem wrong."""
+    """Describe a thrust that leans in the IMU's axes: rotors may seem wrong by it."""
     tilt = mean_force_tilt([flight.prepared.data])
     if tilt.angle < LEAST_TILT:
         return ""
@@ -409,7 +383,7 @@ def _others_tried(
 def _other_drives(
     vehicle: Vehicle,
 ) -> tuple[Float[np.ndarray, "o 3 4 c"], Bool[np.ndarray, " o"], tuple[str, ...]]:
-    """Return what drives roll, pitch and yaw by other declarations, and which keep the spins."""
+    """Compute the drives of roll, pitch and yaw by other declarations, and which keep the spins."""
     others, words = zip(*_others(vehicle), strict=True)
     agree = np.array([float(other.spins @ vehicle.spins) for other in others])
     drives = np.array([_drives(other, vehicle) for other in others])

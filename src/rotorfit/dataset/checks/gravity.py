@@ -48,7 +48,7 @@ class GravitySeen:
 
 
 def gravity_seen(data: FlightData) -> GravitySeen:
-    """Return what the accelerometer of a prepared flight makes of gravity."""
+    """Measure gravity by the accelerometer of a prepared flight, at rest and in flight."""
     rest = _rest_forces(data)
     is_enough = len(rest) * WINDOW >= LEAST_REST
     held = held_up(turning(hovering(data)), data.specific_force)
@@ -82,7 +82,7 @@ def _rest_forces(data: FlightData) -> Float[np.ndarray, " m"]:
 
 
 def gravity_doubts(seen: GravitySeen) -> list[str]:
-    """Return what contradicts a calibrated accelerometer, one sentence each."""
+    """Describe each contradiction to a calibrated accelerometer in a sentence."""
     doubts: list[str] = []
     rest, flight = seen.at_rest, seen.in_flight
     if rest is not None and abs(rest - 1.0) > ALLOWED:

@@ -1,4 +1,4 @@
-r"""Whether the sizes of gyro, arms and rotor speeds can be: units told from the flight itself.
+r"""Whether the sizes of gyro, arms and rotor speeds can be: units seen in the flight itself.
 
 Two witnesses. Over some seconds of flight the specific force, turned by the gyro into axes that do
 not rotate, has the mean of gravity (see `weight_balance`); with a gyro in deg/s that is taken for
@@ -53,16 +53,10 @@ SLOWEST_TIP: Final = 30.0
 
 
 def gyration(factors: Factors, vehicle: Vehicle) -> float | None:
-    """Return the radius of gyration over the arm, in roll or pitch, whichever is clearer.
+    """Estimate the radius of gyration over the arm, in roll or pitch, whichever is clearer.
 
-    None where the rotors explain too little of the motion.
-
-    Parameters
-    ----------
-    factors
-        Of the signals of a flight in the band that the vehicle answers in.
-    vehicle
-        Its rotors.
+    None where the rotors explain too little of the motion. `factors` are those of the band that
+    the vehicle answers in.
     """
     R, layout = factors.total, signal_layout(vehicle)
     squares = R[:, [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]]
@@ -91,7 +85,7 @@ def _slope(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> tuple[floa
 
 
 def _rejection(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
-    """Return what of y does not go with x: thrust turns a vehicle whose CoM is off the centre."""
+    """Remove the part of y along x: thrust turns a vehicle whose CoM is off the centre."""
     return y - x * (float(x @ y) / float(x @ x))
 
 
@@ -100,17 +94,8 @@ def refuse_gyro_in_degrees(
 ) -> None:
     """Raise where the specific force only has the mean of gravity if a gyro is in deg/s.
 
-    Parameters
-    ----------
-    flights
-        By the name of their file.
-    takes_columns
-        Whether units of these logs can be declared.
-
-    Raises
-    ------
-    FlightError
-        Also of a flight so gentle that no single reading is impossible.
+    Also of a flight so gentle that no single reading is impossible. `flights` are by the name of
+    their file; `takes_columns`: whether units of these logs can be declared.
     """
     for name, data in flights.items():
         words = gyro_in_degrees(data, takes_columns=takes_columns)
@@ -119,7 +104,7 @@ def refuse_gyro_in_degrees(
 
 
 def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | None:
-    """Return what contradicts a gyro in rad/s, None where nothing does."""
+    """Describe the contradiction to a gyro in rad/s; None where there is none."""
     as_said = held_up(turning(data), data.specific_force)
     if as_said is None or as_said.ratio > LOST_GRAVITY:
         return None
@@ -149,7 +134,7 @@ def refuse_implausible_size(factors: Factors, vehicle: Vehicle) -> None:
 
 
 def implausible_size(found: float | None, arm: float) -> str | None:
-    """Return what contradicts a radius of gyration over the arm [m], None where nothing does."""
+    """Describe an impossible radius of gyration over the arm [m]; None where it can be."""
     if found is None or SLIMMEST <= found <= STOUTEST:
         return None
     expected = f"{SLIMMEST:g} to {STOUTEST:g} was expected, most have 0.2 to 0.6"
@@ -181,21 +166,8 @@ def refuse_rotors_too_fast(
 ) -> None:
     """Raise where no rotor hovers at such a speed, as where rpm are taken for rad/s.
 
-    Parameters
-    ----------
-    flights
-        By the name of their file, with rotor speeds in rad/s.
-    arm
-        Of the vehicle [m].
-    law
-        Whether the speeds come from commands by a law.
-    takes_columns
-        Whether units of these logs can be declared.
-
-    Raises
-    ------
-    FlightError
-        With the unit that would explain it.
+    `flights` are by the name of their file, `arm` in m; `law`: whether the speeds come from
+    commands by a law; `takes_columns`: whether units of these logs can be declared.
     """
     for name, data in flights.items():
         speed = hover_speed(data)

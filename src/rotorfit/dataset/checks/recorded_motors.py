@@ -13,22 +13,10 @@ REFUSED: tuple[State, ...] = ("dead", "swapped", "apart", "unlike")
 
 
 def refuse_wrong_speeds(flights: Sequence[LoadedFlight], vehicle: Vehicle) -> None:
-    """Raise where measured speeds contradict the commands that made them.
+    """Raise where measured speeds contradict the commands that made them, as `inspect` says.
 
     A rotor that turns at another ratio may be another propeller: with a group of its own it has a
     thrust coefficient of its own, and is accepted.
-
-    Parameters
-    ----------
-    flights
-        Of one configuration, identified by their measured speeds.
-    vehicle
-        As declared.
-
-    Raises
-    ------
-    FlightError
-        In the words of `rotorfit inspect`.
     """
     for flight in flights:
         if flight.telemetry is None:

@@ -34,7 +34,7 @@ LEAST_FREE: Final = 0.25
 """Of the variance of a difference, as a share of the instrument's own (Hausman)."""
 FEWEST_LINES: Final = 20
 MOST_LEVERAGE: Final = 0.9
-"""Of one line in its block, whose gain is not told without it."""
+"""Of one line in its block, whose gain is unidentifiable without it."""
 EXACT: Final = 1e-12
 """Least power of the errors, over that of the prediction: a simulation may have none."""
 _TINY: Final = 1e-200

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from rotorfit.dataset.dataset import ConfigurationData, Dataset
+from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_problem import NOISY, TURN_ERRORS, JointConfiguration, theta_of
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import banded_data
@@ -56,7 +57,7 @@ def reference_lines(fit: Fit) -> Iterator[tuple[str, ReferenceLines | None]]:
 def _lines(
     configured: ConfigurationData,
     c: JointConfiguration,
-    dataset: Dataset,
+    dataset: TimedDataset,
     G: Float[np.ndarray, "3 z"],
 ) -> ReferenceLines | None:
     """Compute the lines of one configuration; `G` maps its signals to errors."""

@@ -94,7 +94,7 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
 def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | None:
     """Estimate by how much more thrust than the others one rotor makes: the one furthest off.
 
-    None where they are not told; rotors of declared groups are expected to differ.
+    None where they are not identifiable; rotors of declared groups are expected to differ.
     """
     names = [f"kt_{i}" for i in range(1, len(vehicle.rotors) + 1)]
     if any(r.group is not None for r in vehicle.rotors) or not set(names) <= set(numbers.names):

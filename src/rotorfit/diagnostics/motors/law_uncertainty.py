@@ -1,11 +1,10 @@
-"""How well the law of commanded motors is known: in every number that hangs on their speeds.
+"""How well the law of commanded motors is known: in every number that depends on their speeds.
 
 A law that is wrong by a factor leaves forces and inertia as they are, and takes k_t, k_d and J_r
 with it: by its inverse square, and its inverse. One whose slope is wrong makes changes of thrust
 another share of the weight.
 """
 
-from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -15,14 +14,8 @@ from rotorfit.diagnostics.motors.other_speeds import Speeds, shift_by_speeds, wi
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.model.terms.rotors import MOST_ROTORS
+from rotorfit.model.parameters import EVERY
 
-BY_SPEED: Final[Mapping[str, float]] = {
-    **dict.fromkeys(("kt", *(f"kt_{i}" for i in range(1, MOST_ROTORS + 1))), 2.0),
-    **dict.fromkeys(("kd", "kd_over_Izz", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt"), 2.0),
-    **dict.fromkeys(("Jr", "Jr_over_Izz", "rotor_drag", "inflow", "kd_linear", "hover_speed"), 1.0),
-}
-"""Numbers that go with a power of the rotors' speed, up or down."""
 LAW: Final = "law-uncertain"
 
 
@@ -39,8 +32,11 @@ def allow_for_law(fit: Fit) -> Fit:
 
 def scale_shift(numbers: Numbers, std: float) -> Float[np.ndarray, " q"]:
     """Compute how far numbers go where all speeds are off by a share `std`."""
-    powers = [BY_SPEED.get(name.partition("@")[0], 0.0) for name in numbers.names]
-    return np.array(powers) * std * np.abs(numbers.values)
+    return np.array(_speed_powers(numbers), dtype=float) * std * np.abs(numbers.values)
+
+
+def _speed_powers(numbers: Numbers) -> list[int]:
+    return [EVERY[name.partition("@")[0]].speed_power for name in numbers.names]
 
 
 def _slope_shift(fit: Fit, std: float) -> Float[np.ndarray, " q"]:
@@ -63,6 +59,8 @@ def _uncertain(numbers: Numbers, std: float) -> Finding:
             "of Jr includes as much, those of kt and kd twice as much; log the rotor speed, or "
             "the battery's voltage beside a law that depends on it"
         ),
-        numbers=tuple(n for n in numbers.names if n.partition("@")[0] in BY_SPEED),
+        numbers=tuple(
+            name for name, power in zip(numbers.names, _speed_powers(numbers), strict=True) if power
+        ),
         evidence=(Evidence(name="law_speed_std", value=std),),
     )

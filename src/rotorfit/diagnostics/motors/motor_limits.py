@@ -14,6 +14,7 @@ from rotorfit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.diagnostics.motors.other_speeds import Speeds, shift_by_speeds, with_other_speeds
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 LEAST_SHARE: Final = 0.02
 """Of the time of all motors at either end, from which it is said."""
@@ -83,7 +84,7 @@ def _share(dataset: Dataset) -> float:
     return max((f.limits.share for f in flights if f.limits is not None), default=0.0)
 
 
-def _with_end(dataset: Dataset, end: End) -> Dataset:
+def _with_end(dataset: TimedDataset, end: End) -> TimedDataset:
     """Return the flights with another speed where the commands are at one end."""
 
     def cut(speed: Speeds, flown: Speeds) -> Speeds:

@@ -4,7 +4,7 @@ A lag and a delay differ by how measured over predicted turns, H, go with freque
 :math:`d \ln H = -j \omega / (1 + j \omega \tau) \, d\tau - j \omega \, dt`. Their likelihood
 takes noise that the autopilot hears, and answers by commands, as independent of these; what of it
 may go with them is in the deviations of the bands' ratios (`sensor_response`), by which the two are
-weighed once more: the sum is told well, the split where the rotors explain quick turns, too.
+weighed once more: the sum is well known, the split where the rotors explain quick turns, too.
 """
 
 from collections.abc import Sequence

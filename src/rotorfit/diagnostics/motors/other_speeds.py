@@ -6,9 +6,10 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Dataset, with_prepared
+from rotorfit.dataset.dataset import with_prepared
 from rotorfit.diagnostics.kt_from_weight import HELD_TO, kt_from_weight, kt_of
 from rotorfit.fit.fit import Fit, shift_of
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.preprocessing.motors.motor_model import with_motors
 from rotorfit.preprocessing.prepare import PreparedFlight
 
@@ -17,12 +18,12 @@ Change = Callable[[Speeds, Speeds], Speeds]
 """From speeds [rad/s], as kept or as recorded, and those of the flight's used part, to others."""
 
 
-def with_other_speeds(dataset: Dataset, change: Change) -> Dataset:
+def with_other_speeds(dataset: TimedDataset, change: Change) -> TimedDataset:
     """Return the flights with other speeds of the motor channel, before lag and delay."""
     return with_prepared(dataset, lambda prepared: _changed(prepared, dataset, change))
 
 
-def _changed(prepared: PreparedFlight, dataset: Dataset, change: Change) -> PreparedFlight:
+def _changed(prepared: PreparedFlight, dataset: TimedDataset, change: Change) -> PreparedFlight:
     """Change the speeds of a flight, as recorded and as kept."""
     data = prepared.data
     flown = prepared.motor_channel[data.used_rows]
@@ -35,7 +36,7 @@ def _changed(prepared: PreparedFlight, dataset: Dataset, change: Change) -> Prep
     )
 
 
-def shift_by_speeds(fit: Fit, other: Dataset) -> Float[np.ndarray, " q"]:
+def shift_by_speeds(fit: Fit, other: TimedDataset) -> Float[np.ndarray, " q"]:
     """Compute how far the numbers move with other speeds, k_t with the weight that they carry."""
     weights = [
         kt_from_weight(one.configurations, one.vehicle, source=one.source, timing=one.timing)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from rotorfit.dataset.dataset import Dataset, LoadedFlight, levelled_flights
+from rotorfit.dataset.dataset import LoadedFlight
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.declared_vehicle import with_imu_tilt
 from rotorfit.experiment.experiment import Experiment
@@ -23,6 +23,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
+from rotorfit.fit.timing.timed_dataset import TimedDataset, levelled_flights
 from rotorfit.fit.timing.timing_fit import find_timing
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
@@ -35,7 +36,9 @@ FEWEST_PARTS: Final = 3
 Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
 
 
-def estimate_imu_tilt(dataset: Dataset, fitted: Callable[[Dataset], Fitted]) -> ImuTilt | None:
+def estimate_imu_tilt(
+    dataset: TimedDataset, fitted: Callable[[TimedDataset], Fitted]
+) -> ImuTilt | None:
     """Estimate how the IMU is mounted, where the flights are far likelier so; else None.
 
     `fitted` fits a dataset, and gives its configurations with their informative bands.
@@ -53,7 +56,9 @@ def estimate_imu_tilt(dataset: Dataset, fitted: Callable[[Dataset], Fitted]) -> 
     return tilt if min(gains) > LEAST_GAIN * len(dataset.configurations) else None
 
 
-def likelihood_on(fit: Fitted, dataset: Dataset, counted: Sequence[JointConfiguration]) -> float:
+def likelihood_on(
+    fit: Fitted, dataset: TimedDataset, counted: Sequence[JointConfiguration]
+) -> float:
     """Compute the log-likelihood of a fit on the informative blocks of another fit."""
     joint = [
         replace(c, factors=factors, model=dataset.model)
@@ -63,8 +68,8 @@ def likelihood_on(fit: Fitted, dataset: Dataset, counted: Sequence[JointConfigur
 
 
 def correct_imu_tilt(
-    experiment: Experiment, dataset: Dataset
-) -> tuple[Experiment, Dataset, tuple[Finding, ...]]:
+    experiment: Experiment, dataset: TimedDataset
+) -> tuple[Experiment, TimedDataset, tuple[Finding, ...]]:
     """Turn the readings into the rotors' axes where the flights show that the IMU is tilted."""
     if experiment.airframe.imu_tilt_deg is not None:
         return experiment, dataset, ()
@@ -91,7 +96,7 @@ def mounting_sentence(tilt: ImuTilt) -> str:
     )
 
 
-def lean_evidence(dataset: Dataset) -> tuple[Evidence, ...]:
+def lean_evidence(dataset: TimedDataset) -> tuple[Evidence, ...]:
     """Return how far the thrust leans in the IMU's axes, by the scatter of the flights' parts."""
     flights = [f.prepared.data for c in dataset.configurations for f in c.flights]
     parts = np.array([part for data in flights for part in _mean_forces(data)])
@@ -114,7 +119,7 @@ def _mean_forces(data: FlightData) -> Float[np.ndarray, "p 3"]:
     )
 
 
-def lean_sentence(dataset: Dataset) -> str | None:
+def lean_sentence(dataset: TimedDataset) -> str | None:
     """Explain that the thrust leans in the IMU's axes for a cause that the flight does not show.
 
     None where the parts of the flights lean by so different angles that it may be chance.

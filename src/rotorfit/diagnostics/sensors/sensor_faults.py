@@ -17,6 +17,7 @@ from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.timing.onboard_filter import filter_delay, lowpass_of
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.logs.formats import FORMATS
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.model.terms.air import VELOCITY
@@ -55,7 +56,7 @@ def allow_for_gyro_lowpass(fit: Fit) -> Fit:
     return fit.with_half_width(lowpass_half_width(fit.numbers, fit.dataset))
 
 
-def lowpass_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray, " q"]:
+def lowpass_half_width(numbers: Numbers, dataset: TimedDataset) -> Float[np.ndarray, " q"]:
     """Compute the half-widths with the fault of taking a low-pass of the gyro for a motor lag."""
     cutoff, timing = lowpass_of(dataset), dataset.timing
     half = numbers.half_width.copy()

@@ -115,5 +115,5 @@ def _band_delay(band: Spectra, axis: int) -> BandDelay | None:
     middle = float(np.sqrt(information.sum() / power))
     unexplained = np.sqrt(float((np.abs(y - late) ** 2).sum()) / power)
     std = float(np.hypot(chance, FED_BACK * unexplained / middle))
-    # Between two of the times that are tried nothing is told.
+    # Times between two of those tried are indistinguishable.
     return BandDelay(seconds, float(np.hypot(std, tried[1] - tried[0])), middle)

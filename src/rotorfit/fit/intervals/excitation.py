@@ -8,12 +8,12 @@ The joint fit knows by how much on the very flights (`banded.response_sensitivit
 engine, gusts and
 sticks of many sizes) and on real ones: the roll and pitch inertia come out too large by up to
 2.5 / rho; k_d / I_zz and J_r / I_zz too small by up to 1.5 / rho; and the scale of I_zz and k_d,
-which hangs on small terms, is off by up to 3 / rho either way.
+which depends on small terms, is off by up to 3 / rho either way.
 
 The yaw equation holds I_zz, k_d and J_r only relative to one another. Their scale comes from what
 yaw does to roll and pitch (products of rates, gyroscopic torque of the rotors, known geometry).
 Where neither of the two is flown it is noise, up to seventeen times too large; a known payload
-gives it without that link. The height of the centre of mass hangs on roll and pitch, too.
+gives it without that link. The height of the centre of mass depends on roll and pitch, too.
 """
 
 import math
@@ -92,7 +92,7 @@ def common_share(name: str) -> float:
 
 
 def link_allowance(size: float, link: float) -> float:
-    """Return the half-width that too little roll and pitch adds to a number that hangs on them.
+    """Return the half-width that too little roll and pitch adds to a number that depends on them.
 
     Parameters
     ----------

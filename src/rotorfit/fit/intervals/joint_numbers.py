@@ -3,7 +3,7 @@
 Half-width^2 = (the largest of formal and scatter)^2 + answer^2 + push^2 + tolerances^2.
 Formal: the covariance of the fit. Scatter: the one-step jackknife over stretches and bands, with
 the t of those that tell the number (`effective_blocks`); over phases; over flights. Answer:
-how far the estimate hangs on what is assumed of the autopilot, which answers disturbances
+how far the estimate depends on what is assumed of the autopilot, which answers disturbances
 (`banded.response_sensitivity`). Push: what is open of where gusts and drag push
 (`error_correlation_shifts`). What a change of settings shifts is added by the recipe.
 """
@@ -224,7 +224,7 @@ def half_width_between_phases(
     their scatter does not show it. Each phase pulls the estimate by p, and without it the estimate
     moves by d; p is too small where a phase has most of the information, and d too large: the
     variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2), d being no
-    more than a few times p: without the one phase that tells anything, nothing is told at all.
+    more than a few times p: without the one informative phase nothing is identifiable.
     """
     parts = _phases(fit)
     if len(parts) < FEWEST_PHASES:
@@ -328,7 +328,7 @@ def excitation(
 def weighed_excitation(
     fit: BandedEstimate, configurations: Sequence[JointConfiguration]
 ) -> dict[str, float]:
-    """Return the same, the mean over single blocks, each with the weight it has in the fit.
+    """Compute the mean excitation of single blocks, each with its weight in the fit.
 
     A short lively phase of a long calm flight is what tells of the vehicle.
     """
@@ -428,7 +428,7 @@ def inertia_uncertainty(
     configurations: Sequence[JointConfiguration],
     std: Float[np.ndarray, " q"],
 ) -> Numbers:
-    """Return the numbers on the scale of yaw with what an inertia that is not told does to them.
+    """Widen the numbers on the scale of yaw by an inertia that is not identifiable.
 
     What yaw does to roll is in proportion to I_zz less I_yy: where nobody pitches, an I_yy that
     gusts pull pulls I_zz with it, as far as the two go together in the fit.

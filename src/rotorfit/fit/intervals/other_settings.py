@@ -11,18 +11,18 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Dataset
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.reduction.frequency_bands import EDGES
 
-Shift = Callable[[Dataset, float], Float[np.ndarray, " q"]]
+Shift = Callable[[TimedDataset, float], Float[np.ndarray, " q"]]
 """How far each number moves with other flights, or at another timing of theirs, and with the bands
 that begin under an edge [Hz]."""
 
 
 def widened(
-    half_width: Float[np.ndarray, " q"], dataset: Dataset, shift: Shift, *, timed: bool
+    half_width: Float[np.ndarray, " q"], dataset: TimedDataset, shift: Shift, *, timed: bool
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width with twice the rms shift of every group of trials.
 
@@ -44,7 +44,7 @@ def widened(
     return np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))
 
 
-def _other_timings(dataset: Dataset) -> list[list[Dataset]]:
+def _other_timings(dataset: TimedDataset) -> list[list[TimedDataset]]:
     """Return the flights at other timings, in groups that are independent of each other.
 
     The motors off both ways, by half a sample or by a deviation of what the flights tell of lag
@@ -62,7 +62,7 @@ def _other_timings(dataset: Dataset) -> list[list[Dataset]]:
     return groups
 
 
-def other_geometries(dataset: Dataset) -> Iterator[Dataset]:
+def other_geometries(dataset: TimedDataset) -> Iterator[TimedDataset]:
     """Yield the flights with each measured length off by its standard deviation, if it has one.
 
     Parameters

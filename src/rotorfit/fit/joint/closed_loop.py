@@ -35,7 +35,7 @@ UNIDENTIFIABLE: Final = 100.0
 """Deviation of what no flight tells."""
 LEAST_OPEN: Final = np.array([1.0, 1.0, 0.5, 1.0])
 """Of that interval, for roll, pitch, yaw and climb, which no number of flights closes: how an
-answer goes with frequency is assumed, and the scale of yaw hangs on that of pitch."""
+answer goes with frequency is assumed, and the scale of yaw depends on that of pitch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +75,7 @@ def response_from_scores(
     G: Float[np.ndarray, "m f e"],
     prior: Float[np.ndarray, "f f"],
 ) -> ClosedLoopResponse:
-    """Return the same from what the flights ask for.
+    """Estimate the response from the informations and scores of the flights.
 
     Parameters
     ----------

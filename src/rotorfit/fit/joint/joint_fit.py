@@ -1,12 +1,12 @@
 """The joint fit of what was flown: flights to bands, a start, what counts, and the estimate."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from functools import partial
+from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import SMALLEST_STEP, BandedEstimate
 from rotorfit.experiment.model_terms import DEFAULT_TERMS
@@ -15,11 +15,17 @@ from rotorfit.fit.joint.informative_bands import select_informative_bands, selec
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, separate_flights
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, flights_of, scatters
 from rotorfit.fit.rows.row_fits import fit_rows
+from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.model.parameters import INERTIA
 from rotorfit.reduction.frequency_bands import LEAST_RATIO
 
 NEAR: Final = 0.1
 """Of a parameter's deviation, at which those fits of many flights end that tell only what counts,
 and what the flights differ by."""
+
+
+SMALLEST_BODY: Final = 1e-6
+"""Moment of inertia over mass times arm squared, far below that of any body (about .1)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +48,7 @@ class FittedFactors:
 
 
 def joint_fit(
-    dataset: Dataset,
+    dataset: TimedDataset,
     *,
     top: float = np.inf,
     terms: Sequence[str] = DEFAULT_TERMS,
@@ -84,45 +90,71 @@ def joint_fit(
         )
         for factors, configured in zip(dataset.timed_bands, dataset.configurations, strict=True)
     ]
-    more: dict[str, Any] = {"known": known or {}, "terms": terms}
-    select: dict[str, Any] = {
-        "commanded": dataset.motors.speed == "commanded",
-        "least_ratio": least_ratio,
-    }
+    estimate = partial(joint_estimate, known=known or {}, terms=terms)
+    select = partial(
+        select_informative_bands,
+        commanded=dataset.motors.speed == "commanded",
+        known=known or {},
+        terms=terms,
+        least_ratio=least_ratio,
+    )
     if begin is not None:
-        return _fit_from(joint, begin, select=select, more=more)
+        return _fit_from(joint, begin, select=select, estimate=estimate)
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if guess is None else []
 
     def first(looked_at: list[JointConfiguration]) -> Mapping[str, float]:
         close = _close(looked_at)
-        return joint_estimate(looked_at, starts, begin=guess, close=close, **more).estimate.by_name
+        return estimate(looked_at, starts, begin=guess, close=close).estimate.by_name
 
     # Before the first fit nobody can tell the pilot's motion from disturbances: further up an
     # autopilot's answer to the noise of its gyro may well be all there is.
     try:
         slow = first([select_slow_bands(c) for c in joint])
-        return _fit_from(joint, slow, select=select, more=more)
+        return _fit_from(joint, slow, select=select, estimate=estimate)
     except UnsettledError:
-        return _fit_from(joint, first(joint), select=select, more=more)
+        return _fit_from(joint, first(joint), select=select, estimate=estimate)
+
+
+Select = Callable[[list[JointConfiguration], Mapping[str, float]], list[JointConfiguration]]
 
 
 def _fit_from(
     joint: list[JointConfiguration],
     begin: Mapping[str, float],
     *,
-    select: dict[str, Any],
-    more: dict[str, Any],
+    select: Select,
+    estimate: Callable[..., BandedEstimate],
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
-    """Return the fit of what counts, from where that can be told, and its configurations."""
-    joint = select_informative_bands(joint, begin, **select, **more)
-    fit = joint_estimate(joint, [], begin=begin, close=_close(joint), **more)
+    """Fit the informative bands, selected at `begin`; return the fit and its configurations."""
+    joint = select(joint, begin)
+    fit = estimate(joint, [], begin=begin, close=_close(joint))
+    refuse_collapse(fit, joint)
     if not _several_flights(joint):
         return fit, joint  # one flight each
     response, differ = _response(fit, joint), _scatters(fit, joint)
     joint = [
         replace(c, response=response, scatter=differ.get(k, c.scatter)) for k, c in enumerate(joint)
     ]
-    return joint_estimate(joint, [], begin=fit.estimate.by_name, **more), joint
+    return estimate(joint, [], begin=fit.estimate.by_name), joint
+
+
+def refuse_collapse(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> None:
+    """Refuse a fit whose body shrinks to nothing, as where the rotors explain no turn at all.
+
+    The equations of the turns are homogeneous: what an autopilot answers of pure noise then
+    outweighs what holds up their scale.
+    """
+    at = fit.estimate.by_name
+    for c in joint:
+        least = SMALLEST_BODY * c.mass * c.vehicle.arm**2
+        if any(abs(at.get(f"{name}@{c.name}", np.inf)) < least for name in INERTIA[:3]):
+            raise UnsettledError(
+                f"{c.name}: the rotors explain nothing of how the vehicle rolls and pitches, so "
+                "that no body fits the flights: vibration or a loose IMU hides the turns, or "
+                "nobody flew any; fix the IMU to the frame, and fly 20 s of quick rolls and nods "
+                "(pitching forward and back)",
+                reached=at,
+            )
 
 
 def _several_flights(joint: Sequence[JointConfiguration], least: int = 2) -> bool:

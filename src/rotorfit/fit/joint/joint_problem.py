@@ -62,7 +62,7 @@ CLIMB_BANDWIDTH = 4.0
 """[rad/s] up to which an altitude hold answers climb errors: PX4 by default, ArduCopter 5."""
 SLOW_YAW = 0.3
 """[Hz] up to which that is taken for granted: each autopilot answers there. What it does further up
-hangs on its gains, on filters and on the rotors' reaction."""
+depends on its gains, on filters and on the rotors' reaction."""
 PUSHED_STD = 1.0
 """Known of how far an acceleration from without, over the arm, turns a vehicle: of a body whose
 radius of gyration is half its arm, pushed a quarter of an arm beside its centre of mass."""
@@ -239,7 +239,7 @@ def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
 
 
 def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopResponses:
-    """Return what the autopilot does about roll, pitch, yaw and climb errors in every block."""
+    """Compute the autopilot's responses to roll, pitch, yaw and climb errors in every block."""
     factors, counted = configuration.factors, configuration.counted
     with_response = configuration.with_response
     assert with_response is not None and counted is not None
@@ -346,7 +346,7 @@ def size_of(configuration: JointConfiguration) -> Size:
 
 
 def error_correlation_std(vehicle: Vehicle) -> float:
-    """Return what is known beforehand of the turn that comes with a push [(rad/s^2) / (m/s^2)]."""
+    """Compute the prior deviation of the turn that comes with a push [(rad/s^2) / (m/s^2)]."""
     return PUSHED_STD / vehicle.arm
 
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import stack_factors
 from rotorfit.estimation.least_squares import EssentialEstimate, essential_total
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import full_name
 from rotorfit.reduction.frequency_bands import retimed
 from rotorfit.reduction.reduce import LowPass, time_factors
@@ -43,7 +43,7 @@ class PaperSettings:
     r_sigma: float | None = 250.0
 
 
-def paper_estimate(dataset: Dataset, *, settings: PaperSettings) -> EssentialEstimate:
+def paper_estimate(dataset: TimedDataset, *, settings: PaperSettings) -> EssentialEstimate:
     """Return the paper's estimate of all configurations together, and what it removed.
 
     k_t and k_d are shared, first moments and inertia are each configuration's own, and the rows of
@@ -69,7 +69,7 @@ def paper_estimate(dataset: Dataset, *, settings: PaperSettings) -> EssentialEst
     return essential_total(problem, r_sigma=settings.r_sigma or np.inf)
 
 
-def _paper_map(dataset: Dataset) -> ParameterMap:
+def _paper_map(dataset: TimedDataset) -> ParameterMap:
     """Return the map: coefficients shared, the body's parameters by configuration."""
     everywhere = range(len(dataset.configurations))
     free = {name: {(c, name): 1.0 for c in everywhere} for name in SHARED_FREE}

@@ -24,6 +24,7 @@ from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.timing.onboard_filter import shape_fault
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
 from rotorfit.model.terms.registry import DEFAULT
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
@@ -37,7 +38,7 @@ from rotorfit.reduction.motor_timing import (
 )
 
 SUMMED: Final = ("motor_lag", "motor_delay")
-"""Whose sum is told best."""
+"""Times whose sum is known better than each."""
 MOST_ROUNDS: Final = 10
 """Of fitting, and of making the signals anew where the fit has moved to."""
 LONGEST_MOVE: Final = 0.02
@@ -72,7 +73,7 @@ HOLD_FAULT: Final = 0.25
 FEWEST_TERMS: Final = tuple(term.name for term in DEFAULT if term.dropped is None)
 
 
-def time_motors(dataset: Dataset, *, lag: bool, report: Callable[[str], None]) -> Dataset:
+def time_motors(dataset: TimedDataset, *, lag: bool, report: Callable[[str], None]) -> TimedDataset:
     """Find lag and delay of the motors, where they are unknown; without `lag` the delay alone."""
     if not dataset.unknown_times:
         return dataset
@@ -80,7 +81,7 @@ def time_motors(dataset: Dataset, *, lag: bool, report: Callable[[str], None]) -
     return replace(dataset, motor_timing=find_timing(dataset, lag=lag))
 
 
-def find_timing(dataset: Dataset, *, lag: bool = True) -> MotorTiming | None:
+def find_timing(dataset: TimedDataset, *, lag: bool = True) -> MotorTiming | None:
     """Return the timing that fits best; None where the flights do not determine it.
 
     Parameters
@@ -104,7 +105,7 @@ def find_timing(dataset: Dataset, *, lag: bool = True) -> MotorTiming | None:
     )
 
 
-def timed_again(dataset: Dataset, terms: Sequence[str]) -> Dataset:
+def timed_again(dataset: TimedDataset, terms: Sequence[str]) -> TimedDataset:
     """Return the flights at the timing that other terms of the model ask for.
 
     Damping of the turns that the model lacks makes the motors look quick. Where the fit does not
@@ -123,7 +124,7 @@ def timed_again(dataset: Dataset, terms: Sequence[str]) -> Dataset:
 
 
 def fitted_timing(
-    dataset: Dataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
+    dataset: TimedDataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
 ) -> MotorTiming | None:
     """Fit the timing from a start with these terms; None where the motion follows no motors."""
     begun, first = first_fit(dataset, start, names, terms)
@@ -148,8 +149,8 @@ def fitted_timing(
 
 
 def first_fit(
-    dataset: Dataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
-) -> tuple[Dataset, BandedEstimate]:
+    dataset: TimedDataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
+) -> tuple[TimedDataset, BandedEstimate]:
     """Make the first fit; of many flights, near where the liveliest few of them settle."""
     few, guess = liveliest(dataset), None
     if few is not dataset:
@@ -161,7 +162,7 @@ def first_fit(
             start, guess = _moved(free, fit), free.without_times(fit.estimate.by_name)
     # Begun where few flights settle it is likely to stay there, and the skew is asked for next.
     additional = _additional_times(dataset, start, names) if guess is not None else ()
-    tried: list[tuple[Dataset, BandedEstimate]] = []
+    tried: list[tuple[TimedDataset, BandedEstimate]] = []
     for share in STARTS if start.lag > 0.0 else STARTS[:1]:
         begun = dataset.at(replace(start, lag=share * start.lag), names, additional=additional)
         fit, _ = joint_fit(begun, terms=terms, guess=guess)
@@ -172,12 +173,12 @@ def first_fit(
 
 
 def settled_fit(
-    dataset: Dataset,
+    dataset: TimedDataset,
     terms: tuple[str, ...],
     fit: BandedEstimate | None = None,
     *,
     skew: bool = True,
-) -> tuple[Dataset, BandedEstimate]:
+) -> tuple[TimedDataset, BandedEstimate]:
     """Fit until the signals are made where the fit ends; with the flights at that timing.
 
     `fit` is the one at the timing that the flights have, where it is there already; `skew`: slopes
@@ -224,8 +225,8 @@ def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
 
 
 def _with_skew(
-    dataset: Dataset, fit: BandedEstimate, terms: tuple[str, ...]
-) -> tuple[Dataset, BandedEstimate]:
+    dataset: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
+) -> tuple[TimedDataset, BandedEstimate]:
     """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
     free, found = dataset.free_timing, dataset.motor_timing
     assert free is not None and found is not None
@@ -241,7 +242,7 @@ def _with_skew(
     return (dataset, fit) if _lost(*found) else found
 
 
-def _lost(dataset: Dataset, fit: BandedEstimate) -> bool:
+def _lost(dataset: TimedDataset, fit: BandedEstimate) -> bool:
     """Return whether a fit that has ended would still move beyond what its slopes say, or did."""
     free = dataset.free_timing
     assert free is not None
@@ -262,7 +263,9 @@ def unidentifiable_timing(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
     )
 
 
-def timing_with_deviations(dataset: Dataset, free: FreeTiming, fit: BandedEstimate) -> MotorTiming:
+def timing_with_deviations(
+    dataset: TimedDataset, free: FreeTiming, fit: BandedEstimate
+) -> MotorTiming:
     """Add the deviations: of chance, of the autopilot's answer and of faults."""
     names = fit.estimate.names
     each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}

@@ -14,6 +14,7 @@ import numpy as np
 
 from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.fit.rows.row_fits import angular_log_likelihood, excited_turns, turn_ratios
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.frequency_bands import PILOT_BAND, slow_bands
 
@@ -41,7 +42,7 @@ GUST_BIAS: Final = 0.15
 SMALLEST_RATIO: Final = 0.1
 
 
-def coarse_timing(dataset: Dataset, unknown: Collection[str]) -> MotorResponse | None:
+def coarse_timing(dataset: TimedDataset, unknown: Collection[str]) -> MotorResponse | None:
     """Return lag and delay of the best trial; None where it is at the edge of what is looked at.
 
     Parameters
@@ -56,7 +57,7 @@ def coarse_timing(dataset: Dataset, unknown: Collection[str]) -> MotorResponse |
     return _coarse(dataset, unknown) if found is None and few is not dataset else found
 
 
-def liveliest(dataset: Dataset) -> Dataset:
+def liveliest(dataset: TimedDataset) -> TimedDataset:
     """Return the few flights of each configuration that turn most; all where they are few."""
     if all(len(c.flights) <= FLIGHTS_TRIED for c in dataset.configurations):
         return dataset
@@ -81,7 +82,7 @@ def _most_turned(configured: ConfigurationData) -> list[int]:
     return sorted(np.argsort(turned)[-FLIGHTS_TRIED:].tolist())
 
 
-def _coarse(dataset: Dataset, unknown: Collection[str]) -> MotorResponse | None:
+def _coarse(dataset: TimedDataset, unknown: Collection[str]) -> MotorResponse | None:
     if "lag" not in unknown:
         return _coarse_delay(dataset)
     body = None if dataset.body is None else dataset.body[:1]
@@ -110,7 +111,7 @@ def _turns(dataset: Dataset) -> bool:
     return any(bool(f.prepared.data.angular_acceleration.any()) for f in flights)
 
 
-def _coarse_delay(dataset: Dataset) -> MotorResponse | None:
+def _coarse_delay(dataset: TimedDataset) -> MotorResponse | None:
     kind = " commanded" if dataset.motors.speed == "commanded" else ""
     low, high, trials = DELAYS_TRIED[f"{dataset.source}{kind}"]
 
@@ -135,7 +136,7 @@ def _coarse_delay(dataset: Dataset) -> MotorResponse | None:
     return at(grid[best])
 
 
-def pilot_band_cost(dataset: Dataset, response: MotorResponse) -> float:
+def pilot_band_cost(dataset: TimedDataset, response: MotorResponse) -> float:
     """Compute minus the log-likelihood of the angular accelerations in the pilot's band."""
     return -sum(
         angular_log_likelihood(f, dataset.model, mass=configured.mass, counted=slow_bands(f))
@@ -145,8 +146,8 @@ def pilot_band_cost(dataset: Dataset, response: MotorResponse) -> float:
     )
 
 
-def _every_cost(dataset: Dataset, response: MotorResponse) -> float:
-    """Return the same in every band."""
+def _every_cost(dataset: TimedDataset, response: MotorResponse) -> float:
+    """Compute the cost of a timing in every band."""
     return -sum(
         angular_log_likelihood(
             f, dataset.model, mass=configured.mass, counted=np.ones((len(f.band), 3), dtype=bool)
@@ -155,7 +156,7 @@ def _every_cost(dataset: Dataset, response: MotorResponse) -> float:
     )
 
 
-def gust_bias(dataset: Dataset) -> float:
+def gust_bias(dataset: TimedDataset) -> float:
     """Return by how much the autopilot's answer may have moved a delay, where nobody steers [s].
 
     Nothing where a turn is flown above the pilot's band; else by the ratio of explained to residual

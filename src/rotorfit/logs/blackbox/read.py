@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
+from rotorfit.findings import doubts
 from rotorfit.logs.blackbox import LOG_START
 from rotorfit.logs.blackbox.channels import FIELDS, read_channels, seconds
 from rotorfit.logs.blackbox.decode import BlackboxLog, decode
@@ -81,7 +82,7 @@ def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
         seconds=float(time.max() - time.min()),  # its clock may run backwards
         metadata=_metadata(log.header.entries),
         notes=(_frame_counts(log), *missing),
-        warnings=tuple(_damage(log)),
+        findings=tuple(doubts("damaged-log", _damage(log))),
         circumstances=_circumstances(log.header.entries),
     )
 

@@ -156,7 +156,7 @@ def declared_units(messages: Messages) -> dict[tuple[str, str], str]:
     return found
 
 
-def unit_warnings(messages: Messages) -> list[str]:
+def unit_sentences(messages: Messages) -> list[str]:
     """Warn for each field whose declared unit is not the one that it is read in."""
     units = declared_units(messages)
     return [

@@ -164,7 +164,7 @@ def too_slow(parameters: Parameters, channels: Mapping[str, Channel]) -> list[st
 
 
 def _slow(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:
-    """Return what is missing or too slow, and whether the IMU is."""
+    """Name the missing or slow records; the second is whether the IMU is one."""
     slow: list[str] = []
     gyro, command = channels.get("gyro"), channels.get("command")
     if gyro is None or "accel" not in channels:

@@ -97,7 +97,7 @@ _BOARD: Final = re.compile(r"\S+ ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})\s*")
 def circumstances_of(
     messages: Messages, texts_of_firmware: Sequence[str], begin: float
 ) -> Circumstances:
-    """Return what the log says of itself."""
+    """Read the circumstances of a flight from its log."""
     boards = [found[1] for text in texts_of_firmware if (found := _BOARD.fullmatch(text))]
     pressure, temperature = _air(messages)
     return Circumstances(

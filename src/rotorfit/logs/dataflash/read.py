@@ -1,14 +1,15 @@
 """DataFlash files to FlightLog."""
 
-from collections.abc import Container
+from collections.abc import Container, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.findings import Finding, doubt, doubts
 from rotorfit.logs.dataflash import HEAD, imu, motors, parameters, pose, remix
-from rotorfit.logs.dataflash.columns import possible_in_order, time_of, unit_warnings
+from rotorfit.logs.dataflash.columns import possible_in_order, time_of, unit_sentences
 from rotorfit.logs.dataflash.firmware import lack_notes, too_slow
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
 from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
@@ -85,20 +86,18 @@ def _flight_log(path: Path, sha256: str) -> FlightLog:
     messages = messages.without(choice.names)
     command, command_notes = _commands(messages, settings, wired, frame)
     messages = messages.without(motors.OUTPUT_MESSAGES)
-    made = {
+    imu_and_motors = {
         "gyro": sensors.gyro,
         "accel": sensors.accel,
         "rotor_speed": speed,
         "command": command,
-        **_other_sensors(messages),
     }
-    found = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
-    channels = {name: found[name] for name in CHANNELS if name in found}
+    channels = _recorded({**imu_and_motors, **_other_sensors(messages)})
     if not channels:
         raise LogError(_nothing(messages))
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
     simulator = remix.simulator_of(settings)
-    flown, arming_warnings = _armed(messages, moved=_moves(command))
+    flown, unarmed = _armed(messages, moved=_moves(command))
     begin = min(float(channel.time[0]) for channel in channels.values())
     return FlightLog(
         path=path,
@@ -117,14 +116,7 @@ def _flight_log(path: Path, sha256: str) -> FlightLog:
             *_law_notes(settings),
             *lack_notes(messages, settings, channels, wired=None if simulator else wired),
         ),
-        warnings=(
-            *arming_warnings,
-            *appended,
-            *too_slow(settings, channels),
-            *unit_warnings(messages),
-            *_changed(settings),
-            *_damage(messages, names),
-        ),
+        findings=(*unarmed, *appended, *_doubts(messages, settings, channels, names)),
         simulator=simulator,
         motors=remix.logged_motors(settings, battery="battery" in channels),
         gyro_lowpass=sensors.gyro_lowpass,
@@ -132,8 +124,27 @@ def _flight_log(path: Path, sha256: str) -> FlightLog:
     )
 
 
+def _recorded(made: Mapping[str, Channel | None]) -> dict[str, Channel]:
+    """Select the channels with any number in them, in the order of `CHANNELS`."""
+    found = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
+    return {name: found[name] for name in CHANNELS if name in found}
+
+
+def _doubts(
+    messages: Messages,
+    settings: Parameters,
+    channels: Mapping[str, Channel],
+    names: frozenset[str],
+) -> Iterator[Finding]:
+    """Find a log that is too slow, in other units, changed on its way, or damaged."""
+    yield from doubts("slow-log", too_slow(settings, channels))
+    yield from doubts("other-units", unit_sentences(messages))
+    yield from doubts("changed-parameters", _changed(settings))
+    yield from doubts("damaged-log", _damage(messages, names))
+
+
 def _wanted(choice: imu.ImuChoice, names: frozenset[str]) -> Wanted:
-    """Return what is kept of the messages with these names: of IMUs the chosen one alone."""
+    """Select the fields to keep of the messages with these names: of IMUs the chosen one alone."""
     labels = dict.fromkeys(choice.names, imu.LABELS)
     labels |= dict.fromkeys(motors.ESC_NAMES, motors.ESC_LABELS)
     return Wanted(names=names, instances=choice.instances, labels=labels)
@@ -226,8 +237,8 @@ def _moves(command: Channel | None) -> bool:
     return float(np.nanmax(command.values) - np.nanmin(command.values)) > LEAST_MOVED
 
 
-def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[str]]:
-    """Say when the vehicle was armed, and a doubt where it never was.
+def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[Finding]]:
+    """Say when the vehicle was armed, and doubt a log in which it never was.
 
     Logs begin while arming, and may miss its record: motors that were driven were armed.
     """
@@ -240,7 +251,8 @@ def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[str]]:
             f"armed before the log begins, disarmed at {time[0]:.1f} s of the autopilot's clock"
         ], []
     if not any(states):
-        return [], ["the vehicle was never armed in this log: its motors did not turn"]
+        words = "the vehicle was never armed in this log: its motors did not turn"
+        return [], [doubt("never-armed", words)]
     if not np.isfinite(time).all():
         count = sum(states)
         return [f"armed {'once' if count == 1 else f'{count} times'}"], []
@@ -250,8 +262,8 @@ def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[str]]:
     return [", ".join(turns[:6]) + " of the autopilot's clock"], []
 
 
-def _appended(messages: Messages, names: Container[str]) -> list[str]:
-    """Warn where the clock begins anew: a second log stands behind the first.
+def _appended(messages: Messages, names: Container[str]) -> list[Finding]:
+    """Find a clock that begins anew: a second log stands behind the first.
 
     Their times overlap, so that one of them is left out.
     """
@@ -262,11 +274,12 @@ def _appended(messages: Messages, names: Container[str]) -> list[str]:
         left = int(np.count_nonzero(~possible_in_order(time)))
         # One number that is damaged goes back, too, but leaves out hardly anything.
         if len(back) and left > LEAST_LEFT * len(time):
-            return [
+            words = (
                 f"the clock begins anew {len(back)} time{'s' if len(back) > 1 else ''} within the "
                 f"file, as where a second log is appended: {left} of {len(time)} messages {name} "
                 "are left out; download the logs one by one"
-            ]
+            )
+            return [doubt("appended-log", words)]
     return []
 
 

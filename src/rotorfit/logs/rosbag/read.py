@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
+from rotorfit.findings import doubts
 from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import CHANNELS, FlightLog, seconds_of
@@ -76,7 +77,10 @@ def _log(
         seconds=seconds_of(channels.values()),
         metadata=_metadata(contents, start),
         notes=(*notes, *_clock_notes(topics, clocks, used), *_left_out(contents)),
-        warnings=(*_damage(contents), *_aims(taken)),
+        findings=(
+            *doubts("damaged-log", _damage(contents)),
+            *doubts("speed-asked-for", _aims(taken)),
+        ),
     )
 
 

@@ -1,9 +1,11 @@
 """Logs of PX4 (ULog); its body axes are FRD and its world is NED, turned here."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
+from rotorfit.findings import Finding, doubt, doubts
 from rotorfit.logs.flight_log import SIH, Channel, FlightLog, simulated_sentence
 from rotorfit.logs.ulog import imu, motors, pose, vehicle
 from rotorfit.logs.ulog.firmware import log_faster
@@ -47,7 +49,11 @@ def read_ulog(path: Path) -> FlightLog:
             *vehicle.change_notes(scan),
             *_appended_note(scan),
         ),
-        warnings=(*scan.warnings, *vehicle.flight_warnings(scan), *_rate_warnings(channels, scan)),
+        findings=(
+            *doubts("damaged-log", scan.damage),
+            *vehicle.flight_doubts(scan),
+            *_slow_motors(channels, scan),
+        ),
         simulator=simulator,
         motors=vehicle.logged_motors(scan),
         circumstances=vehicle.circumstances_of(scan, float(begin)),
@@ -93,19 +99,18 @@ def _channels(path: Path) -> tuple[dict[str, Channel], list[str], Scan]:
     return channels, notes, scan
 
 
-def _rate_warnings(channels: dict[str, Channel], scan: Scan) -> list[str]:
-    """Say what to set where motor data come too slowly for rotations."""
+def _slow_motors(channels: dict[str, Channel], scan: Scan) -> Iterator[Finding]:
+    """Find motor data that come too slowly for rotations, and what to set."""
     faster = log_faster(scan.number("SDLOG_PROFILE"))
-    warnings: list[str] = []
     for name in ("rotor_speed", "command"):
         channel = channels.get(name)
         rate = 0.0 if channel is None else imu.rate_of(channel)
         if 0.0 < rate < SLOW_MOTORS:
-            warnings.append(
+            yield doubt(
+                "slow-motor-data",
                 f"the {name} channel comes at {rate:.0f} Hz, too slow for inertia and motor lag: "
-                f"{faster}"
+                f"{faster}",
             )
-    return warnings
 
 
 def _law_notes(scan: Scan, channels: dict[str, Channel]) -> list[str]:

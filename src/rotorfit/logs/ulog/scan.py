@@ -77,7 +77,7 @@ class Scan:
         How long the logger lost messages, each time [ms].
     appended
         Number of stretches that were appended later.
-    warnings
+    damage
         What was damaged, one sentence each.
     sha256
         Of the file.
@@ -93,7 +93,7 @@ class Scan:
     info: Mapping[str, str | int]
     dropouts: tuple[int, ...]
     appended: int
-    warnings: tuple[str, ...]
+    damage: tuple[str, ...]
     sha256: str
 
     def without(self, names: Container[str]) -> "Scan":
@@ -331,7 +331,7 @@ def scan_file(path: Path, wanted: Wanted) -> Scan:
         info=reading.info,
         dropouts=tuple(reading.dropouts),
         appended=len(offsets),
-        warnings=(*damage, *_damage(reading, unordered)),
+        damage=(*damage, *_damage(reading, unordered)),
         sha256=digest,
     )
 

@@ -1,13 +1,14 @@
 """What a PX4 log says of the vehicle: geometry, settings, simulator, and when it flew."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import GAZEBO, PX4_OTHER, SIH, Circumstances, LoggedMotors, in_air
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.logs.ulog.messages import Topic
@@ -212,26 +213,23 @@ def flown_notes(scan: Scan, begin: float) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def flight_warnings(scan: Scan) -> tuple[str, ...]:
-    """Warn where the vehicle never flew, by its own account, or not on rotors alone."""
-    armed, air = _armed(scan), _in_air(scan)
+def flight_doubts(scan: Scan) -> Iterator[Finding]:
+    """Find where the vehicle never flew, by its own account, or not on rotors alone."""
     if is_vtol(scan):
-        return (VTOL, *_never_flown(armed, air))
-    return _never_flown(armed, air)
-
-
-def _never_flown(armed: "_State | None", air: "_State | None") -> tuple[str, ...]:
+        yield doubt("vtol", VTOL)
+    armed, air = _armed(scan), _in_air(scan)
     if armed is not None and not armed[1].any():
-        return (
+        yield doubt(
+            "never-armed",
             "the vehicle was never armed in this log: there is no flight in it; give the log of a "
             "flight (SDLOG_MODE = 0 logs from arming to disarming)",
         )
-    if air is not None and not air[1].any():
-        return (
+    elif air is not None and not air[1].any():
+        yield doubt(
+            "never-flown",
             "the autopilot never saw the vehicle leave the ground (vehicle_land_detected): give "
             "the log of a flight",
         )
-    return ()
 
 
 _State = tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]

@@ -78,7 +78,7 @@ def inflow_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def inflow_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n i"]:
-    """Return what the air through the rotors does, u_i being rotor i's velocity along its axis."""
+    """Compute the signals of air through the rotors, with rotor i's velocity u_i along its axis."""
     v, n = _known_velocity(flight, rows), vehicle.axes
     w, O = flight.angular_velocity[rows], flight.rotor_speed[rows]
     lever = np.cross(vehicle.positions, n)
@@ -222,7 +222,7 @@ CLIMB_DRAG: Final = Term(
     signals=(CLIMB,),
     dropped=5,
     one_sided=("climb_drag",),
-    # Over a velocity that is felt, not known: told, but no finding with an interval.
+    # Over a velocity that is felt, not known: mentioned, but no finding with an interval.
     reported=False,
 )
 DRAG: Final = Term(
@@ -274,6 +274,7 @@ INFLOW: Final = Term(
             "thrust lost over rotor speed and climb",
             title="Thrust lost over rotor speed and climb",
             effective_unit="N s/m per command",
+            speed_power=1,
             motion="air",
             relevant=rotor_drag_std,
             prior=lambda s: INFLOW_STD * s.mass / s.speeds,

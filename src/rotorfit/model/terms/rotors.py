@@ -174,12 +174,12 @@ SPIN: Final = AddedSignals(name="spin", names=spin_names, of_rotors=spin_columns
 
 
 def rotor_drag_std(size: Size) -> float:
-    """Return what is known of the rotors' drag before the flight [N s^2/(m rad)]."""
+    """Compute the prior deviation of the rotors' drag [N s^2/(m rad)]."""
     return ROTOR_DRAG_STD * size.mass / size.speeds
 
 
 def spread_std(rotor: Rotor) -> float:
-    """Return what is known of a rotor's own share of k_t before the flight."""
+    """Compute the prior deviation of a rotor's own share of k_t."""
     return ROTOR_SPREAD_STD if rotor.group is None else GROUP_SPREAD_STD
 
 
@@ -190,6 +190,7 @@ def _thrust(rotor: str) -> ParameterInfo:
         f"thrust coefficient of {rotor}",
         title=f"Thrust coefficient of {rotor}",
         effective_unit="N per squared command",
+        speed_power=2,
     )
 
 
@@ -208,6 +209,7 @@ TORQUE: Final = Term(
             "drag torque coefficient of a rotor",
             title="Drag torque coefficient of a rotor",
             effective_unit="N m per squared command",
+            speed_power=2,
             motion="yaw",
             on_yaw_scale=True,
             between_flights="air",
@@ -227,6 +229,7 @@ ROTOR_INERTIA: Final = Term(
             "spin inertia of a rotor with its motor bell",
             title="Spin inertia of a rotor",
             effective_unit="N m s per command",
+            speed_power=1,
             motion="yaw",
             on_yaw_scale=True,
             relevant=lambda s: abs(s.moments[2]) / 1000.0,
@@ -323,6 +326,7 @@ ROTOR_DRAG: Final = Term(
             "in-plane drag of a rotor over its speeds",
             title="In-plane drag of a rotor over its two speeds",
             effective_unit="N s/m per command",
+            speed_power=1,
             motion="yaw",
             on_yaw_scale=True,
             relevant=rotor_drag_std,
@@ -349,6 +353,7 @@ LINEAR_DRAG_TORQUE: Final = Term(
             "drag torque of a rotor over its speed",
             title="Drag torque of a rotor over its speed",
             effective_unit="N m per command",
+            speed_power=1,
             motion="yaw",
             on_yaw_scale=True,
             # A tenth of a usual drag torque in hover.

@@ -66,6 +66,9 @@ class ParameterInfo:
         For mass = "unknown", where numbers are per kilogram.
     effective_unit
         Where the command, 0 to 1, stands for the rotor speed; None: as ever.
+    speed_power
+        Power of the rotor speed that it goes with, up or down: off by so many times the share by
+        which a law from command to speed is off.
     motion
         Which motion shows it.
     on_yaw_scale
@@ -89,6 +92,7 @@ class ParameterInfo:
     _: KW_ONLY
     title: str
     effective_unit: str | None = None
+    speed_power: int = 0
     motion: Motion = "force"
     on_yaw_scale: bool = False
     relevant: Rule | None = None

@@ -9,6 +9,7 @@ the best rotation between the axes follows in closed form (Wahba 1965; Kabsch, A
 """
 
 import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy import signal
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
+from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.preprocessing.clocks import JITTER_STEPS, uniform_channels, usable_samples
 from rotorfit.preprocessing.kinematics import continuous_quaternions, motion_from_quaternions
@@ -28,7 +30,7 @@ CUTOFF = 8.0
 STEPS_PER_CUTOFF = 12.5
 """Samples of the common grid per period of the cut-off."""
 SHORTEST_OVERLAP = 5.0
-"""Of two recordings, to be told to belong together [s]."""
+"""Common time from which two recordings may belong together [s]."""
 CANDIDATES = 8
 SEPARATION = 0.3
 """Between two candidates for the offset [s]."""
@@ -426,13 +428,6 @@ def with_poses(log: FlightLog, recording: FlightLog) -> FlightLog:
     body = world * Rotation.from_matrix(found.rotation_marker_to_body).inv()
     turned[good] = np.roll(body.as_quat(), 1, axis=1)
     moved["attitude"] = dataclasses.replace(moved["attitude"], values=turned)
-    warnings = [*log.warnings, *recording.warnings]
-    if found.correlation < NOTED_FIT:
-        warnings.append(
-            f"the rates of motion capture and gyro agree to a correlation of "
-            f"{found.correlation:.2f} only ({NOTED_FIT:g} is usual): markers that shake, lost "
-            "frames, or a slow gyro log"
-        )
     return dataclasses.replace(
         log,
         channels={**log.channels, "position": moved["position"], "attitude": moved["attitude"]},
@@ -442,8 +437,18 @@ def with_poses(log: FlightLog, recording: FlightLog) -> FlightLog:
             "motion capture sha256": recording.sha256,
         },
         notes=(*log.notes, *recording.notes, _note(recording, found)),
-        warnings=tuple(warnings),
+        findings=(*log.findings, *recording.findings, *_poorly_aligned(found)),
     )
+
+
+def _poorly_aligned(found: Alignment) -> Iterator[Finding]:
+    if found.correlation < NOTED_FIT:
+        yield doubt(
+            "poor-alignment",
+            f"the rates of motion capture and gyro agree to a correlation of "
+            f"{found.correlation:.2f} only ({NOTED_FIT:g} is usual): markers that shake, lost "
+            "frames, or a slow gyro log",
+        )
 
 
 def _note(recording: FlightLog, found: Alignment) -> str:

@@ -5,14 +5,16 @@ then splines for every derivative, then products. The body origin is the tracked
 """
 
 import dataclasses
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError, FrameError
+from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import Channel, FlightLog
-from rotorfit.logs.speed_law import law_warnings, speed_from_command
+from rotorfit.logs.speed_law import law_doubts, speed_from_command
 from rotorfit.preprocessing.airborne import (
     GRAVITY,
     ON_THE_GROUND,
@@ -22,7 +24,7 @@ from rotorfit.preprocessing.airborne import (
     aloft,
     fast_rows,
     ground_contact,
-    ground_warnings,
+    ground_doubts,
 )
 from rotorfit.preprocessing.clocks import (
     FEWEST_SAMPLES,
@@ -32,8 +34,8 @@ from rotorfit.preprocessing.clocks import (
     usable_samples,
 )
 from rotorfit.preprocessing.flight_checks import (
-    flight_warnings,
-    frozen_channel_warnings,
+    flight_doubts,
+    frozen_channel_doubts,
     frozen_channels,
     refuse_empty_window,
     refuse_idle_motors,
@@ -148,7 +150,7 @@ def prepare_mocap(
     data = dataclasses.replace(data, segments=flights)
     airborne = [(s.start, s.stop) for s in flights]
     frozen = frozen_channels(frames.motors, airborne, frames.rate, measured=measured)
-    frozen_warnings = frozen_channel_warnings(frozen, data.time, measured=measured)
+    frozen_doubts = frozen_channel_doubts(frozen, data.time, measured=measured)
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
@@ -159,10 +161,10 @@ def prepare_mocap(
         slowest_rate=min(frames.cutoff / 0.4, frames.motor_rate),
         motor_rate=frames.motor_rate,
         cuts=_cuts(data, frames, window, standing),
-        warnings=(
-            *_warnings(data, frames, clock, seen=seen, standing=standing),
-            *frozen_warnings,
-            *_law_warnings(log, motors, data),
+        findings=(
+            *_doubts(data, frames, clock, seen=seen, standing=standing),
+            *frozen_doubts,
+            *_law_doubts(log, motors, data),
         ),
     )
 
@@ -380,46 +382,49 @@ def _cuts(
     return tuple(sorted([*cuts, *ground, *frames.gaps], key=lambda cut: cut.start))
 
 
-def _warnings(
+def _doubts(
     data: FlightData,
     frames: _Frames,
     clock: CameraClock,
     *,
     seen: Tracked,
     standing: list[tuple[int, int]],
-) -> tuple[str, ...]:
-    """Warn of mended or irregular frames, ground, slow cameras or motors, and unusual flight."""
-    warnings: list[str] = []
+) -> Iterator[Finding]:
+    """Find mended or irregular frames, ground, slow cameras or motors, and unusual flight."""
     if seen.mended > LEAST_MENDED * len(seen.pose.time):
-        warnings.append(
+        yield doubt(
+            "mended-frames",
             f"{seen.mended} of {len(seen.pose.time)} frames of the motion capture jumped and "
             "returned, and were put back on the line of their neighbours; see that no marker is "
-            "confused"
+            "confused",
         )
-    warnings += ground_warnings(data.time, standing)
+    yield from ground_doubts(data.time, standing)
     if clock.jitter > NOTED_JITTER:
-        warnings.append(
+        yield doubt(
+            "irregular-frames",
             f"the frames' times scatter by {1e3 * clock.jitter / clock.rate:.1f} ms about a "
-            f"regular {clock.rate:.2f} Hz, which was taken instead; record the cameras' own times"
+            f"regular {clock.rate:.2f} Hz, which was taken instead; record the cameras' own times",
         )
     if clock.rate < SLOWEST:
-        warnings.append(
+        yield doubt(
+            "slow-cameras",
             f"motion capture comes at {clock.rate:.0f} Hz: motion is used only up to "
-            f"{frames.cutoff:.0f} Hz; record at 100 Hz or more"
+            f"{frames.cutoff:.0f} Hz; record at 100 Hz or more",
         )
     if frames.motor_rate < 0.4 * clock.rate:
-        warnings.append(
+        yield doubt(
+            "slow-motor-data",
             f"motor data come at {frames.motor_rate:.0f} Hz, motion capture at {clock.rate:.0f} "
-            f"Hz: motion is used only up to {0.4 * frames.motor_rate:.0f} Hz; log motors faster"
+            f"Hz: motion is used only up to {0.4 * frames.motor_rate:.0f} Hz; log motors faster",
         )
-    return (*warnings, *flight_warnings(data))
+    yield from flight_doubts(data)
 
 
-def _law_warnings(log: FlightLog, motors: MotorModel, data: FlightData) -> tuple[str, ...]:
-    """Warn where the commands in flight leave the motors' law."""
+def _law_doubts(log: FlightLog, motors: MotorModel, data: FlightData) -> Iterator[Finding]:
+    """Find commands in flight that leave the motors' law."""
     if motors.law is None:
-        return ()
+        return
     command = usable_samples(log.channels["command"], "command")
     first, last = data.time[data.segments[0].start], data.time[data.segments[-1].stop - 1]
     used = (command.time >= first) & (command.time <= last)
-    return law_warnings(motors.law, command.values[used])
+    yield from law_doubts(motors.law, command.values[used])

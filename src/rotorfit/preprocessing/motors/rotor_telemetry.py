@@ -73,7 +73,7 @@ class RotorTelemetry:
     speed_channel
         Number of the speed that goes with this command best, where that is clear.
     ratio
-        Speed over that of the other rotors at the same command, where it can be told.
+        Speed over that of the other rotors at the same command, where it is identifiable.
     stuck
         Share of the time that the speed stays the same though the command moves.
     """

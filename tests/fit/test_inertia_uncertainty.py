@@ -1,4 +1,4 @@
-"""What hangs on roll and pitch: the scale of the yaw equation and the height of the CoM."""
+"""What depends on roll and pitch: the scale of the yaw equation and the height of the CoM."""
 
 from dataclasses import replace
 

@@ -18,7 +18,7 @@ def coloured(rng, samples, step, time_constant, columns=1):
     return signal.lfilter([1.0], [1.0, -a], white, axis=0)
 
 
-def motor_answers(
+def motor_responses(
     seed,
     *,
     seconds=16.0,

@@ -1,0 +1,176 @@
+"""The flights of an experiment at a timing of their motors, with their band factors."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rotorfit.dataset.dataset import Dataset, with_prepared
+from rotorfit.estimation.factors import Factors, stack_recordings
+from rotorfit.preprocessing.imu_tilt import ImuTilt, levelled
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.frequency_bands import banded_data, flight_bands
+from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming, TimedBands
+from rotorfit.reduction.reduce import Lines, body_lines, yaw_factors
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimedDataset(Dataset):
+    """A dataset, when its rotors do what the motor data say, and what was reduced of it.
+
+    Attributes
+    ----------
+    motor_timing
+        Where it was found.
+    body
+        Lines of the signals that the rotors have no part in, of each flight of each configuration:
+        made once (`reduced`), they serve every timing of the motors.
+    """
+
+    motor_timing: MotorTiming | None = None
+    body: tuple[tuple[tuple[Lines, ...], ...], ...] | None = None
+
+    @classmethod
+    def of(cls, dataset: Dataset) -> "TimedDataset":
+        """Reduce a dataset whose motors are not timed yet."""
+        kept = {one.name: getattr(dataset, one.name) for one in dataclasses.fields(Dataset)}
+        return cls(**kept).reduced()
+
+    @property
+    def timing(self) -> MotorResponse | None:
+        """Lag and delay that were found; None leaves the flights as they were prepared."""
+        return None if self.motor_timing is None else self.motor_timing.response
+
+    @property
+    def timing_identifiable(self) -> bool:
+        """Whether lag and delay are given, or the flights tell them."""
+        return self.motor_timing is None or self.motor_timing.identifiable
+
+    @property
+    def reached(self) -> Mapping[str, float] | None:
+        """Where the fit that found the timing ended; None where none did."""
+        return None if self.motor_timing is None else self.motor_timing.reached
+
+    @property
+    def free_timing(self) -> FreeTiming | None:
+        """What a joint fit may move of the timing; None where it is given, or unidentifiable."""
+        found = self.motor_timing
+        if found is None or not found.free:
+            return None
+        bands = self._timed_already
+        at = found.response if bands is None else bands.at
+        return FreeTiming(at=at, names=found.free, lag_prior=self.lag_prior)
+
+    @property
+    def _timed_already(self) -> TimedBands | None:
+        """The bands that the timing was found with, where they are of these flights."""
+        bands = None if self.motor_timing is None else self.motor_timing.bands
+        return bands if bands is not None and bands.matches(self._made_of) else None
+
+    @property
+    def _made_of(self) -> tuple[object, ...]:
+        return self.vehicle, self.configurations, self.model.layout
+
+    def at(
+        self,
+        response: MotorResponse,
+        free: tuple[str, ...] = (),
+        *,
+        additional: tuple[str, ...] = (),
+    ) -> "TimedDataset":
+        """Time the motors so, and say what a fit may move of it.
+
+        With `additional`, what it may move after a call of `freed`.
+        """
+        timing = MotorTiming(response=response, total_std=0.0, free=free, additional=additional)
+        return dataclasses.replace(self, motor_timing=timing)
+
+    def freed(self) -> "TimedDataset":
+        """Free the additional motor times; the cached factors are reused."""
+        found, free = self.motor_timing, self.free_timing
+        assert found is not None and free is not None
+        bands = TimedBands(at=free.at, inputs=self._made_of, factors=self._every_slope)
+        names = (*found.free, *found.additional)
+        timing = dataclasses.replace(found, free=names, additional=(), bands=bands)
+        return dataclasses.replace(self, motor_timing=timing)
+
+    def reduced(self) -> "TimedDataset":
+        """Reduce the body's lines once, for bands at many timings."""
+        body = tuple(
+            tuple(
+                body_lines(data, plan=plan, added=self.model.layout.added)
+                for data, plan in (banded_data(f.prepared, None) for f in c.flights)
+            )
+            for c in self.configurations
+        )
+        return dataclasses.replace(self, body=body)
+
+    def bands(
+        self,
+        response: MotorResponse | None = None,
+        *,
+        free: FreeTiming | None = None,
+        top: float = np.inf,
+    ) -> tuple[Factors, ...]:
+        """Return the band factors of each configuration, at another timing of the motors.
+
+        With `free`, their slopes by the times that a fit may move; only of the bands that begin
+        under `top` [Hz].
+        """
+        body = self.body or [None] * len(self.configurations)
+        return tuple(
+            flight_bands(
+                [f.prepared for f in c.flights],
+                self.vehicle,
+                response,
+                added=self.model.layout.added,
+                free=free,
+                body=own,
+                top=top,
+            )
+            for c, own in zip(self.configurations, body, strict=True)
+        )
+
+    @cached_property
+    def timed_bands(self) -> tuple[Factors, ...]:
+        """The band factors at the timing that was found, with what a fit may move of it."""
+        bands, found = self._timed_already, self.motor_timing
+        if bands is not None:
+            return bands.factors
+        if found is None or not found.additional:
+            return self.bands(self.timing, free=self.free_timing)
+        return tuple(one.first_slopes(len(found.free)) for one in self._every_slope)
+
+    @cached_property
+    def _every_slope(self) -> tuple[Factors, ...]:
+        """The band factors with the slopes by the additional times."""
+        found, free = self.motor_timing, self.free_timing
+        assert found is not None and free is not None
+        names = (*found.free, *found.additional)
+        return self.bands(free.at, free=dataclasses.replace(free, names=names))
+
+    def found_with(self) -> TimedBands:
+        """Return the timed bands for other fits of the same flights."""
+        free = self.free_timing
+        assert free is not None
+        return TimedBands(at=free.at, inputs=self._made_of, factors=self.timed_bands)
+
+    def yaw_bands(self) -> tuple[Factors, ...]:
+        """Return the band factors of yaw alone at that timing, every rotor for itself."""
+        return tuple(
+            stack_recordings(
+                [
+                    yaw_factors(data, len(self.vehicle.rotors), plan=plan)
+                    for data, plan in (banded_data(f.prepared, self.timing) for f in c.flights)
+                ]
+            )
+            for c in self.configurations
+        )
+
+
+def levelled_flights(dataset: TimedDataset, tilt: ImuTilt) -> TimedDataset:
+    """Return the flights with the IMU's readings turned into the rotors' axes."""
+    turned = with_prepared(dataset, lambda prepared: levelled(prepared, tilt))
+    return dataclasses.replace(turned, body=None)
