@@ -110,9 +110,10 @@ class Balance:
             return self.law_mistaken
         off = self.changes.value - self.weight.value
         std = float(np.hypot(self.changes.std, self.weight.std))
-        right = (1.0 - self.law_mistaken) * stats.norm.pdf(off, scale=std)
-        wrong = self.law_mistaken * stats.norm.pdf(off, scale=np.hypot(std, self._law_std))
-        return float(wrong / (right + wrong))
+        either = std, float(np.hypot(std, self._law_std))
+        right, wrong = (float(stats.norm.pdf(off, scale=one)) for one in either)
+        wrong *= self.law_mistaken
+        return wrong / ((1.0 - self.law_mistaken) * right + wrong)
 
     @property
     def _law_std(self) -> float:
