@@ -111,7 +111,7 @@ def test_the_half_width_grows_to_a_mistake_without_a_jump():
     assert chance[-1] < 1e-4 < 0.9 < chance[20]
 
 
-def test_an_arm_next_to_nothing_is_no_frame_that_someone_declared():
+def test_an_arm_next_to_nothing_is_no_declared_frame():
     fit = made_fit.fit(made_fit.dataset(made_fit.prepared()))
     said = {s: lever_arms.judge_sides(fit, sides(s, 0.02)).severity for s in (0.0, 0.3, 0.9)}
     assert said == {0.0: "passed", 0.3: "doubt", 0.9: "passed"}

@@ -45,8 +45,8 @@ def missing_constant_wrench(fit: Fit) -> Iterator[Finding]:
     size = np.abs(shift.values[chosen]) / shift.std[chosen]
     half = np.array([fit.numbers.half_width[fit.numbers.index(names[i])] for i in chosen])
     # What only the means tell no change of motion contradicts.
-    told = shift.std[chosen] < MOST_UNCERTAIN * half / 1.96
-    outside = told & (np.abs(shift.values[chosen]) > half)
+    shown = shift.std[chosen] < MOST_UNCERTAIN * half / 1.96
+    outside = shown & (np.abs(shift.values[chosen]) > half)
     limit = float(stats.norm.isf(0.5 * UNLIKELY / len(chosen)))
     worst = chosen[int(np.argmax(np.where(outside, size, 0.0)))]
     value = float(estimate.estimate.values[worst])

@@ -250,10 +250,10 @@ def _refuse_grounded(
     rates = _block_means(motion.angular_velocity[rows], block)
     turning = float(rates.std(axis=0).max())
     # A battery that sags makes commands grow while the thrust stays.
-    quick, answer = (_quick(x, round(DRIFT * LOOK_CUTOFF)) for x in (push, az))
+    quick, response = (_quick(x, round(DRIFT * LOOK_CUTOFF)) for x in (push, az))
     change = float(quick.std() / push.mean())
     steering = float((speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1e-12)).max())
-    follows, std = _following(answer, thrust_to_force(motion, thrust) * quick)
+    follows, std = _following(response, thrust_to_force(motion, thrust) * quick)
     if follows > max(0.5, 6.0 * std):
         # However still it hovers: the ground would have carried what the thrust changed by.
         return

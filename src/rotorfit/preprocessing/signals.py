@@ -28,7 +28,7 @@ SLACK = 1e-3
 """By which a count of samples may miss a whole number."""
 SUDDEN = 1.5
 """Of the usual step beside it, by which a spike comes or goes."""
-BESIDE = 6
+AROUND = 6
 """Steps on either side that tell the usual one: more than half of them are no spikes'."""
 
 
@@ -76,12 +76,12 @@ def _sudden(x: Float[np.ndarray, " n"], far: Bool[np.ndarray, " n"]) -> Bool[np.
     """Keep of runs of samples those that come or go by a larger step than those beside them."""
     kept = far.copy()
     for a, b in true_runs(far):
-        begin = max(a - BESIDE - 1, 0)
-        steps = np.abs(np.diff(x[begin : b + BESIDE + 1]))
+        begin = max(a - AROUND - 1, 0)
+        steps = np.abs(np.diff(x[begin : b + AROUND + 1]))
         # Step k is from sample k to the next.
         own = slice(max(a - 1 - begin, 0), b - begin)
-        beside = np.delete(steps, own)
-        usual = float(np.median(beside)) if len(beside) else 0.0
+        others = np.delete(steps, own)
+        usual = float(np.median(others)) if len(others) else 0.0
         kept[a:b] = float(steps[own].max(initial=0.0)) > SUDDEN * usual
     return kept
 

@@ -279,9 +279,9 @@ def yaw_by_drag(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> float:
     basis: Float[np.ndarray, "z k"] = scipy.linalg.orth(others)
     yaw, *drives = (columns - basis @ (basis.T @ columns)).T
     D = np.column_stack(drives)
-    answer: Float[np.ndarray, " 2"] = scipy.linalg.pinv(D, rtol=1e-9) @ yaw
-    explained = float(np.sum((D @ answer) ** 2)) / max(float(yaw @ yaw), np.finfo(float).tiny)
-    return float(np.copysign(explained, answer[0]))
+    response: Float[np.ndarray, " 2"] = scipy.linalg.pinv(D, rtol=1e-9) @ yaw
+    explained = float(np.sum((D @ response) ** 2)) / max(float(yaw @ yaw), np.finfo(float).tiny)
+    return float(np.copysign(explained, response[0]))
 
 
 def _refuse_turned(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> None:
