@@ -12,7 +12,6 @@ from rotorfit.dataset.weight_balance import turning
 from rotorfit.diagnostics.kt_from_weight import (
     CHANGES_STD,
     DOUBTED,
-    LAW_STD,
     Balance,
     bias_at_rest,
     pooled_weight,
@@ -303,8 +302,7 @@ def _thrust(
     weighed = kt_by_weight(data, vehicle)
     agree, width, reach = True, _relative(random, kt), 0.0
     if weighed is not None:
-        law_std = LAW_STD if commanded else 0.0
-        balance = Balance(changes=changes, weight=weighed, law_std=law_std)
+        balance = Balance(changes=changes, weight=weighed, law_mistaken=float(commanded))
         agree = abs(balance.deviations) <= DOUBTED
         reach = balance.law_reach / weighed.value
         width = _relative(1.96 * balance.kt.std, balance.kt.value)

@@ -98,20 +98,32 @@ def early_sentence(lag: float, delay: float, std: float) -> str | None:
 
 def late_speeds(fit: Fit) -> Iterator[Finding]:
     """Check that measured speeds are stamped near the motion that they make."""
-    dataset = fit.dataset
+    dataset, timing = fit.dataset, fit.dataset.motor_timing
     if dataset.motors.speed != "measured" or dataset.source != "imu":
         return
-    if dataset.motor_timing is None:
+    if timing is None or timing.delay_std is None:
         return
-    delay = dataset.motor_timing.response.delay
-    order = "after" if delay < 0 else "before"
-    sentence = (
-        f"the measured rotor speeds come {1e3 * abs(delay):.0f} ms {order} the motion that they "
-        "make (motor_delay), which is corrected: the ESC telemetry is stamped late or by "
-        "another clock; check that the log's clocks agree"
+    delay, half = timing.response.delay, 1.96 * timing.delay_std
+    evidence = Evidence(
+        name="speed_delay", value=delay, interval=(delay - half, delay + half), limit=USUAL_DELAY
     )
-    late = abs(delay) > USUAL_DELAY
-    yield doubt_or_passed("speeds-late", sentence if late else None, numbers=("motor_delay",))
+    sentence = _late_sentence(delay, half) if abs(delay) - half > USUAL_DELAY else None
+    checked = doubt_or_passed("speeds-late", sentence, numbers=("motor_delay",))
+    yield replace(checked, evidence=(evidence,))
+
+
+def _late_sentence(delay: float, half: float) -> str:
+    """Explain a delay [s] that no bus makes: below zero the speeds are late, else the gyro is."""
+    order, cause = (
+        ("after", "the ESC telemetry is stamped late or by another clock")
+        if delay < 0.0
+        else ("before", "the gyro is stamped late, filtered or softly mounted, or thrust lags")
+    )
+    return (
+        f"the measured rotor speeds come {1e3 * abs(delay):.0f} +- {1e3 * half:.0f} ms {order} the "
+        f"motion that they make (motor_delay), which is corrected: {cause}; log both by one clock "
+        "and unfiltered"
+    )
 
 
 CHECKS: Final = (early_motors, late_speeds, accelerometer_delay)
