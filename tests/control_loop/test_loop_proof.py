@@ -22,7 +22,7 @@ from rotorfit.errors import LogError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.logs import read_log
-from rotorfit.logs.controller_log import ControllerLog, read_controller_log
+from rotorfit.logs.controller_log import ControllerLog, read_with_controller
 from rotorfit.report.loop import loop_html, loop_text
 from rotorfit.report.result_page import report_html
 
@@ -161,6 +161,28 @@ def test_a_page_of_what_is_not_proved_says_so(result):
     assert "lower P and D" not in loop_html(outcome) + loop_text(outcome)
 
 
+@pytest.mark.parametrize("name", [LOG.name, "arducopter-exported.BIN"])
+def test_flight_and_controller_come_of_one_pass(name, monkeypatch):
+    path = LOG.with_name(name)
+    if not path.exists():
+        pytest.skip(f"no real logs: {path} is absent")
+    opened, plain_open = [], Path.open
+
+    def noted(self, *given, **named):
+        opened.append(self)
+        return plain_open(self, *given, **named)
+
+    monkeypatch.setattr(Path, "open", noted)
+    flight, _ = read_with_controller(path)
+    with_controller = len(opened)
+    alone = read_log(path)
+    assert with_controller == len(opened) - with_controller
+    assert flight.channels.keys() == alone.channels.keys()
+    for channel, other in zip(flight.channels.values(), alone.channels.values(), strict=True):
+        assert np.array_equal(channel.values, other.values, equal_nan=True)
+    assert flight.notes == alone.notes
+
+
 def test_a_configuration_that_is_not_there_is_refused(result):
     with pytest.raises(rotorfit.OutputError, match="has the configurations A; say which"):
         rotorfit.loop_margins(result, LOG, "B")
@@ -192,7 +214,7 @@ def test_why_a_loop_is_not_judged_goes_by_firmware(tmp_path, firmware, words):
     log = tmp_path / "LOG.BFL"
     log.write_bytes(HEADER + b"H Firmware revision:" + firmware + b" (0) STM32\n")
     with pytest.raises(LogError, match=words):
-        read_controller_log(log)
+        read_with_controller(log)
 
 
 def test_the_mixer_shows_a_wrong_curve_and_spin_range():
@@ -231,25 +253,25 @@ def mixed_by(throttle, **parameters):
 
 
 def test_a_gain_read_wrongly_withholds_the_margins(result):
-    log = read_controller_log(LOG)
+    flight, log = read_with_controller(LOG)
     parameters = {**log.parameters, "MC_ROLLRATE_P": 1.15 * log.parameters["MC_ROLLRATE_P"]}
     wrong = dataclasses.replace(log, parameters=parameters)
-    roll, pitch, _ = judge_flight(result, "A", read_log(LOG), wrong, draws=DRAWS).axes
+    roll, pitch, _ = judge_flight(result, "A", flight, wrong, draws=DRAWS).axes
     assert "of the controller as its parameters set it" in roll.doubts[0]
     assert pitch.doubts == ()
 
 
 def test_a_forgotten_filter_of_d_withholds_the_margins(result):
-    log = read_controller_log(LOG)
+    flight, log = read_with_controller(LOG)
     wrong = dataclasses.replace(log, parameters={**log.parameters, "IMU_DGYRO_CUTOFF": 0.0})
-    for loop in judge_flight(result, "A", read_log(LOG), wrong, draws=DRAWS).axes[:2]:
+    for loop in judge_flight(result, "A", flight, wrong, draws=DRAWS).axes[:2]:
         assert not loop.replay.is_right
         assert loop.replay.slope == pytest.approx(1.0, abs=0.03)
         assert "the rate's derivative" in loop.doubts[0]
 
 
 def test_a_forgotten_gyro_filter_is_measured_instead(result):
-    log, flight = read_controller_log(LOG), read_log(LOG)
+    flight, log = read_with_controller(LOG)
     wrong = dataclasses.replace(log, parameters={**log.parameters, "IMU_GYRO_CUTOFF": 0.0})
     known, forgot = (
         judge_flight(result, "A", flight, one, draws=DRAWS).axes[0] for one in (log, wrong)
@@ -260,7 +282,7 @@ def test_a_forgotten_gyro_filter_is_measured_instead(result):
 
 
 def test_an_unknown_notch_is_in_the_loop_by_its_delay(result):
-    log, flight = read_controller_log(LOG), read_log(LOG)
+    flight, log = read_with_controller(LOG)
     notch = GyroFilter(frequency=80.0, order=0, width=40.0, floor=0.01)
     hertz = np.maximum(np.fft.rfftfreq(len(log.rate), log.period), 1e-6)
     spectrum = np.fft.rfft(log.rate, axis=0) * notch.response(hertz)[:, None]
@@ -284,10 +306,10 @@ def test_an_unknown_notch_is_in_the_loop_by_its_delay(result):
 
 
 def test_other_gains_leave_the_feed_forward_alone(result):
-    log = read_controller_log(LOG)
+    flight, log = read_with_controller(LOG)
     forward = dataclasses.replace(log, parameters={**log.parameters, "MC_ROLLRATE_FF": 0.1})
     with_it, without = (
-        judge_flight(result, "A", read_log(LOG), one, draws=DRAWS).axes[0] for one in (forward, log)
+        judge_flight(result, "A", flight, one, draws=DRAWS).axes[0] for one in (forward, log)
     )
     assert with_it.controller.scaled(1.5).FF == 0.1
     assert with_it.gains[1][1] == pytest.approx(with_it.with_attitude.sensitivity.high, rel=0.02)

@@ -30,8 +30,7 @@ from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.control_loop.vehicle import Flown, controller_response, flown, known_words, plant
 from rotorfit.errors import LogError
 from rotorfit.experiment.experiment import Experiment
-from rotorfit.logs import read_log
-from rotorfit.logs.controller_log import ControllerLog, knows_controller, read_controller_log
+from rotorfit.logs.controller_log import ControllerLog, knows_controller, read_with_controller
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.results.result import IdentificationResult, owner_of
 
@@ -230,13 +229,13 @@ def loop_margins(
     """
     owner = owner_of(result, configuration)
     try:
-        controller = read_controller_log(log)
+        flight, controller = read_with_controller(log)
     except LogError as error:
         if knows_controller(log):
             raise
         raise LogError(f"{error}. {known_words(result, owner)}") from error
     with threadpool_limits(limits=1, user_api="blas"):
-        return judge_flight(result, owner, read_log(log), controller, draws=draws, seed=seed)
+        return judge_flight(result, owner, flight, controller, draws=draws, seed=seed)
 
 
 def first_flight_margins(result: IdentificationResult, experiment: Experiment) -> LoopOutcome:
