@@ -16,14 +16,15 @@ from rotorfit.control_loop.controllers import rate_controller
 from rotorfit.control_loop.filters import GyroFilter
 from rotorfit.control_loop.loop import judge_flight, loop_margins
 from rotorfit.control_loop.plain import loop_to_json
-from rotorfit.control_loop.proof import replay_mixer
+from rotorfit.control_loop.proof import Band, LoopError, replay_mixer
+from rotorfit.control_loop.reasons import too_little
 from rotorfit.control_loop.vehicle import Flown
 from rotorfit.errors import LogError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.logs import read_log
 from rotorfit.logs.controller_log import ControllerLog, read_with_controller
-from rotorfit.report.loop import loop_html, loop_text
+from rotorfit.report.loop import loop_html, loop_text, verdict
 from rotorfit.report.result_page import report_html
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
@@ -86,6 +87,9 @@ def test_the_flown_loop_is_proved_past_its_crossover(result):
         assert (step.low <= step.high).all()
         assert np.abs(step.value[step.time < loop.error.delay + 0.005]).max() < 0.02
         assert 0.8 < step.value[-1] < 1.2
+        wide = loop.rate_loop.bandwidth
+        assert wide.low < wide.value < wide.high
+        assert wide.value > loop.rate_loop.crossover.value > loop.with_attitude.bandwidth.value
     assert outcome.axes[2].proved is None
     text = loop_text(outcome)
     assert "roll: calm; turns into oscillation if the loop were" in text
@@ -152,6 +156,29 @@ def test_the_report_of_a_result_shows_its_loop(result):
     assert text.count('class="chart still"') == 4
     assert loop_text(outcome).split("roll: ")[1][:20] in text
     assert 'id="tune"' not in report_html(result)
+
+
+def test_a_loop_that_d_dominates_is_not_called_calm(result):
+    outcome = loop_margins(result, LOG, draws=20)
+    roll = outcome.axes[0]
+    assert roll.derivative_share == pytest.approx(0.63, abs=0.03)
+    assert verdict(roll).startswith("roll: calm; turns into")
+    noisy = dataclasses.replace(roll, derivative_share=1.4)
+    assert verdict(noisy).startswith(
+        "roll: not called calm: D is 1.4 times P and I at the crossover, so its filter"
+    )
+
+
+def test_why_a_flight_shows_too_little_is_said():
+    band = Band(low=0.3, high=0.45, ratio=1.0, degrees=0.0, uncertainty=0.1, by_gain=1, by_delay=0)
+    near = dataclasses.replace(band, low=4.0, high=6.0)
+    sharp = LoopError(gain=1.0, delay=0.0, covariance=np.diag([0.02, 1e-3]) ** 2)
+    late = dataclasses.replace(sharp, covariance=np.diag([0.02, 4e-3]) ** 2)
+    weak = dataclasses.replace(sharp, covariance=np.diag([0.2, 1e-3]) ** 2)
+    assert too_little(5.0, [band, near], sharp) == []
+    assert "as predicted up to 0.5 Hz; fly" in too_little(5.0, [band], sharp)[0]
+    assert "and is seen to 14 degrees" in too_little(5.0, [band, near], late)[0]
+    assert "effectiveness is seen to 39 %" in too_little(5.0, [band, near], weak)[0]
 
 
 def test_a_page_of_what_is_not_proved_says_so(result):
