@@ -84,7 +84,15 @@ export function describeSoon() {
   describing = setTimeout(describe, 250);
 }
 
+/** Wait until the engine knows the experiment as it is now. */
+export async function described() {
+  if (describing === null) return;
+  clearTimeout(describing);
+  await describe();
+}
+
 export async function describe() {
+  describing = null;
   const { form } = state;
   const answer = await asked("describe", { form });
   if (answer && form === state.form) set({ problems: answer.problems, text: answer.text });
