@@ -77,8 +77,10 @@ def test_a_column_is_chosen_by_hand(engine, unknown_table):
     swapped = {"rotor_1": "m2", "rotor_2": "m1", "rotor_3": "m3", "rotor_4": "m4"}
     table = looked(engine, named=swapped)["table"]
     assert {row["is"]: row["column"] for row in table["rows"]}.items() >= swapped.items()
-    table = looked(engine, named={"accel_z": "wz", "accel_x": "accX", "accel_y": "accY"})["table"]
-    assert "gravity" in table["refused"]
+    turned = {"accel_x": "accZ", "accel_y": "accY", "accel_z": "accX"}
+    table = looked(engine, named=turned)["table"]
+    assert table["refused"].startswith("gravity lies along accZ")
+    assert table["refused"].endswith("into the order forward, left, up below")
     assert table["map"] is None
 
 

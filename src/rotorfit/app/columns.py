@@ -1,6 +1,7 @@
 """The columns of a table on the page: proposed, checked by their values, changed by the user."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -96,8 +97,7 @@ def described_columns(
     except LogError as error:
         if len(names) < FEWEST:
             raise
-        words = str(error).removeprefix(f"{path}: ")
-        return _table(names, given, rows=_unknown_rows(given), refused=words), None
+        return _table(names, given, rows=_unknown_rows(given), refused=on_page(path, error)), None
     poles = given.get("poles")
     asks_poles = any(spec.unit == "erpm" for spec in proposal.columns.values())
     open_question = proposal.questions or (asks_poles and not isinstance(poles, int))
@@ -111,6 +111,12 @@ def described_columns(
         map=None if open_question else table_of_options(options),
     )
     return shown, None if open_question else options
+
+
+def on_page(path: Path, error: LogError) -> str:
+    """Say what is wrong with a table to somebody who names columns below, not by options."""
+    words = str(error).removeprefix(f"{path}: ")
+    return re.sub(r",? (with|as) --column( \w+=NAME)?", " below", words)
 
 
 def _options_of(known: Mapping[str, Any]) -> ReadOptions:
@@ -137,7 +143,7 @@ def _by_map(
         seen = propose_columns(path, named=named, units=units, axes=options.axes)
         doubts, preview = seen.doubts, seen.preview
     except LogError as error:
-        doubts = (str(error).removeprefix(f"{path}: "),)
+        doubts = (on_page(path, error),)
     shown = _table(
         names,
         given,

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Final, cast
 
-from rotorfit.app.columns import described_columns, is_unknown_table, known_map
+from rotorfit.app.columns import described_columns, is_unknown_table, known_map, on_page
 from rotorfit.app.files import Dropped, json_with_shown_names, with_shown_names
 from rotorfit.app.form import files_of, form_of_file
 from rotorfit.errors import LogError, RotorfitError
@@ -80,8 +80,7 @@ def _of_table(
     try:
         return {**_of_log(one, options), "table": dict(columns)}
     except LogError as error:
-        words = str(error).removeprefix(f"{one.path}: ")
-        return {"table": {**columns, "refused": words, "map": None}}
+        return {"table": {**columns, "refused": on_page(one.path, error), "map": None}}
 
 
 def _of_log(one: Dropped, options: ReadOptions) -> dict[str, Any]:
