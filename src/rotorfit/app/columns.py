@@ -199,7 +199,7 @@ def _rows(options: ReadOptions, preview: Mapping[str, Sequence[float]]) -> list[
             unit_of(name, spec),
             scale=spec.scale,
             range=None if spec.range is None else list(spec.range),
-            preview=[_shown(value, 12 if name == TIME else 6) for value in preview.get(name, ())],
+            preview=[_shown(value, 12 if name == TIME else 4) for value in preview.get(name, ())],
         )
         for name, spec in (options.columns or {}).items()
     ]
