@@ -22,7 +22,10 @@ from shutil import which
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 from benchmarks.common import real_data_folder
+
+from rotorfit.logs.units import STANDARD_GRAVITY
 
 PATIENCE = 600_000
 """For what comes at last on a busy machine [ms]."""
@@ -33,7 +36,11 @@ SETTLED = 1500
 
 @dataclass(frozen=True)
 class Case:
-    """A log, and what its README says of the vehicle: lengths as typed [mm], mass [g]."""
+    """A log, and what its README says of the vehicle: lengths as typed [mm], mass [g].
+
+    `answers`: to what the page asks of a table; `renamed`: its columns get names and units that
+    rotorfit does not know (`strange_table`).
+    """
 
     name: str
     log: str
@@ -41,6 +48,7 @@ class Case:
     size: tuple[str, ...]
     mass: str = ""
     answers: dict[str, str] = field(default_factory=dict[str, str])
+    renamed: bool = False
 
 
 CASES = (
@@ -49,7 +57,15 @@ CASES = (
         "ardupilot", "autopilot-sitl/ap-heavy-recommended.BIN", "ardupilot", ("420", "560"), "3200"
     ),
     Case("indiflight", "tudelft-indiflight/LOG00267.BFL", "betaflight", ("91", "127"), "428"),
-    Case("own csv", "mujoco-worlds/w28.csv", "px4", ("306.3323", "362.3406"), "2907.064256"),
+    Case(
+        "unknown csv",
+        "mujoco-worlds/w28.csv",
+        "px4",
+        ("306.3323", "362.3406"),
+        "2907.064256",
+        {"#unit-of-gyro": "rad/s", "#unit-of-motors": "rpm"},
+        renamed=True,
+    ),
     Case("betaflight", "betaflight/LOG00037.BFL", "betaflight", ("110",)),
     Case("crazyflie", "arplab-crazyflie/log15", "crazyflie", ("46",), "27"),
     Case(
@@ -61,6 +77,20 @@ CASES = (
         {"#unit-of-motors": "counts"},
     ),
 )
+
+
+def strange_table(log: Path, folder: Path) -> Path:
+    """Write a table of rotorfit's names as somebody else would: FRD, us, g and rpm, own names."""
+    columns = np.genfromtxt(log, delimiter=",", names=True)
+    own = {"stamp": 1e6 * columns["time"]}
+    for axis, sign in zip("xyz", (1.0, -1.0, -1.0), strict=True):
+        own[f"w{axis}"] = sign * columns[f"gyro_{axis}"]
+        own[f"acc{axis.upper()}"] = sign * columns[f"accel_{axis}"] / STANDARD_GRAVITY
+    own |= {f"m{i}": 30.0 / np.pi * columns[f"rotor_{i}"] for i in range(1, 5)}
+    path = folder / f"strange-{log.name}"
+    rows = np.array([*own.values()]).T
+    np.savetxt(path, rows, fmt="%.9g", delimiter=";", header=";".join(own), comments="")
+    return path
 
 
 @dataclass
@@ -207,7 +237,9 @@ def main() -> None:
 
         def work(page: Any, case: Case = case, log: Path = log) -> Timed:
             try:
-                return timed(page, address, case, log)
+                with TemporaryDirectory() as folder:
+                    file = strange_table(log, Path(folder)) if case.renamed else log
+                    return timed(page, address, case, file)
             finally:
                 if asked.pictures:
                     page.screenshot(path=asked.pictures / f"{case.name}.png", full_page=True)
