@@ -11,7 +11,7 @@ from rotorfit.experiment.experiment import load_experiment
 from rotorfit.inspection.inspect_log import inspect_log
 from rotorfit.logs import read_log
 
-ANSWERS = {"named": {}, "units": {"gyro": "rad/s", "motors": "rad/s"}, "axes": None}
+REPLIES = {"named": {}, "units": {"gyro": "rad/s", "motors": "rad/s"}, "axes": None}
 
 
 def quiet(step: str, share: float | None) -> None:
@@ -30,8 +30,8 @@ def dropped(engine: Engine, name: str, content: bytes) -> dict:
     return engine.call("add_file", {"name": own}, quiet)
 
 
-def looked(engine: Engine, **answers) -> dict:
-    columns = {**ANSWERS, **answers}
+def looked(engine: Engine, **replies) -> dict:
+    columns = {**REPLIES, **replies}
     return engine.call("look", {"name": "own.csv", "columns": columns}, quiet)
 
 
@@ -47,7 +47,7 @@ def test_what_neither_names_nor_values_tell_is_asked(engine, unknown_table):
     assert table["names"][:2] == ["t", "wx"]
 
 
-def test_the_answers_read_the_table(engine, unknown_table, flight, tmp_path):
+def test_replies_read_the_table(engine, unknown_table, flight, tmp_path):
     dropped(engine, "own.csv", unknown_table)
     told = looked(engine)
     (tmp_path / "known.csv").write_bytes(flight)
@@ -59,16 +59,16 @@ def test_the_answers_read_the_table(engine, unknown_table, flight, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("answers", "words"),
+    ("replies", "words"),
     [
         ({"axes": "FRD"}, "axes FRD, as stated, but accZ of +9"),
-        ({"units": {**ANSWERS["units"], "accel": "g"}}, "the accelerometer in g feels 9"),
-        ({"units": {**ANSWERS["units"], "time": "us"}}, "t in us, as stated, makes rows"),
+        ({"units": {**REPLIES["units"], "accel": "g"}}, "the accelerometer in g feels 9"),
+        ({"units": {**REPLIES["units"], "time": "us"}}, "t in us, as stated, makes rows"),
     ],
 )
-def test_a_wrong_answer_is_doubted_by_the_values(engine, unknown_table, answers, words):
+def test_a_wrong_answer_is_doubted_by_the_values(engine, unknown_table, replies, words):
     dropped(engine, "own.csv", unknown_table)
-    table = looked(engine, **answers)["table"]
+    table = looked(engine, **replies)["table"]
     assert any(doubt.startswith(words) for doubt in table["doubts"])
 
 

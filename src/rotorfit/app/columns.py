@@ -70,23 +70,23 @@ def known_map(form: Mapping[str, Any], name: str) -> dict[str, Any] | None:
 
 
 def described_columns(
-    path: Path, answers: Mapping[str, Any] | None, known: Mapping[str, Any] | None
+    path: Path, replies: Mapping[str, Any] | None, known: Mapping[str, Any] | None
 ) -> tuple[dict[str, Any], ReadOptions | None]:
     """Describe the columns of a table for the page, and how it is read where that is clear.
 
     Parameters
     ----------
-    answers
+    replies
         What the user said: ``named``, ``units``, ``axes``, ``poles``; None before.
     known
         A map from `known_map`; it counts until the user says something.
     """
     names = list(open_table(path).names)
-    if answers is None and known is not None:
+    if replies is None and known is not None:
         options = _options_of(known)
         if {spec.name for spec in (options.columns or {}).values()} <= set(names):
             return _by_map(path, names, options)
-    given = dict(answers or {})
+    given = dict(replies or {})
     try:
         proposal = propose_columns(
             path,
@@ -176,7 +176,7 @@ def _table(
         "questions": [asdict(question) for question in found.questions] if found else [],
         "unused": list(found.unused) if found else [],
         "refused": refused,
-        "answers": {
+        "replies": {
             "named": dict(table(given.get("named"))),
             "units": dict(table(given.get("units"))),
             "axes": given.get("axes"),

@@ -122,7 +122,7 @@ class Engine:
         description = inspected(
             one,
             log_number=argument.get("log"),
-            answers=argument.get("columns"),
+            replies=argument.get("columns"),
             form=_saved_json(self.folder / "form.json"),
         )
         save_description(one, description)

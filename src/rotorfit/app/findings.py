@@ -29,7 +29,7 @@ def inspected(
     one: Dropped,
     *,
     log_number: int | None = None,
-    answers: Mapping[str, Any] | None = None,
+    replies: Mapping[str, Any] | None = None,
     form: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Describe a dropped file for the page.
@@ -44,7 +44,7 @@ def inspected(
         is_log = known_kind is None and one.path.suffix != ".toml"
         kind = "log" if is_log else KINDS.get(known_kind or "", "other")
         if kind == "log":
-            columns, options = _columns(one, answers, form or {})
+            columns, options = _columns(one, replies, form or {})
             if columns is None:
                 description |= _of_log(one, ReadOptions(log_number=log_number))
             else:
@@ -63,12 +63,12 @@ def inspected(
 
 
 def _columns(
-    one: Dropped, answers: Mapping[str, Any] | None, form: Mapping[str, Any]
+    one: Dropped, replies: Mapping[str, Any] | None, form: Mapping[str, Any]
 ) -> tuple[dict[str, Any] | None, ReadOptions | None]:
     """Describe the columns of an unknown table, and how it is read; None for every other log."""
-    if answers is None and not is_unknown_table(one.path):
+    if replies is None and not is_unknown_table(one.path):
         return None, None
-    return described_columns(one.path, answers, known_map(form, one.name))
+    return described_columns(one.path, replies, known_map(form, one.name))
 
 
 def _of_table(

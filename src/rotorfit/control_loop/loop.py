@@ -275,8 +275,8 @@ def _axis(
     inner = loops(vehicles)
     bands = bands_of(inner[0])
     found = margins(frequency, inner)
-    answered = closed_loop(controller, inner, frequency)
-    rate_loop = measures_of(found, bandwidth(frequency, answered))
+    closed = closed_loop(controller, inner, frequency)
+    rate_loop = measures_of(found, bandwidth(frequency, closed))
     alone = _rate_loops(controller, vehicles, filtered=at_harmonics, frequency=harmonics)
     doubts = doubts or too_little(rate_loop.crossover.value, bands, error)
     outer = _with_attitude(inner, controller, frequency)
@@ -298,7 +298,7 @@ def _axis(
         step=step_of(harmonics, closed_loop(controller, alone, harmonics), found.stable),
         frequency=frequency,
         open_loop=outer,
-        closed_loop=answered,
+        closed_loop=closed,
         stable=found.stable,
     )
 

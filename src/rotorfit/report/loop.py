@@ -143,12 +143,12 @@ def _half_words(step: StepResponse) -> str:
     return f"half after {reached[0]:.0f} ms ({reached[1]:.0f}..{reached[2]:.0f})"
 
 
-def _time_of_half(time: Row, answer: Row) -> float:
-    """Find when an answer first reaches half of a step [ms]; NaN where it never does."""
-    k = int((answer >= HALF).argmax())
+def _time_of_half(time: Row, response: Row) -> float:
+    """Find when a response first reaches half of a step [ms]; NaN where it never does."""
+    k = int((response >= HALF).argmax())
     if k == 0:
         return math.nan
-    return 1e3 * float(np.interp(HALF, answer[k - 1 : k + 1], time[k - 1 : k + 1]))
+    return 1e3 * float(np.interp(HALF, response[k - 1 : k + 1], time[k - 1 : k + 1]))
 
 
 def measure_words(m: LoopMeasures) -> tuple[str, ...]:

@@ -85,15 +85,15 @@ function unitSelect(file, { is, title, channel, unit, units }) {
 }
 
 /** What the engine is to be asked when a column is named: its whole channel, in the unit shown. */
-export function columnAnswers({ rows, answers }, is, column) {
+export function columnReplies({ rows, replies }, is, column) {
   const { channel, unit } = rows.find((row) => row.is === is);
   const own = rows.filter((row) => row.channel === channel);
-  const kept = Object.fromEntries(Object.entries(answers.named).filter(([name]) => !own.some((row) => row.is === name)));
-  if (!column) return { ...answers, named: { ...kept, [is]: "" } };
+  const kept = Object.fromEntries(Object.entries(replies.named).filter(([name]) => !own.some((row) => row.is === name)));
+  if (!column) return { ...replies, named: { ...kept, [is]: "" } };
   const named = Object.fromEntries(own.map((row) => [row.is, row.is === is ? column : row.column]).filter(([, name]) => name));
   const stated = ["rotor", "command"].includes(channel) ? "motors" : channel;
-  const units = unit && own[0].units.length > 1 ? { ...answers.units, [stated]: unit } : answers.units;
-  return { ...answers, named: { ...kept, ...named }, units };
+  const units = unit && own[0].units.length > 1 ? { ...replies.units, [stated]: unit } : replies.units;
+  return { ...replies, named: { ...kept, ...named }, units };
 }
 
-export const unitAnswers = ({ answers }, channel, unit) => ({ ...answers, units: { ...answers.units, [channel]: unit } });
+export const unitReplies = ({ replies }, channel, unit) => ({ ...replies, units: { ...replies.units, [channel]: unit } });

@@ -1,7 +1,7 @@
 // Logs: dropped, looked at, removed.
 
 import { LAYOUT_WORDS, ORDER_WORDS, relaid, reverseAll, vehicleOf } from "./airframe.js";
-import { columnAnswers, columnsView, unitAnswers } from "./columns.js";
+import { columnReplies, columnsView, unitReplies } from "./columns.js";
 import { h } from "./dom.js";
 import { Refused } from "./engine.js";
 import { editUse, inFlu, moveUse, removeFile, usesOf, withMap } from "./form.js";
@@ -78,7 +78,7 @@ const sharers = ({ name }) => state.files.filter((one) => one.name !== name && o
 
 /** Read a table by other columns; null: by those of the experiment, else as proposed. */
 async function lookAgain(file, columns) {
-  if (columns) replace(file, { ...file, table: { ...file.table, answers: columns } });
+  if (columns) replace(file, { ...file, table: { ...file.table, replies: columns } });
   const read = await askedLong("look", { name: file.name, columns }, `reading ${file.name}`);
   const old = state.files.find((one) => one.name === file.name);
   if (!read || !old) return;
@@ -227,11 +227,11 @@ export const actions = {
   "table-column": ({ name, is }, { value }) => {
     const file = fileNamed(name);
     const rows = file.table.rows.map((row) => (row.is === is ? { ...row, column: value || null } : row));
-    return lookAgain(replaced(file, rows), columnAnswers(file.table, is, value));
+    return lookAgain(replaced(file, rows), columnReplies(file.table, is, value));
   },
-  "table-unit": ({ name, channel }, { value }) => value && lookAgain(fileNamed(name), unitAnswers(fileNamed(name).table, channel, value)),
-  "table-axes": ({ name }, { value }) => lookAgain(fileNamed(name), { ...fileNamed(name).table.answers, axes: value }),
-  "table-poles": ({ name }, { value }) => lookAgain(fileNamed(name), { ...fileNamed(name).table.answers, poles: Number(value) || null }),
+  "table-unit": ({ name, channel }, { value }) => value && lookAgain(fileNamed(name), unitReplies(fileNamed(name).table, channel, value)),
+  "table-axes": ({ name }, { value }) => lookAgain(fileNamed(name), { ...fileNamed(name).table.replies, axes: value }),
+  "table-poles": ({ name }, { value }) => lookAgain(fileNamed(name), { ...fileNamed(name).table.replies, poles: Number(value) || null }),
   "propose-again": ({ name }) => lookAgain(fileNamed(name), {}),
   "open-findings": async ({ name }) =>
     window.open(await state.engine.open("findings", { name }), "_blank", "noopener"),
