@@ -137,3 +137,17 @@ def test_a_table_of_own_names_needs_no_map(engine, flight, tmp_path, unknown_tab
     (tmp_path / "experiment.toml").write_text(text)
     experiment = load_experiment(tmp_path / "experiment.toml")
     assert experiment.configuration[0].flights[0].columns is None
+
+
+def test_known_names_without_motors_are_read_as_they_are(engine, flight):
+    lines = [line.rsplit(",", 4)[0] for line in flight.decode().splitlines()]
+    assert lines[0].endswith("accel_z")
+    told = dropped(engine, "imu.csv", "\n".join(lines).encode())
+    assert (told["kind"], told["table"]) == ("log", None)
+    assert told["findings"]["rotors"] is None
+
+
+def test_what_is_no_flight_says_so(engine):
+    told = dropped(engine, "notes.csv", b"t,a,b\n" + b"1,2,3\n" * 20)
+    assert (told["kind"], told["table"]) == ("other", None)
+    assert "no column for gyro" in told["words"][0] or "no time" in told["words"][0]

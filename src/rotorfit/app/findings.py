@@ -3,6 +3,7 @@
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any, Final, cast
 
 from rotorfit.app.columns import described_columns, is_unknown_table, known_map, on_page
@@ -68,7 +69,25 @@ def _columns(
     """Describe the columns of an unknown table, and how it is read; None for every other log."""
     if replies is None and not is_unknown_table(one.path):
         return None, None
-    return described_columns(one.path, replies, known_map(form, one.name))
+    try:
+        columns, options = described_columns(one.path, replies, known_map(form, one.name))
+        trouble = LogError(columns["refused"]) if columns["refused"] else None
+    except LogError as error:
+        columns, options, trouble = None, None, error
+    # Rotorfit's own names without those of motors: what is there can be shown all the same.
+    if trouble is not None and replies is None and _is_readable(one.path):
+        return None, None
+    if columns is None:
+        raise trouble or LogError(f"{one.path}: no flight table")
+    return columns, options
+
+
+def _is_readable(path: Path) -> bool:
+    """Decide whether a table can be read by the names that it has."""
+    try:
+        return bool(read_log(path).channels)
+    except LogError:
+        return False
 
 
 def _of_table(
