@@ -157,6 +157,25 @@ def test_inav_gets_its_own_names_and_file():
     assert settings_file("blackbox", betaflight).name == "betaflight.txt"
 
 
+@pytest.mark.parametrize(
+    ("version", "expected"),
+    [
+        ("4.2.0", "firmware"),
+        ("4.4.3", "firmware"),
+        ("4.5.1", "blackbox_disable_rpm"),
+        ("2026.6", "blackbox_disable_rpm"),
+    ],
+)
+def test_an_old_betaflight_is_flashed_and_gets_no_unknown_line(version, expected):
+    header = {
+        "Firmware revision": f"Betaflight {version} (8f2d21460) STM32F745",
+        "dshot_bidir": "1",
+    }
+    found = settings_for("blackbox", frozenset({"no rotor speed"}), header)
+    assert [s.name for s in found if s.name != "motor_poles"] == [expected]
+    assert [s.new for s in found if s.name == "firmware"] in ([], [None])  # no line of the file
+
+
 def test_the_outputs_of_the_motors_are_not_taken_for_granted():
     words = value(settings_for("dataflash", frozenset({"no rotor speed"})), "SERVO_BLH_BDMASK")
     assert words.startswith("2^(output - 1) of each motor's output")

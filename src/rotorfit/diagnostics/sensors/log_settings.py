@@ -6,7 +6,15 @@ from typing import Final
 from rotorfit.dataset.dataset import LoadedFlight
 from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
-from rotorfit.logs.firmware import NO_SPEED, SLOW_IMU, SLOW_MOTORS, Lack, Setting, advice_for
+from rotorfit.logs.firmware import (
+    FIRMWARE,
+    NO_SPEED,
+    SLOW_IMU,
+    SLOW_MOTORS,
+    Lack,
+    Setting,
+    advice_for,
+)
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.parameters import EVERY
 from rotorfit.preprocessing.prepare import PreparedFlight
@@ -78,7 +86,9 @@ def _settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
     if found is None or not found.settings:
         return ""
     file = " (rotorfit settings LOG writes the file)" if any(s.new for s in found.settings) else ""
-    return f"set {', '.join(map(_phrase, found.settings))}{file}"
+    first = [f"flash {s.value}" for s in found.settings if s.name == FIRMWARE]
+    phrases = [_phrase(setting) for setting in found.settings if setting.name != FIRMWARE]
+    return ", then ".join([*first, *([f"set {', '.join(phrases)}{file}"] if phrases else [])])
 
 
 def _phrase(setting: Setting) -> str:
