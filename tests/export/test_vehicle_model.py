@@ -93,10 +93,7 @@ def test_terms_that_are_left_out_are_named_in_the_file(target):
     term = parameter("rotor_drag", 1.2e-5)
     lost = replace(parameter("twist", 0.0, "A"), **UNKNOWN, verdict="not-identified")
     text = text_of(with_numbers(a_result(), term, lost), target)
-    assert (
-        "identified, but left out of this file: rotor_drag = 1.2e-05 +- 1.2e-07 N s^2/(m rad)"
-        in text
-    )
+    assert "known, but left out of this file: rotor_drag = 1.2e-05 +- 1.2e-07 N s^2/(m rad)" in text
     assert "left out here" not in text_of(with_numbers(a_result(), lost), target)
 
 
@@ -357,7 +354,9 @@ def test_six_rotors_are_written_where_the_target_has_them(target, marks):
 def test_rotors_without_a_coefficient_of_their_own_have_the_mean():
     model = vehicle_model(changed(a_result(), kt_2=not_identified()))
     assert [r.kt for r in model.rotors] == pytest.approx([KT_EACH[0], KT, *KT_EACH[2:]])
-    assert any("rotors with the mean kt, their own is not known: 2" in n for n in model.notes)
+    assert any(
+        "the mean kt is taken for rotors whose own is not known: 2" in n for n in model.notes
+    )
 
 
 def test_an_assumed_coefficient_is_that_of_every_rotor():
@@ -484,7 +483,7 @@ def test_a_missing_lag_says_why_it_is_missing():
         "motor_lag is not in the result (measured rotor speed alone does not show it; log the "
         "motor commands, too)"
     ) in words
-    assert "missing; supply it with " in words
+    assert "needed: supply them with " in words
     assert "max_speed is not in the result (no law from command to rotor speed" in words
     assert "fly" not in words
     assert "--assume motor_lag=VALUE --assume max_speed=VALUE" in words

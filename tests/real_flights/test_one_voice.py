@@ -186,7 +186,7 @@ def test_nothing_useless_is_advised(said_of, name):
         messages = " ".join(prospect_messages(said.report.prospects))
         assert "fly more" not in messages and "hide the motion" not in messages
     if first.gain is not None:
-        widths = re.findall(r"from (?:unknown|\+-([\d.]+)) to \+-([\d.]+) %", first.gain)
+        widths = re.findall(r"from (?:unknown|\+-([\d.]+)) to \+-([\d.]+) (?:%|mm)", first.gain)
         assert widths
         assert all(float(after) < float(now or 100.0) for now, after in widths)
 

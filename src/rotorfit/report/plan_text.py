@@ -121,9 +121,8 @@ def _conclusion(plan: FlightPlan, width: int) -> list[str]:
         return _paragraphs(width, f"Fly: {flight_phrase(plan.recommended)}.", *_with_payload(plan))
     return _paragraphs(
         width,
-        f"No flight considered here reaches this. The closest is: {flight_phrase(plan.best)}; it "
-        "leaves "
-        f"{unmet_phrase(plan)}.",
+        "No flight considered here reaches the target. The closest is: "
+        f"{flight_phrase(plan.best)}; it leaves {unmet_phrase(plan)}.",
         *_with_payload(plan),
         *remedy_sentences(plan),
     )
