@@ -457,7 +457,7 @@ def test_a_coefficient_below_zero_is_refused(name):
     own = {} if name == "kt_3" else {f"kt_{i}": None for i in range(1, 5)}
     lost = {name: {"value": -1e-9, "interval": (-2e-9, -1e-10)}}
     negative = changed(a_result(), **(own | lost))
-    with pytest.raises(OutputError, match=f"{name} is -1e-09 .*, and nature has it above 0"):
+    with pytest.raises(OutputError, match=f"{name} is -1e-09 .*, which cannot be below 0"):
         vehicle_model(negative)
 
 
@@ -466,7 +466,7 @@ def test_a_rotor_inertia_not_told_from_zero_is_left_out():
     model = vehicle_model(none)
     assert model.Jr is None
     assert "Jr is below zero within its interval: left out" in model.notes
-    with pytest.raises(OutputError, match=r"Jr is -1e-09 .*, and nature has it above 0"):
+    with pytest.raises(OutputError, match=r"Jr is -1e-09 .*, which cannot be below 0"):
         vehicle_model(none, assumed={"Jr": -1e-9})
 
 

@@ -56,7 +56,7 @@ Units = Annotated[
     typer.Option(
         "--unit",
         metavar="gyro|motors=UNIT",
-        help="For a table: the unit where nothing in it tells, such as gyro=deg/s or motors=rpm.",
+        help="For a table: a unit that it does not say, such as gyro=deg/s or motors=rpm.",
     ),
 ]
 Poles = Annotated[

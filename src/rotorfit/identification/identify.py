@@ -184,7 +184,7 @@ def _validate(
     """Compare the model with flights that the fit has not seen."""
     if not any(entry.validation for entry in experiment.configuration):
         return result
-    report("validating on flights kept apart")
+    report("validating on flights kept for it")
     comparisons = validation_comparisons(result, experiment)
     written = [entry.written for c in experiment.configuration for entry in c.validation]
     return dataclasses.replace(result, validation=validation_rows(comparisons, written))

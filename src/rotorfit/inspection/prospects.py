@@ -251,7 +251,13 @@ def prospects(
         timed = replace(prepared, data=retimed(prepared, clearer))
         fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
     followed = _followed(fits)
-    thrust = _thrust(timed.data, vehicle, fits, followed=followed, commanded=commanded)
+    thrust = _thrust(
+        timed.data,
+        vehicle,
+        fits,
+        followed=followed or not commanded,
+        lawless=commanded and not law_known,
+    )
     return Prospects(
         excitation=tuple(
             Excitation(
@@ -324,16 +330,16 @@ def _likelihood(
 
 
 def _thrust(
-    data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool, commanded: bool
+    data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool, lawless: bool
 ) -> Thrust:
-    """Estimate kt from changes of thrust and from the weight."""
+    """Estimate kt from changes of thrust and from the weight; `lawless`: by commands alone."""
     squares = (data.rotor_speed[data.used_rows] ** 2).sum(axis=1)
     kt, random = _with_width(fits, "force.kt")
     changes = Measured(value=kt, std=float(np.hypot(random / 1.96, CHANGES_STD * kt)))
     weighed = kt_by_weight(data, vehicle)
     agree, width, reach = True, _relative(random, kt), 0.0
     if weighed is not None:
-        law_std = LAW_STD if commanded else 0.0
+        law_std = LAW_STD if lawless else 0.0
         balance = Balance(changes=changes, weight=weighed, law_std=law_std)
         agree = abs(balance.deviations) <= DOUBTED
         reach = balance.law_reach / weighed.value
@@ -344,7 +350,7 @@ def _thrust(
         from_weight=None if weighed is None else weighed.value,
         agree=agree,
         width=_finite(width),
-        followed=followed or not commanded,
+        followed=followed,
         law_reach=reach,
     )
 

@@ -247,7 +247,7 @@ def gyro_found(
         return _with_unit(chosen, "deg/s", f"gyro: up to {peak:.3g}, too fast for rad/s: deg/s")
     words = f"Unit of the gyro ({', '.join(chosen.by_index.values())}, up to {peak:.3g})"
     question = Question(channel="gyro", words=words, choices=("rad/s", "deg/s"))
-    found = _with_unit(chosen, "rad/s", "gyro: perhaps in rad/s, neither name nor values tell")
+    found = _with_unit(chosen, "rad/s", "gyro: perhaps in rad/s, neither name nor values say")
     return replace(found, questions=(question,))
 
 
@@ -325,7 +325,7 @@ def motors_found(
             words = f"Unit of {', '.join(held)} ({values.min():.4g} to {values.max():.4g})"
             if unit is None:
                 questions.append(Question(channel="motors", words=words, choices=choices))
-                unit, why = choices[0], "perhaps: neither name nor values tell"
+                unit, why = choices[0], "perhaps: neither name nor values say"
         stem = "rotor" if unit in ("rad/s", "rpm", "erpm", "Hz") else "command"
         if f"{stem}_1" in columns:
             reasons.append(f"{held[0]} ...: left out, {stem}_1 is {columns[f'{stem}_1'].name}")

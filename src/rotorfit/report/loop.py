@@ -59,8 +59,8 @@ def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
 
 GAINS_TITLE: Final = "Peak of the sensitivity with other rate gains"
 LEFT_OUT = (
-    "(P, I and D together times the factor; the peak that 97.5 % of the vehicles stay below that "
-    "this log leaves open. Not in it: resonance of the frame, noise and heat of the motors, motors "
+    "(P, I and D together times the factor; of the vehicles that fit this log 97.5 % stay below "
+    "this peak. Not in it: resonance of the frame, noise and heat of the motors, motors "
     "at their limits, other throttle.)"
 )
 
@@ -74,8 +74,8 @@ def verdict(loop: AxisLoop) -> str:
         return f"{loop.axis}: not proved, so no margin is called good: {loop.doubts[0]}"
     if found.stable < 1.0:
         return (
-            f"{loop.axis}: {100 * (1 - found.stable):.0f} % of the vehicles that this log leaves "
-            "open oscillate with these gains: lower P and D"
+            f"{loop.axis}: {100 * (1 - found.stable):.0f} % of the vehicles that fit this log "
+            "oscillate with these gains: lower P and D"
         )
     peak = found.sensitivity.high
     word = "calm" if peak <= CALM else "lively" if peak <= LIVELY else "close to oscillating"

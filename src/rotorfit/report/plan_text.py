@@ -174,15 +174,17 @@ def _missing(plan: FlightPlan, width: int) -> list[str]:
         "this vehicle):",
         width,
     )
+    before = ""
     for missing in plan.missing:
         head = f"  {missing.name:<14} {missing.verdict:<15}"
         then = "" if missing.manoeuvre is None else f" ({missing.gain}, {missing.predicted})"
         lines += textwrap.wrap(
-            f"{missing.advice}{then}",
+            f"{'the same' if missing.advice == before else missing.advice}{then}",
             width,
             initial_indent=head,
             subsequent_indent=" " * len(head),
         )
+        before = missing.advice
     return lines
 
 

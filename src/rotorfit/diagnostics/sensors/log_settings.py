@@ -65,7 +65,7 @@ def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
 
 def slow_words(prepared: PreparedFlight) -> str:
     """Say why a slow log makes flying useless."""
-    return f"{prepared.slowest_rate:.0f} Hz show no quick motion, whatever is flown"
+    return f"a log at {prepared.slowest_rate:.0f} Hz shows no quick motion, whatever is flown"
 
 
 def log_with_speed(log: FlightLog) -> str | None:
@@ -86,14 +86,19 @@ def _settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
     if found is None or not found.settings:
         return ""
     file = " (rotorfit settings LOG writes the file)" if any(s.new for s in found.settings) else ""
-    first = [f"flash {s.value}" for s in found.settings if s.name == FIRMWARE]
-    phrases = [_phrase(setting) for setting in found.settings if setting.name != FIRMWARE]
-    return ", then ".join([*first, *([f"set {', '.join(phrases)}{file}"] if phrases else [])])
+    flashed = [f"flash {s.value}" for s in found.settings if s.name == FIRMWARE]
+    named = [s for s in found.settings if s.name != FIRMWARE]
+    lines = [_whole_line(s) for s in named if s.name.endswith(":")]
+    pairs = [f"{s.name} = {s.new or s.value}" for s in named if not s.name.endswith(":")]
+    steps = [*flashed, *lines, *([f"set {', '.join(pairs)}"] if pairs else [])]
+    return f"{', then '.join(steps)}{file}"
 
 
-def _phrase(setting: Setting) -> str:
-    head = f"{setting.name} " if setting.name.endswith(":") else f"{setting.name} = "
-    return f"{head}{setting.new or setting.value}"
+def _whole_line(setting: Setting) -> str:
+    """Say where a line of a file or a CLI goes, and what it is for."""
+    if setting.name == "CLI:":
+        return f"enter {setting.value!r} in the CLI"
+    return f"add {setting.value} to {setting.name.strip(':')} ({setting.why})"
 
 
 CHECKS: Final = (slow_log, unlogged_speed)

@@ -139,7 +139,7 @@ def lack_notes(
     notes: list[str] = []
     if wired is not None and "rotor_speed" not in channels:
         notes.append(_esc_advice(wired))
-    if slow:
+    if slow and not too_slow(parameters, channels):  # which is a warning, with the same cure
         notes.append(f"{'; '.join(slow)}: set {to_set if value else _no_limit(current)}")
     if raw and value is not None and "raw IMU" in value:
         notes.append(
