@@ -204,7 +204,7 @@ def test_an_unknown_table_is_mapped_once_and_read_ever_after(answered, run, unkn
     ended = answered("rpm\n", "own.csv", "--spacing", "400,400", "-o", "own.toml")
     assert ended.code == 0, ended
     assert "says axes FRD (z down)" in ended.err
-    assert "Unit of esc0, esc1, esc2, esc3" in ended.err
+    assert "Unit of esc0 to esc3" in ended.err
     assert "the flight confirms quad-plus" in ended.err
     made = tomllib.loads(Path("own.toml").read_text())["table"]
     assert made["axes"] == "FRD"

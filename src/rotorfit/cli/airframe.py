@@ -167,7 +167,7 @@ def proposal_text(proposal: Proposal) -> str:
     rows: list[tuple[str, ...]] = [("is", "column", "unit", "first row", "middle", "last")]
     for name, spec in proposal.columns.items():
         scale = "" if spec.scale == 1 else f" x {spec.scale:.6g}"
-        values = (f"{value:.6g}" for value in proposal.preview[name])
+        values = (f"{value:.{13 if name == 'time' else 6}g}" for value in proposal.preview[name])
         rows.append((name, spec.name[:24], f"{unit_of(name, spec)}{scale}", *values))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]
     lines = ["proposed columns, with values as recorded:"]

@@ -12,6 +12,7 @@ from typing import Final
 
 from rotorfit.dataset.checks.gravity import GravitySeen, gravity_doubts, gravity_seen
 from rotorfit.dataset.checks.plausible_units import gyro_in_degrees
+from rotorfit.diagnostics.sensors.log_settings import better_log
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
 from rotorfit.findings import Evidence, Finding, doubt, note, sentences
@@ -30,7 +31,7 @@ from rotorfit.inspection.recording import (
     vibration,
 )
 from rotorfit.inspection.settings import settings_for
-from rotorfit.logs.firmware import Filter, Setting
+from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, Filter, Lack, Setting
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.model.layouts import LAYOUTS
@@ -171,16 +172,21 @@ def inspect_log(
         settings=settings_for(log.format, lacking, log.metadata),
         metadata=dict(log.metadata),
         findings=tuple(finding for check in CHECKS for finding in check(look)),
-        next_step=_next_step(look, foreseen),
+        next_step=_next_step(look, foreseen, lacking),
         pictures=pictures,
     )
 
 
-def _next_step(look: _Look, foreseen: Prospects | None) -> NextStep | None:
+def _next_step(
+    look: _Look, foreseen: Prospects | None, lacking: frozenset[Lack]
+) -> NextStep | None:
     """Choose what to do next: that of the identification, else what it is going to be."""
     if look.result is not None:
         return next_step(look.result)
-    if look.prepared is None or foreseen is None:
+    if look.prepared is None:
+        needed = better_log(look.log, lacking - NO_SPEED - NO_BATTERY)
+        return None if needed is None else NextStep(kind="log", action=needed)
+    if foreseen is None:
         return None
     return foreseen_step(look.log, look.prepared, foreseen)
 

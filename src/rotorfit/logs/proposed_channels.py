@@ -322,10 +322,10 @@ def motors_found(
         unit, why, choices = _motor_unit(one, values)
         if unit is None:
             unit, why = units.get("motors"), "as stated"
-            words = f"Unit of {', '.join(held)} ({values.min():.4g} to {values.max():.4g})"
+            words = f"Unit of {held[0]} to {held[-1]} ({values.min():.6g} to {values.max():.6g})"
             if unit is None:
                 questions.append(Question(channel="motors", words=words, choices=choices))
-                unit, why = choices[0], "perhaps: neither name nor values say"
+                unit, why = choices[0], "(asked below: neither names nor values say)"
         stem = "rotor" if unit in ("rad/s", "rpm", "erpm", "Hz") else "command"
         if f"{stem}_1" in columns:
             reasons.append(f"{held[0]} ...: left out, {stem}_1 is {columns[f'{stem}_1'].name}")

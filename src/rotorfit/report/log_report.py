@@ -41,6 +41,8 @@ LEAST_CHANGE: Final = 3.0
 WHAT: Final = {"roll": ("Ixx", ""), "pitch": ("Iyy", ""), "yaw": ("kd / Izz", "Izz, kd and Jr")}
 """What an axis tells, and what it tells with all the others."""
 KNOW: Final = "To know"
+LEAST_SOURCE: Final = 16
+"""Room for a channel's source beside its numbers [characters]."""
 WIDTH: Final = 100
 """Of a line where nothing is known of the terminal."""
 
@@ -58,10 +60,9 @@ def plain(report: LogReport) -> dict[str, Any]:
 def report_text(report: LogReport, *, width: int = WIDTH) -> str:
     """Write a report as one screen, wrapped at `width` where words can be parted."""
     title = f"{report.file}: {report.format}, log {report.log}, {report.seconds:.1f} s"
-    head = (
-        f"  {'channel':<12}{'columns':>8}{'samples':>9}{'rate':>10}{'gaps':>6}  {'unit':<6} source"
-    )
-    lines = [title, "", head]
+    head = f"  {'channel':<12}{'columns':>8}{'samples':>9}{'rate':>10}{'gaps':>6}  {'unit':<6} "
+    source = "source" if width >= len(head) + LEAST_SOURCE else ""
+    lines = [*wrapped(title, width), "", f"{head}{source}".rstrip()]
     lines += [line for channel in report.channels for line in _channel_lines(channel, width)]
     facts = [name for name in ("Craft name", "Firmware revision") if name in report.metadata]
     notes = [f"airborne: {spans_phrase(report.airborne)}"]
@@ -332,6 +333,8 @@ def setting_messages(report: LogReport) -> list[str]:
 def _channel_lines(c: ChannelReport, width: int) -> list[str]:
     gaps = f"{c.gaps}" if c.gaps else "-"
     start = f"  {c.name:<12}{c.columns:>8}{c.samples:>9}{c.rate:>7.0f} Hz{gaps:>6}  {c.unit:<6} "
+    if width < len(start) + LEAST_SOURCE:  # below it
+        return [start.rstrip(), *wrapped(c.source, width, "      ")]
     return wrapped(c.source, width, start) or [start.rstrip()]
 
 

@@ -17,7 +17,7 @@ from rotorfit.control_loop.loop import (
 )
 from rotorfit.control_loop.margins import open_phase
 from rotorfit.formatting.series import Series
-from rotorfit.formatting.sheet import wrapped
+from rotorfit.formatting.sheet import table_lines, wrapped
 from rotorfit.report.chart import Area, Axis, Chart, Curve, Line, Panel, chart_svg
 from rotorfit.report.pages import render_page
 
@@ -31,19 +31,23 @@ CALM, LIVELY = 2.0, 3.0
 
 def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
     """Write margins, proof and notes as plain text, lines of that width."""
-    lines = [
+    title = (
         f"{outcome.name}: rate loops of {outcome.autopilot} ({outcome.firmware}), configuration "
-        f"{outcome.configuration}",
+    )
+    lines = [
+        *wrapped(f"{title}{outcome.configuration}", width),
         "",
         *_margin_table("Rate loop with attitude loop, cut at the torque command",
-                       [(a.axis, a.with_attitude) for a in outcome.axes if a.axis != "yaw"]),
+                       [(a.axis, a.with_attitude) for a in outcome.axes if a.axis != "yaw"],
+                       width),
         "",
-        *_margin_table("Rate loop alone", [(a.axis, a.rate_loop) for a in outcome.axes]),
+        *_margin_table("Rate loop alone", [(a.axis, a.rate_loop) for a in outcome.axes], width),
         "",
     ]  # fmt: skip
     for one in outcome.axes:
         lines += wrapped(verdict(one), width, "  ", "    ")
-    lines += ["", "Step of the rate asked for, rate loop alone, no motor at its limit"]
+    asked = "Step of the rate asked for, rate loop alone, no motor at its limit"
+    lines += ["", *wrapped(asked, width)]
     lines += [f"  {one.axis:<6}{step_words(one)}" for one in outcome.axes if one.axis != "yaw"]
     lines += ["", "Proof on this log"]
     for one in outcome.axes:
@@ -138,17 +142,14 @@ def measure_words(m: LoopMeasures) -> tuple[str, ...]:
     )
 
 
-def _margin_table(title: str, rows: Sequence[tuple[str, LoopMeasures]]) -> list[str]:
+def _margin_table(title: str, rows: Sequence[tuple[str, LoopMeasures]], width: int) -> list[str]:
     table = [("", *HEADS), *((axis, *measure_words(m)) for axis, m in rows)]
     wide = [max(map(len, column)) for column in zip(*table, strict=True)]
-    return [
-        title,
-        *(
-            f"  {row[0]:<{wide[0]}}"
-            + "".join(f"  {cell:>{w}}" for cell, w in zip(row[1:], wide[1:], strict=True))
-            for row in table
-        ),
+    cells = [
+        [f"  {row[0]:<{wide[0]}}", *(f"{c:>{w}}" for c, w in zip(row[1:], wide[1:], strict=True))]
+        for row in table
     ]
+    return [title, *table_lines(cells, width)]
 
 
 def _measure(measure: Measure, digits: int, factor: float = 1.0) -> str:

@@ -30,7 +30,7 @@ DOUBTFUL = ("weak", "doubtful", "ratio-only", "not-identified", "removed")
 WIDTH = 100
 MOST_NAMED = 3
 """Flights of which one note is true."""
-UNEXPLAINED = "Flights kept for validation: prediction error"
+UNEXPLAINED = "Validation flights: prediction error"
 
 Line = tuple[Parameter | Derived, str]
 """A number with the words that follow its unit."""

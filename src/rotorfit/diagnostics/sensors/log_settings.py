@@ -63,6 +63,12 @@ def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
     return f"{wanted or plain}, then fly again"
 
 
+def better_log(log: FlightLog, lacks: frozenset[Lack]) -> str | None:
+    """Say what to set for what a log lacks; None where its firmware has no setting for it."""
+    wanted = _settings(log, lacks)
+    return f"{wanted}, then fly again" if wanted else None
+
+
 def slow_words(prepared: PreparedFlight) -> str:
     """Say why a slow log makes flying useless."""
     return f"a log at {prepared.slowest_rate:.0f} Hz shows no quick motion, whatever is flown"
@@ -89,9 +95,16 @@ def _settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
     flashed = [f"flash {s.value}" for s in found.settings if s.name == FIRMWARE]
     named = [s for s in found.settings if s.name != FIRMWARE]
     lines = [_whole_line(s) for s in named if s.name.endswith(":")]
-    pairs = [f"{s.name} = {s.new or s.value}" for s in named if not s.name.endswith(":")]
+    pairs = [_pair(s) for s in named if not s.name.endswith(":")]
     steps = [*flashed, *lines, *([f"set {', '.join(pairs)}"] if pairs else [])]
     return f"{', then '.join(steps)}{file}"
+
+
+def _pair(setting: Setting) -> str:
+    """Write a setting and its value; bits in words where the value that has them is not known."""
+    if setting.new is None and setting.value.startswith("what"):
+        return f"{setting.name} to {setting.value}"
+    return f"{setting.name} = {setting.new or setting.value}"
 
 
 def _whole_line(setting: Setting) -> str:
