@@ -288,7 +288,8 @@ def _layout_or_order(
             f"no named layout has {seen.rotors} rotors: list them in the file, as docs/experiment "
             "says, with rotors = [ { position = [x, y, z], spin = 'ccw' }, ... ]"
         )
-    default = shown if shown in choices else choices[0]
+    # A wrong order would be accepted by many a later command: it is never a default by itself.
+    default = shown if shown in choices else choices[0] if key == "layout" else ""
     if given is None and seen.borne_out and shown in choices:
         return str(shown)
     question = f"{key.capitalize()} ({', '.join(choices)})"
@@ -352,13 +353,13 @@ def _ask_choice(choices: list[str], question: str, default: str, option: str) ->
 
 def _ask(question: str, default: str | None, option: str) -> str:
     """Ask a question; an empty answer is its default."""
-    shown = "" if default is None else f" [{default}]"
+    shown = f" [{default}]" if default else ""
     sys.stderr.write(f"{question}{shown}: ")
     sys.stderr.flush()
     line = sys.stdin.readline()
     if not line:
         raise OutputError(f"no answer to {question.strip()!r}: answer it, or give {option}")
-    reply = line.strip() or default
+    reply = line.strip() or default  # the empty answer is none of the choices
     if reply is None:
         raise OutputError(f"no answer to {question.strip()!r}: a number is needed")
     return reply

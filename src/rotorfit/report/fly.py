@@ -64,9 +64,7 @@ def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
         *wrapped(headline(outcome), width),
         *wrapped(outcome.judgement.sentence, width),
         "",
-        *wrapped(
-            "Replay: rms error of the rates [rad/s], this long after the start of a window", width
-        ),
+        *wrapped(RATES_TITLE, width),
         *table_lines(_rate_cells(outcome, column), width),
         "",
     ]
@@ -172,17 +170,17 @@ def meaning(outcome: FlyOutcome) -> list[str]:
         f"open loop (planning, MPC) the rates stay within {100 * GOOD_SHARE:.0f} % of what was "
         f"flown for: {', '.join(good)}" + (f" (the window ends at {end:.2g} s)")
     ]
-    worse = [axis for axis, ratio in zip(AXES, held, strict=True) if ratio > 1.0]
+    worse = [axis for axis, ratio in zip(AXES, held, strict=True) if ratio >= 1.0 + EVEN]
     if worse:
         words.append(
-            f"{' and '.join(worse)}: after {end:.2g} s without feedback the model is worse than "
+            f"{listed(worse)}: after {end:.2g} s without feedback the model is worse than "
             "rates held: correct it by the gyro within the time above, as an autopilot does"
         )
     words += band_sentences(outcome.replays)
     trim = [axis for axis, share in zip(AXES, steady, strict=True) if share > STEADY]
     if trim:
         words.append(
-            f"{' and '.join(trim)}: most of the error is steady, which is trim (centre of mass, "
+            f"{listed(trim)}: most of the error is steady, which is trim (centre of mass, "
             "wind, unequal rotors); a controller with integral action removes it, a prediction "
             "does not"
         )
@@ -193,6 +191,11 @@ def meaning(outcome: FlyOutcome) -> list[str]:
             "controller corrects them from sample to sample"
         )
     return words
+
+
+def listed(names: Sequence[str]) -> str:
+    """Write names as a list in words."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
 def _stand(axis: str, ratio: float) -> str:

@@ -41,6 +41,7 @@ PILOT_NAMES: Final = {
     "Jr": "rotor inertia",
     "max_thrust": "largest thrust",
     **dict.fromkeys(("Ixx", "Iyy", "Izz"), "inertia"),
+    **dict.fromkeys(("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt"), "inertia"),
     **dict.fromkeys(("Ixy", "Ixz", "Iyz"), "products of inertia"),
     **dict.fromkeys(("com_x", "com_y", "com_z", "msx", "msy", "msz"), "centre of mass"),
 }

@@ -159,8 +159,9 @@ def too_slow(parameters: Parameters, channels: Mapping[str, Channel]) -> list[st
         return []
     current = parameters.integer("LOG_BITMASK")
     value = log_bitmask(current, slow=True, raw=raw)
-    cure = f"set LOG_BITMASK = {value}" if value else _no_limit(current)
-    return [f"{' and '.join(slow)}: too slow for inertia and motor lag, whatever is flown; {cure}"]
+    cure = f"LOG_BITMASK = {value}" if value else _no_limit(current)
+    words = f"{' and '.join(slow)}: too slow for inertia and motor lag, whatever is flown"
+    return [f"{words}; set {cure}"]
 
 
 def _slow(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:
