@@ -31,6 +31,10 @@ FAST: Final = tuple(
     if info.motion in ("roll", "pitch", "yaw", "height") or name.startswith("motor_")
 )
 """Numbers that show in quick motion."""
+USE_SPEED: Final = (
+    'use the rotor speed that the log has: write speed = "measured" under [motors] '
+    "(or --speed measured)"
+)
 BY_SPEED: Final = ("kt", "kd", "Jr", "Ixx", "Iyy", "Izz", "motor_lag", "motor_delay")
 
 
@@ -75,7 +79,12 @@ def slow_words(prepared: PreparedFlight) -> str:
 
 
 def log_with_speed(log: FlightLog) -> str | None:
-    """Say how to log the rotors' speed; None where the firmware has no setting for it."""
+    """Say how to log the rotors' speed; None where the firmware has no setting for it.
+
+    A log that has it already asks for nothing but to use it.
+    """
+    if "rotor_speed" in log.channels:
+        return USE_SPEED
     wanted = _settings(log, NO_SPEED)
     return f"log the rotor speed: {wanted}, then fly again" if wanted else None
 
