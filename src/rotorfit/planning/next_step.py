@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, TOO_SLOW
+from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
@@ -159,12 +159,17 @@ def best_manoeuvre(missing: Sequence[Missing]) -> Finding:
 
 
 def _lacking(result: IdentificationResult) -> list[JudgedNumber]:
-    """List the numbers of all configurations that matter and are not known well, each once."""
+    """List the numbers of all configurations that matter and are not known well, each once.
+
+    Those that a simulator does not have are none.
+    """
+    absent = [one for one in result.findings if one.kind == NOT_SIMULATED]
     found = [
         number
         for owner in configuration_names(result)
         for number in judged_numbers(result, owner)
         if number.verdict in LACKING and number.name in MAIN
+        if not any(one.is_about(number.parameter) for one in absent)
     ]
     return list({one.parameter: one for one in found}.values())
 

@@ -15,12 +15,14 @@ from rotorfit.logs.firmware import (
     Setting,
     advice_for,
 )
-from rotorfit.logs.flight_log import FlightLog
+from rotorfit.logs.flight_log import LEAVES_OUT, FlightLog
 from rotorfit.model.parameters import EVERY
 from rotorfit.preprocessing.prepare import PreparedFlight
 
 TOO_SLOW: Final = "log-too-slow"
 NO_ROTOR_SPEED: Final = "no-rotor-speed"
+NOT_SIMULATED: Final = "not-simulated"
+NO_INERTIA: Final = "no rotor inertia"
 LEAST_RATE: Final = 40.0
 """Of commands and IMU, below which all of the motion is lost that inertia shows in [Hz]."""
 WANTED_RATE: Final = 150.0
@@ -55,6 +57,16 @@ def unlogged_speed(fit: Fit) -> Iterator[Finding]:
         if step is not None:
             yield note(NO_ROTOR_SPEED, "", numbers=BY_SPEED, next_step=step)
             return
+
+
+def absent_in_simulator(fit: Fit) -> Iterator[Finding]:
+    """Note that a simulator has no rotor inertia, which no flight in it can show."""
+    flights = [flight for c in fit.dataset.configurations for flight in c.flights]
+    simulators = {flight.log.metadata.get("Simulator", "") for flight in flights}
+    if any(NO_INERTIA in LEAVES_OUT.get(name, "") for name in simulators):
+        because = f"the simulator has {NO_INERTIA}"
+        step = f"nothing: {because}"
+        yield note(NOT_SIMULATED, "", numbers=("Jr",), next_step=step, useless_because=because)
 
 
 def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
@@ -123,4 +135,4 @@ def _whole_line(setting: Setting) -> str:
     return f"add {setting.value} to {setting.name.strip(':')} ({setting.why})"
 
 
-CHECKS: Final = (slow_log, unlogged_speed)
+CHECKS: Final = (slow_log, unlogged_speed, absent_in_simulator)
