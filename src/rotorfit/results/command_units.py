@@ -39,8 +39,7 @@ RELATIVE_LAW: Final = (
     "full command, and Jr is per command; inertia and CoM do not depend on it"
 )
 NO_COMMANDS: Final = (
-    "no rotor speed at full command: log the motor commands beside the speeds, or give law under "
-    "[motors]"
+    "no rotor speed at full command: log the motor commands as well, or give law under [motors]"
 )
 NO_MASS: Final = "weigh the vehicle as it flies, battery included"
 NO_KT: Final = "the flights do not give the thrust coefficients"
