@@ -162,7 +162,8 @@ def thrust_sag(data: FlightData, force: Float[np.ndarray, "n 3"]) -> Measured | 
     """Measure by how much more a force is late in a flight than early, for what is felt, less one.
 
     The accelerometer feels what lifts, whatever the vehicle does, and its bias is the same in both
-    halves. How the ratio scatters among batches tells what chance makes of it.
+    halves. Chance is what scatters among batches about a steady change over the flight: a battery
+    that sags is a trend within each half, too, and no chance.
 
     Parameters
     ----------
@@ -175,23 +176,21 @@ def thrust_sag(data: FlightData, force: Float[np.ndarray, "n 3"]) -> Measured | 
         None of a flight that is too short.
     """
     rows = data.used_rows
-    mean = force[rows].mean(axis=0)
-    along = mean / np.linalg.norm(mean)
-    felt, made = data.specific_force[rows] @ along, force[rows] @ along
     step = round(BATCH * data.sample_rate)
     if len(rows) < 2 * FEWEST_BATCHES * step:
         return None
-    halves: list[Measured] = []
-    for half in np.array_split(np.arange(len(rows)), 2):
-        batches = np.array_split(half, len(half) // step)
-        ratios = np.array([made[own].mean() / felt[own].mean() for own in batches])
-        few = float(stats.t.ppf(0.975, len(ratios) - 1)) / 1.96
-        std = few * float(ratios.std(ddof=1)) / len(ratios) ** 0.5
-        halves.append(Measured(value=float(ratios.mean()), std=std))
-    early, late = halves
-    ratio = late.value / early.value
-    std = float(np.hypot(early.std / early.value, late.std / late.value))
-    return Measured(value=ratio - 1.0, std=abs(ratio) * std)
+    mean = force[rows].mean(axis=0)
+    along = mean / np.linalg.norm(mean)
+    felt, made = data.specific_force[rows] @ along, force[rows] @ along
+    batches = np.array_split(np.arange(len(rows)), 2 * (len(rows) // (2 * step)))
+    ratios = np.array([made[own].mean() / felt[own].mean() for own in batches])
+    n = len(ratios)
+    early, late = ratios[: n // 2].mean(), ratios[n // 2 :].mean()
+    trend = np.polynomial.Polynomial.fit(np.arange(n), ratios, 1)
+    left = ratios - trend(np.arange(n))
+    few = float(stats.t.ppf(0.975, n - 2)) / 1.96
+    std = few * 2.0 * float(np.sqrt(left @ left / (n - 2) / n)) / early
+    return Measured(value=float(late / early) - 1.0, std=std)
 
 
 def hovers_differ(found: Sequence[HoverThrust]) -> Finding:

@@ -15,11 +15,16 @@ from rotorfit.fit.joint.informative_bands import select_informative_bands, selec
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, separate_flights
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, flights_of, scatters
 from rotorfit.fit.rows.row_fits import fit_rows
+from rotorfit.model.parameters import INERTIA
 from rotorfit.reduction.frequency_bands import LEAST_RATIO
 
 NEAR: Final = 0.1
 """Of a parameter's deviation, at which those fits of many flights end that tell only what counts,
 and what the flights differ by."""
+
+
+SMALLEST_BODY: Final = 1e-6
+"""Moment of inertia over mass times arm squared, far below that of any body (about .1)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +121,7 @@ def _fit_from(
     """Return the fit of what counts, from where that can be told, and its configurations."""
     joint = select_informative_bands(joint, begin, **select, **more)
     fit = joint_estimate(joint, [], begin=begin, close=_close(joint), **more)
+    refuse_collapse(fit, joint)
     if not _several_flights(joint):
         return fit, joint  # one flight each
     response, differ = _response(fit, joint), _scatters(fit, joint)
@@ -123,6 +129,25 @@ def _fit_from(
         replace(c, response=response, scatter=differ.get(k, c.scatter)) for k, c in enumerate(joint)
     ]
     return joint_estimate(joint, [], begin=fit.estimate.by_name, **more), joint
+
+
+def refuse_collapse(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> None:
+    """Refuse a fit whose body shrinks to nothing, as where the rotors explain no turn at all.
+
+    The equations of the turns are homogeneous: what an autopilot answers of pure noise then
+    outweighs what holds up their scale.
+    """
+    at = fit.estimate.by_name
+    for c in joint:
+        least = SMALLEST_BODY * c.mass * c.vehicle.arm**2
+        if any(abs(at.get(f"{name}@{c.name}", np.inf)) < least for name in INERTIA[:3]):
+            raise UnsettledError(
+                f"{c.name}: the rotors explain nothing of how the vehicle rolls and pitches, so "
+                "that no body fits the flights: vibration or a loose IMU hides the turns, or "
+                "nobody flew any; fix the IMU to the frame, and fly 20 s of quick rolls and nods "
+                "(pitching forward and back)",
+                reached=at,
+            )
 
 
 def _several_flights(joint: Sequence[JointConfiguration], least: int = 2) -> bool:
