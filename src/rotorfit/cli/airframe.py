@@ -180,7 +180,7 @@ def proposal_text(proposal: Proposal) -> str:
     rows: list[tuple[str, ...]] = [("is", "column", "unit", "first row", "middle", "last")]
     for name, spec in proposal.columns.items():
         scale = "" if spec.scale == 1 else f" x {spec.scale:.6g}"
-        values = (f"{value:.6g}" for value in proposal.preview[name])
+        values = (f"{value:.{13 if name == 'time' else 6}g}" for value in proposal.preview[name])
         rows.append((name, spec.name[:24], f"{unit_of(name, spec)}{scale}", *values))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]
     lines = ["proposed columns, with values as recorded:"]
@@ -291,7 +291,8 @@ def _layout_or_order(
             f"no named layout has {seen.rotors} rotors: list them in the file, as docs/experiment "
             "says, with rotors = [ { position = [x, y, z], spin = 'ccw' }, ... ]"
         )
-    default = shown if shown in choices else choices[0]
+    # A wrong order would be accepted by many a later command: it is never a default by itself.
+    default = shown if shown in choices else choices[0] if key == "layout" else ""
     if given is None and seen.borne_out and shown in choices:
         return str(shown)
     question = f"{key.capitalize()} ({', '.join(choices)})"
@@ -355,13 +356,13 @@ def _ask_choice(choices: list[str], question: str, default: str, option: str) ->
 
 def _ask(question: str, default: str | None, option: str) -> str:
     """Ask a question; an empty answer is its default."""
-    shown = "" if default is None else f" [{default}]"
+    shown = f" [{default}]" if default else ""
     sys.stderr.write(f"{question}{shown}: ")
     sys.stderr.flush()
     line = sys.stdin.readline()
     if not line:
         raise OutputError(f"no answer to {question.strip()!r}: answer it, or give {option}")
-    reply = line.strip() or default
+    reply = line.strip() or default  # the empty answer is none of the choices
     if reply is None:
         raise OutputError(f"no answer to {question.strip()!r}: a number is needed")
     return reply

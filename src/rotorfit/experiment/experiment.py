@@ -310,7 +310,7 @@ def load_experiment(path: Path) -> Experiment:
     if "airframe" in tables and "configuration" not in tables:
         raise ExperimentError(
             f"{path}: this is an airframe file, without [[configuration]] and flights: give a log "
-            f"beside it (rotorfit identify LOG --mass KG --airframe {path.name}), or add "
+            f"with it (rotorfit identify LOG --mass KG --airframe {path.name}), or add "
             '[[configuration]] with mass and flights = ["LOG"]'
         )
     return experiment_of_tables(tables, source=path, place=lambda file: path.parent / file)

@@ -184,7 +184,7 @@ def _validated(identified: Identified, report: Progress) -> Identified:
     result, configurations = identified.result, identified.experiment.configuration
     if not any(entry.validation for entry in configurations):
         return identified
-    report("validating on flights kept apart")
+    report("validating on flights kept for it")
     comparisons = validation_comparisons(result, identified.experiment)
     written = [entry.written for c in configurations for entry in c.validation]
     rows = validation_rows(comparisons, written)

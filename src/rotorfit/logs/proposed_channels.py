@@ -312,7 +312,7 @@ def gyro_found(
         return _with_unit(chosen, "deg/s", f"gyro: up to {peak:.3g}, too fast for rad/s: deg/s")
     words = f"Unit of the gyro ({', '.join(chosen.by_index.values())}, up to {peak:.3g})"
     question = Question(channel="gyro", words=words, choices=("rad/s", "deg/s"))
-    found = _with_unit(chosen, "rad/s", "gyro: perhaps in rad/s, neither name nor values tell")
+    found = _with_unit(chosen, "rad/s", "gyro: perhaps in rad/s, neither name nor values say")
     return replace(found, questions=(question,))
 
 
@@ -387,10 +387,10 @@ def motors_found(
         unit, why, choices = _motor_unit(one, values)
         if unit is None:
             unit, why = units.get("motors"), "as stated"
-            words = f"Unit of {', '.join(held)} ({values.min():.4g} to {values.max():.4g})"
+            words = f"Unit of {held[0]} to {held[-1]} ({values.min():.6g} to {values.max():.6g})"
             if unit is None:
                 questions.append(Question(channel="motors", words=words, choices=choices))
-                unit, why = choices[0], "perhaps: neither name nor values tell"
+                unit, why = choices[0], "(asked below: neither names nor values say)"
         if _stem(unit) in units:
             unit, why = units[_stem(unit)], "as stated"
         stem = _stem(unit)

@@ -308,8 +308,7 @@ def _refuse_short(recording: Recording) -> None:
         seconds += float(np.ptp(recording.flight_time[recording.speed_flight == k]))
     if seconds < LEAST_SECONDS or len(recording.speed) < 20 * FEWEST_BLOCKS:
         raise EstimationError(
-            f"only {seconds:.1f} s of measured speeds beside commands, {LEAST_SECONDS:g} s are "
-            "needed"
+            f"only {seconds:.1f} s of measured speeds with commands, {LEAST_SECONDS:g} s are needed"
         )
     spread = float(recording.command.std())
     if not spread > LEAST_SPREAD or not float(recording.speed.std()) > 0.0:

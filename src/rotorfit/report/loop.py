@@ -11,7 +11,7 @@ from rotorfit.control_loop.loop import AxisLoop, LoopOutcome
 from rotorfit.control_loop.margins import open_phase
 from rotorfit.control_loop.measures import SIDES, LoopMeasures, Measure, StepResponse
 from rotorfit.formatting.series import Series
-from rotorfit.formatting.sheet import wrapped
+from rotorfit.formatting.sheet import table_lines, wrapped
 from rotorfit.report.chart import Area, Axis, Chart, Curve, Line, Panel, chart_svg
 from rotorfit.report.pages import render_page
 
@@ -26,19 +26,25 @@ CALM, LIVELY = 2.0, 3.0
 
 def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
     """Write margins, proof and notes as plain text, lines of that width."""
-    lines = [
+    title = (
         f"{outcome.name}: rate loops of {outcome.autopilot} ({outcome.firmware}), configuration "
-        f"{outcome.configuration}",
+    )
+    lines = [
+        *wrapped(f"{title}{outcome.configuration}", width),
         "",
         *_margin_table("Rate loop with attitude loop, cut at the torque command",
-                       [(a.axis, a.with_attitude) for a in outcome.axes if a.axis != "yaw"]),
+                       [(a.axis, a.with_attitude) for a in outcome.axes if a.axis != "yaw"],
+                       width),
         "",
-        *_margin_table("Rate loop alone", [(_marked(a.axis), a.rate_loop) for a in outcome.axes]),
+        *_margin_table(
+            "Rate loop alone", [(_marked(a.axis), a.rate_loop) for a in outcome.axes], width
+        ),
         "",
     ]  # fmt: skip
     for one in outcome.axes:
         lines += wrapped(verdict(one), width, "  ", "    ")
-    lines += ["", "Step of the rate asked for, rate loop alone, no motor at its limit"]
+    asked = "Step of the rate asked for, rate loop alone, no motor at its limit"
+    lines += ["", *wrapped(asked, width)]
     for one in outcome.axes:
         if one.axis != "yaw":
             lines += wrapped(f"{one.axis:<6}{step_words(one)}", width, "  ", " " * 8)
@@ -61,8 +67,8 @@ def _marked(axis: str) -> str:
 
 GAINS_TITLE: Final = "Peak of the sensitivity with other rate gains"
 LEFT_OUT = (
-    "(P, I and D together times the factor; the peak that 97.5 % of the vehicles stay below that "
-    "this log leaves open. Not in it: resonance of the frame, noise and heat of the motors, motors "
+    "(P, I and D together times the factor; of the vehicles that fit this log 97.5 % stay below "
+    "this peak. Not in it: resonance of the frame, noise and heat of the motors, motors "
     "at their limits, other throttle.)"
 )
 
@@ -76,8 +82,8 @@ def verdict(loop: AxisLoop) -> str:
         return f"{loop.axis}: not proved, so no margin is called good: {loop.doubts[0]}"
     if found.stable < 1.0:
         return (
-            f"{loop.axis}: {100 * (1 - found.stable):.0f} % of the vehicles that this log leaves "
-            "open oscillate with these gains: lower P and D"
+            f"{loop.axis}: {100 * (1 - found.stable):.0f} % of the vehicles that fit this log "
+            "oscillate with these gains: lower P and D"
         )
     peak = found.sensitivity.high
     word = "calm" if peak <= CALM else "lively" if peak <= LIVELY else "close to oscillating"
@@ -162,17 +168,14 @@ def measure_words(m: LoopMeasures) -> tuple[str, ...]:
     )
 
 
-def _margin_table(title: str, rows: Sequence[tuple[str, LoopMeasures]]) -> list[str]:
+def _margin_table(title: str, rows: Sequence[tuple[str, LoopMeasures]], width: int) -> list[str]:
     table = [("", *HEADS), *((axis, *measure_words(m)) for axis, m in rows)]
     wide = [max(map(len, column)) for column in zip(*table, strict=True)]
-    return [
-        title,
-        *(
-            f"  {row[0]:<{wide[0]}}"
-            + "".join(f"  {cell:>{w}}" for cell, w in zip(row[1:], wide[1:], strict=True))
-            for row in table
-        ),
+    cells = [
+        [f"  {row[0]:<{wide[0]}}", *(f"{c:>{w}}" for c, w in zip(row[1:], wide[1:], strict=True))]
+        for row in table
     ]
+    return [title, *table_lines(cells, width)]
 
 
 def _measure(measure: Measure, digits: int, factor: float = 1.0) -> str:
