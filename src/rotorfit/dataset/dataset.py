@@ -1,6 +1,7 @@
 """The flights of an experiment, by configuration, as they enter a fit."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -122,7 +123,7 @@ class Dataset:
         if self.motors.lag is None:
             return min(std, before)
         apart = abs(lag - mean)
-        return min(std, max(before, apart)) * max(apart / float(np.hypot(std, before)), 1.0)
+        return min(std, max(before, apart)) * max(apart / math.hypot(std, before), 1.0)
 
 
 Kind = TypeVar("Kind", bound=Dataset)
