@@ -289,7 +289,7 @@ def _refuse_turned(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> None:
     angle, shares = turn_about_z(R, vehicle)
     if abs(angle) > TURNED and min(shares) > CLEAR:
         raise FrameError(
-            f"roll and pitch answer the rotors as if the IMU were turned by "
+            f"roll and pitch respond to the rotors as if the IMU were turned by "
             f"{abs(np.degrees(angle)):.0f} degrees "
             f"{'counter-clockwise' if angle > 0 else 'clockwise'} about z (seen from above) "
             "relative to the rotors: turn the rotors' positions by as much the other way, or give "

@@ -46,14 +46,19 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
         sentence,
         flights=(flight.entry.written,),
         numbers=("kt", *INERTIA),
-        doubtful_because="gyro and accelerometer are not of one time",
+        doubtful_because=f"the {_late(late.seconds)} lags behind the {_late(-late.seconds)}",
         next_step="log gyro and accelerometer unfiltered, by one clock, and fly again",
     )
     yield replace(checked, evidence=(evidence,))
 
 
+def _late(delay: float) -> str:
+    """Name the sensor that a delay makes late."""
+    return "accelerometer" if delay > 0 else "gyro"
+
+
 def _delay_sentence(name: str, delay: float, half: float) -> str:
-    late, early = ("accelerometer", "gyro") if delay > 0 else ("gyro", "accelerometer")
+    late, early = _late(delay), _late(-delay)
     return (
         f"{name}: the {late} follows the rotors {1e3 * abs(delay):.0f} +- {1e3 * half:.0f} ms "
         f"later than the {early}, though both respond at once: the {late} is stamped late, or "
@@ -89,7 +94,7 @@ def early_sentence(lag: float, delay: float, std: float) -> str | None:
     if delay + 1.96 * std > EARLIEST:
         return None
     return (
-        f"with the lag of {1e3 * lag:.0f} ms that is given, the motors answer "
+        f"with the lag of {1e3 * lag:.0f} ms that is given, the motors respond "
         f"{-1e3 * delay:.0f} ms before the command (motor_delay), which is impossible: the lag "
         "given is longer than the motors'; leave it out, or give lag_std. Until then do not "
         "trust inertia, or doubts about other sensors"
