@@ -93,6 +93,7 @@ ROTOR, TWO = (
 )
 PROPELLER, SENSOR = r"propeller", r"accelerometer"
 RESPONSE: Final = r"swung on its mount|low-passed"
+GROUND: Final = r"ground effect"
 GYRO, LOST = r"gyro .*(later|filter)", r"rows are missing"
 LAW, CRASH = r"\blaw\b", r"crash|on the ground|impact"
 SIDES = {"x": 0.0545 / 0.0455, "y": 0.0545 / 0.0635}
@@ -213,6 +214,10 @@ CASES: Final[tuple[Spoilt, ...]] = (
           partial(common.soft_mounted, frequency=15.0)),
     _case("gyro scale + 5 %", "LOG00267", "gyro reads 5 % too much", GYRO,
           partial(common.scaled, name="gyro", factor=1.05), hangs_on="gyro's scale"),
+    _case("ground effect in half", "LOG00267", "the ground adds 6 % of thrust from 16 s on", GROUND,
+          partial(common.scaled, name=SPEED, factor=0.97, after=16.0)),
+    _case("ground effect in half", "LOG00340", "the ground adds 10 % of thrust from 9 s on", GROUND,
+          partial(common.scaled, name=SPEED, factor=0.95, after=9.0)),
     _case("propeller broken in flight", "LOG00267", "rotor 3 makes 25 % less thrust from 16 s on",
           PROPELLER, partial(common.scaled, name=SPEED, factor=1.15, columns=(2,), after=16.0)),
     _case("propellers changed", "LOG00267", "four new propellers before the second flight",

@@ -5,6 +5,7 @@
     python -m benchmarks.worlds --seed 1 --only 417 [--keep FOLDER]    # one world again
     python -m benchmarks.worlds --seed 1 --only 417 --blame    # and without each of its hazards
     python -m benchmarks.worlds --seed 1 --alone -o alone.jsonl    # one hazard a world, in turn
+    python -m benchmarks.worlds --seed 1 --alone --told -o told.jsonl    # and told of it
     python -m benchmarks.worlds --seed 2 --hazards gusts drag=1 ...    # these alone, and how likely
 
 A world is a vehicle, its motors, autopilot, sensors, air, flight and log, all drawn at random; on

@@ -40,6 +40,7 @@ def _study(asked: argparse.Namespace) -> Study:
         seconds=asked.seconds,
         keep=asked.keep,
         alone=asked.alone,
+        told=asked.told,
     )
 
 
@@ -125,6 +126,7 @@ def _parser() -> argparse.ArgumentParser:
     add("-o", "--output", type=Path, default=Path("worlds.jsonl"))
     add("--hazards", nargs="*", help="these alone: name, or name=chance")
     add("--alone", action="store_true", help="one hazard a world, one after the other")
+    add("--told", action="store_true", help="each again with its hazards said, or without them")
     add("--invisible", action="store_true", help="draw what no log can show, too")
     add("--only", type=int, nargs="+", help="these worlds again, and all that is said of them")
     add("--blame", action="store_true", help="and without one of their hazards after the other")

@@ -129,10 +129,12 @@ def experiment_text(world: World, file: str) -> str:
     vehicle, log = world.vehicle, world.log
     places = vehicle.places * log.arm_scale
     spins = vehicle.spins.copy()
+    axes = vehicle.axes
     if "wrong_sides" in log.mislaid:
         places = places * [1.25, 1.0, 1.0]
     if "wrong_order" in log.mislaid:
-        places, spins = places[_exchanged(len(spins))], spins[_exchanged(len(spins))]
+        order = _exchanged(len(spins))
+        places, spins, axes = places[order], spins[order], axes[order]
     if "wrong_spins" in log.mislaid:
         spins = -spins
     lines = [
@@ -141,21 +143,35 @@ def experiment_text(world: World, file: str) -> str:
         'axes = "FLU"',
         "rotors = [",
     ]
-    for place, spin in zip(places.tolist(), spins, strict=True):
+    for place, spin, axis in zip(places.tolist(), spins, axes.tolist(), strict=True):
         way = "ccw" if spin > 0 else "cw"
-        lines.append(f'  {{ position = {place}, spin = "{way}" }},')
+        lean = f", axis = {axis}" if log.axes_declared else ""
+        lines.append(f'  {{ position = {place}, spin = "{way}"{lean} }},')
     lines.append("]")
     if log.imu_declared:
         lines.append(f"imu = {{ position = {world.sensors.imu.tolist()} }}")
+    if log.tilt_declared is not None:
+        lines.append(f"imu_tilt_deg = {list(log.tilt_declared)}")
     lines += ["[motors]", f'speed = "{log.driven}"']
     if log.driven == "commanded" and log.law == "given":
         lines.append(_law(world))
+    lines += _times(world)
     lines += ["[[configuration]]", 'name = "A"', f"mass = {float(vehicle.mass * log.mass_scale)!r}"]
     return "\n".join([*lines, f'flights = ["{file}"]', ""])
 
 
 def _exchanged(n: int) -> list[int]:
     return [1, 0, *range(2, n)]
+
+
+def _times(world: World) -> list[str]:
+    """Return what the experiment file says of the motors' times [s]."""
+    m, log = world.motors, world.log
+    lines = [] if log.delay_declared is None else [f"delay = {log.delay_declared!r}"]
+    if log.lag_declared:
+        lines += [f"lag = {m.lag_up!r}"] + [f"lag_down = {m.lag_down!r}"] * (m.lag_down != m.lag_up)
+        lines += ['lag_on = "thrust"'] * m.on_thrust
+    return lines
 
 
 def _law(world: World) -> str:

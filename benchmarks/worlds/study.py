@@ -19,6 +19,7 @@ from typing import IO, Any, Final
 
 from benchmarks.worlds.engine import Record, fly
 from benchmarks.worlds.sensing import truth, write_world
+from benchmarks.worlds.told import tell
 from benchmarks.worlds.world import World, draw_world
 
 from rotorfit.errors import RotorfitError
@@ -38,7 +39,8 @@ Row = dict[str, Any]
 class Study:
     """Which worlds: their seed, the chance of each hazard, the length of a flight if not drawn.
 
-    `alone`: each world has one of those hazards and no other, in turn.
+    `alone`: each world has one of those hazards and no other, in turn; `told`: each is identified
+    again with each of its hazards said, or flown without it.
     """
 
     seed: int
@@ -46,6 +48,7 @@ class Study:
     seconds: float | None = None
     keep: Path | None = None
     alone: bool = False
+    told: bool = False
 
     def world(self, index: int) -> World:
         """Draw a world."""
@@ -59,10 +62,37 @@ def rows_of(study: Study, indices: Sequence[int]) -> Iterator[Row]:
     """Fly some worlds together and identify them, one after the other."""
     worlds = [study.world(index) for index in indices]
     begin = time.process_time()
-    records = fly(worlds)
-    flown = (time.process_time() - begin) / len(worlds)
-    for world, record in zip(worlds, records, strict=True):
-        yield row_of(world, record, study.keep) | {"flown_seconds": round(flown, 2)}
+    without = [_without(study, world) if study.told else {} for world in worlds]
+    records = fly(worlds + [other for each in without for other in each.values()])
+    flown = (time.process_time() - begin) / len(records)
+    others = iter(records[len(worlds) :])
+    for world, record, each in zip(worlds, records, without, strict=False):
+        row = row_of(world, record, study.keep) | {"flown_seconds": round(flown, 2)}
+        flights = {hazard: (other, next(others)) for hazard, other in each.items()}
+        yield row | ({"told": _told(world, record, flights, row)} if study.told else {})
+
+
+def _without(study: Study, world: World) -> dict[str, World]:
+    """Draw a world without each of its hazards that nothing can be said of."""
+    kept = {one: dict.fromkeys(world.hazards - {one}, 1.0) for one in sorted(world.hazards)}
+    return {
+        hazard: draw_world(study.seed, world.index, chance, study.seconds)
+        for hazard, chance in kept.items()
+        if tell(world, hazard) is None
+    }
+
+
+def _told(
+    world: World, record: Record, flights: Mapping[str, tuple[World, Record]], row: Row
+) -> dict[str, tuple[str, Row]]:
+    """Return the reference of each hazard of a world, and the numbers of that one."""
+    found: dict[str, tuple[str, Row]] = {}
+    for hazard in sorted(world.hazards) if "numbers" in row else ():
+        said = tell(world, hazard)
+        words = "flown without" if said is None else said[0]
+        other, flown = flights[hazard] if said is None else (said[1], record)
+        found[hazard] = (words, row_of(other, flown).get("numbers", {}))
+    return found
 
 
 def blamed(study: Study, index: int) -> Iterator[tuple[str, Row]]:

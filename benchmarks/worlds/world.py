@@ -127,7 +127,11 @@ class Flight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Log:
-    """What is recorded and how, and how it is declared; steps of gyro, accel, speed, command."""
+    """What is recorded and how, and how it is declared; steps of gyro, accel, speed, command.
+
+    `axes_declared`, `lag_declared`, `delay_declared` [s] and `tilt_declared` [degrees] are what the
+    experiment file says besides, where the estimator is told of a hazard.
+    """
 
     rate: int
     has: tuple[str, ...]
@@ -146,6 +150,10 @@ class Log:
     clock_scale: float
     mislaid: tuple[str, ...]
     law_error: float
+    axes_declared: bool = False
+    lag_declared: bool = False
+    delay_declared: float | None = None
+    tilt_declared: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,7 +19,10 @@ TITLES: Final = {
     "Iyy": "pitch inertia, I_yy",
     "Izz": "yaw inertia, I_zz",
 }
-LEFT, RIGHT, TOP, ROW = 150.0, 690.0, 66.0, 40.0
+TITLE: Final = (
+    "A simulated flight, its truth known: 95 % intervals (bars) should cross the black line"
+)
+LEFT, RIGHT, TOP, ROW = 150.0, 690.0, 92.0, 40.0
 LOW, HIGH = -100.0, 25.0
 OURS, PAPERS, INK, FAINT = "#1a5fa3", "#b5471b", "#22303c", "#c5ccd3"
 
@@ -73,10 +76,11 @@ def picture(folder: Path) -> str:
     parts = [
         tag("rect", {"x": 0, "y": 0, "width": 720, "height": bottom + 34, "fill": "#ffffff"}),
         *grid(bottom),
-        tag("circle", {"cx": LEFT + 6, "cy": 22, "r": 5, "fill": OURS}),
-        words("rotorfit, 95 %", (LEFT + 16, 26)),
-        tag("circle", {"cx": LEFT + 146, "cy": 22, "r": 5, "fill": PAPERS}),
-        words("ordinary least squares (Six et al. 2020), 95 % as it states it", (LEFT + 158, 26)),
+        words(TITLE, (LEFT - 130, 24), font_weight="bold"),
+        tag("circle", {"cx": LEFT + 6, "cy": 48, "r": 5, "fill": OURS}),
+        words("rotorfit", (LEFT + 16, 52)),
+        tag("circle", {"cx": LEFT + 106, "cy": 48, "r": 5, "fill": PAPERS}),
+        words("ordinary least squares (as in Six et al. 2020)", (LEFT + 118, 52)),
     ]
     for row, (name, title) in enumerate(TITLES.items()):
         y = TOP + ROW * (row + 0.5) - 8

@@ -11,10 +11,10 @@ from rotorfit.version import __version__ as __version__
 if TYPE_CHECKING:
     from rotorfit import plot as plot
     from rotorfit.control_loop.loop import AxisLoop as AxisLoop
-    from rotorfit.control_loop.loop import LoopMeasures as LoopMeasures
     from rotorfit.control_loop.loop import LoopOutcome as LoopOutcome
-    from rotorfit.control_loop.loop import Measure as Measure
     from rotorfit.control_loop.loop import loop_margins as loop_margins
+    from rotorfit.control_loop.measures import LoopMeasures as LoopMeasures
+    from rotorfit.control_loop.measures import Measure as Measure
     from rotorfit.errors import EstimationError as EstimationError
     from rotorfit.errors import ExcitationError as ExcitationError
     from rotorfit.errors import ExperimentError as ExperimentError
@@ -89,13 +89,8 @@ else:
             "RotorfitError",
             "RotorfitWarning",
         ),
-        "rotorfit.control_loop.loop": (
-            "AxisLoop",
-            "LoopMeasures",
-            "LoopOutcome",
-            "Measure",
-            "loop_margins",
-        ),
+        "rotorfit.control_loop.loop": ("AxisLoop", "LoopOutcome", "loop_margins"),
+        "rotorfit.control_loop.measures": ("LoopMeasures", "Measure"),
         "rotorfit.export.write": ("write_export",),
         "rotorfit.preprocessing.flight_data": ("FlightData", "Segment"),
         "rotorfit.logs.flight_log": ("Channel", "FlightLog"),

@@ -29,6 +29,16 @@ def flight() -> bytes:
 
 
 @pytest.fixture(scope="session")
+def unknown_table(flight) -> bytes:
+    """The same flight by names of its own, from which neither gyro nor motors tell their unit."""
+    head, _, rows = flight.decode().partition("\n")
+    own = {"time": "t", "battery": "vbat"}
+    own |= {f"gyro_{a}": f"w{a}" for a in "xyz"} | {f"accel_{a}": f"acc{a.upper()}" for a in "xyz"}
+    own |= {f"rotor_{i}": f"m{i}" for i in range(1, 5)}
+    return f"{','.join(own.get(name, name) for name in head.split(','))}\n{rows}".encode()
+
+
+@pytest.fixture(scope="session")
 def server() -> Iterator[Served]:
     with served(most_bytes=MOST) as one:
         yield one

@@ -124,7 +124,7 @@ def test_the_loop_of_a_log_of_px4_has_a_page(engine):
 def test_an_export_asks_for_what_is_missing(identified):
     engine, _, _, _ = identified
     refused = engine.call("export", {"target": "mujoco"}, quiet)
-    assert "supply it" in refused["refused"]
+    assert "or supply com_z, " in refused["refused"]
     units = {one["name"]: one["unit"] for one in refused["missing"]}
     assert units["motor_lag"] == "s"
     inertia = {"Ixx_com": 0.018, "Iyy_com": 0.018, "Izz_com": 0.029}

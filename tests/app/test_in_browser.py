@@ -55,6 +55,18 @@ def test_files_come_and_go(call):
     assert call("restore", {})["files"] == []
 
 
+def test_a_table_is_read_by_given_columns(tmp_path, unknown_table):
+    def answer(name: str, argument: dict, sent: Sent | None = None) -> dict:
+        folder = tmp_path / "page"
+        return json.loads(in_browser.call(name, json.dumps(argument), quiet, sent, folder=folder))
+
+    told = answer("add_file", {"name": "own.csv"}, Sent(unknown_table))
+    assert [one["channel"] for one in told["table"]["questions"]] == ["gyro", "motors"]
+    answers = {"named": {}, "units": {"gyro": "rad/s", "motors": "rad/s"}, "axes": None}
+    told = answer("look", {"name": "own.csv", "columns": answers})
+    assert told["findings"]["rotors"] == 4
+
+
 def test_documents_come_as_text(call):
     assert call("document", {"kind": "experiment"}) == {"refused": "there is no such document yet"}
     call("add_file", {"name": "a.csv"}, b"")

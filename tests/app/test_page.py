@@ -262,14 +262,17 @@ def test_it_fits_a_phone(work: Any) -> None:
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_everybody_can_use_it(work: Any, scheme: str) -> None:
     """The rules of axe-core: names, roles, contrast, order of headings."""
+    assert violations(work, scheme) == []
+
+
+def violations(page: Any, scheme: str) -> list[tuple[str, str]]:
     package = pytest.importorskip("axe_playwright_python", reason="needs axe-core")
-    work.emulate_media(color_scheme=scheme)
-    work.evaluate((files(package) / "axe.min.js").read_text(encoding="utf-8"))
+    page.emulate_media(color_scheme=scheme)
+    page.evaluate((files(package) / "axe.min.js").read_text(encoding="utf-8"))
     rules = "runOnly: ['color-contrast']" if scheme == "dark" else ""
-    found = work.evaluate(f"axe.run({{ {rules} }})")["violations"]
-    serious = [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] != "minor"]
-    work.emulate_media(color_scheme="light")
-    assert serious == []
+    found = page.evaluate(f"axe.run({{ {rules} }})")["violations"]
+    page.emulate_media(color_scheme="light")
+    return [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] != "minor"]
 
 
 def test_motors_are_reversed_swapped_and_turned(page: Any) -> None:
@@ -387,26 +390,85 @@ def test_the_keyboard_does_all_of_it(page: Any, flown_log: Flown) -> None:
     assert page.locator("tr[data-name=kt]").count() == 0
 
 
+@pytest.fixture(scope="module")
+def mapped(browser: Any, address: str, seen: Seen, unknown_table: bytes) -> Any:
+    """A page on which an unknown table lies, its columns proposed."""
+    page = opened(browser, address, seen)
+    drop(page, "own.csv", unknown_table)
+    page.wait_for_selector(".columns .mapped")
+    return page
+
+
+def test_the_columns_of_an_unknown_table_are_mapped(mapped: Any, tmp_path: Path) -> None:
+    assert mapped.locator(".mapped tr[data-is]").count() == 11
+    assert mapped.locator("tr[data-is=gyro_x] .preview span").count() == 3
+    assert "says axes FLU (z up)" in mapped.inner_text(".columns")
+    mapped.select_option("#unit-of-gyro", "rad/s")
+    mapped.wait_for_selector("#unit-of-gyro", state="detached")
+    mapped.select_option("#unit-of-motors", "rad/s")
+    mapped.wait_for_selector(".file > .finding b")
+    mapped.select_option("#table-axes", "FRD")
+    mapped.wait_for_selector(".columns .finding.weak >> text=gravity would lie upside down")
+    mapped.click("[data-do=propose-again]")
+    mapped.select_option("#unit-of-gyro", "rad/s")
+    mapped.wait_for_selector("#unit-of-gyro", state="detached")
+    mapped.select_option("#unit-of-motors", "rad/s")
+    mapped.wait_for_selector(".file > .finding b")
+    assert mapped.locator(".columns .finding.weak").count() == 0
+    mapped.select_option("#column-rotor_1", "m2")
+    mapped.select_option("#column-rotor_2", "m1")
+    mapped.wait_for_selector("#stop", state="detached")
+    fill(mapped, "#size-0", "200")
+    fill(mapped, "#mass-0", "1285")
+    text = downloaded(mapped, "Download the experiment file", tmp_path).read_text()
+    assert '[table.columns]\ntime = { name = "t", unit = "s" }' in text
+    assert 'rotor_1 = { name = "m2", unit = "rad/s" }\nrotor_2 = { name = "m1"' in text
+    assert 'flights = ["own.csv"]' in text
+    mapped.reload()
+    mapped.wait_for_selector(".mapped")
+    assert mapped.input_value("#column-rotor_1") == "m2"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_columns_fit_a_phone_and_everybody(mapped: Any, scheme: str) -> None:
+    mapped.set_viewport_size({"width": 390, "height": HEIGHT})
+    assert mapped.evaluate("document.documentElement.scrollWidth") <= 390
+    assert violations(mapped, scheme) == []
+    mapped.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+
+
+def test_columns_are_answered_by_keyboard(page: Any, unknown_table: bytes) -> None:
+    drop(page, "own.csv", unknown_table)
+    for question in ("#unit-of-gyro", "#unit-of-motors"):
+        page.focus(question)
+        page.keyboard.press("r")  # rad/s, the first of that letter
+        page.keyboard.press("Tab")
+        page.wait_for_selector(question, state="detached")
+    page.wait_for_selector(".file > .finding b")
+    assert page.input_value("#unit-gyro_x") == "rad/s"
+
+
 def test_pictures_of_the_documentation(
-    work: Any, tmp_path: Path, request: pytest.FixtureRequest
+    work: Any, mapped: Any, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     """They are taken every time, and kept where that is asked for."""
     folder = PICTURES if request.config.getoption("--update-pictures") else tmp_path
     work.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = false; })")
     pictures = {
-        "app-vehicle": ("#vehicle", "light", WIDTH),
-        "app-result": ("#outcome", "dark", WIDTH),
-        "app-phone": ("#logs", "light", 390),
+        "app-vehicle": (work, "#vehicle", "light", WIDTH),
+        "app-result": (work, "#outcome", "dark", WIDTH),
+        "app-phone": (work, "#logs", "light", 390),
+        "app-columns": (mapped, ".columns", "light", WIDTH),
     }
-    for name, (section, scheme, width) in pictures.items():
-        work.set_viewport_size({"width": width, "height": HEIGHT})
-        work.emulate_media(color_scheme=scheme)
-        work.evaluate("(s) => document.querySelector(s).scrollIntoView()", section)
-        work.screenshot(path=tmp_path / "taken.png")
+    for name, (page, section, scheme, width) in pictures.items():
+        page.set_viewport_size({"width": width, "height": HEIGHT})
+        page.emulate_media(color_scheme=scheme)
+        page.evaluate("(s) => document.querySelector(s).scrollIntoView()", section)
+        page.screenshot(path=tmp_path / "taken.png")
         small(tmp_path / "taken.png", folder / f"{name}.png")
         assert 10_000 < (folder / f"{name}.png").stat().st_size < 120_000
-    work.emulate_media(color_scheme="light")
-    work.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+        page.emulate_media(color_scheme="light")
+        page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
 
 
 def small(taken: Path, picture: Path) -> None:

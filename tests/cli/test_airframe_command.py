@@ -15,6 +15,7 @@ from ulog_encoder import write_ulog
 import rotorfit
 from rotorfit.cli.airframe import listed_text
 from rotorfit.experiment.airframe_table import AirframeEntry
+from rotorfit.experiment.experiment import load_experiment
 from rotorfit.model.layouts import layout_rotors, spaced_rotors
 
 
@@ -38,7 +39,7 @@ def test_questions_are_asked_one_by_one_and_the_file_is_written(answered, tmp_pa
     monkeypatch.chdir(tmp_path)
     ended = answered("quad-x\nbetaflight\n91\n127\n\n")
     assert ended.code == 0
-    assert ended.err.count("]: ") == 5
+    assert ended.err.count("]: ") == 4  # the order has no default
     assert ended.out.startswith("[airframe]\n")
     made = vehicle(tmp_path / "airframe.toml")
     places = np.array([rotor.position for rotor in made.rotors])
@@ -53,6 +54,7 @@ def test_wrong_answers_are_asked_again(answered, tmp_path, monkeypatch):
     ended = answered("quad\nquad-x\npx4\n91, 127\n91\n127\nfast\nmeasured\n")
     assert ended.code == 0
     assert "'quad' is none of quad-x," in ended.err
+    assert "crazyflie): " in ended.err  # no order is a default where nothing shows one
     assert "a spacing of '91, 127' mm; expected 15 to 10000 millimetres" in ended.err
     made = tomllib.loads((tmp_path / "airframe.toml").read_text())
     assert (made["airframe"]["spacing"], made["motors"]["speed"]) == ([0.091, 0.127], "measured")
@@ -204,7 +206,7 @@ def test_an_unknown_table_is_mapped_once_and_read_ever_after(answered, run, unkn
     ended = answered("rpm\n", "own.csv", "--spacing", "400,400", "-o", "own.toml")
     assert ended.code == 0, ended
     assert "says axes FRD (z down)" in ended.err
-    assert "Unit of esc0, esc1, esc2, esc3" in ended.err
+    assert "Unit of esc0 to esc3" in ended.err
     assert "the flight confirms quad-plus" in ended.err
     made = tomllib.loads(Path("own.toml").read_text())["table"]
     assert made["axes"] == "FRD"
@@ -218,6 +220,33 @@ def test_an_unknown_table_is_mapped_once_and_read_ever_after(answered, run, unkn
     mapped, direct = ({p["name"]: p["value"] for p in r["parameters"]} for r in (own, plain))
     assert mapped["kt"] == pytest.approx(direct["kt"], rel=1e-3)
     assert mapped["Ixx"] == pytest.approx(direct["Ixx"], rel=1e-2)
+
+
+def test_a_wrong_proposal_is_put_right_by_options(run, unknown):
+    given = ("airframe", "own.csv", "--spacing", "400,400", "--unit", "motors=rpm")
+    shape = ("--layout", "quad-plus", "--order", "paper")
+    ended = run(*given, *shape, "--unit", "accel=m/s^2", "--axes", "FLU", "-o", "own.toml")
+    assert ended.code == 0, ended
+    assert "CHECK: the accelerometer in m/s^2 feels 1" in ended.err
+    assert "CHECK: axes FLU, as stated, but az of -1" in ended.err
+    made = tomllib.loads(Path("own.toml").read_text())["table"]
+    assert (made["axes"], made["columns"]["accel_x"]) == ("FLU", {"name": "ax", "unit": "m/s^2"})
+
+
+def test_an_experiment_file_has_the_columns_of_its_tables(run, unknown):
+    """Each of its flights that needs them takes them; its [table] serves other logs as well."""
+    run("airframe", "own.csv", "--spacing", "400,400", "--unit", "motors=rpm", "-o", "own.toml")
+    flights = (
+        '[[configuration]]\nmass = 1.285\nflights = ["own.csv"]\nvalidation = ["flight.csv"]\n'
+    )
+    text = Path("own.toml").read_text() + flights
+    Path("experiment.toml").write_text(text)
+    entry = load_experiment(Path("experiment.toml")).configuration[0]
+    assert entry.flights[0].axes == "FRD"
+    assert entry.flights[0].columns["rotor_1"].unit == "rpm"
+    assert entry.validation[0].columns is None
+    assert run("inspect", "experiment.toml").code == 0
+    assert run("inspect", "own.csv", "--airframe", "experiment.toml").code == 0
 
 
 def test_answers_for_a_table_may_be_options(run, refused, unknown):

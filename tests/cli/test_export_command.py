@@ -255,7 +255,7 @@ def test_a_lag_below_zero_is_refused(refused, there):
         there / "early.json"
     )
     words = refused("export", "early.json", "--to", "mujoco", "-o", "out.xml")
-    assert "motor_lag_up is -0.01 s, and no motor answers before its command" in words
+    assert "motor_lag_up is -0.01 s, and no motor responds before its command" in words
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")

@@ -422,7 +422,7 @@ def test_poses_at_times_of_receipt_are_not_sent_beside_a_log(run, here):
     [report] = run("inspect", "take.tum", "--json").json
     [words] = report["trouble"]
     assert words.startswith("this file has only the pose, no motors")
-    assert "times of receipt" in words and "name it beside" not in words
+    assert "times of receipt" in words and "give it together" not in words
 
 
 @pytest.mark.flights

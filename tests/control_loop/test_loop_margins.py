@@ -6,8 +6,8 @@ import pytest
 from scipy import signal
 
 from rotorfit.control_loop.filters import GyroFilter, delays, first_order, integral, smoothing
-from rotorfit.control_loop.loop import closed_loop, step_harmonics, step_response
 from rotorfit.control_loop.margins import margins
+from rotorfit.control_loop.measures import bandwidth, closed_loop, step_harmonics, step_response
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.rate_controller import RateController
 
@@ -125,3 +125,20 @@ def test_the_loop_and_its_step_are_python_controls(slope_of):
     # A step comes at any time between two runs: half a period later than at a run, in the mean.
     exact = np.interp(time - controller.period / 2, time, np.asarray(exact))
     assert np.abs(answer - exact).max() < 0.01
+
+
+@pytest.mark.parametrize("damping", [0.3, 0.7, 1.5])
+def test_the_bandwidth_is_that_of_python_control(damping):
+    s = control.tf("s")
+    system = 400.0 / (s * s + 2.0 * damping * 20.0 * s + 400.0)
+    response = 400.0 / (S * S + 2.0 * damping * 20.0 * S + 400.0)
+    slow = np.full_like(response, 0.1)
+    found = bandwidth(GRID, np.stack([response, 1.0 + 0.0 * response, slow]))
+    # python-control falls by 3 dB, which is .07079 of 10.
+    assert found[0] == pytest.approx(control.bandwidth(system) / (2 * np.pi), rel=3e-3)
+    assert np.isnan(found[1:]).all()
+
+
+def test_the_share_of_d_is_told_at_a_frequency():
+    one = RateController(P=0.2, I=0.0, D=0.002, FF=0.0, angle=0.0, period=1e-4)
+    assert one.derivative_share(10.0) == pytest.approx(0.002 * 2 * np.pi * 10.0 / 0.2, rel=1e-3)

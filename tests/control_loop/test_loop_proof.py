@@ -16,14 +16,15 @@ from rotorfit.control_loop.controllers import rate_controller
 from rotorfit.control_loop.filters import GyroFilter
 from rotorfit.control_loop.loop import judge_flight, loop_margins
 from rotorfit.control_loop.plain import loop_to_json
-from rotorfit.control_loop.proof import replay_mixer
+from rotorfit.control_loop.proof import Band, LoopError, replay_mixer
+from rotorfit.control_loop.reasons import too_little
 from rotorfit.control_loop.vehicle import Flown
 from rotorfit.errors import LogError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.logs import read_log
-from rotorfit.logs.controller_log import ControllerLog, read_controller_log
-from rotorfit.report.loop import loop_html, loop_text
+from rotorfit.logs.controller_log import ControllerLog, read_with_controller
+from rotorfit.report.loop import loop_html, loop_text, verdict
 from rotorfit.report.result_page import report_html
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
@@ -86,6 +87,9 @@ def test_the_flown_loop_is_proved_past_its_crossover(result):
         assert (step.low <= step.high).all()
         assert np.abs(step.value[step.time < loop.error.delay + 0.005]).max() < 0.02
         assert 0.8 < step.value[-1] < 1.2
+        wide = loop.rate_loop.bandwidth
+        assert wide.low < wide.value < wide.high
+        assert wide.value > loop.rate_loop.crossover.value > loop.with_attitude.bandwidth.value
     assert outcome.axes[2].proved is None
     text = loop_text(outcome)
     assert "roll: calm; turns into oscillation if the loop were" in text
@@ -154,11 +158,56 @@ def test_the_report_of_a_result_shows_its_loop(result):
     assert 'id="tune"' not in report_html(result)
 
 
+def test_a_loop_that_d_dominates_is_not_called_calm(result):
+    outcome = loop_margins(result, LOG, draws=20)
+    roll = outcome.axes[0]
+    assert roll.derivative_share == pytest.approx(0.63, abs=0.03)
+    assert verdict(roll).startswith("roll: calm; turns into")
+    noisy = dataclasses.replace(roll, derivative_share=1.4)
+    assert verdict(noisy).startswith(
+        "roll: not called calm: D is 1.4 times P and I at the crossover, so its filter"
+    )
+
+
+def test_why_a_flight_shows_too_little_is_said():
+    band = Band(low=0.3, high=0.45, ratio=1.0, degrees=0.0, uncertainty=0.1, by_gain=1, by_delay=0)
+    near = dataclasses.replace(band, low=4.0, high=6.0)
+    sharp = LoopError(gain=1.0, delay=0.0, covariance=np.diag([0.02, 1e-3]) ** 2)
+    late = dataclasses.replace(sharp, covariance=np.diag([0.02, 4e-3]) ** 2)
+    weak = dataclasses.replace(sharp, covariance=np.diag([0.2, 1e-3]) ** 2)
+    assert too_little(5.0, [band, near], sharp) == []
+    assert "as predicted up to 0.5 Hz; fly" in too_little(5.0, [band], sharp)[0]
+    assert "and is seen to 14 degrees" in too_little(5.0, [band, near], late)[0]
+    assert "effectiveness is seen to 39 %" in too_little(5.0, [band, near], weak)[0]
+
+
 def test_a_page_of_what_is_not_proved_says_so(result):
     wrong = changed(result, Ixx_over_kt=(0.1, 0.0), Iyy_over_kt=(0.1, 0.0))
     outcome = loop_margins(wrong, LOG, draws=20)
     assert "No axis is proved" in loop_html(outcome)
     assert "lower P and D" not in loop_html(outcome) + loop_text(outcome)
+
+
+@pytest.mark.parametrize("name", [LOG.name, "arducopter-exported.BIN"])
+def test_flight_and_controller_come_of_one_pass(name, monkeypatch):
+    path = LOG.with_name(name)
+    if not path.exists():
+        pytest.skip(f"no real logs: {path} is absent")
+    opened, plain_open = [], Path.open
+
+    def noted(self, *given, **named):
+        opened.append(self)
+        return plain_open(self, *given, **named)
+
+    monkeypatch.setattr(Path, "open", noted)
+    flight, _ = read_with_controller(path)
+    with_controller = len(opened)
+    alone = read_log(path)
+    assert with_controller == len(opened) - with_controller
+    assert flight.channels.keys() == alone.channels.keys()
+    for channel, other in zip(flight.channels.values(), alone.channels.values(), strict=True):
+        assert np.array_equal(channel.values, other.values, equal_nan=True)
+    assert flight.notes == alone.notes
 
 
 def test_a_configuration_that_is_not_there_is_refused(result):
@@ -192,7 +241,7 @@ def test_why_a_loop_is_not_judged_goes_by_firmware(tmp_path, firmware, words):
     log = tmp_path / "LOG.BFL"
     log.write_bytes(HEADER + b"H Firmware revision:" + firmware + b" (0) STM32\n")
     with pytest.raises(LogError, match=words):
-        read_controller_log(log)
+        read_with_controller(log)
 
 
 def test_the_mixer_shows_a_wrong_curve_and_spin_range():
@@ -231,25 +280,25 @@ def mixed_by(throttle, **parameters):
 
 
 def test_a_gain_read_wrongly_withholds_the_margins(result):
-    log = read_controller_log(LOG)
+    flight, log = read_with_controller(LOG)
     parameters = {**log.parameters, "MC_ROLLRATE_P": 1.15 * log.parameters["MC_ROLLRATE_P"]}
     wrong = dataclasses.replace(log, parameters=parameters)
-    roll, pitch, _ = judge_flight(result, "A", read_log(LOG), wrong, draws=DRAWS).axes
+    roll, pitch, _ = judge_flight(result, "A", flight, wrong, draws=DRAWS).axes
     assert "of the controller as its parameters set it" in roll.doubts[0]
     assert pitch.doubts == ()
 
 
 def test_a_forgotten_filter_of_d_withholds_the_margins(result):
-    log = read_controller_log(LOG)
+    flight, log = read_with_controller(LOG)
     wrong = dataclasses.replace(log, parameters={**log.parameters, "IMU_DGYRO_CUTOFF": 0.0})
-    for loop in judge_flight(result, "A", read_log(LOG), wrong, draws=DRAWS).axes[:2]:
+    for loop in judge_flight(result, "A", flight, wrong, draws=DRAWS).axes[:2]:
         assert not loop.replay.is_right
         assert loop.replay.slope == pytest.approx(1.0, abs=0.03)
         assert "the rate's derivative" in loop.doubts[0]
 
 
 def test_a_forgotten_gyro_filter_is_measured_instead(result):
-    log, flight = read_controller_log(LOG), read_log(LOG)
+    flight, log = read_with_controller(LOG)
     wrong = dataclasses.replace(log, parameters={**log.parameters, "IMU_GYRO_CUTOFF": 0.0})
     known, forgot = (
         judge_flight(result, "A", flight, one, draws=DRAWS).axes[0] for one in (log, wrong)
@@ -260,7 +309,7 @@ def test_a_forgotten_gyro_filter_is_measured_instead(result):
 
 
 def test_an_unknown_notch_is_in_the_loop_by_its_delay(result):
-    log, flight = read_controller_log(LOG), read_log(LOG)
+    flight, log = read_with_controller(LOG)
     notch = GyroFilter(frequency=80.0, order=0, width=40.0, floor=0.01)
     hertz = np.maximum(np.fft.rfftfreq(len(log.rate), log.period), 1e-6)
     spectrum = np.fft.rfft(log.rate, axis=0) * notch.response(hertz)[:, None]
@@ -284,10 +333,10 @@ def test_an_unknown_notch_is_in_the_loop_by_its_delay(result):
 
 
 def test_other_gains_leave_the_feed_forward_alone(result):
-    log = read_controller_log(LOG)
+    flight, log = read_with_controller(LOG)
     forward = dataclasses.replace(log, parameters={**log.parameters, "MC_ROLLRATE_FF": 0.1})
     with_it, without = (
-        judge_flight(result, "A", read_log(LOG), one, draws=DRAWS).axes[0] for one in (forward, log)
+        judge_flight(result, "A", flight, one, draws=DRAWS).axes[0] for one in (forward, log)
     )
     assert with_it.controller.scaled(1.5).FF == 0.1
     assert with_it.gains[1][1] == pytest.approx(with_it.with_attitude.sensitivity.high, rel=0.02)

@@ -10,7 +10,7 @@ import pytest
 from rotorfit.control_loop.controllers import moving_filters, rate_controller
 from rotorfit.control_loop.rate_controller import RateController
 from rotorfit.errors import LogError
-from rotorfit.logs.controller_log import ControllerLog, read_controller_log
+from rotorfit.logs.controller_log import ControllerLog, read_with_controller
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 LOGS = DATA / "autopilot-sitl"
@@ -68,7 +68,7 @@ def test_the_logged_output_is_replayed(name, slope, left):
     path = LOGS / name
     if not path.exists():
         pytest.skip(f"no real logs: {path} is absent")
-    log = read_controller_log(path)
+    log = read_with_controller(path)[1]
     middle = slice(len(log.time) // 4, 3 * len(log.time) // 4)
     for axis in range(3):
         made = rate_controller(log, axis).replayed(
@@ -87,7 +87,7 @@ def test_a_gain_read_wrongly_does_not_replay():
     path = LOGS / "arducopter-stock.BIN"
     if not path.exists():
         pytest.skip(f"no real logs: {path} is absent")
-    log = read_controller_log(path)
+    log = read_with_controller(path)[1]
     wrong = {**log.parameters, "ATC_RAT_RLL_P": 1.15 * log.parameters["ATC_RAT_RLL_P"]}
     controller = rate_controller(dataclasses.replace(log, parameters=wrong), 0)
     made = controller.replayed(log.set_point[:, 0], log.rate[:, 0])
@@ -143,7 +143,7 @@ def test_a_missing_gain_is_named():
     path = LOGS / "px4-hex.ulg"
     if not path.exists():
         pytest.skip(f"no real logs: {path} is absent")
-    log = read_controller_log(path)
+    log = read_with_controller(path)[1]
     short = {k: v for k, v in log.parameters.items() if k != "MC_ROLLRATE_P"}
     with pytest.raises(LogError, match="no parameter MC_ROLLRATE_P"):
         rate_controller(dataclasses.replace(log, parameters=short), 0)
@@ -154,4 +154,4 @@ def test_a_firmware_without_a_known_controller_is_refused():
     if not path.exists():
         pytest.skip(f"no real logs: {path} is absent")
     with pytest.raises(LogError, match="INDIflight has no PID"):
-        read_controller_log(path)
+        read_with_controller(path)[1]

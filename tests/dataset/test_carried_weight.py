@@ -11,9 +11,11 @@ from rotorfit.dataset.carried_weight import (
     VerticalMotion,
     carrying_stretches,
     climb_drag,
+    height_force_of,
     vertical_acceleration,
     vertical_motions,
 )
+from rotorfit.dataset.height_force import weighed
 from rotorfit.dataset.weight_balance import turning
 from rotorfit.preprocessing.flight_data import Segment
 
@@ -166,3 +168,43 @@ def test_stretches_apart_are_weighed_apart():
     data = replace(data, segments=(Segment(start=0, stop=800), Segment(start=1000, stop=2000)))
     assert [round(one.seconds) for one in kts(data)] == [8, 10]
     assert kts(replace(data, segments=(Segment(start=0, stop=190),))) == []
+
+
+def hanging(pull, *, noise, seed=3):
+    """Thirty seconds of climbs about a height at which a tether takes part of the thrust."""
+    rng = np.random.default_rng(seed)
+    t = 0.05 * np.arange(600)
+    climb = sum(0.3 * np.sin(2 * np.pi * f * t + p) for f, p in ((0.07, 0), (0.13, 1), (0.29, 2)))
+    height = np.cumsum(climb) * 0.05
+    read = G + np.gradient(climb, 0.05)
+    push = (read + pull * height + noise * rng.normal(size=len(t))) / KT
+    return VerticalMotion(step=0.05, read=read, push=push, velocity=None)
+
+
+def test_a_tether_is_found_and_leaves_the_mean_force_open():
+    found = height_force_of(hanging(0.25, noise=0.05))
+    assert found.value == pytest.approx(0.25, abs=3.0 * found.std)
+    assert found.std < 0.03
+    assert found.probability > 0.999
+    deviation = climb_drag(hanging(0.25, noise=0.05))[1]
+    assert 0.25 * 3.0 / 1.96 < deviation < 0.35 * 3.0 / 1.96
+
+
+def test_without_a_tether_nothing_grows_with_height():
+    found = [height_force_of(hanging(0.0, noise=0.1, seed=seed)) for seed in range(40)]
+    assert max(one.probability for one in found) < 0.5
+    assert np.median([one.half_width for one in found]) == 0.0
+    assert np.mean([abs(one.value) < 1.96 * one.std for one in found]) > 0.9
+
+
+def test_a_doubtful_tether_is_open_by_its_likelihood():
+    """Two deviations of a force that one flight in thirty has: likely none, but not surely."""
+    assert weighed(0.1, 0.05, degrees=9).half_width < 0.1
+    assert 0.1 < weighed(0.2, 0.06, degrees=9).half_width < 0.3
+    assert weighed(0.0, 0.2, degrees=9).half_width == 0.0
+
+
+def test_a_short_stretch_tells_no_tether():
+    short = hanging(0.25, noise=0.0)
+    short = replace(short, read=short.read[:140], push=short.push[:140])
+    assert height_force_of(short) is None

@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.dataset.checks.declared_rotors import check_frame, free_response, response
+from rotorfit.dataset.checks.declared_rotors import (
+    check_frame,
+    free_response,
+    response,
+    turn_about_z,
+    yaw_by_drag,
+)
 from rotorfit.errors import FrameError
+from rotorfit.model.signals import signal_layout
 from rotorfit.reduction.frequency_bands import EDGES
 from rotorfit.reduction.reduce import BandPlan, band_factors
 from rotorfit.simulation import (
@@ -124,6 +131,57 @@ def test_reversed_spins_are_refused(flights, name):
     assert f"with {FLIPPED}" in message
     # The declaration that is named explains the flight exactly as the right one does.
     assert f"{declared.roll:+.2f}, {declared.pitch:+.2f}, {declared.yaw:+.2f}: corr" in message
+
+
+@pytest.mark.parametrize("name", flown.VEHICLES)
+def test_yaw_by_drag_has_the_sign_of_the_declared_spins(flights, name):
+    data, vehicle = flights[name]
+    for declared, sign in ((vehicle, 1.0), (flipped(vehicle), -1.0)):
+        factors = band_factors(data, declared, plan=PLAN)
+        R = factors.select((factors.band[:, 1] > 0.3) & (factors.band[:, 0] < 15.0)).total
+        assert sign * yaw_by_drag(R, declared) > 0.3
+
+
+def test_yaw_that_tilted_motors_make_says_nothing_of_spins():
+    """An autopilot holds yaw against what its pitching does to it: by drag of the other sign."""
+    rng, vehicle = (
+        np.random.default_rng(8),
+        flown.simulated("quad-x", seed=1, seconds=SECONDS).vehicle,
+    )
+    layout = signal_layout(vehicle)
+    pattern = np.column_stack([-vehicle.spins, np.cross(vehicle.positions, vehicle.axes)[:, 1]])
+    pitch = rng.normal(size=400)
+    held = -0.9 * pitch + 0.1 * rng.normal(size=400)
+    R = np.zeros((400, len(layout)))
+    squares = np.column_stack([held, pitch]) @ np.linalg.pinv(pattern)
+    R[:, [layout.index(f"O2_{i + 1}") for i in range(4)]] = squares
+    drag, torque = (squares @ pattern).T
+    R[:, layout.index("dwz")] = drag + 1.5 * torque
+    assert np.corrcoef(R[:, layout.index("dwz")], drag)[0, 1] < -0.5
+    assert yaw_by_drag(R, vehicle) > 0.3
+
+
+def test_a_turn_that_one_torque_alone_shows_is_none():
+    """Of an axis that nobody flies the autopilot's answer points anywhere."""
+    rng, vehicle = (
+        np.random.default_rng(9),
+        flown.simulated("quad-x", seed=1, seconds=SECONDS).vehicle,
+    )
+    layout = signal_layout(vehicle)
+    lever = np.cross(vehicle.positions, vehicle.axes)[:, :2]
+    torque = rng.normal(size=(400, 2))
+    R = np.zeros((400, len(layout)))
+    columns = [layout.index(f"O2_{i + 1}") for i in range(4)]
+    R[:, columns] = torque @ np.linalg.pinv(lever)
+    turned = np.radians(25.0)
+    back = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+    places = [layout.index("dwx"), layout.index("dwy")]
+    R[:, places] = torque @ back
+    angle, _ = turn_about_z(R, vehicle)
+    assert abs(angle) == pytest.approx(turned)
+    back[1] = [0.0, 1.0]
+    R[:, places] = torque @ back
+    assert turn_about_z(R, vehicle)[0] == 0.0
 
 
 @pytest.mark.parametrize("name", flown.VEHICLES)

@@ -18,5 +18,5 @@ def test_motors_do_not_answer_before_their_command():
     assert early_sentence(0.04, -0.004, 0.0) is None
     assert early_sentence(0.1, -0.028, 0.02) is None
     words = early_sentence(0.1, -0.028, 0.002)
-    assert "the motors answer 28 ms before the command" in words
+    assert "the motors respond 28 ms before the command" in words
     assert "the lag given is longer than the motors'" in words

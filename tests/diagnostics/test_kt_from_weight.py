@@ -102,11 +102,11 @@ def test_rest_tells_the_bias():
     assert bias_at_rest(in_the_air) == Measured(value=0.0, std=0.2)
 
 
-def balance(changes, std, *, weight=(1.0, 0.01), law_std=0.0):
+def balance(changes, std, *, weight=(1.0, 0.01), law_mistaken=0.0):
     return Balance(
         changes=Measured(value=changes, std=std),
         weight=Measured(value=weight[0], std=weight[1]),
-        law_std=law_std,
+        law_mistaken=law_mistaken,
     )
 
 
@@ -137,13 +137,25 @@ def test_without_changes_the_weight_alone_tells():
 
 def test_a_command_without_law_leaves_inertia_open():
     """Thrust of the power 1.5: k_t is the weight's, and inertia may go with three quarters."""
-    found = balance(0.75, 0.02, law_std=0.25)
+    found = balance(0.75, 0.02, law_mistaken=1.0)
     assert found.kt.value == pytest.approx(1.0, abs=0.001)
     assert found.kt.std < 0.02
     assert found.law_reach == pytest.approx(0.25, abs=0.05)
     assert balance(0.75, 0.02).law_reach == 0.0
-    unknown = Balance(changes=None, weight=found.weight, law_std=0.25)
-    assert unknown.law_reach == pytest.approx(1.96 * 0.25)
+    unknown = Balance(changes=None, weight=found.weight, law_mistaken=1.0)
+    assert unknown.law_reach == pytest.approx(1.96 * 0.25, rel=1e-4)
+
+
+def test_a_law_that_the_weight_contradicts_leaves_inertia_open():
+    """It is right or wrong, and how far inertia may go with it grows without a jump."""
+    right, wrong = (balance(c, 0.02, law_mistaken=0.05) for c in (1.01, 1.25))
+    assert (right.law_is_wrong, right.law_reach) == (pytest.approx(0.0, abs=0.01), 0.0)
+    assert wrong.law_is_wrong > 0.99
+    assert wrong.law_reach == pytest.approx(0.29, abs=0.02)
+    assert wrong.kt.value == pytest.approx(1.0, abs=0.01)
+    many = [balance(c, 0.02, law_mistaken=0.05).law_reach for c in np.linspace(1.0, 1.3, 601)]
+    assert np.diff(many).min() >= -1e-9
+    assert np.diff(many).max() < 0.02
 
 
 def test_rotor_speeds_as_commands_need_no_law():
@@ -164,7 +176,7 @@ def test_what_chance_may_do_is_no_doubt(changes, doubted):
 
 
 def test_the_power_of_a_command_is_said_without_a_law():
-    said = agreement(balance(0.75, 0.02, law_std=0.25), COMMANDED).sentence
+    said = agreement(balance(0.75, 0.02, law_mistaken=1.0), COMMANDED).sentence
     assert "to the power of 1.5, not 2" in said
     assert "power" not in agreement(balance(0.75, 0.02), COMMANDED).sentence
 

@@ -15,6 +15,9 @@ NAMES = ("kt", "Ixx@A", "Izz@A", "com_x@A")
 VALUES = (2e-6, 0.01, 0.02, 0.001)
 
 
+RATIOS = (*NAMES, "hover_speed@A", "Ixx_over_kt@A", "kd_over_Izz@A")
+
+
 def numbers():
     return made_fit.no_numbers(*NAMES, values=VALUES, half_width=(1e-8, 1e-4, 1e-3, 1e-3))
 
@@ -97,12 +100,17 @@ def test_thrust_that_changes_in_flight_widens_kt_and_inertia(change):
     speed = flat.data.rotor_speed / np.sqrt(1.0 + change * late[:, None])
     data = replace(flat.data, rotor_speed=speed)
     dataset = made_fit.dataset(replace(flat, data=data, motor_channel=speed))
-    fit = made_fit.fit(dataset, numbers())
-    half = allow_for_thrust_change(fit).numbers.half_width / np.abs(VALUES)
-    before = fit.numbers.half_width / np.abs(VALUES)
+    values = (*VALUES, 1310.0, 5e3, 1e-5)
+    numbers = made_fit.no_numbers(*RATIOS, values=values, half_width=1e-6 * np.array(values))
+    fit = made_fit.fit(dataset, numbers)
+    half = allow_for_thrust_change(fit).numbers.half_width / np.abs(values)
+    before = fit.numbers.half_width / np.abs(values)
     assert half[3] == before[3]
+    assert half[6] == before[6]
     if change:
         assert 0.07 < half[0] < 0.15
         assert 0.07 < half[1] < 0.15
+        assert half[4] == pytest.approx(0.5 * half[0], rel=1e-3)
+        assert half[5] == pytest.approx(change / (1.0 + change), rel=0.05)
     else:
         np.testing.assert_allclose(half, before)

@@ -75,7 +75,7 @@ def test_right_spins_are_taken(judged, flights, name):
 def test_one_wrong_spin_is_named(judged, flights, name):
     right = flights[name].vehicle.rotors[-1].spin
     last = len(flights[name].vehicle.rotors) - 1
-    with pytest.raises(FrameError, match=f"with rotor {last + 1} {right} the rotors' drag"):
+    with pytest.raises(FrameError, match=f"with rotor {last + 1} {right} the drag torques"):
         judged(flights[name], last)
 
 
@@ -177,5 +177,5 @@ def test_a_drag_below_zero_reverses_the_propellers(found, said):
 def test_identify_refuses_a_wrong_spin(tmp_path):
     flight = flown.simulated("A", "noisy", seed=4, seconds=15.0, physics_rate=200.0)
     wrong = with_spins(flight.vehicle, np.array([-1.0, 1.0, 1.0, 1.0]))
-    with pytest.raises(FrameError, match="with rotor 1 ccw the rotors' drag torques are alike"):
+    with pytest.raises(FrameError, match="with rotor 1 ccw the drag torques of all"):
         flown.identified(tmp_path, [flight], vehicle=wrong, extra="[motors]\ndelay = 0.0\n")

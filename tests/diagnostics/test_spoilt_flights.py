@@ -244,7 +244,7 @@ def test_a_rotor_unlike_the_others_is_named():
     ("pattern", "kind", "said"),
     [
         ((0.88, 1.0, 1.01, 0.99), "rotor-unlike", "12 +- 0 % less thrust .*: its speed"),
-        ((0.88, 1.06, 1.08, 0.92), "rotor-pattern", "these differ among themselves: no single"),
+        ((0.88, 1.06, 1.08, 0.92), "rotor-pattern", "the others differ, too, which no single"),
     ],
 )
 def test_a_pattern_over_all_rotors_is_no_single_rotor(pattern, kind, said):

@@ -452,7 +452,7 @@ def test_sih_brakes_as_the_vehicle():
     text = text_of(told, "px4-sih")
     p = params(text)
     assert (p["SIH_KDV"], p["SIH_KDW"]) == pytest.approx((1.0, 0.025))
-    assert "identified, but left out of this file" not in text
+    assert "known, but left out of this file" not in text
     assert "drag_x = 0.9" in text_of(told, "px4")
 
 
@@ -505,7 +505,7 @@ def test_thrust_at_full_command_is_enough_for_a_simulator(target):
     if target == "mujoco":
         assert 'ctrlrange="0 4.2"' in text and "-0.015" in text
         return
-    assert "max_speed = 1000 rad/s [ASSUMED: nominal: the log does not tell it" in text
+    assert "max_speed = 1000 rad/s [ASSUMED: nominal, as the log has none" in text
     if target.startswith("gazebo"):
         value = {n: float(text.split(f"<{n}>")[1].split("<")[0]) for n in (
             "motorConstant", "maxRotVelocity", "momentConstant")}  # fmt: skip

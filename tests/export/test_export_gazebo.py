@@ -146,6 +146,6 @@ def test_rotor_inertia_larger_than_the_body_is_refused():
 
 def test_without_jr_the_spin_inertia_is_said_to_be_none():
     text = text_of(flat(), "gazebo")
-    assert "0.0001 of the vehicle's Izz, too small to matter, for want of Jr" in text
+    assert "0.0001 of the vehicle's Izz, too small to matter, as Jr is not known" in text
     assert "spin inertia is 10 Jr" not in text
     assert "spin inertia is 10 Jr" in text_of(a_result(), "gazebo")

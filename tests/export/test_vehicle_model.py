@@ -93,10 +93,7 @@ def test_terms_that_are_left_out_are_named_in_the_file(target):
     term = parameter("rotor_drag", 1.2e-5)
     lost = replace(parameter("twist", 0.0, "A"), **UNKNOWN, verdict="not-identified")
     text = text_of(with_numbers(a_result(), term, lost), target)
-    assert (
-        "identified, but left out of this file: rotor_drag = 1.2e-05 +- 1.2e-07 N s^2/(m rad)"
-        in text
-    )
+    assert "known, but left out of this file: rotor_drag = 1.2e-05 +- 1.2e-07 N s^2/(m rad)" in text
     assert "left out here" not in text_of(with_numbers(a_result(), lost), target)
 
 
@@ -357,7 +354,9 @@ def test_six_rotors_are_written_where_the_target_has_them(target, marks):
 def test_rotors_without_a_coefficient_of_their_own_have_the_mean():
     model = vehicle_model(changed(a_result(), kt_2=not_identified()))
     assert [r.kt for r in model.rotors] == pytest.approx([KT_EACH[0], KT, *KT_EACH[2:]])
-    assert any("rotors with the mean kt, their own is not known: 2" in n for n in model.notes)
+    assert any(
+        "the mean kt is taken for rotors whose own is not known: 2" in n for n in model.notes
+    )
 
 
 def test_an_assumed_coefficient_is_that_of_every_rotor():
@@ -458,7 +457,7 @@ def test_a_coefficient_below_zero_is_refused(name):
     own = {} if name == "kt_3" else {f"kt_{i}": None for i in range(1, 5)}
     lost = {name: {"value": -1e-9, "interval": (-2e-9, -1e-10)}}
     negative = changed(a_result(), **(own | lost))
-    with pytest.raises(OutputError, match=f"{name} is -1e-09 .*, and nature has it above 0"):
+    with pytest.raises(OutputError, match=f"{name} is -1e-09 .*, which cannot be below 0"):
         vehicle_model(negative)
 
 
@@ -467,7 +466,7 @@ def test_a_rotor_inertia_not_told_from_zero_is_left_out():
     model = vehicle_model(none)
     assert model.Jr is None
     assert "Jr is below zero within its interval: left out" in model.notes
-    with pytest.raises(OutputError, match=r"Jr is -1e-09 .*, and nature has it above 0"):
+    with pytest.raises(OutputError, match=r"Jr is -1e-09 .*, which cannot be below 0"):
         vehicle_model(none, assumed={"Jr": -1e-9})
 
 
@@ -484,7 +483,7 @@ def test_a_missing_lag_says_why_it_is_missing():
         "motor_lag is not in the result (measured rotor speed alone does not show it; log the "
         "motor commands, too)"
     ) in words
-    assert "missing; supply it with " in words
+    assert "needed: supply them with " in words
     assert "max_speed is not in the result (no law from command to rotor speed" in words
     assert "fly" not in words
     assert "--assume motor_lag=VALUE --assume max_speed=VALUE" in words

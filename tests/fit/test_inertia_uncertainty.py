@@ -79,7 +79,7 @@ def test_com_height_is_not_identified_without_roll_and_pitch(turned):
     assert result.derived_value("com_z").value is None
     height = result.parameter("msz")
     assert height.verdict == "not-identified"
-    assert "in roll and pitch, need 5" in height.reason
+    assert "in roll and pitch (signal-to-noise" in height.reason
     assert "wiggle roll and pitch" in height.advice
 
 

@@ -54,7 +54,10 @@ def test_without_scatter_an_interval_is_that_of_the_covariance():
     fit = made_fit.fit_of([body], std={"kt": 1e-8})
     assert len(fit.estimate.names) == FREE
     assert half_width(fit, [body]) == pytest.approx(T_10 * LEFT * 1e-8, rel=1e-3)
-    assert half_width(fit, [body], "com_x@A") == pytest.approx(0.0, abs=1e-9)
+    found = joint_numbers(fit, [body], {"A": 0.0})
+    across = np.hypot(found.number("com_z@A")[0], found.number("kd_over_kt")[0])
+    lean = 1.96 * np.radians(0.25) * across  # of the rotors, and of their drag torque
+    assert half_width(fit, [body], "com_x@A") == pytest.approx(lean, rel=1e-6)
 
 
 @pytest.mark.parametrize("offset", [0.0, 5e-9])
@@ -407,9 +410,22 @@ def test_chance_answer_and_mass_add_as_squares():
 
 
 def test_what_is_free_of_the_mass_is_free_of_its_deviation():
-    half = widened({"com_x@A": (0.01, 1e-3), "Ixx_over_kt@A": (5.0, 0.5)}, mass_std=0.014)
+    at = {"com_x@A": (0.01, 1e-3), "com_y@A": (0.0, 0.1), "com_z@A": (0.0, 0.1)}
+    entries = {**at, "kd_over_kt": (0.0, 0.1), "Ixx_over_kt@A": (5.0, 0.5)}
+    half = widened(entries, mass_std=0.014)
     assert half["com_x@A"] == pytest.approx(1e-3, rel=1e-12)
     assert half["Ixx_over_kt@A"] == pytest.approx(0.5, rel=1e-9)
+
+
+def test_motors_that_lean_move_the_centre_of_mass():
+    """By a quarter of a degree: 10 mm below the IMU, and drag torque with a lever of 5 mm."""
+    at = {"com_x@A": (0.003, 0.0), "com_y@A": (0.004, 0.0), "com_z@A": (-0.01, 0.0)}
+    half = widened({**at, "msx@A": (0.003, 0.0), "kd_over_kt": (0.005, 0.0)})
+    lean = 1.96 * np.radians(0.25)
+    assert half["com_x@A"] == pytest.approx(lean * np.hypot(0.01, 0.005))
+    assert half["com_y@A"] == half["com_x@A"]
+    assert half["com_z@A"] == pytest.approx(lean * 0.005)
+    assert half["msx@A"] == pytest.approx(made_fit.configuration().mass * half["com_x@A"])
 
 
 def test_a_shared_number_hangs_on_the_least_known_mass():

@@ -588,3 +588,18 @@ def test_without_a_lag_there_is_one_start(monkeypatch):
     fitting(monkeypatch, lambda at, **_: (fit_at(at.free_timing, moved=[1e26]), []))
     found, _ = first_fit(dataset(), MotorResponse(delay=0.01), ("motor_delay",), ())
     assert found.timing == MotorResponse(delay=0.01)
+
+
+def test_a_declared_lag_that_flights_contradict_is_open_by_that():
+    declared = made_fit.dataset(motors=MotorsEntry(speed="commanded", lag=0.022, lag_std=0.001))
+    assert declared.lag_std(0.0225, 0.0008) == pytest.approx(0.0008)
+    assert declared.lag_std(0.022, 0.005) == pytest.approx(0.001)
+    # Both deviations are 1 ms, and they are 4 of theirs apart.
+    apart = 4.0 * 2.0**0.5 * MS
+    assert declared.lag_std(0.022 - apart, 0.001) == pytest.approx(0.004)
+
+
+def test_a_lag_of_quick_motors_contradicts_no_declaration():
+    undeclared = made_fit.dataset(motors=COMMANDED)
+    assert undeclared.lag_std(0.005, 0.001) == 0.001
+    assert undeclared.lag_std(0.005, 0.1) == undeclared.lag_prior[1]

@@ -1,11 +1,14 @@
 """The settings that inspect names: right for the log at hand, in files that load as they are."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
 import pytest
 
+from hand_made_logs import hover_thrust, motion_log
+from rotorfit.diagnostics.sensors.log_settings import USE_SPEED, better_log, log_with_speed
 from rotorfit.inspection.settings import settings_file, settings_for
 from rotorfit.logs.firmware import Lack
 from rotorfit.logs.formats import FORMATS
@@ -157,6 +160,25 @@ def test_inav_gets_its_own_names_and_file():
     assert settings_file("blackbox", betaflight).name == "betaflight.txt"
 
 
+@pytest.mark.parametrize(
+    ("version", "expected"),
+    [
+        ("4.2.0", "firmware"),
+        ("4.4.3", "firmware"),
+        ("4.5.1", "blackbox_disable_rpm"),
+        ("2026.6", "blackbox_disable_rpm"),
+    ],
+)
+def test_an_old_betaflight_is_flashed_and_gets_no_unknown_line(version, expected):
+    header = {
+        "Firmware revision": f"Betaflight {version} (8f2d21460) STM32F745",
+        "dshot_bidir": "1",
+    }
+    found = settings_for("blackbox", frozenset({"no rotor speed"}), header)
+    assert [s.name for s in found if s.name != "motor_poles"] == [expected]
+    assert [s.new for s in found if s.name == "firmware"] in ([], [None])  # no line of the file
+
+
 def test_the_outputs_of_the_motors_are_not_taken_for_granted():
     words = value(settings_for("dataflash", frozenset({"no rotor speed"})), "SERVO_BLH_BDMASK")
     assert words.startswith("2^(output - 1) of each motor's output")
@@ -212,3 +234,22 @@ def test_low_passes_of_px4_are_told_of_in_one_way():
 def test_sentences_of_the_guides_do_not_run_together():
     for guide in sorted((DOCS / "howto").glob("*.md")):
         assert not re.search(r":\nReady to load", guide.read_text(encoding="utf-8")), guide.name
+
+
+def test_next_steps_say_where_each_setting_goes():
+    log = replace(motion_log(hover_thrust(3), name="command"), format="crazyflie")
+    assert log_with_speed(log) == (
+        "log the rotor speed: add rpm.m1 rpm.m2 rpm.m3 rpm.m4 to config.txt (rotor speed, with an "
+        "RPM deck) (rotorfit settings LOG writes the file), then fly again"
+    )
+    old = {"Firmware revision": "Betaflight 4.2.0 (8f2d21460) STM32F745", "dshot_bidir": "1"}
+    flashed = log_with_speed(replace(log, format="blackbox", metadata=old)) or ""
+    assert "flash Betaflight 4.5 or later, then set motor_poles = magnets" in flashed
+    inav = better_log(replace(log, format="blackbox", metadata=INAV), frozenset({"no accel"}))
+    assert (inav or "").startswith("enter 'blackbox ACC' in the CLI")
+    unknown = better_log(replace(log, format="ulog", metadata={}), SLOW)
+    assert "set SDLOG_PROFILE to what it is with default set (bit 0)" in (unknown or "")
+
+
+def test_a_speed_that_the_log_has_is_to_be_used():
+    assert log_with_speed(motion_log(hover_thrust(3))) == USE_SPEED

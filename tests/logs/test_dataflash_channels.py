@@ -461,11 +461,12 @@ def test_law_and_frame_are_said(tmp_path):
 
 def test_what_to_set_is_said_with_the_number(tmp_path):
     found = read(tmp_path, [imu(t, *REST) for t in one_second(25)], settings=QUAD_X)
-    notes = "\n".join(found.notes)
+    notes = "\n".join([*found.notes, *found.warnings])
     wanted = 176126 | 1 << 18 | 1 << 19 | 1 << 0 | 1 << 10 | 1 << 9
     assert (
         f"set LOG_BITMASK = {wanted}, which adds fast attitude (bit 0), fast IMU (bit 18)" in notes
     )
+    assert notes.count("LOG_BITMASK") == 1  # said once, as a warning
     assert "the IMU comes at 25 Hz only" in notes
     assert "SERVO_BLH_BDMASK = 15 (the motors' outputs)" in notes
 
@@ -473,7 +474,7 @@ def test_what_to_set_is_said_with_the_number(tmp_path):
 def test_a_mask_that_asks_for_all_points_to_the_rate_limit(tmp_path):
     messages = [imu(t, *REST) for t in one_second(25)]
     found = read(tmp_path, messages, settings={**QUAD_X, "LOG_BITMASK": float(2**21 - 1)})
-    assert any("set LOG_FILE_RATEMAX = 0, since LOG_BITMASK = 2097151" in n for n in found.notes)
+    assert any("set LOG_FILE_RATEMAX = 0, since LOG_BITMASK = 2097151" in n for n in found.warnings)
 
 
 def test_batches_are_left_out_and_said(tmp_path):

@@ -233,6 +233,25 @@ def test_a_file_that_is_no_table_is_refused(tmp_path, text, words):
     assert words in str(caught.value)
 
 
+def test_a_channel_is_left_out_by_an_empty_name(tmp_path):
+    path = written(tmp_path / "own.csv", FLIGHT)
+    assert "quat_w" in propose_columns(path, units={"motors": "rad/s"}).columns
+    proposal = propose_columns(path, named={"quat_w": ""}, units={"motors": "rad/s"})
+    assert not {"quat_w", "quat_z"} & set(proposal.columns)
+    assert "quat_z" in proposal.unused
+
+
+def test_units_of_speeds_and_commands_are_stated_apart(tmp_path):
+    commands = {f"pwm_{i}": 1500 + 0.1 * FLIGHT[f"rotor_{i}"] for i in (1, 2, 3, 4)}
+    path = written(tmp_path / "own.csv", {**FLIGHT, **commands})
+    proposal = propose_columns(path, units={"motors": "rad/s", "rotor": "Hz"})
+    assert proposal.columns["rotor_1"].unit == "Hz"
+    assert proposal.columns["command_1"].unit == "us"
+    stated = propose_columns(path, units={"motors": "rad/s", "command": "counts"})
+    assert (stated.columns["rotor_1"].unit, stated.columns["command_1"].unit) == ("rad/s", "counts")
+    assert stated.columns["command_1"].range == (0.0, 65535.0)
+
+
 def test_text_beside_the_numbers_is_left_out(tmp_path):
     path = written(tmp_path / "own.csv", FLIGHT)
     lines = path.read_text().splitlines()

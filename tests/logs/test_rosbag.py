@@ -422,7 +422,10 @@ def test_numbers_of_other_messages_are_named_by_topic_and_path(tmp_path):
         ({"rotor_1": "/imu/data.nothing"}, "no topic has all of '/imu/data.nothing'"),
         ({"rotor_1": "/none.data"}, "no topic has all of '/none.data', which the columns map"),
         ({"speed": "/imu/data.x"}, "the columns map names 'speed'; for a ROS recording it names"),
-        ({"gyro_x": "/imu/data.angular_velocity.x"}, "column 'gyro_y' is missing beside gyro_x"),
+        (
+            {"gyro_x": "/imu/data.angular_velocity.x"},
+            "column 'gyro_y' is missing next to gyro_x",
+        ),
     ],
 )
 def test_a_wrong_map_is_refused(tmp_path, columns, message):

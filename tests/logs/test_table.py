@@ -216,7 +216,7 @@ def test_half_an_attitude_next_to_a_whole_one_is_left_out(tmp_path):
     text = "time,quat_w,quat_x,quat_y,quat_z,yaw\n0,1,0,0,0,9\n0.01,1,0,0,0,9\n"
     log = read_table(written(tmp_path, text))
     assert log.channels["attitude"].values.tolist() == [[1, 0, 0, 0], [1, 0, 0, 0]]
-    assert log.notes == ("Left out yaw: no roll, pitch beside.",)
+    assert log.notes == ("Left out yaw: roll, pitch are missing.",)
 
 
 def test_rows_without_a_time_are_left_out_and_counted(tmp_path):
@@ -242,7 +242,7 @@ def test_a_stray_column_of_a_mapped_file_is_left_out_with_a_note(tmp_path):
     names = {"time": ColumnSpec(name="t"), "battery": ColumnSpec(name="vbat")}
     log = read_table(path, columns=names)
     assert set(log.channels) == {"battery"}
-    assert log.notes == ("Left out yaw: no roll, pitch beside.",)
+    assert log.notes == ("Left out yaw: roll, pitch are missing.",)
 
 
 def test_a_column_that_the_map_claims_loses_its_own_name(tmp_path):
@@ -375,12 +375,12 @@ def test_the_resolution_is_in_si_units(tmp_path):
         ),
         (
             "time,gyro_x,gyro_y\n0,1,2\n",
-            "column 'gyro_z' is missing beside gyro_x, gyro_y: record gyro_x, gyro_y, gyro_z "
+            "column 'gyro_z' is missing next to gyro_x, gyro_y: record gyro_x, gyro_y, gyro_z "
             "together, or rename 'gyro_x'",
         ),
         (
             "time,rotor_1,rotor_3\n0,1,2\n",
-            "column 'rotor_2' is missing beside rotor_1, rotor_3: record rotor_1, rotor_2, "
+            "column 'rotor_2' is missing next to rotor_1, rotor_3: record rotor_1, rotor_2, "
             "rotor_3 together, or rename 'rotor_1'",
         ),
         ("time,battery,battery\n0,1,2\n", "2 columns are named 'battery': rename"),
@@ -518,7 +518,7 @@ def test_a_wrong_time_unit_of_a_map_is_refused_too(tmp_path):
         ),
         (
             {"vel_x": ColumnSpec(name="gyro_x"), "vel_y": ColumnSpec(name="gyro_y")},
-            "column 'vel_z' is missing beside vel_x, vel_y: record vel_x, vel_y, vel_z together, "
+            "column 'vel_z' is missing next to vel_x, vel_y: record vel_x, vel_y, vel_z together, "
             "or name the others in the columns map, too",
         ),
     ],

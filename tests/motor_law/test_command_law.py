@@ -15,11 +15,13 @@ from motor_responses import (
     VOLTAGE_EXPONENT,
     motor_responses,
 )
+from scipy import signal
 
 from rotorfit.errors import EstimationError
 from rotorfit.motor_law.command_response import recording_of
 from rotorfit.motor_law.fit_law import fit_law
 from rotorfit.motor_law.law_model import law_of, scales_of
+from rotorfit.preprocessing.motors.command_response import MeasuredResponse
 from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
 from rotorfit.results.law_tables import law_tables
 
@@ -160,3 +162,59 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         assert len(held) > 40, name
         assert np.mean(held) > 0.88, name
         assert np.median(halves) < 3.5 * np.sqrt(np.mean(errors**2)), name
+
+
+def numbers_of_loop(*, every, up=LAG, down=LAG, noise=0.0, exponent=0.5, square=1.0):
+    """Fit the law of a loop of 1 kHz of which the log keeps every so manieth sample."""
+    rng, n = np.random.default_rng(11), 30_000
+    slow = signal.lfilter([0.0016], [1.0, -1.92, 0.9216], rng.normal(size=(n, 4)), axis=0)
+    command = np.clip(0.4 + 0.8 * slow + noise * rng.normal(size=(n, 4)), 0.0, 1.0)
+    settled = (1000.0 * command**exponent) ** square
+    speed, now = np.empty((n, 4)), settled[0]
+    for k, wanted in enumerate(settled):
+        speed[k] = now
+        now = wanted + np.exp(-1e-3 / np.where(wanted > now, up, down)) * (now - wanted)
+    speed = speed ** (1.0 / square) + 0.5 * rng.normal(size=(n, 4))
+    time = 1e-3 * np.arange(n)[::every]
+    answers = [
+        MeasuredResponse(
+            rotor=i,
+            command_time=time,
+            command=command[::every, i],
+            voltage=None,
+            speed_time=time,
+            speed=speed[::every, i],
+        )
+        for i in range(4)
+    ]
+    return numbers(answers)
+
+
+def test_the_lag_of_a_loop_that_the_log_keeps_parts_of():
+    _, found = numbers_of_loop(every=10)
+    assert found["motor_lag"].value == pytest.approx(LAG, rel=0.01)
+    assert found["command_delay"].std < 5e-4
+    low, high = found["motor_lag"].interval
+    assert low < LAG < high
+
+
+def test_noise_that_a_log_folds_down_leaves_the_lag_open():
+    _, found = numbers_of_loop(every=10, noise=0.03)
+    low, high = found["motor_lag"].interval
+    assert low < LAG < high
+    _, quiet = numbers_of_loop(every=10)
+    assert found["motor_lag"].std > 3.0 * quiet["motor_lag"].std
+
+
+def test_lags_that_differ_are_not_taken_for_a_curve():
+    law, found = numbers_of_loop(every=4, up=0.04, down=0.075)
+    assert found["motor_lag_up"].value == pytest.approx(0.04, rel=0.02)
+    assert found["motor_lag_down"].value == pytest.approx(0.075, rel=0.02)
+    assert found["max_speed"].value == pytest.approx(1000.0, rel=0.003)
+    assert law.form != "linear"
+
+
+def test_a_lag_that_acts_on_thrust_is_found():
+    law, found = numbers_of_loop(every=1, square=2.0)
+    assert law.motors["lag_on"] == "thrust"
+    assert found["motor_lag"].value == pytest.approx(LAG, rel=0.01)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, TOO_SLOW
+from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
 from rotorfit.findings import Evidence, doubt, note
 from rotorfit.planning.next_step import BEST_MANOEUVRE, DONE, UNHELPED, next_step
 from rotorfit.results.assemble import mark_doubtful
@@ -53,6 +53,12 @@ def test_what_no_number_lacks_is_no_step():
 def test_a_manoeuvre_says_what_it_gives():
     gain = "kd from +-18 to +-6.2 % and Jr from unknown to +-12 %"
     assert step(ROLL).sentence == f"{FLOWN['turns']} (gives {gain})"
+
+
+def test_what_a_simulator_lacks_is_nothing_to_fly_for():
+    absent = note(NOT_SIMULATED, "", numbers=("Jr",), next_step="nothing", useless_because="none")
+    assert step(absent, kd="identified", Jr="not-identified").action == DONE
+    assert step(kd="identified", Jr="not-identified").action == FLOWN["roll"]
 
 
 def test_nothing_is_flown_for_nothing():

@@ -252,6 +252,22 @@ def test_a_vehicle_tied_down_at_full_weight_is_refused():
         prepared(log)
 
 
+@pytest.mark.parametrize("drift", [0.3, 0.0])
+def test_commands_that_grow_as_the_battery_sags_are_flight(drift):
+    """The thrust of a still hover stays the same while its commands grow."""
+    t = np.arange(6000) / 200
+    rng = np.random.default_rng(2)
+    wanted = 1.0 + 0.03 * np.sin(np.outer(t, (5.0, 7.0)))[:, 0]
+    force = np.tile([0.0, 0.0, G], (6000, 1)) + 0.1 * rng.normal(size=(6000, 3))
+    force[:, 2] += G * (wanted - 1.0)
+    log = motion_log(
+        wanted * (1.0 + drift * t / t[-1]),
+        force=force,
+        rates=0.03 * np.sin(np.outer(t, (5.0, 7.0, 3.0))),
+    )
+    assert prepared(log).data.seconds_used > 25.0
+
+
 @pytest.mark.parametrize("level", [0.03, 0.0])
 def test_a_vehicle_carried_by_hand_is_refused(level):
     t = np.arange(6000) / 200

@@ -51,3 +51,14 @@ def test_motion_has_no_source(noise):
     assert source_rate(speeds(0) + rhythm, RATE) is None
     refuse_interpolated_speeds(drawn(speeds(3), 50.0), RATE)  # fast enough
     assert source_rate(speeds(0)[:20], RATE) is None
+
+
+@pytest.mark.parametrize("rate", [6.0, 9.5])
+def test_motors_that_swing_between_their_limits_have_no_source(rate):
+    """A limit cycle bends at both of its ends, at twice its own rate."""
+    swing = np.clip(1.6 * np.sin(2.0 * np.pi * rate * TIME), -1.0, 1.0)
+    b, a = signal.butter(1, 8.0, fs=RATE)
+    wide = 150.0 * signal.lfilter(b, a, np.column_stack([swing, -swing, swing, -swing]), axis=0)
+    values = speeds(4) + wide
+    assert source_rate(values, RATE) is None
+    assert source_rate(drawn(values, 16.3), RATE) is not None

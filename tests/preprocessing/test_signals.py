@@ -79,6 +79,19 @@ def test_a_burst_of_motion_after_a_long_rest_is_no_spike():
     assert np.abs(clean - x).max() < 0.5
 
 
+def test_the_crest_of_a_quick_turn_in_a_slow_log_is_no_spike():
+    """Flattened crests look as if the gyro ended there."""
+    rng = np.random.default_rng(7)
+    t = np.arange(1600) / 50
+    throw = 7.0 * np.exp(-(((t - 2.5) / 0.08) ** 2))
+    x = (throw + 0.3 * np.sin(2 * np.pi * 0.4 * t) + 0.01 * rng.normal(size=t.size))[:, None]
+    assert hampel(x)[1].sum() == 0
+    x[700] += 1.0
+    clean, spikes = hampel(x)
+    assert np.flatnonzero(spikes).tolist() == [700]
+    assert clean[700] == pytest.approx(x[699], abs=0.1)
+
+
 def test_short_signals_and_the_argument_are_left_alone():
     x = np.array([[0.0], [1e6], [0.0]])
     assert np.array_equal(hampel(x)[0], x)

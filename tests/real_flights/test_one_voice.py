@@ -12,7 +12,7 @@ import pytest
 
 import flown
 from rotorfit.dataset.load import load_flight
-from rotorfit.diagnostics.sensors.log_settings import FAST
+from rotorfit.diagnostics.sensors.log_settings import FAST, TOO_SLOW
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.inspection.inspect_log import inspect_log
@@ -177,7 +177,7 @@ def test_the_same_first_step_is_a_setting_everywhere(said_of, name):
 def test_nothing_useless_is_advised(said_of, name):
     said = said_of(name)
     first = next_step(said.result)
-    useless = [one for one in said.result.findings if one.useless_because]
+    useless = [one for one in said.result.findings if one.kind == TOO_SLOW]
     for one in said.result.parameters:
         if useless and one.name in FAST:
             assert one.advice not in FLOWN.values(), one.name
@@ -186,7 +186,7 @@ def test_nothing_useless_is_advised(said_of, name):
         messages = " ".join(prospect_messages(said.report.prospects))
         assert "fly more" not in messages and "hide the motion" not in messages
     if first.gain is not None:
-        widths = re.findall(r"from (?:unknown|\+-([\d.]+)) to \+-([\d.]+) %", first.gain)
+        widths = re.findall(r"from (?:unknown|\+-([\d.]+)) to \+-([\d.]+) (?:%|mm)", first.gain)
         assert widths
         assert all(float(after) < float(now or 100.0) for now, after in widths)
 

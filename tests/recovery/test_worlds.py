@@ -13,7 +13,7 @@ from benchmarks.worlds.hazards import CAUSES, HAZARDS, NAMED, chances
 from benchmarks.worlds.pilot import STEP
 from benchmarks.worlds.sensing import experiment_text, table, truth, write_world
 from benchmarks.worlds.study import Study, read_rows, row_of, rows_of, run
-from benchmarks.worlds.tables import is_seen, kind_of, report
+from benchmarks.worlds.tables import is_doubted, is_seen, kind_of, report
 from benchmarks.worlds.world import GRAVITY, World, draw_world
 
 CALM: dict[str, float] = {}
@@ -207,3 +207,25 @@ def test_wrong_sides_that_no_log_shows_are_counted_apart(
     (line,) = (one for one in report([row]) if "now wrong_sides" in one)
     left, _, right = line.partition("|")
     assert "1.00 (   1)" in (left if shown else right)
+
+
+def test_a_doubt_counts_for_a_mistake_that_can_be_its_cause() -> None:
+    row = {"findings": [("weak-direction", "doubt", ""), ("lever-arms", "note", "")]}
+    assert not is_doubted(row, "wrong_sides")
+    row["findings"].append(("lever-arms", "doubt", ""))
+    assert is_doubted(row, "wrong_sides")
+    assert not is_doubted(row, "wrong_spins")
+
+
+def test_what_no_log_can_show_is_drawn_by_name_and_counted_apart() -> None:
+    invisible = {h.name for h in HAZARDS if h.kind == "invisible"}
+    assert invisible == {"mass_scale", "arm_scale", "clock_scale"}
+    assert not invisible & {*chances(None)}
+    assert invisible < {*chances(None, invisible=True)}
+    number = {"numbers": {"kt": (1.0, 0.1, "identified")}, "truth": {"kt": 1.5}, "findings": []}
+    row = {"index": 0, "seed": 1, "hazards": ["arm_scale", "drag"], "layout": "plus", "mass": 1.0}
+    row |= {"manoeuvre": "calm", "driven": "measured", "rate": 200, **number}
+    assert kind_of(row) == "invisible"
+    lines = report([row])
+    assert "Invisible hazards (apart): 1 worlds, identified  0.00 (   1)" in lines
+    assert not any(line.startswith(("kt ", "drag ", "(all)")) and "0.00" in line for line in lines)

@@ -71,7 +71,7 @@ def test_a_told_law_is_drawn_with_what_was_flown() -> None:
     alone = law_section(result)
     assert alone is not None
     assert 'class="seen"' not in alone.picture
-    assert "rotor speed is by the law that was told" in report_html(result, comparisons=[flown])
+    assert "rotor speed is by the given law" in report_html(result, comparisons=[flown])
     measured = {**TOLD, "motors": {"speed": "measured"}}
     assert law_section(a_result(configurations=("A",), settings=measured), [flown]) is None
 

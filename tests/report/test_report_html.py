@@ -215,7 +215,7 @@ def test_the_sections_and_their_order() -> None:
         "The vehicle, to scale",
         "Motion against rotors",
         "Beside the paper",
-        "What the flights can tell apart",
+        "Which parameters the flights separate",
         "What was used of each flight",
         "Settings, versions, fingerprints",
     ]

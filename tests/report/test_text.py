@@ -70,6 +70,7 @@ def test_numbers_as_they_are_read():
     assert with_interval(2.656e-7, (2.604e-7, 2.708e-7)) == "(2.656 +- 0.052)e-07"
     assert with_interval(0.01834, (0.01784, 0.01884)) == "0.01834 +- 0.00050"
     assert with_interval(930.6, (924.8, 936.4)) == "930.6 +- 5.8"
+    assert with_interval(18536.0, (16753.0, 20319.0)) == "18500 +- 1800"
     assert with_interval(1.285, None) == "1.285"
     assert with_interval(0.0, None) == "0"
     assert with_interval(None, None) == "-"
@@ -200,7 +201,7 @@ def test_a_product_near_zero_goes_by_the_moments():
 
 def test_one_screen():
     lines = result_text(sample()).splitlines()
-    assert len(lines) <= 50
+    assert len(lines) <= 52
     assert max(map(len, lines)) <= 100
     assert "None" not in "\n".join(lines) and "nan" not in "\n".join(lines)
 
@@ -244,7 +245,8 @@ def test_text_and_json_agree(tmp_path):
 
 
 def test_advice_is_given_once_with_the_numbers_it_is_for():
-    text = " ".join(result_text(sample()).split())
+    text, _, step = " ".join(result_text(sample()).split()).partition("Next step: ")
+    assert step == SCALE  # and one of them is the next step, as everywhere
     assert text.count(SCALE) == 1
     assert text.count(ROLL) == 1
     assert f"kd, Jr, Izz_com (the yaw equation gives only ratios): {SCALE}" in text
@@ -261,7 +263,9 @@ def test_words_are_explained_where_they_occur():
         assert f"  - {verdict}: " in text
     plain = result_text(result_of([parameter("kt"), parameter("mass", "given")]))
     assert "What the verdicts mean" not in plain
-    assert "What to do next" not in plain
+    assert "weak and missing" not in plain
+    done = "nothing more to fly: check it on another flight (rotorfit validate RESULT LOG)"
+    assert plain.endswith(f"Next step: {done}\n")
 
 
 def test_doubts_name_their_flight():

@@ -52,7 +52,7 @@ def test_verdicts_follow_the_width_of_the_interval(value, half, verdict):
 def test_too_little_excitation_is_the_reason_that_is_named(half, verdict):
     found = judge(1.0, half, scale=0.0, axis="pitch", excitation=4.9)
     assert found.verdict == verdict
-    assert "signal-to-noise 4.9 in pitch, need 5" in found.reason
+    assert "motion in pitch (signal-to-noise 4.9, need 5)" in found.reason
     assert "+-60 %" in judge(1.0, 0.6, scale=0.0, axis="pitch", excitation=5.0).reason
     assert "+-60 %" in judge(1.0, 0.6, scale=0.0, axis="force").reason
 
@@ -60,7 +60,7 @@ def test_too_little_excitation_is_the_reason_that_is_named(half, verdict):
 def test_a_percentage_says_of_what_it_is():
     assert judge(0.8, 0.6, scale=0.2, axis="force").reason == "known only to +-75 %"
     near_zero = judge(0.1, 0.12, scale=0.2, axis="force").reason
-    assert near_zero == "near zero, and its interval is 2.4 times too wide"
+    assert near_zero == "near zero, with an interval 2.4 times as wide as wanted"
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,14 @@ def test_a_ratio_is_called_a_ratio():
     assert weak_sentence(directions, set()) is None
 
 
+def test_what_has_no_number_is_not_said_to_be_known_together():
+    rows = np.array([[100.0, 100.0], [1.0, 0.0]])
+    directions = body_directions(estimate(("msz@A", "Ixz@A"), [-1.0, 3.0], rows.T @ rows))
+    assert weak_sentence(directions, {"msz@A"}, lost={"msz@A"}) is None
+    words = weak_sentence(directions, {"msz@A"}, several=False)
+    assert words is not None and " of A" not in words
+
+
 def test_what_is_not_a_ratio_is_known_together():
     rows = np.array([[100.0, 100.0], [1.0, 0.0]])
     directions = body_directions(estimate(("msz@A", "Ixz@A"), [-1.0, 3.0], rows.T @ rows))
@@ -112,5 +120,5 @@ def test_one_axis_at_a_time_gives_kd_and_izz_only_as_a_ratio(tmp_path):
     assert result.diagnostics["condition_bodies"] > 100.0
     (words,) = [w for w in result.warnings if "condition number" in w]
     assert "kd" in words
-    assert "Izz of A" in words
+    assert "Izz and kd" in words or "kd and Izz" in words
     assert "are known only as a ratio" in words

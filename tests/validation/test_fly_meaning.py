@@ -145,6 +145,6 @@ def test_an_error_beyond_the_band_is_laid_to_band_or_model():
     words = band_sentences(with_band(outcome(error), 0.02))
     assert [one.split(":")[0] for one in words] == ["roll", "pitch", "yaw"]
     assert "goes with the motion: the intervals of inertia" in words[0]
-    assert "which the model lacks and no interval of a parameter holds" in words[1]
+    assert "which neither the model nor the intervals" in words[1]
     assert "is steady: the trim changed" in words[2]
     assert band_sentences(with_band(outcome(error), 0.2)) == []

@@ -114,12 +114,17 @@ class Engine:
         return self.look({"name": argument["name"]}, progress)
 
     def look(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
-        """Describe a file, or one log in it where it holds several."""
+        """Describe a file, one log in it where it holds several, a table by given columns."""
         from rotorfit.app.findings import inspected
 
         one = file_named(self.folder, argument["name"])
         progress(f"reading {one.name}", None)
-        description = inspected(one, log_number=argument.get("log"))
+        description = inspected(
+            one,
+            log_number=argument.get("log"),
+            replies=argument.get("columns"),
+            form=_saved_json(self.folder / "form.json"),
+        )
         save_description(one, description)
         return description
 

@@ -3,11 +3,13 @@
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any, Final, cast
 
+from rotorfit.app.columns import described_columns, is_unknown_table, known_map, on_page
 from rotorfit.app.files import Dropped, json_with_shown_names, with_shown_names
 from rotorfit.app.form import files_of, form_of_file
-from rotorfit.errors import RotorfitError
+from rotorfit.errors import LogError, RotorfitError
 from rotorfit.inspection.inspect_log import LogReport, inspect_log
 from rotorfit.inspection.seen_airframe import seen_airframe
 from rotorfit.logs import ReadOptions, read_log
@@ -24,16 +26,30 @@ KINDS: Final = {
 SHOWN: Final = {"roll": "roll inertia", "pitch": "pitch inertia", "yaw": "yaw"}
 
 
-def inspected(one: Dropped, *, log_number: int | None = None) -> dict[str, Any]:
-    """Describe a dropped file for the page, one of several logs in it by number, from 1."""
+def inspected(
+    one: Dropped,
+    *,
+    log_number: int | None = None,
+    replies: Mapping[str, Any] | None = None,
+    form: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Describe a dropped file for the page.
+
+    Of several logs in it one by number, from 1; a table by what the user said of its columns, else
+    by what the form on the page has of them.
+    """
     kind, remarks = "other", list[str]()
-    description: dict[str, Any] = {"logs": [], "findings": None, "form": None}
+    description: dict[str, Any] = {"logs": [], "findings": None, "form": None, "table": None}
     try:
         known_kind = own_kind(one.path)
         is_log = known_kind is None and one.path.suffix != ".toml"
         kind = "log" if is_log else KINDS.get(known_kind or "", "other")
         if kind == "log":
-            description |= _of_log(one, log_number)
+            columns, options = _columns(one, replies, form or {})
+            if columns is None:
+                description |= _of_log(one, ReadOptions(log_number=log_number))
+            else:
+                description |= _of_table(one, columns, options)
         elif kind == "result":
             remarks = ["a result of identify: a form may take the motors' law from it"]
         else:
@@ -47,13 +63,52 @@ def inspected(one: Dropped, *, log_number: int | None = None) -> dict[str, Any]:
     return json_with_shown_names(one.path.parent.parent, description)
 
 
-def _of_log(one: Dropped, number: int | None) -> dict[str, Any]:
+def _columns(
+    one: Dropped, replies: Mapping[str, Any] | None, form: Mapping[str, Any]
+) -> tuple[dict[str, Any] | None, ReadOptions | None]:
+    """Describe the columns of an unknown table, and how it is read; None for every other log."""
+    if replies is None and not is_unknown_table(one.path):
+        return None, None
+    try:
+        columns, options = described_columns(one.path, replies, known_map(form, one.name))
+        trouble = LogError(columns["refused"]) if columns["refused"] else None
+    except LogError as error:
+        columns, options, trouble = None, None, error
+    # Rotorfit's own names without those of motors: what is there can be shown all the same.
+    if trouble is not None and replies is None and _is_readable(one.path):
+        return None, None
+    if columns is None:
+        raise trouble or LogError(f"{one.path}: no flight table")
+    return columns, options
+
+
+def _is_readable(path: Path) -> bool:
+    """Decide whether a table can be read by the names that it has."""
+    try:
+        return bool(read_log(path).channels)
+    except LogError:
+        return False
+
+
+def _of_table(
+    one: Dropped, columns: Mapping[str, Any], options: ReadOptions | None
+) -> dict[str, Any]:
+    """Inspect a table by its columns, where these are clear and can be read."""
+    if options is None:
+        return {"table": dict(columns)}
+    try:
+        return {**_of_log(one, options), "table": dict(columns)}
+    except LogError as error:
+        return {"table": {**columns, "refused": on_page(one.path, error), "map": None}}
+
+
+def _of_log(one: Dropped, options: ReadOptions) -> dict[str, Any]:
     """List the logs in a file, inspect one of them, and write its page."""
     entries = logs_in_file(one.path)
     logs = [{"number": e.number, "words": e.description} for e in entries if len(entries) > 1]
-    if logs and number is None:
+    if logs and options.log_number is None:
         return {"logs": logs}
-    log = read_log(one.path, options=ReadOptions(log_number=number))
+    log = read_log(one.path, options=options)
     report = inspect_log(log)
     html = with_shown_names(one.path.parent.parent, log_report_html(report))
     write_whole(one.page, html, force=True)

@@ -129,7 +129,7 @@ def outcome_of(result: IdentificationResult) -> dict[str, Any]:
             {"title": title, "lines": [_line(one) for one in lines]}
             for title, lines in summary.groups
         ],
-        "in_short": list(summary.doubts),
+        "in_short": [*summary.doubts, *summary.notes],
         "next_step": summary.next_step,
         "counts": [{"verdict": v, "count": n, "meaning": words} for v, n, words in summary.counts],
         "validation": [

@@ -48,16 +48,21 @@ Named = Annotated[
         "--column",
         metavar="NAME=COLUMN",
         help="For a table: which column is time, gyro_x, accel_x, rotor_1, command_1, ..., where "
-        "its name does not tell; repeatable.",
+        "its name does not tell; NAME= leaves one out; repeatable.",
     ),
 ]
 Units = Annotated[
     list[str] | None,
     typer.Option(
         "--unit",
-        metavar="gyro|motors=UNIT",
-        help="For a table: the unit where nothing in it tells, such as gyro=deg/s or motors=rpm.",
+        metavar="CHANNEL=UNIT",
+        help="For a table: the unit where nothing in it tells, or the proposed one is wrong, such "
+        "as gyro=deg/s, motors=rpm, accel=g or time=us; repeatable.",
     ),
+]
+TableAxes = Annotated[
+    Literal["FLU", "FRD"] | None,
+    typer.Option(help="For a table: its body axes, where those that gravity shows are wrong."),
 ]
 Poles = Annotated[
     int | None,
@@ -82,6 +87,7 @@ def airframe(
     speed: Speed = None,
     column: Named = None,
     unit: Units = None,
+    axes: TableAxes = None,
     poles: Poles = None,
     force: Force = False,
 ) -> None:
@@ -95,7 +101,7 @@ def airframe(
     from rotorfit.logs.files import write_whole
 
     refuse_output_file(output, inputs=[] if log is None else [log], force=force)
-    table = None if log is None else _table_of(log, column, unit, poles)
+    table = None if log is None else _table_of(log, column, unit, axes=axes, poles=poles)
     seen = SeenAirframe() if log is None else _seen_in(log, log_number, table)
     given = (layout, order, spacing)
     if seen.rotors_table and given == (None, None, None):
@@ -120,7 +126,12 @@ def airframe(
 
 
 def _table_of(
-    log: Path, column: list[str] | None, unit: list[str] | None, poles: int | None
+    log: Path,
+    column: list[str] | None,
+    unit: list[str] | None,
+    *,
+    axes: Literal["FLU", "FRD"] | None,
+    poles: int | None,
 ) -> ReadOptions | None:
     """Propose and print the columns of an unknown table; None for every other log."""
     from rotorfit.logs import ReadOptions
@@ -129,13 +140,15 @@ def _table_of(
 
     form = None if own_kind(log) else format_of(log)
     if form is None or form.name != "table" or log.suffix.lower() == ".toml":
-        if column or unit:
-            raise ExperimentError(f"{log}: --column and --unit are for tables (CSV, Parquet)")
+        if column or unit or axes:
+            raise ExperimentError(
+                f"{log}: --column, --unit and --axes are for tables (CSV, Parquet)"
+            )
         return None
     named, units = _pairs(column, "--column gyro_x=COLUMN"), _pairs(unit, "--unit gyro=deg/s")
-    if not named and not units and explains_itself(log):
+    if not named and not units and axes is None and explains_itself(log):
         return None
-    proposal = propose_columns(log, named=named, units=units)
+    proposal = propose_columns(log, named=named, units=units, axes=axes)
     print_status(proposal_text(proposal))
     for question in proposal.questions:
         choices = list(question.choices)
@@ -143,7 +156,7 @@ def _table_of(
         reply = _ask_choice(choices, words, choices[0], f"--unit {question.channel}=UNIT")
         units = {question.channel: reply, **units}
     if proposal.questions:
-        proposal = propose_columns(log, named=named, units=units)
+        proposal = propose_columns(log, named=named, units=units, axes=axes)
     if any(spec.unit == "erpm" for spec in proposal.columns.values()) and poles is None:
         reply = _ask("Magnets of a motor's bell, as for erpm (often 14)", None, "--poles N")
         if not reply.isdecimal():
@@ -155,7 +168,7 @@ def _table_of(
 def _pairs(given: list[str] | None, example: str) -> dict[str, str]:
     """Split NAME=VALUE of an option."""
     pairs = [one.partition("=") for one in given or []]
-    if any(not (name and value) for name, _, value in pairs):
+    if any(not (name and sign) for name, sign, _ in pairs):
         raise typer.BadParameter(f"expected such as {example}")
     return {name.strip(): value.strip() for name, _, value in pairs}
 
@@ -167,7 +180,7 @@ def proposal_text(proposal: Proposal) -> str:
     rows: list[tuple[str, ...]] = [("is", "column", "unit", "first row", "middle", "last")]
     for name, spec in proposal.columns.items():
         scale = "" if spec.scale == 1 else f" x {spec.scale:.6g}"
-        values = (f"{value:.6g}" for value in proposal.preview[name])
+        values = (f"{value:.{13 if name == 'time' else 6}g}" for value in proposal.preview[name])
         rows.append((name, spec.name[:24], f"{unit_of(name, spec)}{scale}", *values))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]
     lines = ["proposed columns, with values as recorded:"]
@@ -186,24 +199,14 @@ def proposal_text(proposal: Proposal) -> str:
 
 def table_text(options: ReadOptions) -> str:
     """Write the columns of a table as ``[table]`` of an airframe file."""
+    from rotorfit.experiment.experiment import table_of_options
     from rotorfit.experiment.toml_files import experiment_text
 
-    columns = {
-        name: {
-            "name": spec.name,
-            "unit": spec.unit,
-            "scale": None if spec.scale == 1 else spec.scale,
-            "offset": None if spec.offset == 0 else spec.offset,
-            "range": None if spec.range is None else list(spec.range),
-        }
-        for name, spec in (options.columns or {}).items()
-    }
     poles = "" if options.motor_poles is None else f"poles = {options.motor_poles}\n"
     head = (
         "\n# how tables of this vehicle are read: proposed by names and values, yours to correct\n"
     )
-    table = experiment_text({"table": {"axes": options.axes}, "table.columns": columns})
-    return f"{poles}{head}" + table.replace('["table.columns"]', "[table.columns]")
+    return f"{poles}{head}" + experiment_text({"table": table_of_options(options)})
 
 
 def _named_text(
@@ -288,7 +291,8 @@ def _layout_or_order(
             f"no named layout has {seen.rotors} rotors: list them in the file, as docs/experiment "
             "says, with rotors = [ { position = [x, y, z], spin = 'ccw' }, ... ]"
         )
-    default = shown if shown in choices else choices[0]
+    # A wrong order would be accepted by many a later command: it is never a default by itself.
+    default = shown if shown in choices else choices[0] if key == "layout" else ""
     if given is None and seen.borne_out and shown in choices:
         return str(shown)
     question = f"{key.capitalize()} ({', '.join(choices)})"
@@ -352,13 +356,13 @@ def _ask_choice(choices: list[str], question: str, default: str, option: str) ->
 
 def _ask(question: str, default: str | None, option: str) -> str:
     """Ask a question; an empty answer is its default."""
-    shown = "" if default is None else f" [{default}]"
+    shown = f" [{default}]" if default else ""
     sys.stderr.write(f"{question}{shown}: ")
     sys.stderr.flush()
     line = sys.stdin.readline()
     if not line:
         raise OutputError(f"no answer to {question.strip()!r}: answer it, or give {option}")
-    reply = line.strip() or default
+    reply = line.strip() or default  # the empty answer is none of the choices
     if reply is None:
         raise OutputError(f"no answer to {question.strip()!r}: a number is needed")
     return reply

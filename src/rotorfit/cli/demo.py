@@ -170,8 +170,8 @@ def _validation_lines(results: Results) -> list[str]:
 
     names = "".join(f"{name:>8}" for name in SHOWN)
     lines = [
-        "Error on flights kept apart: force and moment of the rotors against those that\n"
-        "the IMU measured, in % of their root mean square",
+        "Error on the validation flights: force and moment of the rotors against those\n"
+        "that the IMU measured, in % of their root mean square",
         f"  {'':<8}{'rotorfit':>32}  {PAPERS:>32}",
         f"  {'':<8}{names}  {names}",
     ]

@@ -297,7 +297,7 @@ def _write_tables(
         _print_json(target="table", files=[str(file) for file in files])
         return
     for file, comparison in zip(files, comparisons, strict=True):
-        kind = "of the fit" if comparison.used_in_fit else "kept apart"
+        kind = "of the fit" if comparison.used_in_fit else "kept for validation"
         print_result(f"{file}: wrenches of {comparison.flight} ({kind}), low-pass 3 Hz")
 
 

@@ -174,9 +174,8 @@ def _experiment_of_log(
     if mass is None or described is None:
         required = {"--mass KG": mass, "--airframe AIRFRAME.toml": airframe}
         missing = [option for option, value in required.items() if value is None]
-        raise typer.BadParameter(
-            f"a log also needs {' and '.join(missing)} (an experiment file ends in .toml)"
-        )
+        writes = f": rotorfit airframe {source.name} writes that file" if described is None else ""
+        raise typer.BadParameter(f"a log also needs {' and '.join(missing)}{writes}")
     return single_flight_experiment(source, mass=_parse_mass(mass), airframe=described)
 
 

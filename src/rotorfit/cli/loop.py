@@ -11,6 +11,7 @@ from rotorfit.cli.terminal import (
     print_result,
     print_status,
     refuse_output_files,
+    terminal_width,
     write_pictures,
 )
 
@@ -49,5 +50,5 @@ def loop(
         write_whole(output, loop_to_json(outcome), force=force)
         print_status(f"wrote {output}")
     write_pictures(report, None, page=lambda: loop_html(outcome), drawings=dict, force=force)
-    # Its tables need a fixed width.
-    print_result((loop_to_json(outcome) if as_json else coloured(loop_text(outcome))).rstrip())
+    text = coloured(loop_text(outcome, width=terminal_width()))
+    print_result((loop_to_json(outcome) if as_json else text).rstrip())

@@ -10,8 +10,18 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 from threadpoolctl import threadpool_limits
 
-from rotorfit.control_loop.controllers import AXES, moving_filters, rate_controller
-from rotorfit.control_loop.margins import Margins, margins
+from rotorfit.control_loop.controllers import AXES, rate_controller
+from rotorfit.control_loop.margins import margins
+from rotorfit.control_loop.measures import (
+    LoopMeasures,
+    StepResponse,
+    bandwidth,
+    closed_loop,
+    measures_of,
+    peak_below,
+    step_harmonics,
+    step_of,
+)
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.proof import (
     UNKNOWN,
@@ -27,11 +37,11 @@ from rotorfit.control_loop.proof import (
     replay_output,
 )
 from rotorfit.control_loop.rate_controller import RateController
+from rotorfit.control_loop.reasons import PROVED_AXES, contradictions, notes_of, too_little
 from rotorfit.control_loop.vehicle import Flown, controller_response, flown, known_words, plant
 from rotorfit.errors import LogError
 from rotorfit.experiment.experiment import Experiment
-from rotorfit.logs import read_log
-from rotorfit.logs.controller_log import ControllerLog, knows_controller, read_controller_log
+from rotorfit.logs.controller_log import ControllerLog, knows_controller, read_with_controller
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.results.result import IdentificationResult, owner_of
 
@@ -41,79 +51,10 @@ LOWEST: Final = 0.1
 """Of the frequencies [Hz]."""
 FACTORS: Final = (0.8, 1.0, 1.25, 1.5)
 """Of the rate gains in the table of what a gain would do."""
-NEAR: Final = 2.0
-"""Factor about the crossover in which the closed loop must be proved."""
 STEPS: Final = 6
 """Of finding how far the flown loop is from the predicted one."""
 STEP: Final = (0.3, 5e-3)
 """The longest of them: logarithm of the effectiveness, and delay [s]."""
-LIMITED: Final = 0.02
-"""Share of a flight with a motor at its limit, from which it is said."""
-PROVED_AXES: Final = (0, 1)
-"""Yaw's closed loop is not predicted well enough to be proved."""
-SIDES: Final = (0.025, 0.975)
-SETTLED: Final = 4.0
-"""By then the answer to a step has come to rest [s]."""
-STEP_TIMES: Final = np.linspace(0.0, 0.6, 121)
-"""At which it is shown [s]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measure:
-    """A number of the loop with its 95 % interval; NaN where the loop has none.
-
-    Attributes
-    ----------
-    value
-        Of the nominal vehicle.
-    low, high
-        Ends of the interval.
-    """
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopMeasures:
-    """How far a loop is from oscillating.
-
-    Attributes
-    ----------
-    crossover
-        Frequency at which the gain falls to 1 for the last time [Hz].
-    phase
-        Phase margin [deg].
-    gain
-        Factor of the gain at which the loop oscillates.
-    delay
-        Time by which the loop may be later until it oscillates [s].
-    sensitivity
-        Peak of ``1 / |1 + L|``: by how much disturbances are amplified at worst.
-    stable
-        Share of the vehicles that the flights leave open in which the closed loop is stable.
-    """
-
-    crossover: Measure
-    phase: Measure
-    gain: Measure
-    delay: Measure
-    sensitivity: Measure
-    stable: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StepResponse:
-    """Rate over the rate asked for, that steps to 1 at time 0 [s], with its 95 % band.
-
-    Without noise, at no motor's limit; NaN where the nominal loop oscillates.
-    """
-
-    time: Float[np.ndarray, " t"]
-    value: Float[np.ndarray, " t"]
-    low: Float[np.ndarray, " t"]
-    high: Float[np.ndarray, " t"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,6 +77,8 @@ class AxisLoop:
         Of the measured closed loop, and what they say of effectiveness and delay.
     doubts
         Why no margin of it is proved; empty where it is.
+    derivative_share
+        Size of what D adds to the output over that of P and I, at the crossover.
     gains
         Factor of P, I and D, and the peak of the sensitivity that 97.5 % of the vehicles stay
         below; infinite where more oscillate.
@@ -158,6 +101,7 @@ class AxisLoop:
     bands: tuple[Band, ...]
     error: LoopError
     doubts: tuple[str, ...]
+    derivative_share: float
     gains: tuple[tuple[float, float], ...]
     step: StepResponse
     frequency: Float[np.ndarray, " f"]
@@ -230,13 +174,13 @@ def loop_margins(
     """
     owner = owner_of(result, configuration)
     try:
-        controller = read_controller_log(log)
+        flight, controller = read_with_controller(log)
     except LogError as error:
         if knows_controller(log):
             raise
         raise LogError(f"{error}. {known_words(result, owner)}") from error
     with threadpool_limits(limits=1, user_api="blas"):
-        return judge_flight(result, owner, read_log(log), controller, draws=draws, seed=seed)
+        return judge_flight(result, owner, flight, controller, draws=draws, seed=seed)
 
 
 def first_flight_margins(result: IdentificationResult, experiment: Experiment) -> LoopOutcome:
@@ -270,7 +214,7 @@ def judge_flight(
         autopilot=controller.autopilot,
         firmware=controller.firmware,
         axes=_jointly(axes),
-        notes=tuple(_notes(flight, log)),
+        notes=tuple(notes_of(flight, log)),
     )
 
 
@@ -326,21 +270,16 @@ def _axis(
     replay = replay_output(controller, flight, axis)
     mixer = replay_mixer(flight, axis)
     wrong = axis in PROVED_AXES and error.is_wrong(body)
-    doubts = _contradictions(axis, replay, mixer, error if wrong else None, flight)
+    doubts = contradictions(axis, replay, mixer, error if wrong else None, flight)
     vehicles = body if doubts else error.corrected(body, seed)
     inner = loops(vehicles)
     bands = bands_of(inner[0])
     found = margins(frequency, inner)
-    rate_loop = _measures(found)
+    closed = closed_loop(controller, inner, frequency)
+    rate_loop = measures_of(found, bandwidth(frequency, closed))
     alone = _rate_loops(controller, vehicles, filtered=at_harmonics, frequency=harmonics)
-    closed = closed_loop(controller, alone, harmonics)
-    doubts = doubts or _too_little(rate_loop.crossover.value, bands, error)
+    doubts = doubts or too_little(rate_loop.crossover.value, bands, error)
     outer = _with_attitude(inner, controller, frequency)
-    gains = [
-        (factor, _peak(margins(frequency, _with_attitude(factor * inner, scaled, frequency))))
-        for factor in FACTORS
-        for scaled in [controller.scaled(factor)]
-    ]
     return AxisLoop(
         axis=AXES[axis],
         controller=controller,
@@ -348,16 +287,32 @@ def _axis(
         mixer=mixer,
         contradicts=wrong and replay.is_right,
         rate_loop=rate_loop,
-        with_attitude=_measures(margins(frequency, outer)),
+        with_attitude=measures_of(
+            margins(frequency, outer), bandwidth(frequency, (outer - inner) / (1.0 + outer))
+        ),
         bands=tuple(bands),
         error=error,
         doubts=tuple(doubts),
-        gains=tuple(gains),
-        step=_step(step_response(harmonics, closed, STEP_TIMES), found.stable),
+        derivative_share=controller.derivative_share(rate_loop.crossover.value),
+        gains=_gain_peaks(controller, inner, frequency),
+        step=step_of(harmonics, closed_loop(controller, alone, harmonics), found.stable),
         frequency=frequency,
         open_loop=outer,
-        closed_loop=closed_loop(controller, inner, frequency),
+        closed_loop=closed,
         stable=found.stable,
+    )
+
+
+def _gain_peaks(
+    controller: RateController,
+    inner: Complex[np.ndarray, "D f"],
+    frequency: Float[np.ndarray, " f"],
+) -> tuple[tuple[float, float], ...]:
+    """Compute the peak of the sensitivity that other rate gains would have, by their factor."""
+    scaled = ((factor, controller.scaled(factor)) for factor in FACTORS)
+    return tuple(
+        (factor, peak_below(margins(frequency, _with_attitude(factor * inner, one, frequency))))
+        for factor, one in scaled
     )
 
 
@@ -380,43 +335,6 @@ def _with_attitude(
 ) -> Complex[np.ndarray, "D f"]:
     """Compute the open loops with the attitude loop; the feed-forward is in it, and not scaled."""
     return inner * (1.0 + controller.from_angle(frequency) / controller.from_rate(frequency))
-
-
-def closed_loop(
-    controller: RateController,
-    loops: Complex[np.ndarray, "*D f"],
-    frequency: Float[np.ndarray, " f"],
-) -> Complex[np.ndarray, "*D f"]:
-    """Compute the rate over the rate asked for, from open rate loops."""
-    asked = controller.from_set_point(frequency) / controller.from_rate(frequency)
-    return loops / (1.0 + loops) * asked
-
-
-def step_harmonics(period: float) -> Float[np.ndarray, " f"]:
-    """Choose the frequencies of a square wave that rests `SETTLED` on either side [Hz]."""
-    first = 0.5 / SETTLED
-    return first * np.arange(1.0, 0.45 / period / first, 2.0)
-
-
-def step_response(
-    harmonics: Float[np.ndarray, " f"],
-    closed: Complex[np.ndarray, "D f"],
-    time: Float[np.ndarray, " t"],
-) -> Float[np.ndarray, "D t"]:
-    """Compute the answer to a step, as that to one edge of a slow square wave from 0 to 1."""
-    waves = np.exp(2j * np.pi * np.outer(harmonics, time))
-    parts = 2.0 / np.pi * closed * harmonics[0] / harmonics
-    # Both sides at rest: the answer to the edge begins at none.
-    return np.imag(parts @ waves) - np.imag(parts.sum(axis=1, keepdims=True))
-
-
-def _step(responses: Float[np.ndarray, "D t"], stable: Bool[np.ndarray, " D"]) -> StepResponse:
-    """Collect the nominal answer, which comes first, and the band of the stable ones."""
-    if not stable[0]:
-        nothing = np.full_like(STEP_TIMES, np.nan)
-        return StepResponse(time=STEP_TIMES, value=nothing, low=nothing, high=nothing)
-    low, high = np.quantile(responses[stable], SIDES, axis=0)
-    return StepResponse(time=STEP_TIMES, value=responses[0], low=low, high=high)
 
 
 def _bands(
@@ -448,110 +366,3 @@ def _closed_loop_error(
         step = loop_error(bands_of(inner[0]), crossover, stamp_std)
         error = step.within(STEP).after(error)
     return error
-
-
-def _measures(found: Margins) -> LoopMeasures:
-    return LoopMeasures(
-        crossover=_measure(found.crossover),
-        phase=_measure(found.phase),
-        gain=_measure(found.gain),
-        delay=_measure(found.delay),
-        sensitivity=_measure(found.sensitivity),
-        stable=float(found.stable.mean()),
-    )
-
-
-def _measure(values: Float[np.ndarray, " D"]) -> Measure:
-    """Return the nominal number, which comes first, and the interval of all."""
-    known = values[np.isfinite(values)]
-    if not np.isfinite(values[0]):
-        return Measure(value=np.nan, low=np.nan, high=np.nan)
-    low, high = np.quantile(known, SIDES)
-    return Measure(value=float(values[0]), low=float(low), high=float(high))
-
-
-def _peak(found: Margins) -> float:
-    """Return the peak of the sensitivity that 97.5 % of the vehicles stay below."""
-    peaks = np.where(found.stable, found.sensitivity, np.inf)
-    return float(np.sort(peaks)[int(np.ceil(SIDES[1] * len(peaks))) - 1])
-
-
-def _contradictions(
-    axis: int,
-    replay: ReplayedOutput,
-    mixer: ReplayedMixer | None,
-    error: LoopError | None,
-    flight: Flown,
-) -> list[str]:
-    """Say what contradicts the controller and mixer as they were read, or an error the result."""
-    if axis not in PROVED_AXES:
-        return ["unproven: drag torque and the rotors' inertia act together"]
-    doubts: list[str] = []
-    if not replay.is_right:
-        doubts.append(
-            f"the logged output is {replay.slope:.2f} times, and the rate's derivative "
-            f"{replay.derivative:.2f} times, that of the controller as its parameters set it: a "
-            "filter or a gain is not what they say, or changed in flight"
-        )
-    if mixer is not None and not mixer.is_right:
-        doubts.append(
-            f"the motors' commands follow the output as with {mixer.name} {mixer.factor:.2f}, which"
-            f" makes {mixer.slope:.2f} times the thrust that the parameters of the log do: the "
-            "curve or the spin range is not what they say"
-        )
-    if error is not None:
-        gain, late = error.half_widths
-        when = "later" if error.delay > 0.0 else "earlier"
-        words = (
-            f"this flight's closed loop has {error.gain:.2f} +- {gain:.2f} times the predicted "
-            f"effectiveness and answers {1e3 * abs(error.delay):.1f} +- {1e3 * late:.1f} ms {when}:"
-            " the vehicle, its delay or a filter is another than the result has it"
-        )
-        limited = 1.0 - float(flight.free.mean())
-        if limited > LIMITED:
-            words += (
-                f", or it is the {100 * limited:.0f} % of the flight with a motor at its limit: fly"
-                " with less throttle and smaller steps"
-            )
-        doubts.append(words)
-    return doubts
-
-
-def _too_little(crossover: float, bands: Sequence[Band], error: LoopError) -> list[str]:
-    """Say where the flight does not show the closed loop about the crossover [Hz]."""
-    near = [b for b in bands if b.high > crossover and b.low < crossover * NEAR]
-    if error.is_sharp(crossover) and any(b.proved for b in near):
-        return []
-    return [
-        f"the flight shows too little of the closed loop about the crossover at {crossover:.1f} Hz:"
-        " fly 30 s of quick roll and pitch steps"
-    ]
-
-
-def _notes(flight: Flown, log: FlightLog) -> list[str]:
-    """Say what the loops rest on."""
-    battery = log.channels.get("battery")
-    notes = [
-        "the loops are those of hover at the speeds of this flight; fast flight and another load "
-        "change them"
-    ]
-    if battery is not None:
-        notes.append(
-            f"at {float(np.nanmean(battery.values)):.1f} V: without compensation by the autopilot "
-            "the gain falls with the battery's voltage"
-        )
-    if log.gyro_lowpass is not None:
-        notes.append(
-            f"the gyro's low-pass of {log.gyro_lowpass:g} Hz is in the log, and counted once"
-        )
-    moving = moving_filters(flight.log)
-    if moving:
-        notes.append(
-            f"notches of the gyro that follow the rotors, or are split ({', '.join(moving)}): they "
-            "are in the loop by the delay and the size that the gyro's two records show of them up "
-            "to 40 Hz, not by their shape; the other filters are in it exactly"
-        )
-    changed = [n for n in flight.log.changed if n.startswith(("MC_", "ATC_RAT", "ATC_ANG", "IMU_"))]
-    if changed:
-        notes.append(f"{', '.join(changed[:4])} changed within the log: the last values are taken")
-    return notes

@@ -45,6 +45,7 @@ def _axis(loop: AxisLoop) -> dict[str, Any]:
         "later": {"value": loop.error.delay, "half_width": late},
         "proved": None if loop.proved is None else list(loop.proved),
         "doubts": list(loop.doubts),
+        "derivative_share": loop.derivative_share,
         "gains": [{"factor": factor, "sensitivity": peak} for factor, peak in loop.gains],
         "step": {name: values.tolist() for name, values in asdict(loop.step).items()},
     }

@@ -70,10 +70,18 @@ class RateController:
             response = response * one.response(frequency)
         return response
 
+    def derivative_share(self, frequency: float) -> float:
+        """Compute the size of what D adds to the output over that of P and I, at one frequency."""
+        z, T = delays(np.array([frequency]), self.period), self.period
+        by_error = self._on_error(z)
+        if self.slope_of == "rate":
+            by_error = by_error * first_order(z, self.error_lowpass, T)
+        return float(abs(self._slope(z)[0]) / max(abs(by_error[0]), np.finfo(float).tiny))
+
     def from_rate(self, frequency: Float[np.ndarray, " f"]) -> Response:
         """Compute the response of the output to the rate, with the sign turned."""
         z, T = delays(frequency, self.period), self.period
-        slope = self.D * difference(z, T) * first_order(z, self.slope_lowpass, T)
+        slope = self._slope(z)
         return self._out(z) * (self._on_error(z) * first_order(z, self.error_lowpass, T) + slope
                                if self.slope_of == "rate"
                                else (self._on_error(z) + slope)
@@ -84,7 +92,7 @@ class RateController:
         z, T = delays(frequency, self.period), self.period
         on_error = self._on_error(z)
         if self.slope_of == "error":
-            on_error = on_error + self.D * difference(z, T) * first_order(z, self.slope_lowpass, T)
+            on_error = on_error + self._slope(z)
         asked = first_order(z, self.set_point_lowpass, T)
         return self._out(z) * asked * (on_error * first_order(z, self.error_lowpass, T) + self.FF)
 
@@ -95,6 +103,10 @@ class RateController:
 
     def _on_error(self, z: Response) -> Response:
         return self.P + self.I * integral(z, self.period, late=self.slope_of == "rate")
+
+    def _slope(self, z: Response) -> Response:
+        T = self.period
+        return self.D * difference(z, T) * first_order(z, self.slope_lowpass, T)
 
     def _out(self, z: Response) -> Response:
         return first_order(z, self.output_lowpass, self.period)

@@ -24,6 +24,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
+from rotorfit.dataset.height_force import HeightForce, height_force
 from rotorfit.dataset.weight_balance import VELOCITY_CHANGE, Held, Turning, grouped
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
@@ -155,23 +156,41 @@ def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
     """Estimate the mean force over mass that is no thrust, and its standard deviation [m/s^2].
 
     What goes with the vertical velocity (drag, inflow) is taken off, and is the mean where that
-    velocity is logged; of the rest the batches of the stretch tell how it scatters.
+    velocity is logged; of the rest the batches of the stretch tell how it scatters. A force that
+    grows with height is open by what it makes of a usual height.
     """
-    weights, read = motion.weights, motion.read
-    left = read - motion.push * float(weights @ read) / float(weights @ motion.push)
-    known = motion.velocity is not None
-    velocity = motion.velocity if known else _felt_velocity(motion)
-    assert velocity is not None
+    weights, known = motion.weights, motion.velocity is not None
+    left, velocity = _unexplained(motion), _vertical_velocity(motion)
     swing = velocity - float(weights @ velocity)
     power = float(weights @ swing**2)
     brake = -float(weights @ (left * swing)) / power if power > 0.0 else 0.0
     count = int(np.clip(motion.seconds / SHORTEST_BATCH, 2, MOST_BATCHES))
-    unexplained = weights * (left + brake * swing)
-    batches = np.array([float(batch.sum()) for batch in np.array_split(unexplained, count)])
+    rest = weights * (left + brake * swing)
+    batches = np.array([float(batch.sum()) for batch in np.array_split(rest, count)])
     few = float(stats.t.ppf(0.975, count - 1)) / 1.96
     std = few * float(np.sqrt(batches @ batches * count / (count - 1)))
     mean = brake * float(weights @ velocity) if known else 0.0
-    return mean, float(np.hypot(std, LINEAR * mean))
+    found = height_force_of(motion)
+    by_height = 0.0 if found is None else found.mean_std
+    return mean, float(np.linalg.norm([std, LINEAR * mean, by_height]))
+
+
+def height_force_of(motion: VerticalMotion) -> HeightForce | None:
+    """Estimate how a force that is no thrust grows with height; None of a short stretch."""
+    return height_force(_unexplained(motion), _vertical_velocity(motion), motion.step)
+
+
+def _unexplained(motion: VerticalMotion) -> Float[np.ndarray, " n"]:
+    """Return the specific force that thrust leaves, which carries the weight in the mean."""
+    weights = motion.weights
+    share = float(weights @ motion.read) / float(weights @ motion.push)
+    left: Float[np.ndarray, " n"] = motion.read - share * motion.push
+    return left
+
+
+def _vertical_velocity(motion: VerticalMotion) -> Float[np.ndarray, " n"]:
+    """Return the velocity upwards [m/s]: logged, or felt."""
+    return _felt_velocity(motion) if motion.velocity is None else motion.velocity
 
 
 def vertical_motions(

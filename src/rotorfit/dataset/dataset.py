@@ -1,6 +1,7 @@
 """The flights of an experiment, by configuration, as they enter a fit."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -111,6 +112,18 @@ class Dataset:
         if self.motors.lag is None:
             return LAG_PRIOR
         return self.motors.lag, self.motors.lag_std
+
+    def lag_std(self, lag: float, std: float) -> float:
+        """Return the deviation of a lag that flights have found to a deviation so large [s].
+
+        That of before the flight at most. Where a declared lag contradicts it, one of the two is
+        wrong by what nobody has allowed for: both by as much as they differ (Birge 1932).
+        """
+        mean, before = self.lag_prior
+        if self.motors.lag is None:
+            return min(std, before)
+        difference = abs(lag - mean)
+        return min(std, max(before, difference)) * max(difference / math.hypot(std, before), 1.0)
 
 
 Kind = TypeVar("Kind", bound=Dataset)

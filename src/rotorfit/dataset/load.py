@@ -136,7 +136,7 @@ def agreed_motors(declared: MotorsEntry, flights: Sequence[LoadedFlight]) -> Mot
             raise ExperimentError(
                 f"{one} and {two} have other motor parameters in their logs "
                 f"({_logged(first)}; {_logged(other)}), and [motors] has no law: give the one that "
-                "holds for all, or identify them apart"
+                "holds for all, or identify them separately"
             )
     return first.motors
 

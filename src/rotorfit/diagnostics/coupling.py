@@ -31,23 +31,24 @@ KNOWN_IZZ: Final = 0.5
 LEAST_GAIN: Final = 10.0
 """Of the log-likelihood, by which flights must be likelier without coupling: sound real logs lose
 more than that, or do not tell I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 900."""
-LEAST_GAIN_SIMULATED: Final = -3.0
-"""The same of a program whose own frames have none: with I_xx = I_yy a body with I_zz the same is
-as likely."""
+LEAST_GAIN_SIMULATED: Final = -50.0
+"""The same of a program whose own frames have none: coupling must show itself there as any other
+term must. With I_xx = I_yy a body with I_zz the same is about as likely: one such flight gains 4
+or loses 30, by how its rows count."""
 LEFT_SCALE: Final = (0.05, 0.01)
 """k_d and its deviation, as shares of what it is with coupling. Without it nothing fixes the scale
 of yaw; with a small one the rotors' gyroscopic torque vanishes from roll and pitch, as it does in
 such a program, and the ratios stay what they are."""
 SENTENCE: Final = (
-    "this flight does not move like a rigid body: turns about two axes do not act on the third, as "
-    "in a simulator without gyroscopic terms (leaving w x I w out raises the log-likelihood by "
-    "{gain:.0f}). Izz, kd and Jr need these terms, and only their ratios are given; on a real "
-    "vehicle check the gyro's axes, scale and clock"
+    "this flight shows no gyroscopic coupling, as in a simulator that leaves it out: turns about "
+    "two axes do not act on the third (without w x I w the log-likelihood is {gain:.0f} higher). "
+    "Izz, kd and Jr need it, and only their ratios are given; on a real vehicle check the gyro's "
+    "axes, scale and clock"
 )
 REASON: Final = "the flight shows no gyroscopic coupling, which alone gives the scale of yaw"
 ADVICE: Final = (
-    "take Izz or kd from elsewhere (a pendulum, a bench), or fly in a simulator with gyroscopic "
-    "terms (PX4's SIH, Gazebo, MuJoCo)"
+    "measure Izz or kd (pendulum, thrust stand), or fly in a simulator with gyroscopic terms "
+    "(PX4's SIH, Gazebo, MuJoCo)"
 )
 _PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
 

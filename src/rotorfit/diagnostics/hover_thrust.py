@@ -1,15 +1,16 @@
 """Compare accelerometer and thrust with gravity: what holds a vehicle up is its weight."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from rotorfit.dataset.carried_weight import Measured
+from rotorfit.dataset.carried_weight import Measured, height_force_of, vertical_motions
 from rotorfit.dataset.dataset import ConfigurationData
+from rotorfit.dataset.height_force import HeightForce
 from rotorfit.dataset.weight_balance import (
     Held,
     held_together,
@@ -17,7 +18,7 @@ from rotorfit.dataset.weight_balance import (
     hovering,
     turning,
 )
-from rotorfit.findings import Finding, doubt_or_passed
+from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.logs.files import file_name
@@ -38,6 +39,9 @@ BATCH = 2.0
 """Length of a batch [s]: gusts and climbs are forgotten from one to the next."""
 FEWEST_BATCHES = 4
 """Of a half whose scatter tells anything."""
+LIKELY_FORCE = 0.99
+"""Probability of a force that grows with height from which it is said: of 150 random sound flights
+.94 at most."""
 LEAST_SAG = 0.05
 """The same for the change of thrust at one rotor speed during a flight."""
 
@@ -249,6 +253,50 @@ def thrust_sags(found: Sequence[HoverThrust], *, commanded: bool) -> Finding:
     return doubt_or_passed(kind, sentence, measured, flights=(file_name(worst.flight),))
 
 
+def force_by_height(fit: Fit) -> Iterator[Finding]:
+    """Check that no force grows with the height of a flight, as a tether's weight does."""
+    if not fit.mass_known:
+        return
+    kt = fit.numbers.number("kt")[0]
+    vehicle, sentences, flights = fit.dataset.vehicle, list[str](), list[str]()
+    measured: list[Evidence] = []
+    for configured in fit.dataset.configurations:
+        for flight in configured.flights:
+            data = retimed(flight.prepared, fit.dataset.timing)
+            push = kt / configured.mass * (data.rotor_speed**2) @ vehicle.axes
+            found = [
+                height_force_of(motion) for motion in vertical_motions(flight.turning, data, push)
+            ]
+            forces = [one for one in found if one is not None]
+            if not forces:
+                continue
+            worst = max(forces, key=lambda one: one.probability)
+            measured.append(_by_height(worst))
+            if worst.probability > LIKELY_FORCE:
+                flights.append(file_name(flight.entry.file))
+                sentences.append(f"{flights[-1]}: {_height_force_sentence(worst)}")
+    checked = doubt_or_passed("force-by-height", "; ".join(sentences) or None, flights=flights)
+    yield replace(checked, evidence=tuple(measured))
+
+
+def _by_height(force: HeightForce) -> Evidence:
+    """Return the share of the weight by which a force grows a metre, as evidence."""
+    low, value, high = (
+        (force.value + side * 1.96 * force.std) / GRAVITY for side in (-1.0, 0.0, 1.0)
+    )
+    return Evidence(name="force_by_height", value=value, interval=(low, high))
+
+
+def _height_force_sentence(force: HeightForce) -> str:
+    """Say what hangs on the vehicle, or carries it."""
+    return (
+        f"with every metre of height the vehicle needs {100 * force.value / GRAVITY:.1f} +- "
+        f"{196 * force.std / GRAVITY:.1f} % of its weight more thrust: a tether or cable hangs on "
+        "it, or the ground carried part of it; kt is therefore that of changes of thrust rather "
+        "than of the weight, with intervals that cover it: fly free, and higher"
+    )
+
+
 def _of_flight(one: HoverThrust, found: Sequence[HoverThrust]) -> str:
     """Return a flight's name, with its configuration where there are several."""
     name = file_name(one.flight)
@@ -261,4 +309,4 @@ def unlikely_deviations() -> float:
     return float(stats.norm.isf(0.5 * UNLIKELY))
 
 
-CHECKS: Final = (accelerometer_against_gravity, thrust_consistency)
+CHECKS: Final = (accelerometer_against_gravity, thrust_consistency, force_by_height)

@@ -7,7 +7,9 @@ these allow, one of the two is wrong by what nobody has allowed for: the varianc
 scaled by :math:`\chi^2` of their difference (Birge, Phys. Rev. 40, 1932).
 
 Inertia goes with the torque that changes of command make. Where no law between command and speed is
-given, that is not what carries the weight: thrust goes with the command's power of one to two.
+given, that is not what carries the weight: thrust goes with the command's power of one to two. One
+in twenty laws that are given is wrong: how likely this one is after the flight says how far from
+the weight's k_t that of the changes may be, and inertia with it.
 """
 
 from collections.abc import Sequence
@@ -15,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy import stats
 
 from rotorfit.dataset.carried_weight import Measured, carrying_stretches
 from rotorfit.dataset.checks.gravity import gravity_seen
@@ -23,7 +26,7 @@ from rotorfit.dataset.weight_balance import Held
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR, is_estimate
 from rotorfit.errors import UnsettledError
 from rotorfit.experiment.experiment import MotorsEntry, Source
-from rotorfit.findings import Finding, doubt_or_passed
+from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import widen_by_settings
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
@@ -39,7 +42,10 @@ CHANGES_STD = 0.02
 """Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise
 that an altitude hold feeds back."""
 LAW_STD = 0.25
-"""The same where no law is given and thrust goes with the command's power of one to two."""
+"""The same where no law is given and thrust goes with the command's power of one to two, or where
+the law that is given is wrong."""
+LAW_MISTAKES = 0.05
+"""Share of laws that are wrong: of another vehicle, or from command to thrust instead of speed."""
 REST_STD = 0.1
 """By which an accelerometer's bias in flight differs from that at rest: vibration, temperature
 [m/s^2]."""
@@ -81,13 +87,13 @@ class Balance:
         By changes of thrust; None where they tell nothing.
     weight
         By what carries the weight.
-    law_std
-        Share by which the two may differ because no law is given.
+    law_mistaken
+        How likely a law between command and speed is wrong, or is not given, before the flight.
     """
 
     changes: Measured | None
     weight: Measured
-    law_std: float = 0.0
+    law_mistaken: float = 0.0
 
     @property
     def deviations(self) -> float:
@@ -98,11 +104,27 @@ class Balance:
         return float((self.changes.value - self.weight.value) / std)
 
     @property
+    def law_is_wrong(self) -> float:
+        """How likely it is after the flight: by how well their difference goes with either."""
+        if self.changes is None or not 0.0 < self.law_mistaken < 1.0:
+            return self.law_mistaken
+        off = self.changes.value - self.weight.value
+        std = float(np.hypot(self.changes.std, self.weight.std))
+        either = std, float(np.hypot(std, self._law_std))
+        right, wrong = (float(stats.norm.pdf(off, scale=one)) for one in either)
+        wrong *= self.law_mistaken
+        return wrong / ((1.0 - self.law_mistaken) * right + wrong)
+
+    @property
+    def _law_std(self) -> float:
+        return LAW_STD * self.weight.value
+
+    @property
     def kt(self) -> Measured:
         """Their mean; its deviation grows with their difference."""
         if self.changes is None:
             return self.weight
-        open_law = self.law_std * self.weight.value
+        open_law = self.law_is_wrong**0.5 * self._law_std
         changes = replace(self.changes, std=float(np.hypot(self.changes.std, open_law)))
         mean = self.weight.with_other(changes)
         unlikely = (changes.value - mean.value) ** 2 / (changes.std**2 - mean.std**2)
@@ -110,13 +132,20 @@ class Balance:
 
     @property
     def law_reach(self) -> float:
-        """By how much k_t of changes differs from that of the weight for the law alone, at most."""
-        if self.changes is None:
-            return 1.96 * self.law_std * self.weight.value
-        law = (self.law_std * self.weight.value) ** 2
-        share = law / (law + self.changes.std**2 + self.weight.std**2)
+        """By how much k_t of changes differs from that of the weight for the law alone, at most.
+
+        With 95 % of the posterior: where the law is surely right that is nothing, and grows without
+        a jump as it becomes likelier wrong.
+        """
+        likely = self.law_is_wrong
+        if likely <= 0.025:
+            return 0.0
+        law = self._law_std**2
+        known = 0.0 if self.changes is None else self.changes.std**2 + self.weight.std**2
+        off = 0.0 if self.changes is None else abs(self.changes.value - self.weight.value)
+        share = law / (law + known) if self.changes is not None else 0.0
         left = float(np.sqrt(law * (1.0 - share)))
-        return share * abs(self.changes.value - self.weight.value) + 1.96 * left
+        return max(share * off + float(stats.norm.ppf(1.0 - 0.025 / likely)) * left, 0.0)
 
 
 def weigh_thrust(fit: Fit) -> Fit:
@@ -131,8 +160,9 @@ def weigh_thrust(fit: Fit) -> Fit:
     )
     if weight is None:
         return widen_by_settings(fit)
-    law_std = LAW_STD if is_without_law(dataset) else 0.0
-    balance = Balance(changes=kt_from_changes(fit), weight=weight, law_std=law_std)
+    balance = Balance(
+        changes=kt_from_changes(fit), weight=weight, law_mistaken=_law_mistaken(dataset)
+    )
     held = held_at(fit, balance.kt, law_reach=balance.law_reach)
     return held.found(agreement(balance, dataset.motors))
 
@@ -141,6 +171,14 @@ def is_without_law(dataset: Dataset) -> bool:
     """Return whether the rotor speed is a share of full command, without a law between the two."""
     motors = dataset.motors
     return motors.speed == "commanded" and motors.law is None and not dataset.speeds_commanded
+
+
+def _law_mistaken(dataset: Dataset) -> float:
+    """Return how likely the law from command to speed is wrong; 1 where it is not given."""
+    if is_without_law(dataset):
+        return 1.0
+    by_law = dataset.motors.speed == "commanded" and not dataset.speeds_commanded
+    return LAW_MISTAKES if by_law else 0.0
 
 
 def kt_from_changes(fit: Fit) -> Measured | None:
@@ -287,9 +325,16 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
     kind, weight, changes = "thrust-against-weight", balance.weight, balance.changes
     if changes is None:
         return doubt_or_passed(kind, None, {"kt_of_weight": weight.value})
-    measured = {"thrust_over_weight": changes.value / weight.value, "kt_of_weight": weight.value}
+    ratio = changes.value / weight.value
+    half = (
+        1.96 * abs(ratio) * float(np.hypot(changes.std / changes.value, weight.std / weight.value))
+    )
+    evidence = (
+        Evidence(name="thrust_over_weight", value=ratio, interval=(ratio - half, ratio + half)),
+        Evidence(name="kt_of_weight", value=weight.value),
+    )
     sentence = difference(balance, motors) if abs(balance.deviations) > DOUBTED else None
-    return doubt_or_passed(kind, sentence, measured, numbers=("kt",))
+    return replace(doubt_or_passed(kind, sentence, numbers=("kt",)), evidence=evidence)
 
 
 def difference(balance: Balance, motors: MotorsEntry) -> str:
@@ -301,7 +346,7 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
         f"squared {_SPEED[motors.speed]}, but {weight.value:.3g} +- {1.96 * weight.std:.2g} by the "
         "weight"
     )
-    if balance.law_std > 0.0:
+    if balance.law_mistaken == 1.0:
         power = 2.0 * changes.value / weight.value
         return (
             f"{seen}: the result has the latter, and the intervals of inertia cover both; in hover "

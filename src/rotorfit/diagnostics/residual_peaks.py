@@ -196,14 +196,13 @@ def peak_sentence(peak: Peak) -> str | None:
     if peak.ratio < HIGHEST_RATIO or peak.probability > UNLIKELY:
         return None
     seen = (
-        f"{peak.configuration}: the part of {peak.axis} that the model does not explain has a "
-        f"peak at {peak.frequency:.1f} Hz, {peak.ratio:.0f} times its surroundings"
+        f"{peak.configuration}: {peak.axis} moves at {peak.frequency:.1f} Hz in a way that the "
+        f"model does not explain, {peak.ratio:.0f} times as much as at frequencies around it"
     )
     if peak.of_loop:
         return (
             f"{seen}, and the rotors swing with it (coherence {peak.coherence:.2f}): the rate loop "
-            "rings there, by gains that are too high or by what it answers; lower the rate gains "
-            "(P and D), or filter the gyro lower"
+            "oscillates there: lower the rate gains (P and D), or the gyro's low-pass"
         )
     return f"{seen}: look for a loose part, a propeller out of balance or a swinging load"
 

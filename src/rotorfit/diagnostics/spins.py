@@ -313,9 +313,9 @@ def _sentence(
     as_well = "".join(f" (or {_reversed_words(declared, twin)})" for twin in twins)
     share, std = again.share(wrong)
     return (
-        f"yaw contradicts the declared spins: with {words}{as_well} the rotors' drag "
-        f"torques are alike, as declared {'those' if wrong.sum() > 1 else 'its'} would be "
-        f"{-share:.1f} +- {1.96 * std:.1f} times the others'; correct the spin"
+        f"yaw contradicts the declared spins: with {words}{as_well} the drag torques of all rotors "
+        f"are alike; as declared, {'theirs' if wrong.sum() > 1 else 'its own'} would be "
+        f"{-share:.1f} +- {1.96 * std:.1f} times that of the others; correct the spin"
     )
 
 

@@ -69,14 +69,14 @@ def impossible_rotors(dataset: Dataset, numbers: Numbers) -> str | None:
     """Explain what rotors that fit between one another cannot do; None where they can."""
     R, vehicle = largest_radius(dataset.vehicle), dataset.vehicle
     heaviest, loading = _heaviest(dataset)
-    fit = f"rotors that fit between one another here are {1e3 * R:.0f} mm in radius at most"
+    fit = f"with rotors of {1e3 * R:.0f} mm radius, the largest that fit between one another,"
     remedy = (
         f"the mass ({heaviest:g} kg) is too large, the rotors' distances are too small "
         f"(arm {vehicle.arm:.3g} m), or rotor speed has another scale (poles)"
     )
     if loading > HEAVIEST:
         return (
-            f"{fit}, and would carry {loading:.0f} N on each square metre (multirotors: 10 to "
+            f"{fit} each square metre of rotor would carry {loading:.0f} N (multirotors: 10 to "
             f"170): {remedy}"
         )
     if dataset.motors.speed == "commanded" and dataset.motors.law_is_relative:
@@ -110,8 +110,7 @@ def _by_speed(numbers: Numbers, R: float, fit: str, remedy: str) -> str | None:
     thrust = low / (AIR * np.pi * R**4)
     if np.isfinite(thrust) and thrust > MOST_THRUST:
         return (
-            f"{fit}; their thrust coefficient would be {thrust:.2g} (up to 0.017 is usual): "
-            f"{remedy}"
+            f"{fit} the thrust coefficient would be {thrust:.2g} (up to 0.017 is usual): {remedy}"
         )
     merit = figure_of_merit(numbers, R)
     if merit is None or LEAST_MERIT <= merit <= MOST_MERIT:
@@ -119,7 +118,7 @@ def _by_speed(numbers: Numbers, R: float, fit: str, remedy: str) -> str | None:
     size = "large" if merit < LEAST_MERIT else "small"
     other = "small" if merit < LEAST_MERIT else "large"
     return (
-        f"{fit}; by thrust and torque they would turn {100 * merit:.0f} % of their power into lift "
+        f"{fit} {100 * merit:.0f} % of the rotors' power would turn into lift "
         f"(17 to 51 % is usual of rotors that large): the rotors' distances are too {size} (a "
         f"diagonal given as arm?), the mass is too {other}, or rotor speed has another scale"
     )

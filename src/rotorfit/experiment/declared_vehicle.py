@@ -17,6 +17,7 @@ from rotorfit.experiment.experiment import (
     MotorsEntry,
     RecordingEntry,
     Source,
+    TableEntry,
 )
 from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.experiment.payload import PointMass
@@ -127,6 +128,11 @@ def read_options_of(flight: FlightEntry, motors: MotorsEntry) -> ReadOptions:
         axes=flight.axes,
         motor_poles=motors.poles,
     )
+
+
+def table_options_of(entry: TableEntry, poles: int | None) -> ReadOptions:
+    """Convert a ``[table]`` to the options of a table's reader."""
+    return ReadOptions(columns=_columns(entry.columns), axes=entry.axes, motor_poles=poles)
 
 
 def recording_options_of(recording: RecordingEntry) -> ReadOptions:

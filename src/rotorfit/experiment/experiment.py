@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field, PrivateAttr, ValidationError, model_validator
 
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import ExperimentError, LogError
 from rotorfit.experiment.airframe_table import AirframeEntry, Axes, ImuEntry, RotorEntry
 from rotorfit.experiment.law_table import (
     LawEntry,
@@ -36,6 +36,8 @@ from rotorfit.experiment.toml_files import (
     with_known_motors,
 )
 from rotorfit.logs.flight_log import LagOn
+from rotorfit.logs.formats import ReadOptions
+from rotorfit.logs.proposal import explains_itself
 from rotorfit.logs.read import format_of
 from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
 
@@ -268,7 +270,7 @@ def _refuse_payload(entry: ConfigurationEntry, bare: ConfigurationEntry | None) 
 
 
 class TableEntry(Strict):
-    """The ``[table]`` of an airframe file: how flight tables of this vehicle are read."""
+    """The ``[table]`` of a file: how flight tables of this vehicle are read."""
 
     axes: Axes = "FLU"
     columns: dict[str, ColumnEntry | str]
@@ -282,6 +284,12 @@ class AirframeFile(Strict):
 
     airframe: AirframeEntry
     motors: MotorsEntry = MotorsEntry()
+    table: TableEntry | None = None
+
+
+class ExperimentFile(Experiment):
+    """An experiment file: its ``[table]``, if any, names the columns of flights that are tables."""
+
     table: TableEntry | None = None
 
 
@@ -302,7 +310,7 @@ def load_experiment(path: Path) -> Experiment:
     if "airframe" in tables and "configuration" not in tables:
         raise ExperimentError(
             f"{path}: this is an airframe file, without [[configuration]] and flights: give a log "
-            f"beside it (rotorfit identify LOG --mass KG --airframe {path.name}), or add "
+            f"with it (rotorfit identify LOG --mass KG --airframe {path.name}), or add "
             '[[configuration]] with mass and flights = ["LOG"]'
         )
     return experiment_of_tables(tables, source=path, place=lambda file: path.parent / file)
@@ -315,10 +323,10 @@ def experiment_of_tables(
 
     The ExperimentError names the source and every place that is wrong.
     """
-    experiment = _checked(Experiment, tables, source)
-    return experiment.model_copy(
-        update={"configuration": tuple(_placed(c, place) for c in experiment.configuration)}
-    )
+    read = _checked(ExperimentFile, tables, source)
+    parts = {name: getattr(read, name) for name in Experiment.model_fields}
+    parts["configuration"] = tuple(_placed(c, place, read.table) for c in read.configuration)
+    return Experiment.model_construct(read.model_fields_set - {"table"}, **parts)
 
 
 def airframe_of_tables(tables: Mapping[str, Any], *, source: Path) -> AirframeFile:
@@ -367,12 +375,36 @@ def single_flight_experiment(
     return _checked(Experiment, described, source)
 
 
+def table_of_options(options: ReadOptions) -> dict[str, Any]:
+    """Write the columns and axes of a reader's options as a ``[table]``, without its defaults."""
+    columns = {
+        name: {
+            "name": spec.name,
+            "unit": spec.unit,
+            "scale": None if spec.scale == 1 else spec.scale,
+            "offset": None if spec.offset == 0 else spec.offset,
+            "range": None if spec.range is None else list(spec.range),
+        }
+        for name, spec in (options.columns or {}).items()
+    }
+    known = {k: {n: v for n, v in one.items() if v is not None} for k, one in columns.items()}
+    return {"axes": options.axes, "columns": known}
+
+
 def with_columns(flight: FlightEntry, table: TableEntry | None) -> FlightEntry:
-    """Give a flight that is a table the columns map of an airframe file."""
-    form = None if table is None else format_of(Path(flight.file))
-    if table is None or form is None or form.name != "table":
+    """Give a flight that is a table the columns map of a file, where it needs one."""
+    if table is None or flight.columns is not None or not _is_unknown_table(Path(flight.file)):
         return flight
     return flight.model_copy(update={"columns": table.columns, "axes": table.axes})
+
+
+def _is_unknown_table(path: Path) -> bool:
+    """Decide whether a file is a table whose columns do not carry rotorfit's own names."""
+    form = format_of(path)
+    try:
+        return form is not None and form.name == "table" and not explains_itself(path)
+    except LogError:
+        return True  # which is said when it is read
 
 
 def _without_flights(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -404,11 +436,14 @@ def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:
     return _checked(Experiment, described, Path("settings of the result"))
 
 
-def _placed(configuration: ConfigurationEntry, place: Callable[[str], Path]) -> ConfigurationEntry:
+def _placed(
+    configuration: ConfigurationEntry, place: Callable[[str], Path], table: TableEntry | None
+) -> ConfigurationEntry:
     lists = {"flights": configuration.flights, "validation": configuration.validation}
     return configuration.model_copy(
         update={
-            key: tuple(_found_from(f, place) for f in flights) for key, flights in lists.items()
+            key: tuple(with_columns(_found_from(f, place), table) for f in flights)
+            for key, flights in lists.items()
         }
     )
 
@@ -433,7 +468,7 @@ def _checked(kind: type[Model], data: Any, path: Path) -> Model:
 
 
 _TABLES: tuple[type[BaseModel], ...] = (
-    Experiment,
+    ExperimentFile,
     AirframeEntry,
     RotorEntry,
     ImuEntry,

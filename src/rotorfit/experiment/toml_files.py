@@ -163,8 +163,23 @@ def _is_table(value: Any) -> bool:
 
 
 def _block(head: str, table: Mapping[str, Any]) -> str:
-    lines = [f"{_key(k)} = {_value(v)}" for k, v in table.items() if v is not None]
-    return "\n".join([head, *lines])
+    """Write a table; a map of tables in it that is too long for a line has a head of its own."""
+    long = {
+        key: cast("Mapping[str, Any]", value)
+        for key, value in table.items()
+        if head[1] != "[" and _is_long_map(value)
+    }
+    short = {key: value for key, value in table.items() if key not in long and value is not None}
+    lines = [f"{_key(k)} = {_value(v)}" for k, v in short.items()]
+    inner = [_block(f"{head[:-1]}.{_key(k)}]", v) for k, v in long.items()]
+    return "\n\n".join(["\n".join([head, *lines]), *inner])
+
+
+def _is_long_map(value: Any) -> bool:
+    if not isinstance(value, Mapping):
+        return False
+    parts = cast("Mapping[str, Any]", value).values()
+    return all(isinstance(part, Mapping) for part in parts) and len(_value(value)) > WIDEST
 
 
 def _value(value: Any) -> str:

@@ -95,7 +95,7 @@ def _spin_remark(model: VehicleModel) -> str:
         return f"their links' spin inertia is {SLOWDOWN:g} Jr"
     return (
         f"Gazebo wants a spin inertia of their links: {NO_SPIN_INERTIA:g} of the vehicle's Izz, "
-        "too small to matter, for want of Jr"
+        "too small to matter, as Jr is not known"
     )
 
 

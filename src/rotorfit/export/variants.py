@@ -46,7 +46,7 @@ def variants(
     impossible = sum(not is_possible(model) for model in models)
     if impossible:
         raise OutputError(
-            f"{impossible} of {count} vehicles drawn cannot exist beside what was assumed (no body "
+            f"{impossible} of {count} vehicles drawn cannot exist with what was assumed (no body "
             "has such inertia): assume less, or other values"
         )
     return Variants(nominal=nominal, models=models, samples=samples)

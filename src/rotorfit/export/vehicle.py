@@ -213,7 +213,7 @@ def refuse_signs(model: VehicleModel) -> None:
     for name, value in (("motor_lag_up", model.lag_up), ("motor_lag_down", model.lag_down)):
         if value < 0.0:
             raise OutputError(
-                f"{name} is {value:.3g} s, and no motor answers before its command; pass --assume "
+                f"{name} is {value:.3g} s, and no motor responds before its command; pass --assume "
                 "motor_lag=VALUE"
             )
     for name, value in (
@@ -226,7 +226,7 @@ def refuse_signs(model: VehicleModel) -> None:
     ):
         if value <= 0.0:
             raise OutputError(
-                f"{name} is {value:.3g} {unit_of(name)}, and nature has it above 0; check spins "
+                f"{name} is {value:.3g} {unit_of(name)}, which cannot be below 0; check spins "
                 f"and axes, fly what the report advises, or pass --assume {name}=VALUE"
             )
 

@@ -103,8 +103,8 @@ def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed
             remark = "taken as proportional to the command: no law is known"
     elif speed == "nominal" and is_per_command(result):
         remark = (
-            "nominal: the log does not tell it; thrust and torque at full command are those of the "
-            "flights, and rotor speeds, kt and kd here are of rotors that turn so fast"
+            "nominal, as the log has none; thrust and torque at full command are those of the "
+            "flights, and kt and kd are computed with this speed"
         )
         return Number(
             name="max_speed", value=NOMINAL_SPEED, unit="rad/s", origin="assumed", remark=remark
@@ -165,11 +165,25 @@ def _refuse_missing(numbers: Mapping[str, Number | Missing], needed: Sequence[st
     )
     cures = list(dict.fromkeys(gap.cure or gap.name for gap in gaps))
     flown = any(verdict != ABSENT for verdict, _ in reasons)
-    advice = "fly what the report advises, or" if flown else ""
-    flags = " ".join(f"--assume {name}=VALUE" for name in cures)
-    units = ", ".join(f"{name} in {unit_of(name)}" for name in cures)
-    message = f"{explained}: missing; {advice} supply it with {flags} ({units})"
+    advice = "fly what the report advises, or " if flown else ""
+    if "mass" in cures:
+        advice = "identify again with the weighed mass (--mass KG), or "
+    needed = "and is needed" if len(gaps) == 1 else "and all of these are needed"
+    message = f"{explained}, {needed}: {advice}{_supply(cures)}"
     raise MissingNumbersError(" ".join(message.split()), names=cures)
+
+
+FEW: Final = 3
+"""Numbers to supply up to which each is written out as an option."""
+
+
+def _supply(names: Sequence[str]) -> str:
+    """Say how to supply numbers with options of the command line."""
+    if len(names) > FEW:
+        return f"supply {', '.join(names)}, each with --assume NAME=VALUE in SI units"
+    flags = " ".join(f"--assume {name}=VALUE" for name in names)
+    units = ", ".join(f"{name} in {unit_of(name)}" for name in names)
+    return f"supply {'it' if len(names) == 1 else 'them'} with {flags} ({units})"
 
 
 ABSENT: Final = "not in the result"
@@ -277,13 +291,14 @@ _TERMS: Final = (
 def terms_left_out(
     result: IdentificationResult, owner: str, *, written: Collection[str] = ()
 ) -> list[str]:
-    """List the identified terms that a target is not written with, with half-widths."""
+    """List the known terms that a target is not written with, with half-widths."""
 
     def margin(ends: tuple[float, float] | None) -> str:
         return "" if ends is None else f" +- {0.5 * (ends[1] - ends[0]):.2g}"
 
     return [
         f"{p.name} = {p.value:.3g}{margin(p.interval)} {p.unit}"
+        f"{'' if p.verdict == 'identified' else f' ({p.verdict})'}"
         for p in result.parameters
         if p.name in _TERMS
         if not (p.name in written and p.interval is not None and p.interval[0] > 0.0)
@@ -298,8 +313,8 @@ def _notes(
     notes: list[str] = []
     if vehicle.imu_position is None:
         notes.append(
-            "the origin is the IMU (or the tracked point): its place among the rotors was not "
-            "given; the height of the rotors over it is as declared"
+            "the origin is the IMU (or the tracked point), whose place among the rotors was not "
+            "given; the rotors' height above it is as declared"
         )
     mean = [
         str(i + 1)
@@ -307,7 +322,7 @@ def _notes(
         if isinstance(numbers.get(f"kt_{i + 1}"), Missing)
     ]
     if mean:
-        notes.append(f"rotors with the mean kt, their own is not known: {', '.join(mean)}")
+        notes.append(f"the mean kt is taken for rotors whose own is not known: {', '.join(mean)}")
     if isinstance(numbers.get("Jr"), Missing):
         notes.append("Jr is not known from these flights: left out")
     elif isinstance(Jr := numbers.get("Jr"), Number) and Jr.value < 0.0 and _is_no_inertia(Jr):

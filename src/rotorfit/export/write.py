@@ -117,7 +117,7 @@ def export(
     )
     terms = terms_left_out(result, model.configuration, written=chosen.terms)
     if terms:
-        model = with_note(model, f"identified, but left out of this file: {', '.join(terms)}")
+        model = with_note(model, f"known, but left out of this file: {', '.join(terms)}")
     drawn: Sequence[VehicleModel] = ()
     if chosen.intervals:
         try:

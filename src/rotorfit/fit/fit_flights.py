@@ -1,6 +1,6 @@
 """Fit the flights: the terms of the model, and intervals by other settings."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -20,9 +20,15 @@ from rotorfit.model.terms.registry import DEFAULT, DROPPED
 from rotorfit.reduction.frequency_bands import OTHER_RATIOS
 
 
-def fit_flights(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:
-    """Fit the flights with the terms that the user wants, or those that they ask for (None)."""
-    estimate, joint, present, unsettled = _settled(dataset, wanted)
+def fit_flights(
+    dataset: TimedDataset, wanted: Sequence[str] | None, *, begin: Mapping[str, float] | None = None
+) -> Fit:
+    """Fit the flights with the terms that the user wants, or those that they ask for (None).
+
+    `begin`: values of free parameters to begin with; None: where the timing of the motors ended.
+    """
+    begin = dataset.reached if begin is None else begin
+    estimate, joint, present, unsettled = _settled(dataset, wanted, begin)
 
     def refit(terms: Sequence[str], at: BandedEstimate) -> BandedEstimate:
         return joint_estimate(joint, [], terms=terms, begin=at.estimate.by_name)
@@ -47,20 +53,20 @@ def fit_flights(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:
 
 
 def _settled(
-    dataset: TimedDataset, wanted: Sequence[str] | None
+    dataset: TimedDataset, wanted: Sequence[str] | None, begin: Mapping[str, float] | None
 ) -> tuple[BandedEstimate, list[JointConfiguration], tuple[str, ...], tuple[Finding, ...]]:
     """Fit with all default terms, or the most of them with which the fit settles.
 
     Terms that the user asks for are kept, and a fit that does not settle with them is refused.
     """
     if wanted is not None:
-        return *joint_fit(dataset, terms=wanted, begin=dataset.reached), tuple(wanted), ()
+        return *joint_fit(dataset, terms=wanted, begin=begin), tuple(wanted), ()
     usual = [term.name for term in DEFAULT if term.stands_in(dataset.model.layout)]
     for count in range(len(DROPPED) + 1):
         dropped = tuple(term.name for term in DROPPED[:count])
         terms = tuple(t for t in usual if t not in dropped)
         try:
-            estimate, joint = joint_fit(dataset, terms=terms, begin=dataset.reached)
+            estimate, joint = joint_fit(dataset, terms=terms, begin=begin)
         except UnsettledError:
             if count == len(DROPPED):
                 raise

@@ -49,7 +49,7 @@ DIRECTIONS: Final = {
 }
 CHECK_BALANCE: Final = "check where battery and payload sit"
 WEATHER: Final = (
-    "weather and height are in it, as not every log tells the density of the air: see whether "
+    "it includes weather and altitude, as not every log has the air's density: see whether "
     "other vehicles changed on the same day"
 )
 

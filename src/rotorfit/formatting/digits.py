@@ -65,10 +65,10 @@ def number_of(value: float | None, interval: tuple[float, float] | None) -> Numb
     half = 0.5 * (interval[1] - interval[0])
     exponent = _exponent(max(abs(value), half))
     scale = 10.0**exponent
-    decimals = min(max(1 - math.floor(math.log10(half / scale)), 0), 12)
+    places = min(1 - math.floor(math.log10(half / scale)), 12)
 
     def digits(number: float) -> str:
-        text = f"{number / scale:.{decimals}f}"
+        text = f"{round(number / scale, places):.{max(places, 0)}f}"
         return (text if float(text) else text.lstrip("-")).replace("-", "−")
 
     uneven = abs(0.5 * (interval[0] + interval[1]) - value) > 0.1 * half

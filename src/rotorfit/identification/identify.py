@@ -20,6 +20,7 @@ from rotorfit.experiment.experiment import Experiment, MotorsEntry
 from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
+from rotorfit.fit.noise_levels import fit_by_noise
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import mark_doubtful, with_diagnosis, with_setting
@@ -111,7 +112,8 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
 
 def _fit(experiment: Experiment, dataset: TimedDataset) -> Fit:
     """Fit the joint likelihood, and take every step to its intervals."""
-    return every_step(fit_flights(dataset, experiment.identification.terms))
+    wanted = experiment.identification.terms
+    return every_step(fit_by_noise(fit_flights(dataset, wanted), wanted))
 
 
 def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
@@ -182,7 +184,7 @@ def _validated(identified: Identified, report: Progress) -> Identified:
     result, configurations = identified.result, identified.experiment.configuration
     if not any(entry.validation for entry in configurations):
         return identified
-    report("validating on flights kept apart")
+    report("validating on flights kept for it")
     comparisons = validation_comparisons(result, identified.experiment)
     written = [entry.written for c in configurations for entry in c.validation]
     rows = validation_rows(comparisons, written)

@@ -3,6 +3,7 @@
 What the doctor objects to is a list of findings, each by one of `CHECKS`.
 """
 
+import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -11,6 +12,7 @@ from typing import Final
 
 from rotorfit.dataset.checks.gravity import GravitySeen, gravity_doubts, gravity_seen
 from rotorfit.dataset.checks.plausible_units import gyro_in_degrees
+from rotorfit.diagnostics.sensors.log_settings import better_log
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
 from rotorfit.findings import Evidence, Finding, doubt, note, sentences
@@ -29,9 +31,10 @@ from rotorfit.inspection.recording import (
     vibration,
 )
 from rotorfit.inspection.settings import settings_for
-from rotorfit.logs.firmware import Filter, Setting
+from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, Filter, Lack, Setting
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.formats import BY_NAME
+from rotorfit.model.layouts import LAYOUTS
 from rotorfit.planning.next_step import NextStep, next_step
 from rotorfit.preprocessing.mocap.camera import camera_clock
 from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
@@ -40,6 +43,10 @@ from rotorfit.preprocessing.prepare import PreparedFlight, prepare
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.results.result import IdentificationResult
 
+NAMED_LAYOUT: Final = re.compile(
+    r'layout = "(?P<layout>[^"]+)", order = "(?P<order>[^"]+)"(?P<turned> with every spin rev)?'
+)
+"""How `prospects` names the motors that a flight confirms."""
 GUESSED_ARM: Final = 0.15
 """Only a scale for telling flight from ground, where no airframe is given [m]."""
 NEEDED: Final = ("gyro", "accel")
@@ -165,16 +172,21 @@ def inspect_log(
         settings=settings_for(log.format, lacking, log.metadata),
         metadata=dict(log.metadata),
         findings=tuple(finding for check in CHECKS for finding in check(look)),
-        next_step=_next_step(look, foreseen),
+        next_step=_next_step(look, foreseen, lacking),
         pictures=pictures,
     )
 
 
-def _next_step(look: _Look, foreseen: Prospects | None) -> NextStep | None:
+def _next_step(
+    look: _Look, foreseen: Prospects | None, lacking: frozenset[Lack]
+) -> NextStep | None:
     """Choose what to do next: that of the identification, else what it is going to be."""
     if look.result is not None:
         return next_step(look.result)
-    if look.prepared is None or foreseen is None:
+    if look.prepared is None:
+        needed = better_log(look.log, lacking - NO_SPEED - NO_BATTERY)
+        return None if needed is None else NextStep(kind="log", action=needed)
+    if foreseen is None:
         return None
     return foreseen_step(look.log, look.prepared, foreseen)
 
@@ -212,9 +224,22 @@ def _foreseen(
     commanded = "rotor_speed" not in log.channels
     try:
         response, known = _response(log, late), log.motors is not None
-        return prospects(prepared, response, commanded=commanded, law_known=known), None
+        found = prospects(prepared, response, commanded=commanded, law_known=known)
+        return replace(found, motors=found.motors and _in_the_logs_order(log, found.motors)), None
     except (FlightError, EstimationError) as error:
         return None, str(error)
+
+
+def _in_the_logs_order(log: FlightLog, motors: str) -> str:
+    """Name a motor order by the log's autopilot, where the two are the same."""
+    form, found = BY_NAME.get(log.format), NAMED_LAYOUT.search(motors)
+    usual = form.motor_order if form is not None else None
+    if found is None or usual is None:
+        return motors
+    layout, order = found["layout"], found["order"]
+    if LAYOUTS.get((layout, usual)) != LAYOUTS[layout, order]:
+        return motors
+    return motors.replace(f'order = "{order}"', f'order = "{usual}"')
 
 
 def _identified(
@@ -282,8 +307,8 @@ def _pose_alone(log: FlightLog) -> str:
     try:
         camera_clock(log.channels["position"].time)
     except (FlightError, KeyError) as error:
-        return f"{lack}; it cannot be used as a recording beside a log either: {error}"
-    use = 'name it beside the log of the autopilot (flights = [{ file = "LOG", mocap = '
+        return f"{lack}; it cannot be used as a recording together with a log either: {error}"
+    use = 'give it together with the log of the autopilot (flights = [{ file = "LOG", mocap = '
     return f'{lack}: {use}"THIS FILE" }}])'
 
 

@@ -12,7 +12,6 @@ from rotorfit.dataset.weight_balance import turning
 from rotorfit.diagnostics.kt_from_weight import (
     CHANGES_STD,
     DOUBTED,
-    LAW_STD,
     Balance,
     bias_at_rest,
     pooled_weight,
@@ -219,7 +218,13 @@ def prospects(
         timed = replace(prepared, data=retimed(prepared, clearer))
         fits = fit_rows(prepared_bands(timed, vehicle, None), model, mass=1.0)
     followed = _followed(fits)
-    thrust = _thrust(timed.data, vehicle, fits, followed=followed, commanded=commanded)
+    thrust = _thrust(
+        timed.data,
+        vehicle,
+        fits,
+        followed=followed or not commanded,
+        lawless=commanded and not law_known,
+    )
     return Prospects(
         excitation=tuple(
             Excitation(
@@ -294,17 +299,17 @@ def _likelihood(
 
 
 def _thrust(
-    data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool, commanded: bool
+    data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool, lawless: bool
 ) -> Thrust:
-    """Estimate kt from changes of thrust and from the weight."""
+    """Estimate kt from changes of thrust and from the weight; `lawless`: by commands alone."""
     squares = (data.rotor_speed[data.used_rows] ** 2).sum(axis=1)
     kt, random = _with_width(fits, "force.kt")
     changes = Measured(value=kt, std=float(np.hypot(random / 1.96, CHANGES_STD * kt)))
     weighed = kt_by_weight(data, vehicle)
     agree, width, reach = True, _relative(random, kt), 0.0
     if weighed is not None:
-        law_std = LAW_STD if commanded else 0.0
-        balance = Balance(changes=changes, weight=weighed, law_std=law_std)
+        mistaken = 1.0 if lawless else 0.0
+        balance = Balance(changes=changes, weight=weighed, law_mistaken=mistaken)
         agree = abs(balance.deviations) <= DOUBTED
         reach = balance.law_reach / weighed.value
         width = _relative(1.96 * balance.kt.std, balance.kt.value)
@@ -314,7 +319,7 @@ def _thrust(
         from_weight=None if weighed is None else weighed.value,
         agree=agree,
         width=_finite(width),
-        followed=followed or not commanded,
+        followed=followed,
         law_reach=reach,
     )
 

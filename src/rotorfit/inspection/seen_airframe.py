@@ -1,19 +1,13 @@
 """What a flight and its log say of the airframe, where nobody has described it yet."""
 
-import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
-from rotorfit.inspection.inspect_log import LogReport
+from rotorfit.inspection.inspect_log import NAMED_LAYOUT, LogReport
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.formats import BY_NAME
-from rotorfit.model.layouts import LAYOUTS
-
-_BORNE_OUT: Final = re.compile(
-    r'layout = "(?P<layout>[^"]+)", order = "(?P<order>[^"]+)"(?P<turned> with every spin rev)?'
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +51,7 @@ def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
         return SeenAirframe()
     count = motors.values.shape[1]
     speed = "measured" if "rotor_speed" in log.channels else "commanded"
-    found = _BORNE_OUT.match((report.prospects and report.prospects.motors) or "")
+    found = NAMED_LAYOUT.match((report.prospects and report.prospects.motors) or "")
     listed = _logged_rotors(log, count)
     table = listed if log.metadata.get("airframe is") == "set" else ()
     if found is None:
@@ -68,7 +62,7 @@ def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
     return SeenAirframe(
         rotors=count,
         layout=found["layout"],
-        order=_logged_order(log, found["layout"], found["order"]),
+        order=found["order"],
         borne_out=True,
         turned=found["turned"] is not None,
         speed=speed,
@@ -96,9 +90,3 @@ def _logged_rotors(log: FlightLog, count: int) -> tuple[Mapping[str, Any], ...]:
 def _usual_order(log: FlightLog) -> str | None:
     form = BY_NAME.get(log.format)
     return None if form is None else form.motor_order
-
-
-def _logged_order(log: FlightLog, layout: str, order: str) -> str:
-    """Name a motor order by the log's autopilot, where the two are the same."""
-    usual = _usual_order(log) or order
-    return usual if LAYOUTS.get((layout, usual)) == LAYOUTS[layout, order] else order

@@ -160,11 +160,17 @@ def _kind_of_rest(
 
 
 def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candidate]:
-    """Group columns by the words of their names, those that are named by hand first."""
+    """Group columns by the words of their names, those that are named by hand first.
+
+    A canonical name that is given an empty one leaves its kind out.
+    """
     groups: dict[tuple[str, str], dict[int, str]] = {}
     units: dict[tuple[str, str], str | None] = {}
+    left_out = {_place(canonical)[0] for canonical, name in named.items() if not name}
     for canonical, name in named.items():
         kind, index = _place(canonical)
+        if not name:
+            continue
         groups.setdefault((kind, ""), {})[index] = name
         units[kind, ""] = parts_of(name)[2]
     for name in names:
@@ -182,6 +188,7 @@ def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candid
     return [
         Candidate(kind=kind, stem=stem, by_index=found, unit=units[kind, stem])
         for (kind, stem), found in groups.items()
+        if kind not in left_out
     ]
 
 

@@ -148,11 +148,14 @@ def complete_groups(
         elif present and (not asked or asked.intersection(present)) and group is not spare:
             cure = "name the others in the columns map, too" if asked else f"rename {present[0]!r}"
             raise LogError(
-                f"column {missing[0]!r} is missing beside {', '.join(present)}: "
+                f"column {missing[0]!r} is missing next to {', '.join(present)}: "
                 f"record {', '.join(group.names)} together, or {cure}"
             )
         elif present:
-            notes.append(f"Left out {', '.join(present)}: no {', '.join(missing)} beside.")
+            notes.append(
+                f"Left out {', '.join(present)}: {', '.join(missing)} "
+                f"{'is' if len(missing) == 1 else 'are'} missing."
+            )
     return _one_attitude(groups, notes, asked)
 
 

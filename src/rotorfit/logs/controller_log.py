@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import read_head
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.formats import Format, load
 from rotorfit.logs.read import format_of
 
@@ -74,8 +75,8 @@ class ControllerLog:
         return self.parameters[name]
 
 
-def read_controller_log(path: Path) -> ControllerLog:
-    """Read what the rate controller of a log did.
+def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
+    """Read the flight in a log and what its rate controller did, in one pass.
 
     Raises
     ------
@@ -85,15 +86,15 @@ def read_controller_log(path: Path) -> ControllerLog:
     form = format_of(path)
     if form is None:
         raise LogError(f"{path}: no flight log that rotorfit reads")
-    if not form.controller:
+    if not form.with_controller:
         raise LogError(f"{path}: {why_unknown(path, form)}")
-    return load(form.controller)(path)
+    return load(form.with_controller)(path)
 
 
 def knows_controller(path: Path) -> bool:
     """Tell whether rotorfit knows rate controllers of a log's format."""
     form = format_of(path)
-    return form is None or bool(form.controller)
+    return form is None or bool(form.with_controller)
 
 
 def why_unknown(path: Path, form: Format) -> str:

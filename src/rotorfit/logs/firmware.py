@@ -29,6 +29,8 @@ NO_MOTORS: Final[frozenset[Lack]] = frozenset({"no motors"})
 NO_BATTERY: Final[frozenset[Lack]] = frozenset({"no battery"})
 NO_ACCEL: Final[frozenset[Lack]] = frozenset({"no accel"})
 FILTERED_ACCEL: Final[frozenset[Lack]] = frozenset({"filtered accel"})
+FIRMWARE: Final = "firmware"
+"""Name in place of a setting's where it takes another version of the firmware."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -93,8 +93,8 @@ class Format:
         Whose motor numbering the log usually has, of `model.layouts`.
     velocity_estimated
         Whether the velocity is an autopilot's estimate.
-    controller
-        From a path to the `ControllerLog` of its rate controller.
+    with_controller
+        From a path to its `FlightLog` and the `ControllerLog` of its rate controller.
     """
 
     name: str
@@ -115,7 +115,7 @@ class Format:
     notes_filters: bool = False
     motor_order: str | None = None
     velocity_estimated: bool = False
-    controller: str = ""
+    with_controller: str = ""
 
 
 def _formats() -> Iterator[Format]:

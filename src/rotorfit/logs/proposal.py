@@ -18,6 +18,8 @@ from rotorfit.logs.column_names import NAMES, Candidate, candidates_of
 from rotorfit.logs.columns import TIME, ColumnSpec, quantity_of
 from rotorfit.logs.proposed_channels import (
     MOTOR_UNITS,
+    MOTORS,
+    STATED,
     Numbers,
     Question,
     accelerometer_found,
@@ -73,6 +75,7 @@ def propose_columns(
     *,
     named: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
+    axes: Axes | None = None,
 ) -> Proposal:
     """Propose which column of a table is which, from its names and values.
 
@@ -81,9 +84,13 @@ def propose_columns(
     path
         The table: CSV or Parquet.
     named
-        Canonical name to name of a column, where the proposal shall not choose.
+        Canonical name to name of a column, where the proposal shall not choose; an empty name
+        leaves its whole channel out.
     units
-        ``gyro`` or ``motors`` to the unit that answers a question.
+        ``gyro``, ``motors``, ``time``, ... to a unit: it answers a question, or the proposal is
+        wrong.
+    axes
+        The body axes, where those by gravity are wrong.
 
     Raises
     ------
@@ -91,7 +98,7 @@ def propose_columns(
         If the file is no table with a clock, or no gyro, accelerometer or motors are found in it.
     """
     try:
-        return _proposal(open_table(path), named or {}, units or {})
+        return _proposal(open_table(path), named or {}, units or {}, axes)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
 
@@ -107,7 +114,9 @@ def explains_itself(path: Path) -> bool:
     return is_flight or names.issuperset({TIME, *NAMES["position"]})
 
 
-def _proposal(source: Source, named: Mapping[str, str], units: Mapping[str, str]) -> Proposal:
+def _proposal(
+    source: Source, named: Mapping[str, str], units: Mapping[str, str], axes: Axes | None
+) -> Proposal:
     if len(source.names) == 1:
         raise LogError(
             f"one column only, {source.names[0][:40]!r}: cells are separated by comma, semicolon, "
@@ -116,19 +125,19 @@ def _proposal(source: Source, named: Mapping[str, str], units: Mapping[str, str]
     _check_given(source, named, units)
     candidates = candidates_of(source.names, named)
     numbers, texts = _numbers(source, candidates)
-    founds = [clock_found(source, candidates, numbers)]
+    founds = [clock_found(source, candidates, numbers, units.get(TIME))]
     chosen = {kind: chosen_of(kind, candidates, numbers) for kind in NAMES}
     motors = motors_found(candidates, numbers, units)
     lacking = [kind for kind in ("gyro", "accel") if chosen[kind] is None]
     if lacking or not motors.columns:
         lacking = [*lacking, *([] if motors.columns else ["motors"])]
         raise LogError(_lacking_words(lacking, candidates, source))
-    accel, axes = accelerometer_found(chosen["accel"], numbers)
-    attitude = attitude_found(chosen, numbers)
+    accel, axes = accelerometer_found(chosen["accel"], numbers, units.get("accel"), axes)
+    attitude = attitude_found(chosen, numbers, units.get("angle"))
     rate = attitude_rate(attitude, founds[0].columns[TIME], numbers)
     gyro = gyro_found(chosen["gyro"], rate, numbers, units.get("gyro"))
     founds += [gyro, accel, motors, attitude_signed(attitude, gyro, rate, numbers)]
-    founds += [others_found(chosen, gyro, numbers)]
+    founds += [others_found(chosen, gyro, numbers, units)]
     columns = {name: spec for one in founds for name, spec in one.columns.items()}
     used = {spec.name for spec in columns.values()}
     left_texts = [f"{', '.join(texts)}: holds text, left out"] if texts else []
@@ -152,10 +161,10 @@ def _check_given(source: Source, named: Mapping[str, str], units: Mapping[str, s
     for canonical, name in named.items():
         if quantity_of(canonical) is None:
             raise LogError(f"{canonical!r} is no name of rotorfit: gyro_x, accel_x, rotor_1, ...")
-        if name not in source.names:
+        if name and name not in source.names:
             shown = ", ".join(n[:40] for n in source.names[:12])
             raise LogError(f"no column {name!r} for {canonical}; the table begins with {shown}")
-    known = {"gyro": tuple(UNITS["angular velocity"]), "motors": MOTOR_UNITS}
+    known = units_to_state()
     for channel, unit in units.items():
         if channel not in known:
             raise LogError(f"a unit of {channel!r}: expected one of {', '.join(known)}")
@@ -163,6 +172,12 @@ def _check_given(source: Source, named: Mapping[str, str], units: Mapping[str, s
             raise LogError(
                 f"unit {unit!r} of {channel}: expected one of {', '.join(known[channel])}"
             )
+
+
+def units_to_state() -> dict[str, tuple[str, ...]]:
+    """List the units that may be stated, by channel."""
+    measured = {channel: tuple(UNITS[quantity]) for channel, quantity in STATED.items()}
+    return measured | dict.fromkeys(MOTORS, MOTOR_UNITS)
 
 
 def _lacking_words(lacking: Sequence[str], candidates: Sequence[Candidate], source: Source) -> str:

@@ -12,7 +12,7 @@ from rotorfit.logs.axes import Axes, attitude_from_euler
 from rotorfit.logs.column_names import COMMAND_WORDS, NAMES, SPEED_WORDS, Candidate
 from rotorfit.logs.columns import TIME, ColumnSpec, unit_of
 from rotorfit.logs.table import Source
-from rotorfit.logs.units import STANDARD_GRAVITY, UNITS
+from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Quantity
 
 Numbers = Mapping[str, Float[np.ndarray, " n"]]
 _LONGEST_STEP: Final = 0.5
@@ -22,6 +22,18 @@ _FASTEST_GYRO: Final = 70.0
 """Twice what the usual gyro can measure [rad/s]: more than this is no rad/s."""
 _LEAST_RATES: Final = 0.7
 """Correlation of gyro and attitude from which the attitude says something of an axis."""
+STATED: Final[Mapping[str, Quantity]] = {
+    "time": "time",
+    "gyro": "angular velocity",
+    "accel": "acceleration",
+    "angle": "angle",
+    "reference": "angular velocity",
+    "position": "position",
+    "velocity": "velocity",
+}
+"""Channels whose unit may be stated, besides those of motors."""
+MOTORS: Final = ("motors", "rotor", "command")
+"""The same of motors: of columns that do not tell it, of speeds, of commands."""
 MOTOR_UNITS: Final = ("rad/s", "rpm", "erpm", "Hz", "1", "%", "us", "counts")
 _RANGES: Final = {"us": (1000.0, 2000.0), "counts": (0.0, 65535.0)}
 
@@ -84,8 +96,10 @@ def _specs(
     }
 
 
-def clock_found(source: Source, candidates: Sequence[Candidate], numbers: Numbers) -> Found:
-    """Find the clock: the first column that is named so and only rises."""
+def clock_found(
+    source: Source, candidates: Sequence[Candidate], numbers: Numbers, stated: str | None
+) -> Found:
+    """Find the clock: the first column that is named so and only rises; its unit may be stated."""
     named = [one for one in candidates if one.kind == "time"]
     fallback = Candidate(kind="time", stem="", by_index={0: source.names[0]}, unit=None)
     for one in [*named, *([] if named else [fallback])]:
@@ -96,7 +110,8 @@ def clock_found(source: Source, candidates: Sequence[Candidate], numbers: Number
         # A column of 0, 1, 2, ... counts the rows.
         counts = not named and bool((steps == 1.0).all())
         if len(steps) and (steps >= 0).all() and (steps > 0).any() and not counts:
-            return _clock(name, one.unit, float(np.median(steps[steps > 0])))
+            step = float(np.median(steps[steps > 0]))
+            return _clock(name, one.unit, step, stated)
     seen = ", ".join(one.by_index[0] for one in named)
     texts = [one.by_index[0] for one in named if one.by_index[0] not in numbers]
     what = f"{seen} does not rise from row to row" if seen else "no column is named like a clock"
@@ -104,8 +119,10 @@ def clock_found(source: Source, candidates: Sequence[Candidate], numbers: Number
     raise LogError(f"no time: {what}; record one, or name it as --column time=NAME")
 
 
-def _clock(name: str, unit: str | None, step: float) -> Found:
-    """Choose the unit of a clock: that of its name where the rows are then close enough."""
+def _clock(name: str, unit: str | None, step: float, stated: str | None) -> Found:
+    """Choose the unit of a clock: as stated, else by its name where rows are then close enough."""
+    if stated is not None:
+        return _set_clock(name, stated, step)
     fits = {u: s * step for u, s in UNITS["time"].items() if 1e-5 <= s * step <= _LONGEST_STEP}
     if not fits:
         raise LogError(
@@ -128,12 +145,30 @@ def _clock(name: str, unit: str | None, step: float) -> Found:
     )
 
 
-def accelerometer_found(chosen: Candidate | None, numbers: Numbers) -> tuple[Found, Axes]:
-    """Find the accelerometer's unit by gravity, and the axes by its sign."""
+def _set_clock(name: str, unit: str, step: float) -> Found:
+    """Take the unit of a clock as stated; doubt it where no flight has such rows."""
+    seconds = UNITS["time"][unit] * step
+    fits = 1e-5 <= seconds <= _LONGEST_STEP
+    doubt = f"{name} in {unit}, as stated, makes rows {seconds:.4g} s apart: no flight log"
+    return Found(
+        columns={TIME: ColumnSpec(name=name, unit=unit)},
+        reasons=(f"time: {name} in {unit} as stated, {1e3 * seconds:.4g} ms a row",)
+        if fits
+        else (),
+        doubts=() if fits else (doubt,),
+    )
+
+
+def accelerometer_found(
+    chosen: Candidate | None, numbers: Numbers, stated: str | None, stated_axes: Axes | None
+) -> tuple[Found, Axes]:
+    """Find the accelerometer's unit by gravity, and the axes by its sign; both may be stated."""
     assert chosen is not None
     values = _known(_stacked(chosen.by_index.values(), numbers))
     length = float(np.median(np.linalg.norm(values, axis=1)))
     along = np.median(values, axis=0)
+    if stated is not None or stated_axes is not None:
+        return _set_accelerometer(chosen, length, float(along[2]), stated, stated_axes)
     unit, factor = _gravity_unit(length)
     axis = int(np.argmax(np.abs(along)))
     if axis != 2 or abs(along[2]) < 0.5 * length:
@@ -156,6 +191,34 @@ def accelerometer_found(chosen: Candidate | None, numbers: Numbers) -> tuple[Fou
     return Found(columns=columns, reasons=(words,), doubts=doubts), axes
 
 
+def _set_accelerometer(
+    chosen: Candidate, length: float, up: float, unit: str | None, axes: Axes | None
+) -> tuple[Found, Axes]:
+    """Take unit or axes of the accelerometer as stated; doubt them where gravity says otherwise."""
+    factor = 1.0
+    if unit is None:
+        unit, factor = _gravity_unit(length)
+    felt = length * factor * UNITS["acceleration"][unit]
+    seen: Axes = "FLU" if up > 0 else "FRD"
+    doubts: list[str] = []
+    if not 0.75 < felt / STANDARD_GRAVITY < 1.35:
+        doubts.append(
+            f"the accelerometer in {unit} feels {felt:.4g} m/s^2 in the median: gravity is 9.81"
+        )
+    if axes not in (None, seen):
+        doubts.append(
+            f"axes {axes}, as stated, but {chosen.by_index[2]} of {up:+.4g} says {seen}: "
+            "gravity would lie upside down"
+        )
+    words = f"accelerometer: {felt:.4g} m/s^2 in the median, axes {axes or seen}"
+    found = Found(
+        columns=_specs("accel", chosen, unit, scale=factor),
+        reasons=() if doubts else (words,),
+        doubts=tuple(doubts),
+    )
+    return found, axes or seen
+
+
 def _gravity_unit(length: float) -> tuple[str, float]:
     """Find the unit in which a length is gravity, with the factor of raw counts before it."""
     for unit, si in UNITS["acceleration"].items():
@@ -170,8 +233,10 @@ def _gravity_unit(length: float) -> tuple[str, float]:
     )
 
 
-def attitude_found(chosen: Mapping[str, Candidate | None], numbers: Numbers) -> Found:
-    """Find the attitude: a quaternion of length 1, else Euler angles."""
+def attitude_found(
+    chosen: Mapping[str, Candidate | None], numbers: Numbers, stated: str | None
+) -> Found:
+    """Find the attitude: a quaternion of length 1, else Euler angles; their unit may be stated."""
     quaternion, angles = chosen["quaternion"], chosen["angle"]
     if quaternion is not None:
         values = _known(_stacked(quaternion.by_index.values(), numbers))
@@ -181,7 +246,7 @@ def attitude_found(chosen: Mapping[str, Candidate | None], numbers: Numbers) -> 
         return Found(columns={})
     values = _known(_stacked(angles.by_index.values(), numbers))
     by_value = "deg" if float(np.abs(values).max()) > 2 * np.pi else "rad"
-    unit = angles.unit if angles.unit in UNITS["angle"] else by_value
+    unit = stated or (angles.unit if angles.unit in UNITS["angle"] else by_value)
     return Found(columns=_specs("angle", angles, unit))
 
 
@@ -247,7 +312,7 @@ def gyro_found(
         return _with_unit(chosen, "deg/s", f"gyro: up to {peak:.3g}, too fast for rad/s: deg/s")
     words = f"Unit of the gyro ({', '.join(chosen.by_index.values())}, up to {peak:.3g})"
     question = Question(channel="gyro", words=words, choices=("rad/s", "deg/s"))
-    found = _with_unit(chosen, "rad/s", "gyro: perhaps in rad/s, neither name nor values tell")
+    found = _with_unit(chosen, "rad/s", "gyro: perhaps in rad/s, neither name nor values say")
     return replace(found, questions=(question,))
 
 
@@ -322,11 +387,13 @@ def motors_found(
         unit, why, choices = _motor_unit(one, values)
         if unit is None:
             unit, why = units.get("motors"), "as stated"
-            words = f"Unit of {', '.join(held)} ({values.min():.4g} to {values.max():.4g})"
+            words = f"Unit of {held[0]} to {held[-1]} ({values.min():.6g} to {values.max():.6g})"
             if unit is None:
                 questions.append(Question(channel="motors", words=words, choices=choices))
-                unit, why = choices[0], "perhaps: neither name nor values tell"
-        stem = "rotor" if unit in ("rad/s", "rpm", "erpm", "Hz") else "command"
+                unit, why = choices[0], "(asked below: neither names nor values say)"
+        if _stem(unit) in units:
+            unit, why = units[_stem(unit)], "as stated"
+        stem = _stem(unit)
         if f"{stem}_1" in columns:
             reasons.append(f"{held[0]} ...: left out, {stem}_1 is {columns[f'{stem}_1'].name}")
             continue
@@ -337,6 +404,11 @@ def motors_found(
         what = "rotor speed" if stem == "rotor" else "command"
         reasons.append(f"{what}: {held[0]} to {held[-1]} in {unit} {why}")
     return Found(columns=columns, reasons=tuple(reasons), questions=tuple(questions))
+
+
+def _stem(unit: str) -> str:
+    """Tell what motor columns of a unit are: ``rotor`` (speeds) or ``command``."""
+    return "rotor" if unit in ("rad/s", "rpm", "erpm", "Hz") else "command"
 
 
 def _motor_unit(
@@ -369,7 +441,12 @@ def _motor_unit(
     return None, "", speeds
 
 
-def others_found(chosen: Mapping[str, Candidate | None], gyro: Found, numbers: Numbers) -> Found:
+def others_found(
+    chosen: Mapping[str, Candidate | None],
+    gyro: Found,
+    numbers: Numbers,
+    units: Mapping[str, str],
+) -> Found:
     """Find battery, reference and position; a velocity only where its name says body axes."""
     columns: dict[str, ColumnSpec] = {}
     reasons: list[str] = []
@@ -383,18 +460,22 @@ def others_found(chosen: Mapping[str, Candidate | None], gyro: Found, numbers: N
             reasons.append(f"battery: {high * scale:.3g} V in the median")
     if reference is not None:
         unit = reference.unit if reference.unit in UNITS["angular velocity"] else None
-        unit = unit or gyro.columns["gyro_x"].unit
+        unit = units.get("reference") or unit or gyro.columns["gyro_x"].unit
         columns |= _specs("reference", reference, unit)
-        reasons.append(f"set point of the rates: in {unit}, as the gyro")
+        reasons.append(f"set point of the rates: in {unit}")
     position = chosen["position"]
     if position is not None:
-        unit = position.unit if position.unit in UNITS["position"] else "m"
+        unit = units.get("position") or (
+            position.unit if position.unit in UNITS["position"] else "m"
+        )
         columns |= _specs("position", position, unit)
         reasons.append(f"position: in {unit}")
     velocity = chosen["velocity"]
     if velocity is not None:
         if "body" in velocity.stem.split():
-            unit = velocity.unit if velocity.unit in UNITS["velocity"] else "m/s"
+            unit = units.get("velocity") or (
+                velocity.unit if velocity.unit in UNITS["velocity"] else "m/s"
+            )
             columns |= _specs("velocity", velocity, unit)
         else:
             shown = ", ".join(velocity.by_index.values())

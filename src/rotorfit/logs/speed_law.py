@@ -104,7 +104,7 @@ def speed_from_command(
         return speed
     if battery is None:
         raise LogError(
-            "the law of the motors has a voltage factor, but there is no battery voltage beside "
+            "the law of the motors has a voltage factor, but there is no battery voltage with "
             "the commands; log it, or give a law without voltage"
         )
     relative = np.maximum(battery, 0.0) / law.voltage.nominal

@@ -6,11 +6,12 @@ however they jitter: no channel is resampled, and a delay is any number of secon
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.interpolate import CubicSpline
 from scipy.linalg import lapack
 
 from rotorfit.preprocessing.motors.command_response import MeasuredResponse
@@ -22,6 +23,9 @@ FASTEST: Final = 125.0
 distance, so that more of them tell no more (lags from 12 Hz are as sharp as from 500)."""
 MOST_ROUNDS: Final = 40
 SETTLED: Final = 1e-9
+FINE: Final = 1e-3
+"""Between commands that are drawn between those of the log [s]."""
+FEWEST_DRAWN: Final = 4
 STRETCH_DISTANCE: Final = 1e4
 """Between two stretches on the common clock: longer than any of them [s]."""
 
@@ -137,6 +141,50 @@ def _counting(response: MeasuredResponse) -> Bool[np.ndarray, " m"]:
     stride = max(int(1.0 / (FASTEST * step)), 1) if step > 0.0 else 1
     every = np.arange(len(time)) % stride == 0
     return every & (time >= response.command_time[0] + SETTLING)
+
+
+def drawn_between(recording: Recording) -> Recording:
+    """Draw smooth commands between those of the log, as of a loop of which it keeps only some.
+
+    A cubic spline through each stretch, in steps of some `FINE` seconds that hold its middles.
+    """
+    step = float(np.median(np.diff(recording.command_time)))
+    parts = round(step / FINE)
+    if parts < 2:
+        return recording
+    starts = np.flatnonzero(recording.begins)
+    pieces = zip(
+        np.split(recording.command_time, starts[1:]),
+        np.split(recording.command, starts[1:]),
+        strict=True,
+    )
+    drawn = [_drawn(time, command, step, parts) for time, command in pieces]
+    rows = np.repeat(np.arange(len(recording.command)), parts)
+    volts = recording.voltage
+    return replace(
+        recording,
+        command_time=np.concatenate([time for time, _ in drawn]),
+        command=np.concatenate([command for _, command in drawn]),
+        voltage=None if volts is None else volts[rows],
+        rotor=recording.rotor[rows],
+        flight=recording.flight[rows],
+        since=recording.since[rows],
+        begins=recording.begins[rows] & (np.arange(len(rows)) % parts == 0),
+    )
+
+
+def _drawn(
+    time: Float[np.ndarray, " n"], command: Float[np.ndarray, " n"], step: float, parts: int
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Draw one stretch: the times from which each of the finer commands holds, and these."""
+    lasts = np.diff(time, append=time[-1] + step)[:, None]
+    shares = np.arange(parts) / parts
+    begin = (time[:, None] + lasts * shares).ravel()
+    if len(time) < FEWEST_DRAWN:
+        return begin, np.repeat(command, parts)
+    middle = (time[:, None] + lasts * (shares + 0.5 / parts)).ravel()
+    curve = CubicSpline(time, command)(np.minimum(middle, time[-1]))
+    return begin, np.clip(curve, command.min(), command.max())
 
 
 def speed_response(

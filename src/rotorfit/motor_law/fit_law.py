@@ -9,12 +9,13 @@ are correlated by battery, air and what no law says.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from typing import Final
 
 import numpy as np
 import scipy.optimize
 from jaxtyping import Float
+from scipy import ndimage
 
 from rotorfit.errors import EstimationError
 from rotorfit.motor_law.block_jackknife import (
@@ -24,13 +25,20 @@ from rotorfit.motor_law.block_jackknife import (
     jackknife,
     widest,
 )
-from rotorfit.motor_law.command_response import Recording, Timing, recording_of, speed_response
+from rotorfit.motor_law.command_response import (
+    Recording,
+    Timing,
+    drawn_between,
+    recording_of,
+    speed_response,
+)
 from rotorfit.motor_law.law_model import FORMS, FormName, Layout, predicted, timing_of
 from rotorfit.preprocessing.motors.command_response import (
     MeasuredResponse,
     response_spans,
     responses_within,
 )
+from rotorfit.preprocessing.motors.motor_model import white_noise_std
 
 MOST_SPEEDS: Final = 80_000
 """Measured speeds that are fitted to, of all rotors and flights."""
@@ -58,7 +66,16 @@ LAGS: Final = (5e-4, 0.5)
 DELAYS: Final = (-0.1, 0.3)
 RATIO: Final = 2.0
 """Largest logarithm of falling over rising lag."""
+SLOW: Final = 12.0
+"""Twice about the frequency that is slow, and tells most of a lag of 30 ms [Hz]."""
 MOST_STEPS: Final = 60
+Between = Callable[[Recording], Recording]
+"""What commands were between those of the log."""
+
+
+def held_between(recording: Recording) -> Recording:
+    """Hold every command until the next."""
+    return recording
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,13 +138,17 @@ class FittedLaw:
     others
         The other forms, with the same terms beside the curve.
     rivals
-        Those of them that are as good, in practice or as far as the flights tell.
+        Those that are as good, in practice or as far as the flights tell: other forms; the lag on
+        the other of speed and thrust; commands held, or smooth between those of the log.
+    open_shifts
+        Half of what noise of the commands moves, and quick motion: taken off, and as much is open.
     """
 
     recording: Recording
     best: LawFit
     others: tuple[LawFit, ...]
     rivals: tuple[LawFit, ...]
+    open_shifts: Float[np.ndarray, "s p"]
 
     def number(
         self, function: Callable[["LawFit", Float[np.ndarray, " p"]], float]
@@ -137,11 +158,12 @@ class FittedLaw:
         reach = self.best.half_width(lambda x: function(self.best, x))
         for rival in self.rivals:
             reach = max(reach, abs(function(rival, rival.values) - value))
-        return value, reach
+        moved = [function(self.best, self.best.values + shift) for shift in self.open_shifts]
+        return value, reach + sum(abs(other - value) for other in moved)
 
     def own(self, index: int) -> tuple[float, float]:
         """Return a parameter of the chosen form, and half of its interval."""
-        return float(self.best.values[index]), self.best.half_width(lambda x: float(x[index]))
+        return replace(self, rivals=()).number(lambda _, x: float(x[index]))
 
 
 def bounded_recording(responses: Sequence[Sequence[MeasuredResponse]]) -> Recording | None:
@@ -154,8 +176,42 @@ def bounded_recording(responses: Sequence[Sequence[MeasuredResponse]]) -> Record
 
 def fit_law(recording: Recording) -> FittedLaw:
     """Fit lag, delay and law of the motors; raise with the reason where speeds determine none."""
-    recording = _turning(recording)
-    _refuse_short(recording)
+    logged = _turning(recording)
+    _refuse_short(logged)
+    rough = _rough(logged)
+    scale = 1.4826 * float(np.median(np.abs(rough.residuals)))
+    made: Between = held_between
+    drawn = _fitted(drawn_between(logged), rough.layout, rough.values, scale)
+    if drawn.error < rough.error:
+        made, rough = drawn_between, drawn
+    recording = made(logged)
+    fits = [_refitted(recording, replace(rough.layout, form=name), rough, scale) for name in FORMS]
+    best = _two_way(recording, _likeliest(fits), scale)
+    on_thrust = _on_thrust(recording, best, scale)
+    if _surprise(best, on_thrust) > CLEAR:
+        best, on_thrust = on_thrust, best
+    others = tuple(fit for fit in fits if fit.layout.form != best.layout.form)
+    other = held_between if made is drawn_between else drawn_between
+    across = _fitted(other(logged), best.layout, best.values, scale)
+    alike = (*others, on_thrust, across)
+    open_shifts = np.zeros((2, len(best.values)))
+    if not _whole(logged, made, _surprise(across, best)):
+        by_noise = _shift_by_noise(logged, made, best, scale)
+        open_shifts = 0.5 * np.array([by_noise, -_slow_shift(recording, best)])
+    return FittedLaw(
+        recording=recording,
+        best=replace(best, values=best.values - open_shifts.sum(axis=0)),
+        others=others,
+        rivals=tuple(f for f in alike if _surprise(f, best) < CLEAR),
+        open_shifts=open_shifts,
+    )
+
+
+def _rough(recording: Recording) -> LawFit:
+    """Fit the most general form, with voltage and a lag for each way where the flights ask for it.
+
+    Lags that differ bend the response as a curve does: the form is compared with them in place.
+    """
     rotors, flights = len(recording.rotors), int(recording.flight.max()) + 1
     general = Layout(
         form="offset power", voltage=False, two_way=False, rotors=rotors, flights=flights
@@ -165,17 +221,70 @@ def fit_law(recording: Recording) -> FittedLaw:
         layout = replace(general, voltage=True)
         rough = _likeliest([rough, _refitted(recording, layout, rough, np.inf)])
     scale = 1.4826 * float(np.median(np.abs(rough.residuals)))
-    fits = [_refitted(recording, replace(rough.layout, form=name), rough, scale) for name in FORMS]
-    best = _likeliest(fits)
-    others = tuple(fit for fit in fits if fit is not best)
-    two_way = _refitted(recording, replace(best.layout, two_way=True), best, scale)
+    return _two_way(recording, rough, scale)
+
+
+def _two_way(recording: Recording, fit: LawFit, scale: float) -> LawFit:
+    """Fit a lag for each way, where their difference exceeds its interval."""
+    if fit.layout.two_way:
+        return fit
+    two_way = _refitted(recording, replace(fit.layout, two_way=True), fit, scale)
     ratio, half = float(two_way.values[-2]), two_way.half_width(lambda x: float(x[-2]))
-    return FittedLaw(
-        recording=recording,
-        best=two_way if abs(ratio) > half else best,
-        others=others,
-        rivals=tuple(f for f in others if _surprise(f, best) < CLEAR),
+    return two_way if abs(ratio) > half else fit
+
+
+def _on_thrust(recording: Recording, fit: LawFit, scale: float) -> LawFit:
+    """Fit the lag on the squared speed: it rises sooner than it falls, as two lags do."""
+    layout = replace(fit.layout, on_thrust=True, two_way=False)
+    return _two_way(recording, _refitted(recording, layout, fit, scale), scale)
+
+
+def _whole(logged: Recording, made: Between, worse: float) -> bool:
+    """Say whether a log has every command: held they fit clearly better than smooth ones."""
+    return drawn_between(logged) is logged or (made is held_between and worse > CLEAR)
+
+
+def _shift_by_noise(
+    logged: Recording, made: Between, fit: LawFit, scale: float
+) -> Float[np.ndarray, " p"]:
+    """Measure how noise of the commands moves a fit: by the same noise once more.
+
+    What is as strong at the top of their spectrum as below is either in the commands alone (their
+    rounding; what a faster loop did between two of the log), or the motors follow it, too. (Cook
+    and Stefanski, J. of the American Statistical Association 89, 1994.)
+    """
+    noise = _command_noise(logged)
+    if not noise > 0.0:
+        return np.zeros(len(fit.values))
+    more = noise * np.random.default_rng(0).standard_normal(len(logged.command))
+    noisier = (
+        made(replace(logged, command=np.clip(logged.command + sign * more, 0.0, 1.0)))
+        for sign in (1.0, -1.0)
     )
+    found = [_fitted(one, fit.layout, fit.values, scale).values for one in noisier]
+    return 0.5 * (found[0] + found[1]) - fit.values
+
+
+def _slow_shift(recording: Recording, fit: LawFit) -> Float[np.ndarray, " p"]:
+    """Compute by how much a fit moves that looks at what is slow alone.
+
+    Between its commands a log does not say what a loop commanded; what is slow does not ask.
+    """
+    rows = round(1.0 / (SLOW * float(np.median(np.diff(recording.time)))))
+    window = np.hanning(rows + 2)
+    slopes = np.asarray(ndimage.convolve1d(fit.slopes, window, axis=0), dtype=float)
+    residuals = np.asarray(ndimage.convolve1d(fit.residuals, window, axis=0), dtype=float)
+    size: Float[np.ndarray, " p"] = np.linalg.norm(slopes, axis=0)
+    size[size == 0.0] = 1.0
+    scaled: Float[np.ndarray, "m p"] = slopes / size
+    moved: Float[np.ndarray, " p"] = np.linalg.lstsq(scaled, residuals)[0] / size
+    return moved
+
+
+def _command_noise(logged: Recording) -> float:
+    """Estimate the deviation of what is white in the commands, at the top of their spectrum."""
+    edges = [*np.flatnonzero(logged.begins).tolist(), len(logged.command)]
+    return white_noise_std(logged.command[:, None], list(pairwise(edges)))
 
 
 def _turning(recording: Recording) -> Recording:
@@ -199,8 +308,7 @@ def _refuse_short(recording: Recording) -> None:
         seconds += float(np.ptp(recording.flight_time[recording.speed_flight == k]))
     if seconds < LEAST_SECONDS or len(recording.speed) < 20 * FEWEST_BLOCKS:
         raise EstimationError(
-            f"only {seconds:.1f} s of measured speeds beside commands, {LEAST_SECONDS:g} s are "
-            "needed"
+            f"only {seconds:.1f} s of measured speeds with commands, {LEAST_SECONDS:g} s are needed"
         )
     spread = float(recording.command.std())
     if not spread > LEAST_SPREAD or not float(recording.speed.std()) > 0.0:
@@ -233,6 +341,8 @@ def _refitted(recording: Recording, layout: Layout, fit: LawFit, scale: float) -
     rotors = layout.rotors - 1
     x[layout.factors][:rotors] = fit.values[fit.layout.factors][:rotors]
     x[-2 - int(layout.two_way)], x[-1] = fit.timing.log_lag, fit.timing.delay
+    if layout.two_way:
+        x[-2] = fit.timing.log_ratio
     return _fitted(recording, layout, x, scale)
 
 

@@ -110,6 +110,8 @@ class Layout:
     rotors, flights
         How many: all but one have a factor of their own, and each flight a drift, where there is
         no voltage.
+    on_thrust
+        Whether the lag acts on the squared speed, not on the speed.
     """
 
     form: FormName
@@ -117,6 +119,7 @@ class Layout:
     two_way: bool
     rotors: int
     flights: int
+    on_thrust: bool = False
 
     @property
     def curve(self) -> slice:
@@ -200,13 +203,7 @@ def predicted(
     rotors, flights = _log_scales(layout, x)
     logarithm = logarithm + (x[0] + rotors)[recording.rotor] + flights[recording.flight]
     settled = np.exp(np.minimum(logarithm, 30.0))
-    speed, slopes = speed_response(
-        recording,
-        settled,
-        (settled * np.array(bending)).T,
-        timing_of(layout, x),
-        two_way=layout.two_way,
-    )
+    speed, slopes = _responding(recording, layout, x, settled, (settled * np.array(bending)).T)
     factors = [_contrast(recording.speed_rotor, layout.rotors)]
     if not layout.voltage:
         factors.append(_contrast(recording.speed_flight, layout.flights))
@@ -215,6 +212,24 @@ def predicted(
     # What multiplies all commands of a stretch multiplies its speeds.
     columns = [speed[:, None], slopes[:, :curved], speed[:, None] * scaling, slopes[:, curved:]]
     return speed, np.concatenate(columns, axis=1)
+
+
+def _responding(
+    recording: Recording,
+    layout: Layout,
+    x: Float[np.ndarray, " p"],
+    settled: Float[np.ndarray, " n"],
+    bent: Float[np.ndarray, "n q"],
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m r"]]:
+    """Follow settled speeds by a lag that acts on the speed or on its square, with the slopes."""
+    timing, two_way = timing_of(layout, x), layout.two_way
+    if not layout.on_thrust:
+        return speed_response(recording, settled, bent, timing, two_way=two_way)
+    square, slopes = speed_response(
+        recording, settled**2, 2.0 * settled[:, None] * bent, timing, two_way=two_way
+    )
+    speed = np.sqrt(np.maximum(square, TINY))
+    return speed, 0.5 * slopes / speed[:, None]
 
 
 def _contrast(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "n c"]:

@@ -102,6 +102,8 @@ class Missing:
         The same as `now` after 20 s of it, never more, and the verdict then.
     after
         The same after 20 s of each manoeuvre.
+    size
+        Its value, or the size below which its error does not matter: what all of them are over.
     advice
         What to do.
     """
@@ -114,12 +116,18 @@ class Missing:
     relative: float
     predicted: Verdict
     after: Mapping[Manoeuvre, float]
+    size: float
     advice: str
 
     @property
     def gain(self) -> str:
         """How far the manoeuvre sharpens it, such as ``from +-18 to +-6 %``."""
-        return gain_phrase(self.now, self.relative)
+        now = None if self.now is None else self.shown(self.now)
+        return gain_phrase(self.name, now, self.shown(self.relative))
+
+    def shown(self, relative: float) -> float:
+        """Convert a half-width over the size to what is shown: for a centre of mass in metres."""
+        return relative * self.size if self.name in COM else relative
 
     def sharper(self, manoeuvre: Manoeuvre) -> float:
         """Compute how many times narrower a manoeuvre makes it; from all of it, where unknown."""
@@ -130,10 +138,14 @@ class Missing:
         return self.manoeuvre is not None and self.sharper(manoeuvre) > AS_GOOD
 
 
-def gain_phrase(now: float | None, after: float) -> str:
-    """Write how far an interval shrinks, relative half-widths; `now` is None where unknown."""
-    before = "unknown" if now is None else f"+-{short(100.0 * now)}"
-    return f"from {before} to +-{short(100.0 * after)} %"
+def gain_phrase(name: str, now: float | None, after: float) -> str:
+    """Write how far an interval shrinks: half-widths over the value, of a centre of mass in metres.
+
+    `now` is None where the number is unknown.
+    """
+    factor, unit = (1e3, "mm") if name in COM else (100.0, "%")
+    before = "unknown" if now is None else f"+-{short(factor * now)}"
+    return f"from {before} to +-{short(factor * after)} {unit}"
 
 
 def check_same_vehicle(result: IdentificationResult, vehicle: Vehicle) -> None:
@@ -294,7 +306,7 @@ def _missing(
         chosen = None
     elif verdict == "not-identified" or after * AS_GOOD > now:
         chosen = None
-        advice = f"no manoeuvre of {PRACTICE_SECONDS:.0f} s alone betters it: fly longer, or with "
+        advice = f"no manoeuvre of {PRACTICE_SECONDS:.0f} s is enough for it: fly longer, or with "
         advice += "the payload of the plan"
     else:
         chosen, advice = manoeuvre, FLOWN[manoeuvre]
@@ -307,6 +319,7 @@ def _missing(
         relative=after,
         predicted=verdict,
         after=relative,
+        size=size,
         advice=advice,
     )
 

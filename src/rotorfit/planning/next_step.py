@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, TOO_SLOW
+from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
@@ -45,8 +45,8 @@ MAIN: Final = ("kt", "kd", "Jr", *COM, *INERTIA_COM[:3])
 """Numbers for which a step is worth a flight."""
 DONE: Final = "nothing more to fly: check it on another flight (rotorfit validate RESULT LOG)"
 UNHELPED: Final = (
-    "no manoeuvre of 20 s betters what is left: longer flights or a payload may (rotorfit plan "
-    "AIRFRAME --after RESULT)"
+    "no manoeuvre of 20 s is enough for what is left: plan a longer flight, or one with a payload "
+    "(rotorfit plan AIRFRAME --after RESULT)"
 )
 NAMED: Final = 2
 """Of the numbers that a manoeuvre sharpens."""
@@ -148,18 +148,28 @@ def best_manoeuvre(missing: Sequence[Missing]) -> Finding:
         next_step=FLOWN[manoeuvre],
         numbers=tuple(one.name for one in helped),
         evidence=tuple(
-            Evidence(name=one.name, value=one.after[manoeuvre], limit=one.now) for one in helped
+            Evidence(
+                name=one.name,
+                value=one.shown(one.after[manoeuvre]),
+                limit=None if one.now is None else one.shown(one.now),
+            )
+            for one in helped
         ),
     )
 
 
 def _lacking(result: IdentificationResult) -> list[JudgedNumber]:
-    """List the numbers of all configurations that matter and are not known well, each once."""
+    """List the numbers of all configurations that matter and are not known well, each once.
+
+    Those that a simulator does not have are none.
+    """
+    absent = [one for one in result.findings if one.kind == NOT_SIMULATED]
     found = [
         number
         for owner in configuration_names(result)
         for number in judged_numbers(result, owner)
         if number.verdict in LACKING and number.name in MAIN
+        if not any(one.is_about(number.parameter) for one in absent)
     ]
     return list({one.parameter: one for one in found}.values())
 
@@ -190,7 +200,9 @@ def _stored(best: Finding) -> NextStep:
     """Describe the manoeuvre that a result keeps, and what it gives."""
     if best.next_step is None:
         return NextStep(kind="done", action=UNHELPED)
-    parts = [f"{one.name} {gain_phrase(one.limit, one.value)}" for one in best.evidence[:NAMED]]
+    parts = [
+        f"{one.name} {gain_phrase(one.name, one.limit, one.value)}" for one in best.evidence[:NAMED]
+    ]
     gain = " and ".join(parts)
     return NextStep(kind="fly", action=best.next_step, gain=gain, numbers=best.numbers)
 

@@ -34,6 +34,8 @@ LOOK_CUTOFF = 8.0
 SHORTEST_FLIGHT = 0.3
 LONGEST_TOUCH = 0.15
 HARDEST_TOUCH = 5.0
+DRIFT = 6.0
+"""Changes of thrust that are slower are no answer [s]."""
 GUARD = 0.04
 """Taken off where flight meets the ground [s]: the low-pass sees a contact only from half."""
 ACTIVITY_RATIO: Final = 3.0
@@ -247,9 +249,11 @@ def _refuse_grounded(
     speeds = _block_means(motion.rotor_speed[rows], block)
     rates = _block_means(motion.angular_velocity[rows], block)
     turning = float(rates.std(axis=0).max())
-    change = float(push.std() / push.mean())
+    # A battery that sags makes commands grow while the thrust stays.
+    quick, response = (_quick(x, round(DRIFT * LOOK_CUTOFF)) for x in (push, az))
+    change = float(quick.std() / push.mean())
     steering = float((speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1e-12)).max())
-    follows, std = _following(az, thrust_to_force(motion, thrust) * push)
+    follows, std = _following(response, thrust_to_force(motion, thrust) * quick)
     if follows > max(0.5, 6.0 * std):
         # However still it hovers: the ground would have carried what the thrust changed by.
         return
@@ -266,6 +270,11 @@ def _refuse_grounded(
         )
 
 
+def _quick(values: Float[np.ndarray, " m"], width: int) -> Float[np.ndarray, " m"]:
+    """Take from values what is slower than a running mean over so many of them."""
+    return values - ndimage.uniform_filter1d(values, width, mode="nearest")
+
+
 def _following(
     acceleration: Float[np.ndarray, " n"], push: Float[np.ndarray, " n"]
 ) -> tuple[float, float]:
@@ -275,7 +284,7 @@ def _following(
     """
     swing = push - push.mean()
     size = float(swing @ swing)
-    if size < (1e-6 * float(push.mean())) ** 2 * len(push):
+    if size < (1e-6 * GRAVITY) ** 2 * len(push):
         return 0.0, np.inf
     response = acceleration - acceleration.mean()
     follows = float(swing @ response) / size

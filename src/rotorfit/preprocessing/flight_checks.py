@@ -154,7 +154,9 @@ def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -
         if name not in log.channels:
             named = ", or name its columns with a columns map" if log.takes_columns else ""
             if {"position", "attitude"} <= log.channels.keys():
-                named += ", or take the motion from the poses (--source mocap), beside motor data"
+                named += (
+                    ", or take the motion from the poses (--source mocap), together with motor data"
+                )
             raise LogError(
                 f"the log has no {what} (channel {name}; it has {has}); log the raw IMU{named}"
             )

@@ -97,6 +97,8 @@ class FlightData:
         How these rows were made of those that were recorded, where they are fewer.
     held
         The commands as recorded, where a row of the motor channel is the mean of several.
+    noise_level
+        How noisy a row is beside others of its phase, where a fit has shown it.
     """
 
     sample_rate: float
@@ -116,6 +118,7 @@ class FlightData:
     reference: Float[np.ndarray, "n 3"] | None = None
     thinned: Thinning | None = None
     held: HeldCommands | None = None
+    noise_level: Float[np.ndarray, " n"] | None = None
 
     @property
     def used_rows(self) -> Int[np.ndarray, " u"]:

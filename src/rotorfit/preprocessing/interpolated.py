@@ -41,7 +41,23 @@ def source_rate(values: Float[np.ndarray, "n k"], sample_rate: float) -> float |
     power = _power(bend, rows)
     looked = (frequency >= LOWEST) & (frequency <= min(HIGHEST, 0.25 * sample_rate))
     clear = [i for i in np.flatnonzero(looked).tolist() if _ratio(power, i) > LEAST_RATIO]
-    return float(frequency[clear[0]]) if clear else None
+    if not clear:
+        return None
+    own = sum((_power(column, rows) for column in values.T), np.zeros(rows // 2 + 1))
+    swings = [i for i in clear if _swings(own, i)]
+    drawn = [i for i in clear if not any(_is_multiple(i, k) for k in swings)]
+    return float(frequency[drawn[0]]) if drawn else None
+
+
+def _swings(power: Float[np.ndarray, " f"], i: int) -> bool:
+    """Return whether signals themselves have a line at a rate or at half of it."""
+    return any(_ratio(power, k) > LEAST_RATIO for k in (i - 1, i, i + 1, i // 2, (i + 1) // 2))
+
+
+def _is_multiple(i: int, of: int) -> bool:
+    """Return whether a line is a harmonic of another, each to one place."""
+    times = max(round(i / of), 1)
+    return abs(i - times * of) <= times + 1
 
 
 def _bend(values: Float[np.ndarray, "n k"], m: int) -> Float[np.ndarray, " b"]:

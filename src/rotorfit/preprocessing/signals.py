@@ -26,6 +26,10 @@ SPIKE_THRESHOLD = 6.0
 """Robust standard deviations. At 4, one sample in a hundred of plain noise would be touched."""
 SLACK = 1e-3
 """By which a count of samples may miss a whole number."""
+SUDDEN = 1.5
+"""Of the usual step beside it, by which a spike comes or goes."""
+AROUND = 6
+"""Steps on either side that tell the usual one: more than half of them are no spikes'."""
 
 
 def hampel(
@@ -36,7 +40,8 @@ def hampel(
     A sample is a spike if it is further from that median than six robust standard deviations.
     Those are taken over 51 samples (over seven, they would jump about and flag ordinary noise),
     and never much below the column's own nor below a thousandth of its range, so that quantised
-    stretches and the crests of a smooth signal are left alone.
+    stretches are left alone. It comes or goes by a larger step than those beside it: the crest of
+    a quick turn in a slow log is as far from the median, but does not.
 
     References
     ----------
@@ -53,15 +58,32 @@ def hampel(
             deviation[rows] = np.abs(x[rows] - _running_median(x, MEDIAN_WIDTH, rows))
         low, high = np.percentile(x, [1.0, 99.0])
         floor = max(0.4 * float(np.percentile(deviation, 95)), 1e-3 * float(high - low))
+        far = np.zeros(len(x), dtype=bool)
         for rows in pieces(len(x)):
             local = _running_median(deviation, SCALE_WIDTH, rows)
-            bad = deviation[rows] > SPIKE_THRESHOLD * 1.4826 * np.maximum(local, floor)
-            if not bad.any():
-                continue
-            clean = values.copy() if clean is values else clean
-            clean[rows, column][bad] = _running_median(x, MEDIAN_WIDTH, rows)[bad]
-            spikes[rows] |= bad
+            far[rows] = deviation[rows] > SPIKE_THRESHOLD * 1.4826 * np.maximum(local, floor)
+        bad = _sudden(x, far)
+        if not bad.any():
+            continue
+        clean = values.copy() if clean is values else clean
+        for rows in pieces(len(x)):
+            clean[rows, column][bad[rows]] = _running_median(x, MEDIAN_WIDTH, rows)[bad[rows]]
+        spikes |= bad
     return clean, spikes
+
+
+def _sudden(x: Float[np.ndarray, " n"], far: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Keep of runs of samples those that come or go by a larger step than those beside them."""
+    kept = far.copy()
+    for a, b in true_runs(far):
+        begin = max(a - AROUND - 1, 0)
+        steps = np.abs(np.diff(x[begin : b + AROUND + 1]))
+        # Step k is from sample k to the next.
+        own = slice(max(a - 1 - begin, 0), b - begin)
+        others = np.delete(steps, own)
+        usual = float(np.median(others)) if len(others) else 0.0
+        kept[a:b] = float(steps[own].max(initial=0.0)) > SUDDEN * usual
+    return kept
 
 
 def whole_samples(count: float) -> int:

@@ -175,10 +175,11 @@ def band_factors(
 ) -> Factors:
     """Reduce a flight to one factor per stretch and frequency band; raise if none is long enough.
 
-    Each stretch is tapered (Tukey), transformed and scaled to unit window energy; a band stacks
-    real and imaginary parts. Every step is linear and equal for all signals: the equations
-    between them stay exact. `moved`: per slope the flight with its rotors a step later and earlier,
-    and their distance; `body`: from `body_lines`; `top`: bands begin under this edge [Hz].
+    Each stretch is tapered (Tukey), its rows divided by their noise where that is known,
+    transformed and scaled to unit window energy; a band stacks real and imaginary parts. Every step
+    is linear and equal for all signals: the equations between them stay exact. `moved`: per slope
+    the flight with its rotors a step later and earlier, and their distance; `body`: from
+    `body_lines`; `top`: bands begin under this edge [Hz].
     """
     layout = signal_layout(vehicle, added)
     made, kept = rotor_columns(layout), body_columns(layout)
@@ -191,7 +192,8 @@ def band_factors(
             continue
         rotors = rotor_signals(flight, vehicle, stretch.start, stretch.stop, added=added)
         slopes = _slopes(moved, vehicle, stretch, [s for s in added if s.sloped])
-        fresh = _lines(np.concatenate([rotors, *slopes], axis=1), bands, plan)
+        window = stretch_window(flight, stretch, plan)
+        fresh = _lines(np.concatenate([rotors, *slopes], axis=1), bands, window)
         lines = np.empty((len(fresh), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
         lines[:, kept], lines[:, made] = own[: len(fresh)], fresh[:, : len(made)]
         lines[:, len(layout) :] = fresh[:, len(made) :]
@@ -214,7 +216,7 @@ def body_lines(
         _lines(
             body_signals(flight, stretch.start, stretch.stop, added=added),
             _bands(stretch, flight.sample_rate, plan),
-            plan,
+            stretch_window(flight, stretch, plan),
         )
         for stretch in _stretches(flight, plan)
     )
@@ -233,7 +235,8 @@ def banded_lines(
     for stretch in _stretches(flight, plan):
         bands = _bands(stretch, flight.sample_rate, plan)
         if bands:
-            lines = _lines(columns(stretch.start, stretch.stop), bands, plan)
+            window = stretch_window(flight, stretch, plan)
+            lines = _lines(columns(stretch.start, stretch.stop), bands, window)
             yield lines, bands, np.arange(len(lines)) * flight.sample_rate / len(stretch)
 
 
@@ -294,13 +297,22 @@ def rotor_noise(
         average = ((4.0 + 2.0 * np.cos(turn)) / 6.0) ** 2
         difference = np.sin(turn) * flight.sample_rate
     half = 0.5 * flight.rotor_speed_std**2
-    speed = flight.rotor_speed[stretch.start : stretch.stop]
-    for i, square in enumerate((speed * speed).mean(axis=0)):
+    for i, square in enumerate(_mean_squares(flight, stretch)):
         noise[:, layout.index(f"O2_{i + 1}")] = 4.0 * square * half * average
     for axis, weight in zip("xyz", (vehicle.axes**2).sum(axis=0), strict=True):
         if f"dH{axis}" in layout:
             noise[:, layout.index(f"dH{axis}")] = weight * half * difference**2
     return noise
+
+
+def _mean_squares(flight: FlightData, stretch: Segment) -> Float[np.ndarray, " N"]:
+    """Average the squared speeds of a stretch, as its rows count."""
+    rows = slice(stretch.start, stretch.stop)
+    speed = flight.rotor_speed[rows]
+    if flight.noise_level is None:
+        return (speed * speed).mean(axis=0)
+    weight = flight.noise_level[rows] ** -2
+    return weight @ (speed * speed) / weight.sum()
 
 
 def split_segment(segment: Segment, longest_rows: float) -> list[Segment]:
@@ -315,14 +327,22 @@ def _bands(stretch: Segment, sample_rate: float, plan: BandPlan) -> list[tuple[i
     return merged_bands(np.fft.rfftfreq(max(len(stretch), 1), 1.0 / sample_rate), plan)
 
 
+def stretch_window(flight: FlightData, stretch: Segment, plan: BandPlan) -> Float[np.ndarray, " n"]:
+    """Return the window of a stretch, of unit energy: its taper, over the noise of its rows."""
+    window: Float[np.ndarray, " n"] = signal.windows.tukey(len(stretch), plan.taper)
+    if flight.noise_level is not None:
+        window = window / flight.noise_level[stretch.start : stretch.stop]
+    energy = float(window @ window)
+    return window / np.sqrt(energy) if energy > 0.0 else window  # of two rows: its ends alone
+
+
 def _lines(
-    Z: Float[np.ndarray, "n z"], bands: Sequence[tuple[int, int]], plan: BandPlan
+    Z: Float[np.ndarray, "n z"], bands: Sequence[tuple[int, int]], window: Float[np.ndarray, " n"]
 ) -> Complex[np.ndarray, "l z"]:
     """Transform windowed signals, up to the last line that a band has."""
     if not bands:
         return np.zeros((0, Z.shape[1]), dtype=complex)
-    window = signal.windows.tukey(len(Z), plan.taper)
-    lines = np.fft.rfft(Z * (window / np.sqrt(window @ window))[:, None], axis=0)
+    lines = np.fft.rfft(Z * window[:, None], axis=0)
     return lines[: bands[-1][1]].copy()
 
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.formatting.sheet import wrapped
+from rotorfit.formatting.sheet import table_lines, wrapped
 from rotorfit.logs.files import file_name
 from rotorfit.report.pages import (
     drawing,
@@ -59,24 +59,24 @@ FORCE_HELD = "first value kept"
 
 def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
     """Write replay, manoeuvres and notes as plain text, lines of that width."""
+    column = max(len(label) for label in (*outcome.labels, BAND, FORCE_HELD))
     lines = [
         *wrapped(headline(outcome), width),
         *wrapped(outcome.judgement.sentence, width),
         "",
-        "Replay: rms error of the rates [rad/s], this long after the start of a window",
+        *wrapped(RATES_TITLE, width),
+        *table_lines(_rate_cells(outcome, column), width),
+        "",
     ]
-    column = max(len(label) for label in (*outcome.labels, BAND, FORCE_HELD))
-    times = reported_times(outcome)
-    lines.append(f"  {'':<{column}}" + "".join(f"{f'after {t:.3g} s':>30}" for t in times))
-    lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for _ in times for axis in AXES))
-    lines += [f"  {label:<{column}}" + _numbers(row) for label, row in rate_rows(outcome)]
-    lines.append("")
     for line in verdicts(outcome):
         lines += wrapped(line, width, "  ", "    ")
     lines += ["", "What it means"]
     for line in meaning(outcome):
         lines += wrapped(line, width, "  - ")
-    lines += ["", "Replay: rms error of the specific force, means over 0.05 s [m/s^2]"]
+    lines += [
+        "",
+        *wrapped("Replay: rms error of the specific force, means over 0.05 s [m/s^2]", width),
+    ]
     lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for axis in "xyz"))
     lines += [f"  {label:<{column}}" + _numbers(row) for label, row in force_rows(outcome)]
     lines += _manoeuvre_lines(outcome)
@@ -85,6 +85,21 @@ def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
         for note in outcome.notes:
             lines += wrapped(note, width, "  - ")
     return "\n".join(lines)
+
+
+RATES_TITLE: Final = "Replay: rms error of the rates [rad/s], this long after the start of a window"
+
+
+def _rate_cells(outcome: FlyOutcome, column: int) -> list[list[str]]:
+    """Tabulate the errors of the rates: a cell for each time, which holds the three axes."""
+    times = reported_times(outcome)
+    axes = "".join(f"{axis:>10}" for axis in AXES)
+    rows = [("", [f"{f'after {t:.3g} s':>30}" for t in times]), ("", [axes] * len(times))]
+    for name, values in rate_rows(outcome):
+        groups = [values[i : i + len(AXES)] for i in range(0, len(values), len(AXES))]
+        rows.append((name, [_numbers(group) for group in groups]))
+    # A space before each cell comes with the columns.
+    return [[f"  {name:<{column}}", *(cell[1:] for cell in cells)] for name, cells in rows]
 
 
 def _manoeuvre_lines(outcome: FlyOutcome) -> list[str]:
@@ -155,17 +170,17 @@ def meaning(outcome: FlyOutcome) -> list[str]:
         f"open loop (planning, MPC) the rates stay within {100 * GOOD_SHARE:.0f} % of what was "
         f"flown for: {', '.join(good)}" + (f" (the window ends at {end:.2g} s)")
     ]
-    worse = [axis for axis, ratio in zip(AXES, held, strict=True) if ratio > 1.0]
+    worse = [axis for axis, ratio in zip(AXES, held, strict=True) if ratio >= 1.0 + EVEN]
     if worse:
         words.append(
-            f"{' and '.join(worse)}: after {end:.2g} s without feedback the model is worse than "
+            f"{listed(worse)}: after {end:.2g} s without feedback the model is worse than "
             "rates held: correct it by the gyro within the time above, as an autopilot does"
         )
     words += band_sentences(outcome.replays)
     trim = [axis for axis, share in zip(AXES, steady, strict=True) if share > STEADY]
     if trim:
         words.append(
-            f"{' and '.join(trim)}: most of the error is steady, which is trim (centre of mass, "
+            f"{listed(trim)}: most of the error is steady, which is trim (centre of mass, "
             "wind, unequal rotors); a controller with integral action removes it, a prediction "
             "does not"
         )
@@ -176,6 +191,11 @@ def meaning(outcome: FlyOutcome) -> list[str]:
             "controller corrects them from sample to sample"
         )
     return words
+
+
+def listed(names: Sequence[str]) -> str:
+    """Write names as a list in words."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
 def _stand(axis: str, ratio: float) -> str:

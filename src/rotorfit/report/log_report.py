@@ -41,6 +41,8 @@ LEAST_CHANGE: Final = 3.0
 WHAT: Final = {"roll": ("Ixx", ""), "pitch": ("Iyy", ""), "yaw": ("kd / Izz", "Izz, kd and Jr")}
 """What an axis tells, and what it tells with all the others."""
 KNOW: Final = "To know"
+LEAST_SOURCE: Final = 16
+"""Room for a channel's source beside its numbers [characters]."""
 WIDTH: Final = 100
 """Of a line where nothing is known of the terminal."""
 
@@ -58,10 +60,9 @@ def plain(report: LogReport) -> dict[str, Any]:
 def report_text(report: LogReport, *, width: int = WIDTH) -> str:
     """Write a report as one screen, wrapped at `width` where words can be parted."""
     title = f"{report.file}: {report.format}, log {report.log}, {report.seconds:.1f} s"
-    head = (
-        f"  {'channel':<12}{'columns':>8}{'samples':>9}{'rate':>10}{'gaps':>6}  {'unit':<6} source"
-    )
-    lines = [title, "", head]
+    head = f"  {'channel':<12}{'columns':>8}{'samples':>9}{'rate':>10}{'gaps':>6}  {'unit':<6} "
+    source = "source" if width >= len(head) + LEAST_SOURCE else ""
+    lines = [*wrapped(title, width), "", f"{head}{source}".rstrip()]
     lines += [line for channel in report.channels for line in _channel_lines(channel, width)]
     facts = [name for name in ("Craft name", "Firmware revision") if name in report.metadata]
     notes = [f"airborne: {spans_phrase(report.airborne)}"]
@@ -182,15 +183,15 @@ def lateness_messages(report: LogReport) -> list[str]:
         else f"the motor data were recorded {-1e3 * late:.0f} ms after the motion that they cause"
     )
     measured = any(channel.name == "rotor_speed" for channel in report.channels)
-    cause = "no motor is so slow" if late > 0 else "their clocks are apart"
+    cause = "no motor is so slow" if late > 0 else "their clocks differ"
     if late > LATEST or late < -SEARCHED:
         return [
             f"{words}: {cause}; bring motor data and IMU on one clock, or log both by one recorder"
         ]
     if not measured and late < 0.0:
         return [
-            f"the commands follow the motion by {-1e3 * late:.0f} ms instead of leading it: hardly "
-            "anybody steers, and the autopilot answers gusts and the noise of its gyro"
+            f"the commands follow the motion by {-1e3 * late:.0f} ms instead of leading it: the "
+            "pilot hardly steers, and the autopilot reacts to gusts and to the noise of its gyro"
         ]
     if measured and late > SEARCHED:
         return [
@@ -211,7 +212,7 @@ def telemetry_messages(found: Telemetry | None) -> list[str]:
         f"each measured rotor speed follows its own command (correlation {low:.2f} to {high:.2f}, "
         f"{1e3 * found.lateness:.0f} ms later)"
         if all(r.state == "follows" for r in found.rotors)
-        else "motor commands move too little to tell whether each measured rotor speed is its own "
+        else "motor commands move too little to show that each measured rotor speed is its own "
         f"(correlation {low:.2f} to {high:.2f})"
     ]
 
@@ -249,16 +250,14 @@ def _thrust_message(found: Prospects) -> str:
         "not": "kt cannot be found",
     }[thrust.prospect]
     if not thrust.followed:
-        return f"thrust changes by {change:.0f} %: {verdict}, if at all: {_unexplained(found)}"
+        return f"thrust changes by {change:.0f} %: {verdict}, if at all. {_unexplained(found)}"
     if thrust.agree or thrust.from_weight is None:
-        sure = " well" if thrust.prospect == "well" else ", changes of thrust being too few"
+        sure = " well" if thrust.prospect == "well" else ": too few changes of thrust"
         return f"thrust changes by {change:.0f} %: {verdict}{sure}"
-    why = (
-        "thrust is not proportional to the square of the command: give its law under [motors], or "
-        "log the rotor speed"
-        if found.commanded
-        else "calibrate the accelerometer (its scale)"
-    )
+    why = "drag in climb and descent may be the cause, or the accelerometer's scale: calibrate it"
+    if found.commanded and not (found.commands is not None and found.commands.law_known):
+        why = "thrust is not proportional to the square of the command: give its law under "
+        why += "[motors], or log the rotor speed"
     return (
         f"thrust changes by {change:.0f} %: {verdict}, but two estimates differ: changes of "
         f"thrust give {thrust.from_changes:.3g}, the weight {thrust.from_weight:.3g}; {why}"
@@ -268,8 +267,8 @@ def _thrust_message(found: Prospects) -> str:
 def _unexplained(found: Prospects) -> str:
     """Say what may be wrong where commands do not explain the turns that a pilot flies."""
     if found.motors is None:
-        return "neither roll nor pitch follows the commands"
-    words = "the commands explain quick turns, but not the slow ones that a pilot flies"
+        return "Neither roll nor pitch follows the commands"
+    words = "The commands explain quick turns, but not the slow ones that a pilot flies"
     commands = found.commands
     if commands is None:
         return words
@@ -283,8 +282,8 @@ def _unexplained(found: Prospects) -> str:
             f"slow turns fit a motor lag of {1e3 * commands.lag:.0f} ms, quick ones "
             f"{1e3 * commands.seen_lag:.0f} ms"
         )
-    cure = "log the rotor speed, or give law and lag under [motors]"
-    return "; ".join([f"{words}: {', '.join(causes)}" if causes else words, cure])
+    cure = "Log the rotor speed, or give law and lag under [motors]"
+    return ". ".join([f"{words}: {', or '.join(causes)}" if causes else words, cure])
 
 
 def _axis_message(axis: Excitation, found: Prospects) -> str:
@@ -293,8 +292,8 @@ def _axis_message(axis: Excitation, found: Prospects) -> str:
     reason = _reason(axis, found)
     verdict = {
         # The scale of Izz hangs on small terms of all equations, which only an estimate weighs.
-        "well": f"{what} can be found well{width}{others and f'; {others} less surely'}",
-        "roughly": f"{what} roughly{width}{others and f', {others} less surely'}: {reason}",
+        "well": f"{what} can be found well{width}{others and f'; {others} less well'}",
+        "roughly": f"{what} roughly{width}{others and f', {others} less well'}: {reason}",
         "not": f"{what}{others and f', {others}'} cannot be found: {reason}",
     }[axis.prospect]
     return f"{axis.axis}: {short(axis.turning)} rad/s^2: {verdict}"
@@ -310,10 +309,10 @@ def _reason(axis: Excitation, found: Prospects) -> str:
         return f"signal-to-noise {short(axis.rho)}, need {LEAST_EXCITATION:.0f}: " + (
             "noise and disturbances hide the motion"
             if axis.prospect == "not"
-            else "disturbances are not small against this motion"
+            else "the motion is not much stronger than disturbances"
         )
     if axis.axis != "yaw" and found.thrust.prospect != "well":
-        return "no better than kt"
+        return "limited by how well kt is known"
     return "fly more of this motion"
 
 
@@ -334,6 +333,8 @@ def setting_messages(report: LogReport) -> list[str]:
 def _channel_lines(c: ChannelReport, width: int) -> list[str]:
     gaps = f"{c.gaps}" if c.gaps else "-"
     start = f"  {c.name:<12}{c.columns:>8}{c.samples:>9}{c.rate:>7.0f} Hz{gaps:>6}  {c.unit:<6} "
+    if width < len(start) + LEAST_SOURCE:  # below it
+        return [start.rstrip(), *wrapped(c.source, width, "      ")]
     return wrapped(c.source, width, start) or [start.rstrip()]
 
 

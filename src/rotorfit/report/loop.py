@@ -7,17 +7,11 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.control_loop.loop import (
-    SIDES,
-    AxisLoop,
-    LoopMeasures,
-    LoopOutcome,
-    Measure,
-    StepResponse,
-)
+from rotorfit.control_loop.loop import AxisLoop, LoopOutcome
 from rotorfit.control_loop.margins import open_phase
+from rotorfit.control_loop.measures import SIDES, LoopMeasures, Measure, StepResponse
 from rotorfit.formatting.series import Series
-from rotorfit.formatting.sheet import wrapped
+from rotorfit.formatting.sheet import table_lines, wrapped
 from rotorfit.report.chart import Area, Axis, Chart, Curve, Line, Panel, chart_svg
 from rotorfit.report.pages import render_page
 
@@ -25,26 +19,35 @@ WIDTH = 80
 HEADS: Final = ("crossover [Hz]", "phase [deg]", "gain", "delay [ms]", "peak")
 HALF = 0.5
 """Of a step."""
+Row = Float[np.ndarray, " f"]
 CALM, LIVELY = 2.0, 3.0
 """Peaks of the sensitivity up to which a loop is calm, and beyond which it nearly oscillates."""
 
 
 def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
     """Write margins, proof and notes as plain text, lines of that width."""
-    lines = [
+    title = (
         f"{outcome.name}: rate loops of {outcome.autopilot} ({outcome.firmware}), configuration "
-        f"{outcome.configuration}",
+    )
+    lines = [
+        *wrapped(f"{title}{outcome.configuration}", width),
         "",
         *_margin_table("Rate loop with attitude loop, cut at the torque command",
-                       [(a.axis, a.with_attitude) for a in outcome.axes if a.axis != "yaw"]),
+                       [(a.axis, a.with_attitude) for a in outcome.axes if a.axis != "yaw"],
+                       width),
         "",
-        *_margin_table("Rate loop alone", [(a.axis, a.rate_loop) for a in outcome.axes]),
+        *_margin_table(
+            "Rate loop alone", [(_marked(a.axis), a.rate_loop) for a in outcome.axes], width
+        ),
         "",
     ]  # fmt: skip
     for one in outcome.axes:
         lines += wrapped(verdict(one), width, "  ", "    ")
-    lines += ["", "Step of the rate asked for, rate loop alone, no motor at its limit"]
-    lines += [f"  {one.axis:<6}{step_words(one)}" for one in outcome.axes if one.axis != "yaw"]
+    asked = "Step of the rate asked for, rate loop alone, no motor at its limit"
+    lines += ["", *wrapped(asked, width)]
+    for one in outcome.axes:
+        if one.axis != "yaw":
+            lines += wrapped(f"{one.axis:<6}{step_words(one)}", width, "  ", " " * 8)
     lines += ["", "Proof on this log"]
     for one in outcome.axes:
         for line in proof(one):
@@ -57,10 +60,15 @@ def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _marked(axis: str) -> str:
+    """Mark an axis whose numbers no log proves."""
+    return axis if axis != "yaw" else "yaw (unproven)"
+
+
 GAINS_TITLE: Final = "Peak of the sensitivity with other rate gains"
 LEFT_OUT = (
-    "(P, I and D together times the factor; the peak that 97.5 % of the vehicles stay below that "
-    "this log leaves open. Not in it: resonance of the frame, noise and heat of the motors, motors "
+    "(P, I and D together times the factor; of the vehicles that fit this log 97.5 % stay below "
+    "this peak. Not in it: resonance of the frame, noise and heat of the motors, motors "
     "at their limits, other throttle.)"
 )
 
@@ -74,11 +82,15 @@ def verdict(loop: AxisLoop) -> str:
         return f"{loop.axis}: not proved, so no margin is called good: {loop.doubts[0]}"
     if found.stable < 1.0:
         return (
-            f"{loop.axis}: {100 * (1 - found.stable):.0f} % of the vehicles that this log leaves "
-            "open oscillate with these gains: lower P and D"
+            f"{loop.axis}: {100 * (1 - found.stable):.0f} % of the vehicles that fit this log "
+            "oscillate with these gains: lower P and D"
         )
     peak = found.sensitivity.high
     word = "calm" if peak <= CALM else "lively" if peak <= LIVELY else "close to oscillating"
+    share = loop.derivative_share
+    if share > 1.0:
+        rests = f"D is {share:.1f} times P and I at the crossover, so its filter and noise decide"
+        word = f"close to oscillating ({rests})" if peak > LIVELY else f"not called calm: {rests}"
     return (
         f"{loop.axis}: {word}; turns into oscillation if the loop were "
         f"{1e3 * found.delay.value:.0f} ms later (at least {1e3 * found.delay.low:.0f}) or its "
@@ -122,9 +134,27 @@ def step_words(loop: AxisLoop) -> str:
         )
     unproved = "" if loop.proved is not None else "; not proved"
     low, high = (100 * side.max() for side in (step.low, step.high))
-    half = step.value >= HALF
-    soon = f"half after {1e3 * step.time[half.argmax()]:.0f} ms" if half.any() else "under half"
-    return f"{soon}, at most {100 * step.value.max():.0f} % ({low:.0f}..{high:.0f}){unproved}"
+    slow, fast = loop.with_attitude.bandwidth, loop.rate_loop.bandwidth
+    return (
+        f"{_half_words(step)}, at most {100 * step.value.max():.0f} % ({low:.0f}..{high:.0f}); "
+        f"bandwidth {_measure(fast, 1)} Hz, of the attitude {_measure(slow, 1)} Hz{unproved}"
+    )
+
+
+def _half_words(step: StepResponse) -> str:
+    """Say when half of a step is reached, with the times of the band."""
+    reached = [_time_of_half(step.time, side) for side in (step.value, step.high, step.low)]
+    if not all(map(math.isfinite, reached)):
+        return "under half"
+    return f"half after {reached[0]:.0f} ms ({reached[1]:.0f}..{reached[2]:.0f})"
+
+
+def _time_of_half(time: Row, response: Row) -> float:
+    """Find when a response first reaches half of a step [ms]; NaN where it never does."""
+    k = int((response >= HALF).argmax())
+    if k == 0:
+        return math.nan
+    return 1e3 * float(np.interp(HALF, response[k - 1 : k + 1], time[k - 1 : k + 1]))
 
 
 def measure_words(m: LoopMeasures) -> tuple[str, ...]:
@@ -138,17 +168,14 @@ def measure_words(m: LoopMeasures) -> tuple[str, ...]:
     )
 
 
-def _margin_table(title: str, rows: Sequence[tuple[str, LoopMeasures]]) -> list[str]:
+def _margin_table(title: str, rows: Sequence[tuple[str, LoopMeasures]], width: int) -> list[str]:
     table = [("", *HEADS), *((axis, *measure_words(m)) for axis, m in rows)]
     wide = [max(map(len, column)) for column in zip(*table, strict=True)]
-    return [
-        title,
-        *(
-            f"  {row[0]:<{wide[0]}}"
-            + "".join(f"  {cell:>{w}}" for cell, w in zip(row[1:], wide[1:], strict=True))
-            for row in table
-        ),
+    cells = [
+        [f"  {row[0]:<{wide[0]}}", *(f"{c:>{w}}" for c, w in zip(row[1:], wide[1:], strict=True))]
+        for row in table
     ]
+    return [title, *table_lines(cells, width)]
 
 
 def _measure(measure: Measure, digits: int, factor: float = 1.0) -> str:
@@ -189,7 +216,6 @@ HIGHEST: Final = 60.0
 """Frequency as drawn [Hz]."""
 SHOWN: Final = 0.5
 """Uncertainty of a band of the measured closed loop, from which on it is not drawn."""
-Row = Float[np.ndarray, " f"]
 
 
 def loop_section(outcome: LoopOutcome) -> dict[str, Any]:
@@ -214,7 +240,7 @@ def loop_html(outcome: LoopOutcome) -> str:
         **loop_section(outcome),
         heads=HEADS,
         with_attitude=[(one.axis, measure_words(one.with_attitude)) for one in shown],
-        alone=[(one.axis, measure_words(one.rate_loop)) for one in outcome.axes],
+        alone=[(_marked(one.axis), measure_words(one.rate_loop)) for one in outcome.axes],
         proofs=[line for one in outcome.axes for line in proof(one)],
         gains_title=GAINS_TITLE,
         gains=[

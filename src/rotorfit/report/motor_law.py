@@ -233,7 +233,7 @@ def _picture(
     middle = LEFT + 0.5 * wide
     parts.append(label("command", {"class": "axis-name middle", "x": middle, "y": HEIGHT - 8}))
     parts.append(label("rad/s", {"class": "axis-name", "x": 8, "y": TOP + 12}))
-    measured = "measured, and the law" if points else "the law as told"
+    measured = "measured, and the law" if points else "the given law"
     name = f"Rotor speed over command: {measured}"
     shown = {"class": "motor-law chart", "role": "img", "aria-label": name}
     return drawing(WIDTH, HEIGHT, shown, *parts)

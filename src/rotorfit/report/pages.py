@@ -18,7 +18,7 @@ from rotorfit.errors import OutputError
 from rotorfit.logs.files import write_whole
 
 FOLDER: Final = Path(__file__).parent / "templates"
-HINT: Final = 'for PNG beside the SVG files: pip install "rotorfit[figures]"'
+HINT: Final = 'for PNG as well as SVG files: pip install "rotorfit[figures]"'
 
 
 def template_text(name: str) -> str:

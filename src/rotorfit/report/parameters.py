@@ -20,8 +20,8 @@ from rotorfit.results.verdicts import ADVICE, body_verdict, motion_for, relative
 TITLES = {name: info.title for name, info in EVERY.items()}
 
 VERDICT_MEANING = {
-    "identified": "+- up to 25 % of the value, or of the size that matters (docs/method.md)",
-    "weak": "+- over 25 % of value and of the size that matters, or mostly prior (marked so)",
+    "identified": "known to +- 25 % or better, of its value or of what matters (docs/method.md)",
+    "weak": "known to worse than +- 25 %, or assumed from the other rotors (marked so)",
     "doubtful": "may be outside its interval: a check contradicts it, the reason is given",
     "ratio-only": "known only together with another parameter",
     "not-identified": "these flights do not determine it",

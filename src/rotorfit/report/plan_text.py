@@ -121,9 +121,8 @@ def _conclusion(plan: FlightPlan, width: int) -> list[str]:
         return _paragraphs(width, f"Fly: {flight_phrase(plan.recommended)}.", *_with_payload(plan))
     return _paragraphs(
         width,
-        f"No flight considered here reaches this. The closest is: {flight_phrase(plan.best)}; it "
-        "leaves "
-        f"{unmet_phrase(plan)}.",
+        "No flight considered here reaches the target. The closest is: "
+        f"{flight_phrase(plan.best)}; it leaves {unmet_phrase(plan)}.",
         *_with_payload(plan),
         *remedy_sentences(plan),
     )
@@ -175,15 +174,17 @@ def _missing(plan: FlightPlan, width: int) -> list[str]:
         "this vehicle):",
         width,
     )
+    before = ""
     for missing in plan.missing:
         head = f"  {missing.name:<14} {missing.verdict:<15}"
         then = "" if missing.manoeuvre is None else f" ({missing.gain}, {missing.predicted})"
         lines += textwrap.wrap(
-            f"{missing.advice}{then}",
+            f"{'the same' if missing.advice == before else missing.advice}{then}",
             width,
             initial_indent=head,
             subsequent_indent=" " * len(head),
         )
+        before = missing.advice
     return lines
 
 

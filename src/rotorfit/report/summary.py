@@ -32,8 +32,19 @@ DIRECTIONS: Final = {
     "com_y": ("left", "right"),
     "com_z": ("up", "down"),
 }
-MOST_DOUBTS: Final = 3
+MOST_REMARKS: Final = 3
 """In short; the others are counted."""
+PILOT_NAMES: Final = {
+    "kt": "thrust",
+    "kd": "drag torque",
+    "kd_over_kt": "drag torque over thrust",
+    "Jr": "rotor inertia",
+    "max_thrust": "largest thrust",
+    **dict.fromkeys(("Ixx", "Iyy", "Izz"), "inertia"),
+    **dict.fromkeys(("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt"), "inertia"),
+    **dict.fromkeys(("Ixy", "Ixz", "Iyz"), "products of inertia"),
+    **dict.fromkeys(("com_x", "com_y", "com_z", "msx", "msy", "msz"), "centre of mass"),
+}
 TITLE_WIDTH: Final = 26
 REST: Final = "Full tables{more}: --full; a page: --report FILE.html; data: --json"
 
@@ -81,7 +92,9 @@ class Summary:
     Attributes
     ----------
     doubts
-        The most serious ones in short.
+        Which numbers may be outside their intervals, and why.
+    notes
+        Other objections of checks, in short.
     more
         How many other doubts and notes there are.
     counts
@@ -90,6 +103,7 @@ class Summary:
 
     groups: tuple[tuple[str, tuple[Line, ...]], ...]
     doubts: tuple[str, ...]
+    notes: tuple[str, ...]
     more: int
     next_step: str | None
     counts: tuple[tuple[str, int, str], ...]
@@ -106,10 +120,11 @@ def summary_of(result: IdentificationResult) -> Summary:
         groups = [("Motors", tuple(motors))]
         groups += [(f"Body, configuration {n}", (*a, *b)) for n, (a, b) in bodies.items()]
     verdicts = [p.verdict for p in result.parameters]
-    doubts, more = _doubts(result)
+    doubts, notes, more = _remarks(result)
     return Summary(
         groups=tuple(group for group in groups if group[1]),
         doubts=doubts,
+        notes=notes,
         more=more,
         next_step=next_step(result).sentence,
         counts=tuple(
@@ -130,6 +145,8 @@ def summary_text(result: IdentificationResult, *, width: int) -> str:
             lines += wrapped(_body(member), width, f"  {member.heading:<{TITLE_WIDTH}}")
     for words in summary.doubts:
         lines += wrapped(words, width, "Doubt: ")
+    for words in summary.notes:
+        lines += wrapped(words, width, "Note:  ")
     if summary.next_step:
         lines += wrapped(summary.next_step, width, "Next:  ")
     more = f", {summary.more} more remarks" if summary.more else ""
@@ -153,22 +170,41 @@ def _part_in_ascii(part: Part) -> str:
     return " ".join(filter(None, (part.words, number, part.doubt and f"({part.doubt})")))
 
 
-def _doubts(result: IdentificationResult) -> tuple[tuple[str, ...], int]:
-    """Select the doubts that say the most, in short, and count what else there is to know."""
-    doubts = [one for one in result.findings if one.severity == "doubt"]
-    doubts.sort(key=lambda one: one.doubtful_because is None)
-    shown = tuple(dict.fromkeys(map(_in_short, doubts)))[:MOST_DOUBTS]
+def _remarks(result: IdentificationResult) -> tuple[tuple[str, ...], tuple[str, ...], int]:
+    """Select doubts and notes that say the most, in short, and count what else there is to know."""
+    found = [one for one in result.findings if one.severity == "doubt"]
+    disowned = (_disowned(one, result) for one in found if one.doubtful_because)
+    doubts = list(dict.fromkeys(filter(None, disowned)))[:MOST_REMARKS]
+    covered = (_in_short(one) for one in found if not one.doubtful_because)
+    notes = list(dict.fromkeys(covered))[: MOST_REMARKS - len(doubts)]
     every = len(result.warnings) + len(flight_notes(result))
-    return shown, max(every - len(shown), 0)
+    return tuple(doubts), tuple(notes), max(every - len(doubts) - len(notes), 0)
+
+
+def _disowned(finding: Finding, result: IdentificationResult) -> str:
+    """Say which numbers may be outside their intervals, and why; empty where none is shown."""
+    numbers = (*result.parameters, *result.derived)
+    doubtful = [n for n in numbers if n.value is not None and verdict_of(result, n) == "doubtful"]
+    about = [name_of(n) for n in doubtful if finding.is_about(n.full_name)]
+    if not about:
+        return ""
+    names, own = list(dict.fromkeys(about)), "its interval"
+    if len(names) > 1:
+        own = "their intervals"
+    return f"{', '.join(names)} may be outside {own}: {finding.doubtful_because}"
+
+
+def name_of(number: Parameter | Derived) -> str:
+    """Name what a number is of, as a pilot does."""
+    base = number.name.removesuffix("_com").rstrip("0123456789").rstrip("_")
+    return PILOT_NAMES.get(base, base.replace("_", " "))
 
 
 def _in_short(finding: Finding) -> str:
     """Return what was met, without remarks in brackets, consequence and advice."""
-    if finding.doubtful_because and finding.numbers:
-        names = ", ".join(finding.numbers)
-        return f"{names} may be outside their intervals: {finding.doubtful_because}"
     plain = re.sub(r" \([^()]*\)", "", finding.sentence)
-    return re.split(r"(?<=.{20})(?:: |; )", plain, maxsplit=1)[0]
+    met = re.split(r"(?<=.{20})(?:: |; )", plain, maxsplit=1)[0]
+    return f"{met} (the intervals cover this)" if "cover" in plain.removeprefix(met) else met
 
 
 def _motor_lines(result: IdentificationResult) -> list[Line]:

@@ -9,6 +9,7 @@ from rotorfit.formatting.sheet import table_lines, wrapped
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import NUISANCE, OF_FLIGHT
 from rotorfit.model.terms.air import DRAG_MOMENTS
+from rotorfit.planning.next_step import next_step
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
 from rotorfit.report.parameters import COM_FIRST, VERDICT_MEANING, Entry, body_entry, percent
 from rotorfit.results.result import (
@@ -29,7 +30,7 @@ DOUBTFUL = ("weak", "doubtful", "ratio-only", "not-identified", "removed")
 WIDTH = 100
 MOST_NAMED = 3
 """Flights of which one note is true."""
-UNEXPLAINED = "Flights kept apart: prediction error"
+UNEXPLAINED = "Validation flights: prediction error"
 
 Line = tuple[Parameter | Derived, str]
 """A number with the words that follow its unit."""
@@ -55,13 +56,14 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
         ),
         _listed(UNEXPLAINED, map(_validated, result.validation), width),
         _listed("What the verdicts mean", _meanings(result), width),
-        _listed("What to do next", advice_of(result), width),
+        _listed("What the weak and missing numbers need", advice_of(result), width),
         _listed("To know", warnings_of(result), width),
         _listed(
             "No flight can check these: make sure that they are right",
             assumptions_of(result),
             width,
         ),
+        wrapped(next_step(result).sentence, width, "Next step: "),
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
@@ -137,7 +139,7 @@ def _of_parameter(parameter: Parameter) -> Line:
     width = percent(parameter)
     narrow = width is not None and width <= 100.0 * WEAK
     own = parameter.verdict == "weak" and narrow and parameter.name.startswith("kt_")
-    return parameter, f"{verdict} (mostly prior)" if own else verdict
+    return parameter, f"{verdict} (mostly assumed)" if own else verdict
 
 
 def _judged(result: IdentificationResult) -> list[Entry]:

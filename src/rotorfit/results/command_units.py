@@ -14,7 +14,7 @@ import numpy as np
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.experiment.law_table import speed_law_of
-from rotorfit.findings import doubt
+from rotorfit.findings import doubt, note
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
 from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS
 from rotorfit.preprocessing.motors.thrust_curve import GRID, full_speed_of, speeds
@@ -29,23 +29,20 @@ from rotorfit.results.verdicts import judge
 _PER_MASS: Final = " per kg"
 
 NO_LAW: Final = (
-    "no law from command to rotor speed is given: the command (0 to 1) is taken as the speed "
-    "over its maximum, w_max; kt, kd and Jr are per (squared) command, so that kt is the thrust "
-    "of one rotor at full command (kt w_max^2); kt w_max^2, kd/kt, inertia and CoM are physical "
-    "if the speed is proportional to the command: if not, give law under [motors]"
+    "no law from command to rotor speed is given: speed is taken to be proportional to the command "
+    "(0 to 1), so that kt and kd are thrust and drag torque of one rotor at full command, and Jr "
+    "is per command; where that is not so, kt, inertia and CoM are wrong with it: give law under "
+    "[motors], or log the rotor speed"
 )
 RELATIVE_LAW: Final = (
-    "the motors' law has no speed in rad/s: rotor speed is taken as a fraction of its maximum, "
-    "so that kt is the thrust of one rotor at full command and kd its torque; kd/kt, inertia "
-    "and CoM are "
-    "physical"
+    "the motors' law has no speed in rad/s: kt and kd are thrust and drag torque of one rotor at "
+    "full command, and Jr is per command; inertia and CoM do not depend on it"
 )
 NO_COMMANDS: Final = (
-    "no rotor speed at full command: log the motor commands beside the speeds, or give law under "
-    "[motors]"
+    "no rotor speed at full command: log the motor commands as well, or give law under [motors]"
 )
 NO_MASS: Final = "weigh the vehicle as it flies, battery included"
-NO_KT: Final = "the flights do not tell the thrust coefficients"
+NO_KT: Final = "the flights do not give the thrust coefficients"
 
 SEEN_IN_TRIM: Final = 0.1
 """Difference between motors that matters to a pilot, as a share of the mean one."""
@@ -59,7 +56,7 @@ def in_command_units(result: IdentificationResult, dataset: Dataset) -> Identifi
     motors = dataset.motors
     if motors.speed == "measured" or not motors.law_is_relative or dataset.speeds_commanded:
         return result
-    relative = doubt("no-speed-law", RELATIVE_LAW)
+    relative = note("no-speed-law", RELATIVE_LAW)
     if motors.law is None:
         relative = doubt(
             "no-speed-law",

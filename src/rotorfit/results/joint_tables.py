@@ -10,7 +10,7 @@ from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.excitation import HEIGHTS, LEAST_EXCITATION
+from rotorfit.fit.intervals.excitation import HEIGHTS
 from rotorfit.fit.intervals.joint_numbers import (
     SHARED_NUMBERS,
     formal_covariance,
@@ -45,7 +45,7 @@ from rotorfit.results.parameter_tables import (
     with_timing_total,
 )
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.results.verdicts import ADVICE, Judgement
+from rotorfit.results.verdicts import ADVICE, Judgement, little_excited
 
 
 def joint_parameters(fit: Fit) -> list[Parameter]:
@@ -206,8 +206,7 @@ def _judgements(
         if base in HEIGHTS and not np.isfinite(numbers.number(name)[1]):
             judged[name] = replace(
                 judged[name],
-                reason=f"signal-to-noise {numbers.link(owner):.1f} in roll and pitch, need "
-                f"{LEAST_EXCITATION:.0f}",
+                reason=little_excited("roll and pitch", numbers.link(owner)),
             )
     return judged
 

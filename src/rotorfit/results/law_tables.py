@@ -129,12 +129,8 @@ def _times(fitted: FittedLaw) -> tuple[Parameter, ...]:
     of = {"motor_lag": _mean_lag} | (
         {"motor_lag_up": _rising_lag, "motor_lag_down": _falling_lag} if two_way else {}
     )
-    # Other forms have one lag for both ways.
-    alone = replace(fitted, rivals=())
-    found = {
-        name: (fitted if name == "motor_lag" else alone).number(lag) for name, lag in of.items()
-    }
-    delay, half = fitted.own(fitted.best.layout.size - 1)
+    found = {name: fitted.number(lag) for name, lag in of.items()}
+    delay, half = fitted.number(_delay)
     # Of a faster loop the log keeps some commands: those between may be half a step older.
     step = float(np.median(np.diff(fitted.recording.command_time)))
     found["command_delay"] = delay, half + 0.5 * step
@@ -148,6 +144,10 @@ def _rising_lag(fit: LawFit, x: Vector) -> float:
 def _falling_lag(fit: LawFit, x: Vector) -> float:
     timing = timing_of(fit.layout, x)
     return float(np.exp(timing.log_lag + timing.log_ratio))
+
+
+def _delay(fit: LawFit, x: Vector) -> float:
+    return timing_of(fit.layout, x).delay
 
 
 def _mean_lag(fit: LawFit, x: Vector) -> float:
@@ -227,6 +227,8 @@ def _motors(fitted: FittedLaw, times: tuple[Parameter, ...]) -> dict[str, Any]:
     if lag.value is not None and lag.std is not None and is_time_identifiable(lag.value, lag.std):
         table["lag"] = _short(lag.value)
         table["lag_std"] = _short(max(lag.std, SURE_LAG * lag.value))
+    if fitted.best.layout.on_thrust:
+        table["lag_on"] = "thrust"
     return table
 
 

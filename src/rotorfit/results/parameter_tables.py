@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
-from rotorfit.findings import Evidence, Finding, doubt, note
+from rotorfit.findings import Evidence, Finding, note
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.fit.intervals.numbers import Numbers
@@ -119,9 +119,10 @@ def excitation_findings(numbers: Numbers, *, several: bool = False) -> Iterator[
         axis, _, owner = key.partition("@")
         if LEAST_EXCITATION <= rho < 2.0 * LEAST_EXCITATION:
             where = f" in configuration {owner}" if several else ""
-            yield doubt(
+            yield note(
                 "little-excitation",
-                f"{axis}{where}: signal-to-noise only {rho:.1f}",
+                f"{axis}{where}: signal-to-noise only {rho:.1f}, where {2 * LEAST_EXCITATION:.0f} "
+                "is good; the intervals allow for it",
                 evidence=(
                     Evidence(name=f"excitation_{key}", value=rho, limit=2.0 * LEAST_EXCITATION),
                 ),

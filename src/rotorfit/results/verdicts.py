@@ -66,6 +66,12 @@ def motion_for(name: str) -> Motion:
     return EVERY[name].motion if name in EVERY else "force"
 
 
+def little_excited(axes: str, rho: float) -> str:
+    """Explain a number by too little motion about axes that the motors explain."""
+    ratio = f"signal-to-noise {rho:.1f}, need {LEAST_EXCITATION:.0f}"
+    return f"the motors explain too little of the motion in {axes} ({ratio})"
+
+
 def judge(
     value: float,
     half_width: float,
@@ -97,11 +103,11 @@ def judge(
     hopeless = not relative <= (HOPELESS_YAW if little and axis == "yaw" else HOPELESS)
     reason = f"known only to +-{100 * relative:.0f} %"
     if abs(value) < scale:
-        reason = f"near zero, and its interval is {relative / WEAK:.1f} times too wide"
+        reason = f"near zero, with an interval {relative / WEAK:.1f} times as wide as wanted"
     if hopeless:
         reason = "the interval is wider than the value itself"
     if little:
-        reason = f"signal-to-noise {excitation:.1f} in {axis}, need {LEAST_EXCITATION:.0f}"
+        reason = little_excited(axis, excitation or 0.0)
     return Judgement(
         verdict="not-identified" if hopeless else "weak", reason=reason, advice=ADVICE[axis]
     )

@@ -6,7 +6,8 @@ and the root of largest over smallest eigenvalue is the condition number of colu
 10 and less is good; 255 is one axis flown at a time.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+import re
+from collections.abc import Collection, Iterator, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,13 +55,20 @@ class WeakDirection:
 def weak_directions(fit: Fit) -> Iterator[Finding]:
     """Check whether the flights can tell the parameters of rotors and bodies apart."""
     directions = body_directions(fit.estimate.estimate)
-    # What a step has withheld has its own words, and no flying would tell it.
+    parameters = joint_parameters(fit)
+    # What a step has withheld has its own words, and no flying would show it.
     doubtful = {
-        p.full_name for p in joint_parameters(fit) if p.verdict not in ("identified", "given")
+        p.full_name for p in parameters if p.verdict not in ("identified", "given")
     } - fit.withheld
+    sentence = weak_sentence(
+        directions,
+        doubtful,
+        lost={p.full_name for p in parameters if p.verdict == "not-identified"},
+        several=len(fit.dataset.configurations) > 1,
+    )
     yield doubt_or_passed(
         "weak-direction",
-        weak_sentence(directions, doubtful),
+        sentence,
         {"condition_bodies": condition_number(directions)},
         numbers=tuple(directions[0].parts),
         next_step=ADVICE[motion_for(next(iter(directions[0].parts)).partition("@")[0])],
@@ -115,7 +123,13 @@ def condition_words(condition: float) -> str:
     return "poor" if condition < ONE_AXIS else "as poor as one axis flown at a time"
 
 
-def weak_sentence(directions: Sequence[WeakDirection], doubtful: Collection[str]) -> str | None:
+def weak_sentence(
+    directions: Sequence[WeakDirection],
+    doubtful: Collection[str],
+    *,
+    lost: Set[str] = frozenset(),
+    several: bool = True,
+) -> str | None:
     """Return what the flights cannot tell apart; None where all is well.
 
     Parameters
@@ -125,11 +139,18 @@ def weak_sentence(directions: Sequence[WeakDirection], doubtful: Collection[str]
     doubtful
         Full names of parameters whose verdict is not ``identified``: a weak combination that harms
         no verdict needs no words.
+    lost
+        Full names of parameters without a number: of fewer than two others nothing is to be said.
+    several
+        Whether the vehicle has several configurations, of which one is to be named.
     """
     weakest, condition = directions[0], condition_number(directions)
-    if condition <= FAIR or len(weakest.parts) < 2 or not doubtful & weakest.parts.keys():
+    if condition <= FAIR or not doubtful & weakest.parts.keys():
         return None
-    names = [name.replace("@", " of ") for name in weakest.parts]
+    if len(weakest.parts.keys() - lost) < 2:
+        return None
+    owner = r" of \1" if several else ""
+    names = [re.sub("@(.*)", owner, name) for name in weakest.parts]
     together = f"{', '.join(names[:-1])} and {names[-1]}"
     what = "are known only as a ratio" if weakest.is_ratio else "are known only together"
     return (

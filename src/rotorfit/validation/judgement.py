@@ -200,8 +200,8 @@ def band_sentences(replays: Sequence[Replay]) -> list[str]:
         if rest >= max(steady, moved):
             cause = (
                 f"{100 * rest:.0f} % of its power is neither steady nor in proportion to the "
-                "motion: gusts, wash, drag or timing, which the model lacks and no interval of a "
-                "parameter holds"
+                "motion: gusts, wash, drag or timing, which neither the model nor the intervals "
+                "of its parameters include"
             )
         elif steady >= moved:
             cause = (
@@ -213,7 +213,9 @@ def band_sentences(replays: Sequence[Replay]) -> list[str]:
                 f"{100 * moved:.0f} % of its power goes with the motion: the intervals of inertia, "
                 "thrust or torque are too narrow for this flight"
             )
-        words.append(f"{axis}: the error is {ratio:.1f} times the parameters' 95 % band; {cause}")
+        words.append(
+            f"{axis}: the error is {ratio:.1f} times what the parameters' intervals allow; {cause}"
+        )
     return words
 
 

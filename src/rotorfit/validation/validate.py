@@ -122,8 +122,8 @@ def refuse_fitted(used: LoadedFlight, result: IdentificationResult) -> None:
         for _, entry, record in fitted_flights(result)
     ):
         raise ExperimentError(
-            f"{Path(used.entry.file).name} was used in the fit: it cannot validate it; keep "
-            "another flight apart for validation, or a stretch of this one (start and end)"
+            f"{Path(used.entry.file).name} was used in the fit: it cannot validate it; give "
+            "another flight, or keep a part of this one out of the fit (start and end)"
         )
 
 

@@ -96,6 +96,19 @@ export function editUse(form, { configuration, role, index }, change) {
   return withConfiguration(form, configuration, { [role]: list });
 }
 
+/**
+ * The columns of a table: in the one [table] of the experiment, unless another table shares that and this one
+ * has another map; then with its own flights.
+ */
+export function withMap(form, { name, table }, sharers) {
+  const { map, poles } = table;
+  const same = (other) => JSON.stringify(other) === JSON.stringify(map);
+  const own = !same(form.table) && sharers.some((one) => JSON.stringify(one.table.map) === JSON.stringify(form.table));
+  const change = own ? { columns: map.columns, axes: map.axes } : { columns: null, axes: null };
+  const motors = poles ? { ...form.motors, poles } : form.motors;
+  return usesOf(form, name).reduce((found, use) => editUse(found, use, change), own ? { ...form, motors } : { ...form, motors, table: map });
+}
+
 export function removeFile(form, file) {
   const keep = (list) => (list ?? []).filter((entry) => entryFile(entry) !== file);
   return { ...form, configuration: form.configuration.map((one) =>

@@ -8,7 +8,7 @@ import { seconds } from "./units.js";
 
 export function identifyView() {
   const lacking = lacks();
-  const problems = lacking.length ? [] : state.problems;
+  const problems = lacking.length || state.judged !== state.form ? [] : state.problems;
   return [
     lacking.length ? h("div", { class: "todo" }, h("p", {}, "Still to do:"),
       h("ul", {}, lacking.map(({ words, at }) => h("li", {},

@@ -1,10 +1,11 @@
 // Logs: dropped, looked at, removed.
 
 import { LAYOUT_WORDS, ORDER_WORDS, relaid, reverseAll, vehicleOf } from "./airframe.js";
+import { columnReplies, columnsView, unitReplies } from "./columns.js";
 import { h } from "./dom.js";
 import { Refused } from "./engine.js";
-import { editUse, inFlu, moveUse, removeFile, usesOf } from "./form.js";
-import { asked, askedLong, awaited, changed, describeSoon, fill, set, setForm, setVehicle, state } from "./state.js";
+import { editUse, inFlu, moveUse, removeFile, usesOf, withMap } from "./form.js";
+import { asked, askedLong, awaited, changed, describeSoon, described, fill, set, setForm, setVehicle, state } from "./state.js";
 import { bytes, seconds } from "./units.js";
 
 const LEVELS = { good: "identified", fair: "weak", poor: "not-identified" };
@@ -13,7 +14,10 @@ const LEVELS = { good: "identified", fair: "weak", poor: "not-identified" };
 export async function addFiles(files) {
   const waiting = [...files].map((file) => ({ name: file.name, bytes: file.size, busy: true, file }));
   set({ files: [...state.files, ...waiting], refusal: null });
-  for (const one of waiting) await addFile(one);
+  for (const one of waiting) {
+    await described(); // a table is read by the columns that a file before it names
+    await addFile(one);
+  }
 }
 
 async function addFile(waiting) {
@@ -46,10 +50,12 @@ function replace(old, file) {
   describeSoon();
 }
 
-function take(file) {
+async function take(file) {
   if (file.form) {
     fill(file.form);
     set({ said: `Filled in from ${file.name}.` });
+    await described();
+    for (const one of state.files.filter(({ table }) => table)) await lookAgain(one, null);
   } else if (file.findings) useLog(file);
 }
 
@@ -58,12 +64,39 @@ const chosenLog = ({ findings }) => (findings ? parseInt(findings.log, 10) : nul
 
 /** A log's findings are there: use it for the first configuration, and take what it tells. */
 function useLog(file) {
+  if (file.table?.map) setForm(withMap(state.form, file, sharers(file)));
   const entry = { file: file.name, ...(file.logs.length ? { log: chosenLog(file) } : {}) };
   if (!usesOf(state.form, file.name).length && file.findings.verdict.level !== "poor") {
     setForm(moveUse(state.form, null, { configuration: 0, role: "flights", entry }));
+    if (file.table?.map) setForm(withMap(state.form, file, sharers(file)));
   }
   if (!state.vehicle.touched) takeGuess(file);
 }
+
+/** The other tables of the page: the map that they share is not changed for one of them. */
+const sharers = ({ name }) => state.files.filter((one) => one.name !== name && one.table?.map);
+
+/** Read a table by other columns; null: by those of the experiment, else as proposed. */
+async function lookAgain(file, columns) {
+  if (columns) replace(file, { ...file, table: { ...file.table, replies: columns } });
+  const read = await askedLong("look", { name: file.name, columns }, `reading ${file.name}`);
+  const old = state.files.find((one) => one.name === file.name);
+  if (!read || !old) return;
+  replace(old, read);
+  if (!read.findings) return;
+  useLog(read);
+  const { speed } = read.findings.guess;
+  if (speed) setForm({ ...state.form, motors: { ...state.form.motors, speed } });
+}
+
+/** The columns chosen so far are shown, and kept for the next change, before the engine has read them. */
+function replaced(file, rows) {
+  const next = { ...file, table: { ...file.table, rows } };
+  replace(file, next);
+  return next;
+}
+
+const fileNamed = (name) => state.files.find((one) => one.name === name);
 
 /** Fill in what the log, or the flight itself, tells of the vehicle, and say so. */
 export function takeGuess({ name, findings }) {
@@ -138,6 +171,7 @@ function fileBody(file) {
     file.kind === "result" && h("p", {}, h("button", { type: "button", class: "small", "data-do": "take-law", "data-name": file.name },
       "Take the motors' law and lag from it")),
     file.logs.length ? logChoice(file) : null,
+    file.table ? columnsView(file) : null,
     file.findings ? findingsView(file) : null,
   ];
 }
@@ -190,6 +224,15 @@ export const actions = {
     setForm({ ...state.form, motors: { speed: "commanded", result: name } });
     set({ said: `The motors' law and lag are those of ${name}.` });
   },
+  "table-column": ({ name, is }, { value }) => {
+    const file = fileNamed(name);
+    const rows = file.table.rows.map((row) => (row.is === is ? { ...row, column: value || null } : row));
+    return lookAgain(replaced(file, rows), columnReplies(file.table, is, value));
+  },
+  "table-unit": ({ name, channel }, { value }) => value && lookAgain(fileNamed(name), unitReplies(fileNamed(name).table, channel, value)),
+  "table-axes": ({ name }, { value }) => lookAgain(fileNamed(name), { ...fileNamed(name).table.replies, axes: value }),
+  "table-poles": ({ name }, { value }) => lookAgain(fileNamed(name), { ...fileNamed(name).table.replies, poles: Number(value) || null }),
+  "propose-again": ({ name }) => lookAgain(fileNamed(name), {}),
   "open-findings": async ({ name }) =>
     window.open(await state.engine.open("findings", { name }), "_blank", "noopener"),
   "choose-log": async ({ name }, control) => {

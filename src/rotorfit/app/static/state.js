@@ -15,6 +15,7 @@ export const state = {
   view: { turn: 0, mode: "reverse", picked: null, massUnits: {} },
   said: null, // what of the vehicle came from a log, in words
   problems: [],
+  judged: null, // the form that the problems are of
   text: null, // the experiment file of the form, null where something is wrong with it
   running: null, // {step, share} of what takes its time
   refusal: null,
@@ -84,10 +85,18 @@ export function describeSoon() {
   describing = setTimeout(describe, 250);
 }
 
+/** Wait until the engine knows the experiment as it is now. */
+export async function described() {
+  if (describing === null) return;
+  clearTimeout(describing);
+  await describe();
+}
+
 export async function describe() {
+  describing = null;
   const { form } = state;
   const answer = await asked("describe", { form });
-  if (answer && form === state.form) set({ problems: answer.problems, text: answer.text });
+  if (answer && form === state.form) set({ problems: answer.problems, text: answer.text, judged: form });
 }
 
 /** Ask the engine; a refusal is shown in one line, and the answer is null. */

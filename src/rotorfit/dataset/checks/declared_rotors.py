@@ -41,7 +41,7 @@ NEGLIGIBLE = 0.1
 """An unexplained share below which two declarations count as equal."""
 TURNED = float(np.radians(12.0))
 """Angle about z between IMU and rotors from which it is no tolerance: sound logs have up to 3.5."""
-LAGS_TRIED = (LAG_PRIOR[0], 0.06, 0.1)
+LAGS_TRIED = (LAG_PRIOR[0], 0.06, 0.1, 0.012)
 """Of motors whose lag is not known [s]: a refusal holds for all of them. At one that is too short
 a vehicle that circles in roll and pitch, as in a limit cycle, answers as if its IMU were turned."""
 PARALLEL = 1e-9
@@ -229,6 +229,7 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
         "(+1: as the model says, -1: reversed)"
     )
     better = best.fits and best.gain_over(declared) > BETTER
+    better = better and _is_sure(best, declared, R, vehicle)
     if better and not _hidden(best, free):
         # The simplest that fit come first; where several fit alike, two are named.
         alike = [words[int(i)] for i in np.flatnonzero(scores > best.score - ALIKE)[:2]]
@@ -246,12 +247,49 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     return declared
 
 
+def _is_sure(best: Response, declared: Response, R: np.ndarray, vehicle: Vehicle) -> bool:
+    """Return whether another declaration may be taken for right before the fit.
+
+    Where it changes yaw alone, yaw must answer the drag of the declared rotors reversed whatever
+    roll and pitch torques do to it: by products of inertia or tilted motors they turn about z, and
+    an autopilot that holds yaw answers that by drag of either sign.
+    """
+    others = np.abs(best.shares - declared.shares)[:2]
+    return bool(others.max() > ALIKE) or yaw_by_drag(R, vehicle) < -CLEAR
+
+
+def yaw_by_drag(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> float:
+    """Return the share of yaw that drag and spin-up explain, beside thrust, roll and pitch.
+
+    With the sign of the drag's.
+
+    Parameters
+    ----------
+    R
+        Factor of the signals.
+    vehicle
+        The rotors.
+    """
+    layout = signal_layout(vehicle)
+    squares = R[:, _square_columns(vehicle)]
+    torque = np.cross(vehicle.positions, vehicle.axes)[:, :2]
+    others = squares @ np.column_stack([vehicle.axes[:, 2], torque])
+    drag = squares @ (-vehicle.spins * vehicle.axes[:, 2])
+    columns = np.column_stack([R[:, layout.index("dwz")], drag, R[:, layout.index("dHz")]])
+    basis: Float[np.ndarray, "z k"] = scipy.linalg.orth(others)
+    yaw, *drives = (columns - basis @ (basis.T @ columns)).T
+    D = np.column_stack(drives)
+    response: Float[np.ndarray, " 2"] = scipy.linalg.pinv(D, rtol=1e-9) @ yaw
+    explained = float(np.sum((D @ response) ** 2)) / max(float(yaw @ yaw), np.finfo(float).tiny)
+    return float(np.copysign(explained, response[0]))
+
+
 def _refuse_turned(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> None:
     """Raise where roll and pitch answer as if the IMU were turned about z against the rotors."""
     angle, shares = turn_about_z(R, vehicle)
     if abs(angle) > TURNED and min(shares) > CLEAR:
         raise FrameError(
-            f"roll and pitch answer the rotors as if the IMU were turned by "
+            f"roll and pitch respond to the rotors as if the IMU were turned by "
             f"{abs(np.degrees(angle)):.0f} degrees "
             f"{'counter-clockwise' if angle > 0 else 'clockwise'} about z (seen from above) "
             "relative to the rotors: turn the rotors' positions by as much the other way, or give "
@@ -262,7 +300,7 @@ def _refuse_turned(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> None:
 def turn_about_z(
     R: Float[np.ndarray, "z z"], vehicle: Vehicle
 ) -> tuple[float, tuple[float, float]]:
-    """Estimate the angle [rad] by which the IMU is turned about z against the rotors.
+    """Estimate the least angle [rad] by which the IMU is turned about z against the rotors.
 
     The answer of roll and pitch to the torques of the rotors is a turn times a symmetric matrix,
     the inverse inertia (polar decomposition); and the shares of roll and pitch that it explains.
@@ -279,7 +317,10 @@ def turn_about_z(
     roll, pitch = (1.0 - left / total).tolist()
     # A vector reads turned back in axes that are turned.
     angle = np.arctan2(response[1, 0] - response[0, 1], response[0, 0] + response[1, 1])
-    return float(angle), (roll, pitch)
+    # Each torque by itself turns its answer as far; of an axis that nobody flies only one does.
+    alone = np.arctan2([-response[0, 1], response[1, 0]], np.diagonal(response))
+    agreed = np.abs([angle, *alone]).min() if (alone * angle > 0.0).all() else 0.0
+    return float(np.copysign(agreed, angle)), (roll, pitch)
 
 
 def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:

@@ -149,7 +149,7 @@ def implausible_size(found: float | None, arm: float) -> str | None:
             f"too small (the arm is {arm:g} m)"
         )
     return (
-        f"the vehicle answers its rotors like a body whose radius of gyration is "
+        f"the vehicle responds to its rotors like a body whose radius of gyration is "
         f"{found:.3g} times its arm ({expected}): {causes}; correct the unit"
     )
 

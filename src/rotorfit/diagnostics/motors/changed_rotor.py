@@ -71,7 +71,7 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
     sentence = unlike_sentence(rotor, evidence, alone=alone)
     because = "one rotor's speed has another scale, or its propeller is another"
     if sentence and not alone:
-        because = "something pushes the vehicle beside its centre of mass"
+        because = "something pushes the vehicle off its centre of mass"
     found = Finding(
         kind="rotor-unlike" if alone or not sentence else "rotor-pattern",
         severity="passed",
@@ -132,9 +132,9 @@ def unlike_sentence(rotor: int, excess: Evidence, *, alone: bool = True) -> str 
     )
     if not alone:
         return (
-            f"{seen}, and these differ among themselves: no single propeller does that, but air or "
-            "a cable that pushes beside the centre of mass does, or a rotor that is not where it "
-            "is declared; fly in still air, log the velocity, check the rotors' positions, and "
+            f"{seen}, and the others differ, too, which no single propeller does: wind or a "
+            "cable pushes the vehicle off its centre of mass, or a rotor is not where it is "
+            "declared; fly in still air, log the velocity, check the rotors' positions, and "
             "until then do not trust kt, the single rotors and the centre of mass"
         )
     return (

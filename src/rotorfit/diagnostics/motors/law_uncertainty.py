@@ -57,7 +57,7 @@ def _uncertain(numbers: Numbers, std: float) -> Finding:
         sentence=(
             f"the law under [motors] gives the rotor speeds to +-{196 * std:.1f} %: the interval "
             "of Jr includes as much, those of kt and kd twice as much; log the rotor speed, or "
-            "the battery's voltage beside a law that depends on it"
+            "the battery's voltage, for a law that depends on it"
         ),
         numbers=tuple(
             name for name, power in zip(numbers.names, _speed_powers(numbers), strict=True) if power

@@ -35,7 +35,8 @@ def allow_for_noise_feedback(fit: Fit) -> Fit:
     covariance = SPREAD * times_covariance(
         ratios, free, lag=timing.response.mean_lag, prior=fit.dataset.lag_prior[1]
     )
-    widened = _widened(timing, free, covariance, most=fit.dataset.lag_prior[1])
+    most = max(fit.dataset.lag_prior[1], timing.lag_std or 0.0)
+    widened = _widened(timing, free, covariance, most=most)
     return replace(fit, dataset=replace(fit.dataset, motor_timing=widened))
 
 

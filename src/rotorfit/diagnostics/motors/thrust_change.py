@@ -5,6 +5,7 @@ nothing tells; the scale of all that is in proportion to force is open by the ch
 halves, as far as that is more than chance.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -16,6 +17,9 @@ from rotorfit.model.parameters import EVERY
 
 CHANCE: Final = 1.0
 """Deviations of a change that chance makes. (k_t, between both halves, is off by half of it.)"""
+OF_ONE_HALF: Final = ("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_kt")
+"""No mass scales these, but each half of a flight has its own k_t, and inertia is that of the half
+in which the vehicle turns most: the whole change is open, less its deviation in squares."""
 
 
 def allow_for_thrust_change(fit: Fit) -> Fit:
@@ -27,9 +31,22 @@ def changed_half_width(fit: Fit) -> Float[np.ndarray, " q"]:
     """Compute the half-widths with the change of thrust, of several flights its mean square."""
     numbers, dataset = fit.numbers, fit.dataset
     found = hover_thrusts(dataset.configurations, numbers, dataset.vehicle)
-    beyond = [max(abs(one.sag) - CHANCE * one.sag_std, 0.0) for one in found if one.sag is not None]
-    change = float(np.sqrt(np.mean(np.square(beyond)))) if beyond else 0.0
-    by_force = [EVERY[name.partition("@")[0]].mass_power != 0 for name in numbers.names]
-    extra = np.where(by_force, change * np.abs(numbers.values), 0.0)
-    half: Float[np.ndarray, " q"] = np.hypot(numbers.half_width, extra)
+    known = [(one.sag, CHANCE * one.sag_std) for one in found if one.sag is not None]
+    change = _mean_square([max(abs(sag) - std, 0.0) for sag, std in known])
+    whole = _mean_square([max(sag**2 - std**2, 0.0) ** 0.5 for sag, std in known])
+    shares = np.array([_share(name.partition("@")[0], change, whole) for name in numbers.names])
+    half: Float[np.ndarray, " q"] = np.hypot(numbers.half_width, shares * np.abs(numbers.values))
     return half
+
+
+def _mean_square(changes: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(changes)))) if changes else 0.0
+
+
+def _share(name: str, change: float, whole: float) -> float:
+    """Return the share by which a number is open."""
+    if name in OF_ONE_HALF:
+        return whole
+    if name == "hover_speed":
+        return 0.5 * change
+    return change if EVERY[name].mass_power else 0.0

@@ -46,14 +46,19 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
         sentence,
         flights=(flight.entry.written,),
         numbers=("kt", *INERTIA),
-        doubtful_because="gyro and accelerometer are not of one time",
+        doubtful_because=f"the {_late(late.seconds)} lags behind the {_late(-late.seconds)}",
         next_step="log gyro and accelerometer unfiltered, by one clock, and fly again",
     )
     yield replace(checked, evidence=(evidence,))
 
 
+def _late(delay: float) -> str:
+    """Name the sensor that a delay makes late."""
+    return "accelerometer" if delay > 0 else "gyro"
+
+
 def _delay_sentence(name: str, delay: float, half: float) -> str:
-    late, early = ("accelerometer", "gyro") if delay > 0 else ("gyro", "accelerometer")
+    late, early = _late(delay), _late(-delay)
     return (
         f"{name}: the {late} follows the rotors {1e3 * abs(delay):.0f} +- {1e3 * half:.0f} ms "
         f"later than the {early}, though both respond at once: the {late} is stamped late, or "
@@ -89,7 +94,7 @@ def early_sentence(lag: float, delay: float, std: float) -> str | None:
     if delay + 1.96 * std > EARLIEST:
         return None
     return (
-        f"with the lag of {1e3 * lag:.0f} ms that is given, the motors answer "
+        f"with the lag of {1e3 * lag:.0f} ms that is given, the motors respond "
         f"{-1e3 * delay:.0f} ms before the command (motor_delay), which is impossible: the lag "
         "given is longer than the motors'; leave it out, or give lag_std. Until then do not "
         "trust inertia, or doubts about other sensors"
@@ -98,20 +103,32 @@ def early_sentence(lag: float, delay: float, std: float) -> str | None:
 
 def late_speeds(fit: Fit) -> Iterator[Finding]:
     """Check that measured speeds are stamped near the motion that they make."""
-    dataset = fit.dataset
+    dataset, timing = fit.dataset, fit.dataset.motor_timing
     if dataset.motors.speed != "measured" or dataset.source != "imu":
         return
-    if dataset.motor_timing is None:
+    if timing is None or timing.delay_std is None:
         return
-    delay = dataset.motor_timing.response.delay
-    order = "after" if delay < 0 else "before"
-    sentence = (
-        f"the measured rotor speeds come {1e3 * abs(delay):.0f} ms {order} the motion that they "
-        "make (motor_delay), which is corrected: the ESC telemetry is stamped late or by "
-        "another clock; check that the log's clocks agree"
+    delay, half = timing.response.delay, 1.96 * timing.delay_std
+    evidence = Evidence(
+        name="speed_delay", value=delay, interval=(delay - half, delay + half), limit=USUAL_DELAY
     )
-    late = abs(delay) > USUAL_DELAY
-    yield doubt_or_passed("speeds-late", sentence if late else None, numbers=("motor_delay",))
+    sentence = _late_sentence(delay, half) if abs(delay) - half > USUAL_DELAY else None
+    checked = doubt_or_passed("speeds-late", sentence, numbers=("motor_delay",))
+    yield replace(checked, evidence=(evidence,))
+
+
+def _late_sentence(delay: float, half: float) -> str:
+    """Explain a delay [s] that no bus makes: below zero the speeds are late, else the gyro is."""
+    order, cause = (
+        ("after", "the ESC telemetry is stamped late or by another clock")
+        if delay < 0.0
+        else ("before", "the gyro is stamped late, filtered or softly mounted, or thrust lags")
+    )
+    return (
+        f"the measured rotor speeds come {1e3 * abs(delay):.0f} +- {1e3 * half:.0f} ms {order} the "
+        f"motion that they make (motor_delay), which is corrected: {cause}; log both by one clock "
+        "and unfiltered"
+    )
 
 
 CHECKS: Final = (early_motors, late_speeds, accelerometer_delay)

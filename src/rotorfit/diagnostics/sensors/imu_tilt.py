@@ -147,7 +147,7 @@ def _leans(sentence: str, lean: tuple[Evidence, ...]) -> Finding:
         sentence,
         evidence=lean,
         numbers=("kd", "Jr", "Izz"),
-        doubtful_because="the thrust leans against the IMU's axes",
+        doubtful_because="the thrust is tilted in the IMU's axes",
         next_step="measure how the IMU is mounted and give imu_tilt_deg under [airframe]",
     )
 

@@ -6,13 +6,23 @@ from typing import Final
 from rotorfit.dataset.dataset import LoadedFlight
 from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
-from rotorfit.logs.firmware import NO_SPEED, SLOW_IMU, SLOW_MOTORS, Lack, Setting, advice_for
-from rotorfit.logs.flight_log import FlightLog
+from rotorfit.logs.firmware import (
+    FIRMWARE,
+    NO_SPEED,
+    SLOW_IMU,
+    SLOW_MOTORS,
+    Lack,
+    Setting,
+    advice_for,
+)
+from rotorfit.logs.flight_log import LEAVES_OUT, FlightLog
 from rotorfit.model.parameters import EVERY
 from rotorfit.preprocessing.prepare import PreparedFlight
 
 TOO_SLOW: Final = "log-too-slow"
 NO_ROTOR_SPEED: Final = "no-rotor-speed"
+NOT_SIMULATED: Final = "not-simulated"
+NO_INERTIA: Final = "no rotor inertia"
 LEAST_RATE: Final = 40.0
 """Of commands and IMU, below which all of the motion is lost that inertia shows in [Hz]."""
 WANTED_RATE: Final = 150.0
@@ -23,6 +33,10 @@ FAST: Final = tuple(
     if info.motion in ("roll", "pitch", "yaw", "height") or name.startswith("motor_")
 )
 """Numbers that show in quick motion."""
+USE_SPEED: Final = (
+    'use the rotor speed that the log has: write speed = "measured" under [motors] '
+    "(or --speed measured)"
+)
 BY_SPEED: Final = ("kt", "kd", "Jr", "Ixx", "Iyy", "Izz", "motor_lag", "motor_delay")
 
 
@@ -45,6 +59,16 @@ def unlogged_speed(fit: Fit) -> Iterator[Finding]:
             return
 
 
+def absent_in_simulator(fit: Fit) -> Iterator[Finding]:
+    """Note that a simulator has no rotor inertia, which no flight in it can show."""
+    flights = [flight for c in fit.dataset.configurations for flight in c.flights]
+    simulators = {flight.log.metadata.get("Simulator", "") for flight in flights}
+    if any(NO_INERTIA in LEAVES_OUT.get(name, "") for name in simulators):
+        because = f"the simulator has {NO_INERTIA}"
+        step = f"nothing: {because}"
+        yield note(NOT_SIMULATED, "", numbers=("Jr",), next_step=step, useless_because=because)
+
+
 def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
     """Say how to log commands and IMU faster; None where they are fast enough for inertia."""
     if prepared.slowest_rate >= LEAST_RATE:
@@ -55,13 +79,24 @@ def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
     return f"{wanted or plain}, then fly again"
 
 
+def better_log(log: FlightLog, lacks: frozenset[Lack]) -> str | None:
+    """Say what to set for what a log lacks; None where its firmware has no setting for it."""
+    wanted = _settings(log, lacks)
+    return f"{wanted}, then fly again" if wanted else None
+
+
 def slow_words(prepared: PreparedFlight) -> str:
     """Say why a slow log makes flying useless."""
-    return f"{prepared.slowest_rate:.0f} Hz show no quick motion, whatever is flown"
+    return f"a log at {prepared.slowest_rate:.0f} Hz shows no quick motion, whatever is flown"
 
 
 def log_with_speed(log: FlightLog) -> str | None:
-    """Say how to log the rotors' speed; None where the firmware has no setting for it."""
+    """Say how to log the rotors' speed; None where the firmware has no setting for it.
+
+    A log that has it already asks for nothing but to use it.
+    """
+    if "rotor_speed" in log.channels:
+        return USE_SPEED
     wanted = _settings(log, NO_SPEED)
     return f"log the rotor speed: {wanted}, then fly again" if wanted else None
 
@@ -78,12 +113,26 @@ def _settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
     if found is None or not found.settings:
         return ""
     file = " (rotorfit settings LOG writes the file)" if any(s.new for s in found.settings) else ""
-    return f"set {', '.join(map(_phrase, found.settings))}{file}"
+    flashed = [f"flash {s.value}" for s in found.settings if s.name == FIRMWARE]
+    named = [s for s in found.settings if s.name != FIRMWARE]
+    lines = [_whole_line(s) for s in named if s.name.endswith(":")]
+    pairs = [_pair(s) for s in named if not s.name.endswith(":")]
+    steps = [*flashed, *lines, *([f"set {', '.join(pairs)}"] if pairs else [])]
+    return f"{', then '.join(steps)}{file}"
 
 
-def _phrase(setting: Setting) -> str:
-    head = f"{setting.name} " if setting.name.endswith(":") else f"{setting.name} = "
-    return f"{head}{setting.new or setting.value}"
+def _pair(setting: Setting) -> str:
+    """Write a setting and its value; bits in words where the value that has them is not known."""
+    if setting.new is None and setting.value.startswith("what"):
+        return f"{setting.name} to {setting.value}"
+    return f"{setting.name} = {setting.new or setting.value}"
 
 
-CHECKS: Final = (slow_log, unlogged_speed)
+def _whole_line(setting: Setting) -> str:
+    """Say where a line of a file or a CLI goes, and what it is for."""
+    if setting.name == "CLI:":
+        return f"enter {setting.value!r} in the CLI"
+    return f"add {setting.value} to {setting.name.strip(':')} ({setting.why})"
+
+
+CHECKS: Final = (slow_log, unlogged_speed, absent_in_simulator)

@@ -91,6 +91,7 @@ def deviation_by_chance(
     """
     total = float(information.sum())
     # Windows overlap by half: of three, two are their own.
-    degrees = max(total**2 / float((information**2).sum()) / 1.5, 1.0)
+    shares = information / total
+    degrees = max(1.0 / float(shares @ shares) / 1.5, 1.0)
     t = float(stats.t.ppf(0.975, degrees)) / 1.96
-    return t * float(np.sqrt((score**2).sum())) / total
+    return t * float(np.linalg.norm(score / total))

@@ -20,7 +20,7 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from rotorfit.model.parameters import EVERY
+from rotorfit.model.parameters import EVERY, FIRST_MOMENTS
 
 INERTIA_BIAS: Final = 2.5
 CLOSED_LOOP_BIAS: Final = 1.0
@@ -126,6 +126,17 @@ def lean_allowance(first: float, second: float) -> float:
     the product's two axes.
     """
     return 1.96 * ROTORS_LEAN * abs(second - first)
+
+
+def lean_shift(name: str, com: tuple[float, float, float], mass: float, lever: float) -> float:
+    """Return the half-width that the same lean adds to a place [m] or first moment [kg m].
+
+    The centre of mass stands in the rotors' axes, turned about the IMU: `com` is counted from it.
+    Motors lean forward and left, and turn about no vertical; drag torque that leans with them rolls
+    and pitches as thrust does beside the centre, with a `lever` of k_d / k_t [m].
+    """
+    across = math.hypot(com[0], com[1]) if name in ("com_z", "msz") else math.hypot(com[2], lever)
+    return 1.96 * ROTORS_LEAN * across * (mass if name in FIRST_MOMENTS else 1.0)
 
 
 def scale_stretch(value: float, half_width: float) -> float:

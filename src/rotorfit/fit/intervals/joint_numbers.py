@@ -40,14 +40,19 @@ from rotorfit.fit.intervals.excitation import (
     common_share,
     inertia_bias,
     lean_allowance,
+    lean_shift,
     link_allowance,
     product_allowance,
     scale_stretch,
 )
 from rotorfit.fit.intervals.numbers import (
+    PLACES,
     Numbers,
+    com_from_imu,
     correlation_of,
+    drag_lever,
     hover_speed,
+    moments_across,
     quadrature,
     relevant_size,
 )
@@ -406,21 +411,17 @@ def systematic_uncertainty(
             parts.append(attenuation_allowance(base, size, rho, with_response=False))
         if base in YAW_PRODUCTS:
             parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
-            parts.append(lean_allowance(*_moments_across(numbers, base, owner)))
+            parts.append(lean_allowance(*moments_across(numbers, base, owner)))
+        if base in PLACES:
+            c = by_name[owner]
+            com, lever = com_from_imu(numbers, owner, c.vehicle), drag_lever(numbers, c.vehicle)
+            parts.append(lean_shift(base, com, c.mass, lever))
         if EVERY[base].mass_power:
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)
             parts.append(1.96 * relative * value)
         extra[i] = quadrature(parts)
     return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
-
-
-def _moments_across(numbers: Numbers, product: str, owner: str) -> tuple[float, float]:
-    """Return the moments of inertia about the two axes of a product, of a configuration."""
-    first, second = (
-        float(numbers.values[numbers.index(f"I{axis}{axis}_com@{owner}")]) for axis in product[1:3]
-    )
-    return first, second
 
 
 def inertia_uncertainty(

@@ -11,10 +11,15 @@ from jaxtyping import Float
 from scipy import stats
 
 from rotorfit.fit.intervals.excitation import AXIS_OF
-from rotorfit.model.parameters import EVERY
+from rotorfit.model.parameters import EVERY, FIRST_MOMENTS
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
+
+PLACES = ("com_x", "com_y", "com_z", *FIRST_MOMENTS)
+"""Of the centre of mass."""
+LONGEST_LEVER = 0.15
+"""k_d / k_t over the arm: a propeller of radius r has some .1 r."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +84,27 @@ class Numbers:
             for key, value in self.excitation.items()
             if not key.startswith("yaw") and (configuration or "") in ("", key.partition("@")[2])
         )
+
+
+def moments_across(numbers: Numbers, product: str, owner: str) -> tuple[float, float]:
+    """Return the moments of inertia about the two axes of a product, of a configuration."""
+    first, second = (numbers.number(f"I{axis}{axis}_com@{owner}")[0] for axis in product[1:3])
+    return first, second
+
+
+def com_from_imu(numbers: Numbers, owner: str, vehicle: Vehicle) -> tuple[float, float, float]:
+    """Return the centre of mass of a configuration, counted from the IMU [m]."""
+    imu = vehicle.imu_position or (0.0, 0.0, 0.0)
+    x, y, z = (
+        numbers.number(f"com_{axis}@{owner}")[0] - place
+        for axis, place in zip("xyz", imu, strict=True)
+    )
+    return x, y, z
+
+
+def drag_lever(numbers: Numbers, vehicle: Vehicle) -> float:
+    """Return k_d / k_t [m], which no propeller has larger than a share of the arm."""
+    return min(abs(numbers.number("kd_over_kt")[0]), LONGEST_LEVER * vehicle.arm)
 
 
 def t_half_width(

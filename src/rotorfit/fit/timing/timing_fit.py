@@ -271,13 +271,15 @@ def timing_with_deviations(
     each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}
     std = _stds(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
     lag, delay = (std.get(name) for name in SUMMED)
-    hold, shape, prior = hold_fault(dataset), shape_fault(dataset), dataset.lag_prior[1]
+    hold, shape, response = hold_fault(dataset), shape_fault(dataset), _moved(free, fit)
     split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
     # With a delay that is given, what a command held too long or too short is taken for lag.
     held = hold if delay is None else 0.0
     return MotorTiming(
-        response=_moved(free, fit),
-        lag_std=None if lag is None else min(_norm(lag, split, held, shape), prior),
+        response=response,
+        lag_std=None
+        if lag is None
+        else dataset.lag_std(response.mean_lag, _norm(lag, split, held, shape)),
         delay_std=None if delay is None else _norm(delay, split, hold, shape),
         total_std=_norm(std["total"], SUM_FAULT, hold, shape),
         free=free.names,

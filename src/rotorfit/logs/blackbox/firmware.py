@@ -4,11 +4,13 @@ Sources: Betaflight 4.5 "CLI Command Line Reference", blackbox.c and rpm_filter.
 INAV "Settings" and blackbox.c (7 to 9).
 """
 
+import re
 from collections.abc import Mapping, Set
 from typing import Final
 
 from rotorfit.logs.firmware import (
     FILTERED_ACCEL,
+    FIRMWARE,
     NO_ACCEL,
     NO_MOTORS,
     NO_SPEED,
@@ -38,6 +40,17 @@ BETAFLIGHT: Final = settings_of(
     ("blackbox_disable_rpm", "OFF", "logs the rotor speed (Betaflight 4.5 and later)", NO_SPEED),
     ("motor_poles", "magnets of a motor", "without it the rotor speed is wrong", NO_SPEED),
 )
+OLD_BETAFLIGHT: Final = settings_of(
+    *(
+        (setting.name, setting.value, setting.why, setting.asked_by)
+        for setting in BETAFLIGHT
+        if setting.name != "blackbox_disable_rpm"
+    ),
+    (FIRMWARE, "Betaflight 4.5 or later", "earlier ones do not log the rotor speed", NO_SPEED),
+)
+"""Before it logged rotor speeds."""
+LOGS_SPEED: Final = (4, 5)
+"""First Betaflight that does."""
 INAV: Final = settings_of(
     (
         "acc_lpf_hz",
@@ -66,8 +79,15 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
     """Advise settings of the firmware that wrote the log."""
     if _is_inav(metadata):
         return Advice(settings=needing_change(asked_for(INAV, lacks), metadata), file="inav.txt")
-    found = needing_change(asked_for(BETAFLIGHT, lacks), _as_in_cli(metadata))
+    table = OLD_BETAFLIGHT if _is_old(metadata) else BETAFLIGHT
+    found = needing_change(asked_for(table, lacks), _as_in_cli(metadata))
     return Advice(settings=found, file="betaflight.txt")
+
+
+def _is_old(metadata: Mapping[str, str]) -> bool:
+    """Test whether a Betaflight from before it logged rotor speeds wrote the log."""
+    found = re.match(r"Betaflight (\d+)\.(\d+)", metadata.get("Firmware revision", ""))
+    return found is not None and (int(found[1]), int(found[2])) < LOGS_SPEED
 
 
 def _as_in_cli(metadata: Mapping[str, str]) -> dict[str, str]:

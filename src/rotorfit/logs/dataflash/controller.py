@@ -9,9 +9,10 @@ from rotorfit.errors import LogError
 from rotorfit.logs.controller_log import TURNED, ControllerLog
 from rotorfit.logs.dataflash import parameters
 from rotorfit.logs.dataflash.columns import timed, vector
-from rotorfit.logs.dataflash.messages import Wanted, find_messages
-from rotorfit.logs.files import read_blocks
+from rotorfit.logs.dataflash.messages import Messages
 
+NAMES: Final = ("RATE", *parameters.NAMES)
+"""Messages that tell of it."""
 ASKED: Final = ("RDes", "PDes", "YDes")
 MEASURED: Final = ("R", "P", "Y")
 OUTPUT: Final = ("ROut", "POut", "YOut")
@@ -19,11 +20,8 @@ FAST: Final = 0.8
 """Share of SCHED_LOOP_RATE at which RATE must come: a run of the controller must not be missing."""
 
 
-def read_controller(path: Path) -> ControllerLog:
-    """Read the rate controller of an ArduPilot log."""
-    messages = find_messages(
-        read_blocks(path), wanted=Wanted(names=frozenset(("RATE", *parameters.NAMES)))
-    )
+def controller_of(messages: Messages, path: Path) -> ControllerLog:
+    """Read the rate controller of an ArduPilot log, whose messages have `NAMES`."""
     settings = parameters.read_parameters(messages)
     found = timed(messages, "RATE", (*ASKED, *MEASURED, *OUTPUT))
     if found is None or len(found[0]) < 2:

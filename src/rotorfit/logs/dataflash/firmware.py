@@ -139,7 +139,7 @@ def lack_notes(
     notes: list[str] = []
     if wired is not None and "rotor_speed" not in channels:
         notes.append(_esc_advice(wired))
-    if slow:
+    if slow and not too_slow(parameters, channels):  # which is a warning, with the same cure
         notes.append(f"{'; '.join(slow)}: set {to_set if value else _no_limit(current)}")
     if raw and value is not None and "raw IMU" in value:
         notes.append(
@@ -159,8 +159,9 @@ def too_slow(parameters: Parameters, channels: Mapping[str, Channel]) -> list[st
         return []
     current = parameters.integer("LOG_BITMASK")
     value = log_bitmask(current, slow=True, raw=raw)
-    cure = f"set LOG_BITMASK = {value}" if value else _no_limit(current)
-    return [f"{' and '.join(slow)}: too slow for inertia and motor lag, whatever is flown; {cure}"]
+    cure = f"LOG_BITMASK = {value}" if value else _no_limit(current)
+    words = f"{' and '.join(slow)}: too slow for inertia and motor lag, whatever is flown"
+    return [f"{words}; set {cure}"]
 
 
 def _slow(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:

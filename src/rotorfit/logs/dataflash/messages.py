@@ -178,6 +178,11 @@ class Messages:
         rows = {i: r for i, r in self.rows.items() if self.formats[i].name not in names}
         return replace(self, rows=rows)
 
+    def only(self, names: Container[str]) -> "Messages":
+        """Keep the bytes of some messages alone."""
+        rows = {i: r for i, r in self.rows.items() if self.formats[i].name in names}
+        return replace(self, rows=rows)
+
     def named(self, name: str) -> list[int]:
         """Find the formats of that name that have messages, as indices."""
         return [i for i, f in enumerate(self.formats) if f.name == name and self.counts[i]]

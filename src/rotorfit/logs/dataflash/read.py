@@ -8,7 +8,8 @@ import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, doubt, doubts
-from rotorfit.logs.dataflash import HEAD, imu, motors, parameters, pose, remix
+from rotorfit.logs.controller_log import ControllerLog
+from rotorfit.logs.dataflash import HEAD, controller, imu, motors, parameters, pose, remix
 from rotorfit.logs.dataflash.columns import possible_in_order, time_of, unit_sentences
 from rotorfit.logs.dataflash.firmware import lack_notes, too_slow
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
@@ -51,12 +52,23 @@ _MOTOR_PARAMETERS: Final = (
 
 def read_dataflash(path: Path) -> FlightLog:
     """Read a DataFlash log of ArduPilot (.bin)."""
+    return _read(path, ())[0]
+
+
+def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
+    """Read a DataFlash log of ArduCopter, and its rate controller, in one pass."""
+    log, messages = _read(path, controller.NAMES)
+    return log, controller.controller_of(messages, path)
+
+
+def _read(path: Path, also: Container[str]) -> tuple[FlightLog, Messages]:
+    """Read a log, and the messages of some names."""
     head = read_head(path, len(HEAD))
     if head != HEAD:
         raise LogError(f"{path}: begins with {head.hex(' ')}, expected a3 95 of a DataFlash log")
     sha256 = sha256_of(path)
     try:
-        return _flight_log(path, sha256)
+        return _flight_log(path, sha256, also)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
 
@@ -65,8 +77,8 @@ LEAST_MOVED: Final = 0.05
 """Change of a command, of full output, by which motors were driven."""
 
 
-def _flight_log(path: Path, sha256: str) -> FlightLog:
-    """Make the log of the messages in a file.
+def _flight_log(path: Path, sha256: str, also: Container[str]) -> tuple[FlightLog, Messages]:
+    """Make the log of the messages in a file, and keep those of some names.
 
     The file is gone through twice: what the other IMUs recorded would fill most of the memory.
     """
@@ -76,6 +88,7 @@ def _flight_log(path: Path, sha256: str) -> FlightLog:
     del glimpse
     names = frozenset((*NAMES, *choice.names))
     messages = find_messages(read_blocks(path, (0.4, 0.6)), wanted=_wanted(choice, names))
+    kept = messages.only(also)
     frame = frame_of(settings, texts)
     wired = motors.wiring(settings, frame)
     # Messages are let go of when their channel is made: all of both would fill the memory.
@@ -99,7 +112,7 @@ def _flight_log(path: Path, sha256: str) -> FlightLog:
     simulator = remix.simulator_of(settings)
     flown, unarmed = _armed(messages, moved=_moves(command))
     begin = min(float(channel.time[0]) for channel in channels.values())
-    return FlightLog(
+    log = FlightLog(
         path=path,
         sha256=sha256,
         format="dataflash",
@@ -122,6 +135,7 @@ def _flight_log(path: Path, sha256: str) -> FlightLog:
         gyro_lowpass=sensors.gyro_lowpass,
         circumstances=parameters.circumstances_of(messages, texts, begin),
     )
+    return log, kept
 
 
 def _recorded(made: Mapping[str, Channel | None]) -> dict[str, Channel]:

@@ -10,7 +10,7 @@ from rotorfit.errors import LogError
 from rotorfit.logs.controller_log import TURNED, ControllerLog
 from rotorfit.logs.ulog.firmware import log_faster
 from rotorfit.logs.ulog.messages import Topic
-from rotorfit.logs.ulog.scan import Scan, scan_file
+from rotorfit.logs.ulog.scan import Scan
 
 TOPICS: Final = {
     "vehicle_angular_velocity": ("timestamp", "timestamp_sample", "xyz", "xyz_derivative"),
@@ -22,9 +22,8 @@ WITHIN: Final = 0.5
 """Of a run of the controller: the set point is the last one, or came in that very run."""
 
 
-def read_controller(path: Path) -> ControllerLog:
-    """Read the rate controller of a PX4 log."""
-    scan = scan_file(path, TOPICS)
+def controller_of(scan: Scan, path: Path) -> ControllerLog:
+    """Read the rate controller of a PX4 log, whose scan has `TOPICS`."""
     measured, asked, torque = (_topic(scan, name, path) for name in TOPICS)
     rates, slopes, outputs = (
         _vector(topic, field, path)

@@ -1,13 +1,14 @@
 """Logs of PX4 (ULog); its body axes are FRD and its world is NED, turned here."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, doubt, doubts
+from rotorfit.logs.controller_log import ControllerLog
 from rotorfit.logs.flight_log import SIH, Channel, FlightLog, simulated_sentence
-from rotorfit.logs.ulog import imu, motors, pose, vehicle
+from rotorfit.logs.ulog import controller, imu, motors, pose, vehicle
 from rotorfit.logs.ulog.firmware import log_faster
 from rotorfit.logs.ulog.scan import Scan, scan_file
 
@@ -24,8 +25,19 @@ _LISTED: Final = 20
 
 def read_ulog(path: Path) -> FlightLog:
     """Read a log of PX4."""
+    return _read(path, {})[0]
+
+
+def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
+    """Read a log of PX4, and its rate controller, in one pass."""
+    log, scan = _read(path, controller.TOPICS)
+    return log, controller.controller_of(scan, path)
+
+
+def _read(path: Path, also: Mapping[str, tuple[str, ...]]) -> tuple[FlightLog, Scan]:
+    """Read a log of PX4, and a scan of other topics that are wanted."""
     try:
-        channels, notes, scan = _channels(path)
+        channels, notes, scan, kept = _channels(path, also)
         if not channels:
             raise LogError(_no_channels(scan))
     except LogError as error:
@@ -34,7 +46,7 @@ def read_ulog(path: Path) -> FlightLog:
     # A topic begins with its last message before the log: the sensors say when the log began.
     timed = [c for name, c in channels.items() if name in ("gyro", "accel")] or [*channels.values()]
     begin, end = min(c.time[0] for c in timed), max(c.time[-1] for c in timed)
-    return FlightLog(
+    log = FlightLog(
         path=path,
         sha256=scan.sha256,
         format="ulog",
@@ -58,14 +70,19 @@ def read_ulog(path: Path) -> FlightLog:
         motors=vehicle.logged_motors(scan),
         circumstances=vehicle.circumstances_of(scan, float(begin)),
     )
+    return log, kept
 
 
-def _channels(path: Path) -> tuple[dict[str, Channel], list[str], Scan]:
-    """Return the channels in the order of `CHANNELS`, what to say of them, and what is left.
+def _channels(
+    path: Path, also: Mapping[str, tuple[str, ...]]
+) -> tuple[dict[str, Channel], list[str], Scan, Scan]:
+    """Return channels in the order of `CHANNELS`, words, what is left, and the topics of `also`.
 
     Every topic is let go of when its channel is made: all of both would fill the memory.
     """
-    scan = scan_file(path, WANTED)
+    fields = {name: (*WANTED.get(name, ()), *labels) for name, labels in also.items()}
+    scan = scan_file(path, {**WANTED, **fields})
+    kept = scan.only(also)
     speed = motors.find_rotor_speed(scan, simulated=bool(vehicle.simulator_of(scan)))
     scan = scan.without(motors.SPEED_TOPICS)
     found = imu.find_imu(scan, raw=lambda: scan_file(path, imu.FIFO_TOPICS))
@@ -96,7 +113,7 @@ def _channels(path: Path) -> tuple[dict[str, Channel], list[str], Scan]:
         *_law_notes(scan, channels),
         *pose_notes,
     ]
-    return channels, notes, scan
+    return channels, notes, scan, kept
 
 
 def _slow_motors(channels: dict[str, Channel], scan: Scan) -> Iterator[Finding]:

@@ -100,6 +100,10 @@ class Scan:
         """Drop the messages of some topics."""
         return replace(self, topics={n: t for n, t in self.topics.items() if n not in names})
 
+    def only(self, names: Container[str]) -> "Scan":
+        """Keep the messages of some topics alone."""
+        return replace(self, topics={n: t for n, t in self.topics.items() if n in names})
+
     def all(self, name: str) -> tuple[Topic, ...]:
         """Find the instances of a topic."""
         return self.topics.get(name, ())

@@ -1,0 +1,148 @@
+r"""When within a phase a flight is noisy, by the errors of its fit.
+
+A vehicle may fall through its own wake and be out of it half a second later: its errors are
+:math:`\sigma(t)` times a stationary process. A fit that takes them for equally noisy lets the worst
+moment of a phase decide. Divided by :math:`\sigma(t)`, all signals of a row alike, the equations
+stay exact and the errors become stationary (weighted least squares).
+
+The level is that of whitened errors: a slow gust, whose size in a fraction of a second is chance,
+makes none.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy import ndimage
+
+from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
+from rotorfit.errors import UnsettledError
+from rotorfit.estimation.banded_problem import solved
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.fit_flights import fit_flights
+from rotorfit.fit.joint.joint_problem import NOISY, RESPONSE_ERRORS, theta_of
+from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.model.signals import signal_matrix
+from rotorfit.preprocessing.airborne import MOTION_CUTOFF
+from rotorfit.preprocessing.flight_data import FlightData, Segment
+from rotorfit.reduction.frequency_bands import EDGES, banded_data
+from rotorfit.reduction.reduce import split_segment
+
+WINDOW: Final = 0.12
+"""Deviation of the bell over which a level is averaged [s]: it holds some sixty degrees of freedom
+of four errors up to 20 Hz, so that chance makes a level of a tenth."""
+LEAST: Final = 0.1
+"""Of the largest level of a stretch: none is less."""
+LEAST_SPREAD: Final = 0.2
+"""Deviation of the logarithm of a stretch's levels, twice that of chance, under which all are left
+alone: weights would gain nothing."""
+LOWEST: Final = EDGES[1]
+"""Of the errors that are looked at [Hz]; the highest is that of the motion."""
+FLAT: Final = 10
+"""Lines over which a spectrum is averaged to whiten it."""
+
+
+def fit_by_noise(fit: Fit, wanted: Sequence[str] | None) -> Fit:
+    """Fit the flights once more where their noise changes within a phase, each row by its own.
+
+    `wanted`: terms of the model, as for `fit_flights`. What does not settle so stays as it was.
+    """
+    unsteady = with_noise_levels(fit)
+    if unsteady is None:
+        return fit
+    try:
+        return fit_flights(unsteady, wanted, begin=fit.estimate.estimate.by_name)
+    except UnsettledError:
+        return fit
+
+
+def with_noise_levels(fit: Fit) -> TimedDataset | None:
+    """Return the flights of a fit with the noise of their rows; None where that is steady."""
+    theta = theta_of(fit.estimate.problem.map, fit.estimate.estimate.values, fit.configurations)
+    each = solved(fit.dataset.model.tensor, theta, fit.estimate.problem.noisy)[0]
+    configurations = tuple(
+        _levelled(fit, configured, G)
+        for configured, G in zip(fit.dataset.configurations, each, strict=True)
+    )
+    if not any(_is_unsteady(f) for c in configurations for f in c.flights):
+        return None
+    return replace(fit.dataset, configurations=configurations, body=None).reduced()
+
+
+def _is_unsteady(flight: LoadedFlight) -> bool:
+    """Return whether the noise of a flight changes within any of its phases."""
+    level = flight.prepared.data.noise_level
+    assert level is not None
+    phases = flight.prepared.phases
+    return any(float(np.log(level[p.start : p.stop]).std()) > LEAST_SPREAD for p in phases)
+
+
+def _levelled(
+    fit: Fit, configured: ConfigurationData, G: Float[np.ndarray, "k z"]
+) -> ConfigurationData:
+    """Return a configuration with the levels of its flights; `G` makes errors of signals."""
+    flights: list[LoadedFlight] = []
+    for flight in configured.flights:
+        data = replace(flight.prepared.data, noise_level=_flight_levels(fit, flight, G))
+        flights.append(replace(flight, prepared=replace(flight.prepared, data=data)))
+    return replace(configured, flights=flights)
+
+
+def _flight_levels(
+    fit: Fit, flight: LoadedFlight, G: Float[np.ndarray, "k z"]
+) -> Float[np.ndarray, " n"]:
+    """Compute the level of every row of a flight, its mean logarithm zero in every stretch."""
+    data, plan = banded_data(flight.prepared, fit.dataset.timing)
+    levels = np.ones(len(data.time))
+    places = [NOISY.index(name) for name in RESPONSE_ERRORS]
+    for stretch in _stretches(data, plan.longest):
+        Z = signal_matrix(
+            data,
+            fit.dataset.vehicle,
+            stretch.start,
+            stretch.stop,
+            added=fit.dataset.model.layout.added,
+        )
+        errors = (Z @ G.T)[:, places]
+        levels[stretch.start : stretch.stop] = noise_levels(errors, data.sample_rate)
+    return levels
+
+
+def _stretches(data: FlightData, longest: float) -> Iterator[Segment]:
+    for phase in data.segments:
+        yield from split_segment(phase, longest * data.sample_rate)
+
+
+def noise_levels(errors: Float[np.ndarray, "n k"], sample_rate: float) -> Float[np.ndarray, " n"]:
+    """Compute how large the errors of a stretch are, row by row, beside their geometric mean.
+
+    One where the stretch is too short to tell, or without errors.
+    """
+    white = _whitened(errors, sample_rate)
+    if white is None:
+        return np.ones(len(errors))
+    power = ndimage.gaussian_filter1d((white**2).mean(axis=1), WINDOW * sample_rate, mode="nearest")
+    level = np.sqrt(np.maximum(power, LEAST**2 * power.max()))
+    found: Float[np.ndarray, " n"] = level / np.exp(np.log(level).mean())
+    return found
+
+
+def _whitened(
+    errors: Float[np.ndarray, "n k"], sample_rate: float
+) -> Float[np.ndarray, "n k"] | None:
+    """Return the errors of the motion with flat spectra and equal sizes; None of too few lines."""
+    frequency = np.fft.rfftfreq(len(errors), 1.0 / sample_rate)
+    motion = np.flatnonzero(
+        (frequency >= LOWEST) & (frequency < min(MOTION_CUTOFF, 0.4 * sample_rate))
+    )
+    if len(motion) < FLAT:
+        return None
+    lines = np.fft.rfft(errors, axis=0)
+    power = ndimage.uniform_filter1d(np.abs(lines[motion]) ** 2, FLAT, axis=0, mode="nearest")
+    if not (power > 0.0).all():
+        return None
+    white = np.zeros_like(lines)
+    white[motion] = lines[motion] / np.sqrt(power)
+    return np.fft.irfft(white, len(errors), axis=0)
