@@ -420,7 +420,7 @@ ROOMS: Final[dict[str, Room]] = {
             "REST_STD = <<0.1>>",
             "DOUBTED = <<2.58>>",
             "variance + <<effect>>",
-            "+ <<1.96 * left>>",
+            "<<float(stats.norm.ppf(1.0 - 0.025 / likely))>> * left",
         ),
         changed=(
             ("max(unlikely, 1.0) ** 0.5", "1.0"),
@@ -569,7 +569,7 @@ ROOMS: Final[dict[str, Room]] = {
         changed=(
             ("HOLD_FAULT / min(rates)", "HOLD_FAULT / max(rates)"),
             ("return 0.0\n    rates", "pass\n    rates"),
-            ("held, shape), prior)", "held, shape), np.inf)"),
+            ("dataset.lag_std(response.mean_lag, _norm(lag, split, held, shape))", "_norm(lag, split, held, shape)"),
             ("held = hold if delay is None else 0.0", "held = 0.0"),
             ("held = hold if delay is None else 0.0", "held = hold"),
             ("np.abs(response_sensitivity(fit) @ rows.T).sum(axis=0)", "np.abs((response_sensitivity(fit) @ rows.T).sum(axis=0))"),

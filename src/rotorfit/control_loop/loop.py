@@ -11,7 +11,7 @@ from jaxtyping import Bool, Complex, Float
 from threadpoolctl import threadpool_limits
 
 from rotorfit.control_loop.controllers import AXES, rate_controller
-from rotorfit.control_loop.margins import margins
+from rotorfit.control_loop.margins import Margins, margins
 from rotorfit.control_loop.measures import (
     LoopMeasures,
     StepResponse,
@@ -259,16 +259,13 @@ def _axis(
         seed=seed,
     )
     harmonics = step_harmonics(controller.period)
-    both = np.concatenate([frequency, harmonics])
-    response = controller_response(log, flight, controller, axis, both)
-    filtered, at_harmonics = np.split(response, [len(frequency)])
+    respond = partial(controller_response, log, flight, controller, axis)
+    filtered, at_harmonics = np.split(respond(np.r_[frequency, harmonics]), [len(frequency)])
     loops = partial(_rate_loops, controller, filtered=filtered, frequency=frequency)
-    bands_of = partial(
-        _bands, measured_loop(controller, flight, axis), controller, frequency=frequency
-    )
+    measured = measured_loop(controller, flight, axis)
+    bands_of = partial(_bands, measured, controller, frequency=frequency)
     error = _closed_loop_error(body.nominal, loops, bands_of, frequency, flight.log.set_point_std)
-    replay = replay_output(controller, flight, axis)
-    mixer = replay_mixer(flight, axis)
+    replay, mixer = replay_output(controller, flight, axis), replay_mixer(flight, axis)
     wrong = axis in PROVED_AXES and error.is_wrong(body)
     doubts = contradictions(axis, replay, mixer, error if wrong else None, flight)
     vehicles = body if doubts else error.corrected(body, seed)
@@ -277,7 +274,6 @@ def _axis(
     found = margins(frequency, inner)
     closed = closed_loop(controller, inner, frequency)
     rate_loop = measures_of(found, bandwidth(frequency, closed))
-    alone = _rate_loops(controller, vehicles, filtered=at_harmonics, frequency=harmonics)
     doubts = doubts or too_little(rate_loop.crossover.value, bands, error)
     outer = _with_attitude(inner, controller, frequency)
     return AxisLoop(
@@ -295,12 +291,24 @@ def _axis(
         doubts=tuple(doubts),
         derivative_share=controller.derivative_share(rate_loop.crossover.value),
         gains=_gain_peaks(controller, inner, frequency),
-        step=step_of(harmonics, closed_loop(controller, alone, harmonics), found.stable),
+        step=_step(controller, vehicles, at_harmonics, harmonics, found),
         frequency=frequency,
         open_loop=outer,
         closed_loop=closed,
         stable=found.stable,
     )
+
+
+def _step(
+    controller: RateController,
+    vehicles: Plant,
+    filtered: Complex[np.ndarray, " f"],
+    harmonics: Float[np.ndarray, " f"],
+    found: Margins,
+) -> StepResponse:
+    """Compute the answer of the rate loop alone to a step of the rate asked for."""
+    loops = _rate_loops(controller, vehicles, filtered=filtered, frequency=harmonics)
+    return step_of(harmonics, closed_loop(controller, loops, harmonics), found.stable)
 
 
 def _gain_peaks(
