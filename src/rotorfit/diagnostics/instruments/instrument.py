@@ -54,12 +54,15 @@ class Instrumented:
         Of the ratio, by chance.
     difference_std
         Of what the ratio differs from that of an efficient estimate by chance.
+    degrees
+        Of freedom of both: how many blocks tell the ratio (see `effective_blocks`).
     """
 
     ratio: float
     plain: float
     std: float
     difference_std: float
+    degrees: float = np.inf
 
     @property
     def passed_on(self) -> float:
@@ -69,7 +72,8 @@ class Instrumented:
     @property
     def half_width(self) -> float:
         """Of the ratio's 95 % interval."""
-        return float(np.hypot(1.96 * self.std, self.passed_on))
+        reach = float(stats.t.ppf(0.975, self.degrees))
+        return float(np.hypot(reach * self.std, self.passed_on))
 
     def contradicts(self, unlikely: float) -> bool:
         """Return whether the ratio differs from 1 beyond chance (Durbin, Wu, Hausman).
@@ -80,7 +84,7 @@ class Instrumented:
             Probability by chance, under which it does.
         """
         beyond = abs(self.ratio - 1.0) - self.passed_on
-        return beyond > float(stats.norm.isf(0.5 * unlikely)) * self.difference_std
+        return beyond > float(stats.t.isf(0.5 * unlikely, self.degrees)) * self.difference_std
 
 
 def instrumented(
@@ -118,7 +122,11 @@ def instrumented(
     variance = max(formal, float((asked**2).sum()), _of_blocks(asked, block))
     left = max(variance - 0.5 / float(plain.sum()), LEAST_FREE * variance)
     return Instrumented(
-        ratio=1.0 + off, plain=1.0 + bias, std=variance**0.5, difference_std=left**0.5
+        ratio=1.0 + off,
+        plain=1.0 + bias,
+        std=variance**0.5,
+        difference_std=left**0.5,
+        degrees=_effective(w * np.abs(follows) ** 2, block),
     )
 
 
@@ -127,6 +135,12 @@ def _sums(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:
     total = np.zeros(int(block.max(initial=-1)) + 1, dtype=values.dtype)
     np.add.at(total, block, values)
     return total[block]
+
+
+def _effective(information: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> float:
+    """Count the blocks that tell as much, by what each line tells."""
+    shares = np.bincount(block, weights=information)
+    return float(shares.sum() ** 2 / (shares**2).sum())
 
 
 def _of_blocks(asked: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> float:
