@@ -87,7 +87,7 @@ def test_what_is_assumed_is_the_same_in_all(result):
 
 
 def test_assumed_numbers_that_no_draw_goes_with_are_refused(result):
-    with pytest.raises(OutputError, match="of 20 vehicles drawn cannot exist beside what was"):
+    with pytest.raises(OutputError, match="of 20 vehicles drawn cannot exist with what was"):
         drawn(result, "samples", "v.npz", count=20, assumed={"Izz_com": 0.0377})
 
 

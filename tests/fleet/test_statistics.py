@@ -191,7 +191,7 @@ def test_weather_that_is_in_it_is_said():
 
     records = a_fleet(drop)
     (found,) = findings(fleet_statistics(records), records)
-    assert "weather and height are in it" in found.next_step
+    assert "it includes weather and altitude" in found.next_step
 
 
 def test_given_and_unknown_numbers_are_not_compared():

@@ -48,7 +48,7 @@ def test_every_message_is_as_pyulog_has_it(folder, file):
         theirs = ULog(str(folder / file))
     names = frozenset(data.name for data in theirs.data_list)
     ours = scan_file(folder / file, dict.fromkeys(names))
-    assert ours.warnings == ()
+    assert ours.damage == ()
     for data in theirs.data_list:
         (topic,) = [t for t in ours.all(data.name) if t.instance == data.multi_id]
         same_as_pyulog(topic, data.data)

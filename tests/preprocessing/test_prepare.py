@@ -566,7 +566,7 @@ def test_a_crash_is_no_gyro_in_degrees():
     flight = simulate_flight(*vehicle, Scenario(seconds=15.0, sensors=sensors), seed=4)
     log = tumbling(to_flight_log(flight), at=11.0)
     with pytest.raises(
-        FlightError, match=r"from 11\.0 to 11\.5 s .* a crash or a hit; set end = 10\.9"
+        FlightError, match=r"from 11\.0 to 11\.5 s .* a crash or a blow; set end = 10\.9"
     ):
         prepared(log, window=(2.0, 13.0))
     assert prepared(log, window=(2.0, 10.9)).data.seconds_used == pytest.approx(8.9, abs=0.1)

@@ -122,8 +122,8 @@ class Dataset:
         mean, before = self.lag_prior
         if self.motors.lag is None:
             return min(std, before)
-        apart = abs(lag - mean)
-        return min(std, max(before, apart)) * max(apart / math.hypot(std, before), 1.0)
+        difference = abs(lag - mean)
+        return min(std, max(before, difference)) * max(difference / math.hypot(std, before), 1.0)
 
 
 Kind = TypeVar("Kind", bound=Dataset)
