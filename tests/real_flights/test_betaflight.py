@@ -46,7 +46,9 @@ def test_lag_and_delay_are_those_of_the_likeliest_fit(result):
 
 
 def test_no_turn_of_so_calm_a_flight_gives_inertia(result):
-    assert result.derived_value("Jr_over_Izz").reason.startswith("the motors explain too little of the motion in yaw")
+    assert result.derived_value("Jr_over_Izz").reason.startswith(
+        "the motors explain too little of the motion in yaw"
+    )
     for name in ("kd", "Ixx", "Iyy", "Izz"):
         assert result.parameter(name).value is None
 
