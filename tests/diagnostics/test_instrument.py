@@ -83,6 +83,19 @@ def test_what_an_attitude_loop_may_pass_on_is_no_contradiction():
     assert not replace(one, plain=0.94).contradicts(1e-3)
 
 
+def test_what_two_blocks_tell_is_known_as_of_two():
+    asked, made, error = loop(1)
+    one = instrumented(asked, made, error, block=BLOCK)
+    assert 0.5 * BLOCKS < one.degrees <= BLOCKS
+    halves = instrumented(asked, made, error, block=BLOCK // (BLOCKS // 2))
+    assert 1.5 < halves.degrees <= 2.0
+    seen = Instrumented(ratio=1.2, plain=1.2, std=0.03, difference_std=0.03, degrees=2.0)
+    assert seen.contradicts(1e-3)
+    assert not replace(seen, of_blocks=1.0).contradicts(1e-3)
+    assert replace(seen, of_blocks=1.0).half_width == pytest.approx(4.303 * 0.03, rel=1e-3)
+    assert replace(seen, of_blocks=0.2).half_width == pytest.approx(1.96 * 0.03, rel=1e-3)
+
+
 def test_scales_and_units_of_the_reference_do_not_matter():
     asked, made, error = loop(1)
     one = instrumented(asked, made, error, block=BLOCK)

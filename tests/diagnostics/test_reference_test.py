@@ -66,7 +66,8 @@ def test_a_fit_with_too_little_thrust_shows_in_the_responses(seen):
     found = axis_responses(lines)
     for axis in ("roll", "pitch"):
         assert found[axis].ratio == pytest.approx(1.25, abs=0.03), axis
-        assert found[axis].contradicts(1e-3)
+        # Of 16 s some three blocks tell it: not by odds of a thousand.
+        assert found[axis].contradicts(0.05)
     assert found["yaw"].ratio == pytest.approx(1.0, abs=0.03)
 
 

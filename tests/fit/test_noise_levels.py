@@ -11,6 +11,7 @@ from rotorfit.dataset.load import load_dataset
 from rotorfit.experiment.experiment import single_flight_experiment
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.noise_levels import LEAST_SPREAD, fit_by_noise, noise_levels
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.model.parameters import inertia_about
 from rotorfit.preprocessing.flight_data import Segment
@@ -96,7 +97,7 @@ def bumpy(tmp_path_factory):
     experiment = single_flight_experiment(
         folder / "flight.csv", mass=truth.mass, airframe=folder / "airframe.toml"
     )
-    dataset = load_dataset(experiment, lambda words: None)
+    dataset = TimedDataset.of(load_dataset(experiment, lambda words: None))
     dataset = time_motors(dataset, lag=True, report=lambda words: None)
     return truth, fit_flights(dataset, None)
 

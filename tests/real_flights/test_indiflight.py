@@ -159,20 +159,19 @@ def test_rotors_drag_is_found_where_the_vehicle_turns(joint):
     assert joint[CALM].parameter("rotor_drag").value is None
 
 
-def test_the_throw_of_a_calm_log_identifies_only_roll_and_pitch(joint):
-    """Over the whole flight the rotors explain little; the throw, by its weight, is enough."""
+def test_the_throw_of_a_calm_log_tells_little_of_yaw(joint):
+    """Over the whole flight the rotors explain little; the throw's quiet rows are enough."""
     result, other = joint[CALM], joint[LIVELY]
-    for name, axis in (("Ixx", "roll"), ("Iyy", "pitch")):
+    for name in ("Ixx", "Iyy"):
         found = result.derived_value(f"{name}_com")
         # A quarter of its variance for what the sensors' filters leave open.
         assert 0.12 * found.value > 0.5 * (found.interval[1] - found.interval[0])
         assert inside(found, other.derived_value(f"{name}_com").value)
-        assert result.diagnostics[f"excitation_{axis}@A"] < 4.0
     for name in ("Izz", "kd", "Jr"):
         found = result.parameter(name)
-        assert found.value is None
+        assert found.verdict == "weak"
+        assert inside(found, other.parameter(name).value)
         assert "yaw while rolling" in found.advice
-    assert result.parameter("Jr").verdict == "ratio-only"
     ratio = result.derived_value("Jr_over_Izz")
     assert ratio.value == pytest.approx(other.derived_value("Jr_over_Izz").value, rel=0.02)
 

@@ -51,15 +51,24 @@ class Instrumented:
     plain
         By least squares, pulled by what the autopilot answers.
     std
-        Of the ratio, by chance.
+        Of the ratio, by chance: the larger of what single lines and whole blocks show.
     difference_std
         Of what the ratio differs from that of an efficient estimate by chance.
+    of_blocks, degrees
+        What whole blocks show of `std`, as a share of it, and how many of them tell the ratio.
     """
 
     ratio: float
     plain: float
     std: float
     difference_std: float
+    of_blocks: float = 0.0
+    degrees: float = np.inf
+
+    def _reach(self, unlikely: float) -> float:
+        """Return how many deviations chance reaches with this probability."""
+        by_lines = float(stats.norm.isf(0.5 * unlikely))
+        return max(by_lines, self.of_blocks * float(stats.t.isf(0.5 * unlikely, self.degrees)))
 
     @property
     def passed_on(self) -> float:
@@ -69,7 +78,7 @@ class Instrumented:
     @property
     def half_width(self) -> float:
         """Of the ratio's 95 % interval."""
-        return float(np.hypot(1.96 * self.std, self.passed_on))
+        return float(np.hypot(self._reach(0.05) * self.std, self.passed_on))
 
     def contradicts(self, unlikely: float) -> bool:
         """Return whether the ratio differs from 1 beyond chance (Durbin, Wu, Hausman).
@@ -80,7 +89,7 @@ class Instrumented:
             Probability by chance, under which it does.
         """
         beyond = abs(self.ratio - 1.0) - self.passed_on
-        return beyond > float(stats.norm.isf(0.5 * unlikely)) * self.difference_std
+        return beyond > self._reach(unlikely) * self.difference_std
 
 
 def instrumented(
@@ -115,10 +124,16 @@ def instrumented(
     bias = float(w @ np.real(predicted.conj() * error)) / float(plain.sum())
     asked = w * np.real(follows.conj() * (error - off * predicted)) / informative_power
     formal = 0.5 * float(w @ np.abs(follows) ** 2) / informative_power**2
-    variance = max(formal, float((asked**2).sum()), _of_blocks(asked, block))
+    of_blocks = _of_blocks(asked, block)
+    variance = max(formal, float((asked**2).sum()), of_blocks)
     left = max(variance - 0.5 / float(plain.sum()), LEAST_FREE * variance)
     return Instrumented(
-        ratio=1.0 + off, plain=1.0 + bias, std=variance**0.5, difference_std=left**0.5
+        ratio=1.0 + off,
+        plain=1.0 + bias,
+        std=variance**0.5,
+        difference_std=left**0.5,
+        of_blocks=float(np.sqrt(of_blocks / variance)) if variance > 0.0 else 0.0,
+        degrees=_effective(w * np.abs(follows) ** 2, block),
     )
 
 
@@ -127,6 +142,12 @@ def _sums(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:
     total = np.zeros(int(block.max(initial=-1)) + 1, dtype=values.dtype)
     np.add.at(total, block, values)
     return total[block]
+
+
+def _effective(information: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> float:
+    """Count the blocks that tell as much, by what each line tells."""
+    shares = np.bincount(block, weights=information)
+    return float(shares.sum() ** 2 / (shares**2).sum())
 
 
 def _of_blocks(asked: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> float:
