@@ -109,20 +109,17 @@ def test_the_disarmed_log_is_told_truly(folder):
     assert log.channels["accel"].values.mean(axis=0)[2] == pytest.approx(9.9, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("file", "words"),
-    [
-        (
-            HOVER,
-            "motor data come at 10 Hz, too slow to tell flight from ground and to find inertia",
-        ),
-        (DISARMED, "the motors never turn in this log"),
-    ],
-)
-def test_neither_is_taken_for_a_flight_to_identify(folder, file, words):
+def test_a_disarmed_log_is_not_taken_for_a_flight(folder):
     motors = MotorModel(speed="commanded")
-    with pytest.raises(FlightError, match=words):
-        prepare(read_log(folder / file), rotor_count=4, arm=0.25, motors=motors)
+    with pytest.raises(FlightError, match="the motors never turn in this log"):
+        prepare(read_log(folder / DISARMED), rotor_count=4, arm=0.25, motors=motors)
+
+
+def test_a_slow_hover_is_told_from_the_ground(folder):
+    """Its commands grow by a tenth as the battery sags; their quick part lifts the vehicle."""
+    motors = MotorModel(speed="commanded")
+    flight = prepare(read_log(folder / HOVER), rotor_count=4, arm=0.25, motors=motors)
+    assert sum(len(rows) for rows in [flight.data.used_rows]) / flight.data.sample_rate > 70.0
 
 
 def run(monkeypatch, capsys, *arguments):
@@ -137,9 +134,6 @@ def test_identify_gives_no_inertia_of_the_hover(folder, tmp_path, monkeypatch, c
     airframe.write_text(AIRFRAME)
     request = ["identify", folder / HOVER, "--mass", "2", "--airframe", airframe, "--json"]
     code, output = run(monkeypatch, capsys, *request)
-    assert (code, output.out) == (1, "")
-    assert "log motors faster" in output.err
-    code, output = run(monkeypatch, capsys, *request, "--start", "8", "--end", "88")
     assert code in (0, None)
     result = json.loads(output.out)
     verdicts = {p["name"]: p["verdict"] for p in result["parameters"]}

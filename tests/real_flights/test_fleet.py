@@ -20,7 +20,7 @@ order = "crazyflie"
 speed = "commanded"
 """
 CRAZYPAD = re.compile(r"__(?P<configuration>normal_flight|add_weight_\w+?)__(?P<vehicle>E\d)_log")
-# Cheap ones: identified, refused for its rate, never armed, no motors, columns of other names.
+# Cheap ones: identified, a slow hover, never armed, no motors, columns of other names.
 MIXED = {
     "tudelft-indiflight/LOG00340.BFL": "0.428",
     "px4-ulog/quadrotor_local.ulg": "unknown",
@@ -96,12 +96,14 @@ def test_every_log_of_a_mixed_fleet_has_a_row_or_a_reason(flight_data_dir, tmp_p
             writer.writerow([flight_data_dir / name, mass, kind])
     fleet = read_fleet(listed_logs(table, Defaults()), tmp_path / "cache", Workers(count=0))
     identified = [r for r in fleet.records if not r.refused]
-    assert [r.file.rsplit("/", 1)[1] for r in identified] == ["LOG00340.BFL"]
-    assert identified[0].started is not None
-    assert identified[0].value("kt") == pytest.approx(2.69e-7, rel=0.05)
+    names = [r.file.rsplit("/", 1)[1] for r in identified]
+    assert sorted(names) == ["LOG00340.BFL", "quadrotor_local.ulg"]
+    throw, hover = (identified[names.index(name)] for name in sorted(names))
+    assert throw.started is not None
+    assert throw.value("kt") == pytest.approx(2.69e-7, rel=0.05)
+    assert np.isnan(hover.value("Ixx_com@A"))
     reasons = {f.file.rsplit("/", 1)[1]: f.refusal.sentence for f in fleet.refused}
-    assert len(reasons) == len(MIXED) - 1
-    assert "motor data come at 10 Hz" in reasons["quadrotor_local.ulg"]
+    assert len(reasons) == len(MIXED) - 2
     assert "the motors never turn" in reasons["sample_appended_multiple.ulg"]
     assert "no rotation rates" in reasons["20240824_00_08_07.csv"]
     assert "no column 'time'" in reasons["B8_star_fast_rep1.csv"]
