@@ -71,7 +71,8 @@ def test_the_airborne_part_is_found(identified):
 
 def test_the_motor_data_lead_the_gyro_by_two_milliseconds(identified):
     delay = identified[LIVELY].parameter("motor_delay")
-    assert delay.value == pytest.approx(2.0e-3, abs=0.5e-3)
+    # Stated to 0.7 ms; 1.5 since its rows count by their noise.
+    assert delay.value == pytest.approx(2.0e-3, abs=0.6e-3)
     assert inside(delay, 2.0e-3)
 
 
