@@ -114,8 +114,10 @@ def test_arducopter_without_gyroscopic_terms_has_no_yaw_scale(result_of, name):
     found = numbers(result)
     for unknown in ("kd", "Jr", "Izz"):
         assert (found[unknown].value, found[unknown].verdict) == (None, "ratio-only"), unknown
+    for unknown in ("kd", "Izz"):
         assert "no gyroscopic coupling" in found[unknown].reason
         assert "pendulum" in found[unknown].advice
+    assert "no rotor inertia" in found["Jr"].reason  # no flight in this simulator shows it
     assert found["Izz_com"].value is None
     assert any("this flight shows no gyroscopic coupling" in w for w in result.warnings)
     assert found["kt"].value == pytest.approx(TRUTH[name]["kt"], rel=0.02)
