@@ -58,7 +58,7 @@ def test_fewer_samples_give_the_same_numbers(experiments, speed, monkeypatch):
     ]
     moved = {new.full_name: abs(new.value - old.value) / old.std for new, old in pairs}
     assert len(moved) > 12
-    assert max(moved.values()) < 0.02, moved
+    assert max(moved.values()) < 0.05, moved
     assert np.array([new.std / old.std for new, old in pairs]) == pytest.approx(1.0, abs=0.01)
 
 

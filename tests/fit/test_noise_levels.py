@@ -10,7 +10,12 @@ import made_fit
 from rotorfit.dataset.load import load_dataset
 from rotorfit.experiment.experiment import single_flight_experiment
 from rotorfit.fit.fit_flights import fit_flights
-from rotorfit.fit.noise_levels import LEAST_SPREAD, fit_by_noise, noise_levels
+from rotorfit.fit.noise_levels import (
+    LEAST_SPREAD,
+    allow_for_noise_levels,
+    fit_by_noise,
+    noise_levels,
+)
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.model.parameters import inertia_about
@@ -113,3 +118,19 @@ def test_a_flight_with_bumps_tells_more_by_its_quiet_rows(bumpy):
         assert again.estimate.estimate.std[at] < 0.8 * fit.estimate.estimate.std[at]
         value, half = again.numbers.number(f"{name}_com@A")
         assert abs(value - about_com[i]) < half
+
+
+@pytest.mark.filterwarnings("ignore:.*gyro bias not removed")
+def test_what_weights_move_beyond_chance_is_in_the_interval(bumpy):
+    _, fit = bumpy
+    assert allow_for_noise_levels(fit) is fit  # rows of even noise
+    again = fit_by_noise(fit, None)
+    wider = allow_for_noise_levels(again).numbers
+    moved = np.abs(again.numbers.values - fit.numbers.values)
+    least = moved - np.sqrt(
+        np.maximum(fit.numbers.half_width**2 - again.numbers.half_width**2, 0.0)
+    )
+    at = [again.numbers.index(name) for name in ("kt", "kd", "Ixx@A", "Iyy@A", "Izz@A")]
+    assert (wider.half_width >= again.numbers.half_width).all()
+    assert (wider.half_width[at] >= 0.9 * least[at]).all()
+    assert (wider.half_width[at] < 1.3 * fit.numbers.half_width[at]).all()

@@ -27,7 +27,7 @@ def test_thrust_per_mass_is_what_carries_the_weight(result):
     """Changes of thrust, at the lag that is found, have 18 to 19 for a slope."""
     kt = result.parameter("kt")
     assert kt.value == pytest.approx(19.6, abs=0.3)
-    assert kt.interval[0] < 18.0
+    assert kt.interval[0] < 18.5
     assert kt.interval[1] > 20.1  # by the commands themselves, not the speeds behind them
     assert any(
         "the result has the latter, and the intervals of inertia" in words

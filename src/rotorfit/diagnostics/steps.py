@@ -20,10 +20,12 @@ from rotorfit.diagnostics.sensors.sensor_faults import (
 )
 from rotorfit.diagnostics.sensors.sensor_response import allow_for_sensor_response
 from rotorfit.fit.fit import Fit
+from rotorfit.fit.noise_levels import allow_for_noise_levels
 
 STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     drop_absent_coupling,
     weigh_thrust,
+    allow_for_noise_levels,
     allow_for_motor_limits,
     allow_for_law,
     allow_for_velocity_errors,

@@ -17,16 +17,17 @@ import numpy as np
 from jaxtyping import Float
 from scipy import ndimage
 
-from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
+from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight, with_prepared
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded_problem import solved
-from rotorfit.fit.fit import Fit
+from rotorfit.fit.fit import Fit, numbers_of, refit
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.joint.joint_problem import NOISY, RESPONSE_ERRORS, theta_of
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.airborne import MOTION_CUTOFF
 from rotorfit.preprocessing.flight_data import FlightData, Segment
+from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.reduction.frequency_bands import EDGES, banded_data
 from rotorfit.reduction.reduce import split_segment
 
@@ -56,6 +57,41 @@ def fit_by_noise(fit: Fit, wanted: Sequence[str] | None) -> Fit:
         return fit_flights(unsteady, wanted, begin=fit.estimate.estimate.by_name)
     except UnsettledError:
         return fit
+
+
+def allow_for_noise_levels(fit: Fit) -> Fit:
+    """Widen the numbers by what they move as rows are weighed, beyond what chance makes of it.
+
+    Both weightings are right where the errors are as the fit takes them: their estimates then
+    differ by no more than the difference of their variances allows (Hausman, Econometrica 46(6),
+    1978). What the model lacks moves one from the other by more.
+    """
+    even = _with_even_noise(fit)
+    if even is None:
+        return fit
+    try:
+        other = refit(fit, even, begin=fit.estimate.estimate.by_name).numbers
+    except UnsettledError:
+        return fit
+    own = numbers_of(fit.dataset, fit.estimate, list(fit.configurations))
+    half = fit.numbers.half_width.copy()
+    known = np.isfinite(own.half_width) & np.isfinite(other.half_width)
+    lost = other.half_width[known] ** 2 - own.half_width[known] ** 2
+    moved = np.abs(own.values - other.values)[known]
+    half[known] = np.hypot(half[known], np.maximum(moved - np.sqrt(np.maximum(lost, 0.0)), 0.0))
+    return fit.with_half_width(half)
+
+
+def _with_even_noise(fit: Fit) -> TimedDataset | None:
+    """Return the flights of a fit with rows of even noise; None where they have no others."""
+    flights = [f for c in fit.dataset.configurations for f in c.flights]
+    if all(f.prepared.data.noise_level is None for f in flights):
+        return None
+
+    def evened(prepared: PreparedFlight) -> PreparedFlight:
+        return replace(prepared, data=replace(prepared.data, noise_level=None))
+
+    return replace(with_prepared(fit.dataset, evened), body=None).reduced()
 
 
 def with_noise_levels(fit: Fit) -> TimedDataset | None:
