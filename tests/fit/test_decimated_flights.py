@@ -59,7 +59,7 @@ def test_fewer_samples_give_the_same_numbers(experiments, speed, monkeypatch):
     moved = {new.full_name: abs(new.value - old.value) / old.std for new, old in pairs}
     assert len(moved) > 12
     assert max(moved.values()) < 0.05, moved
-    assert np.array([new.std / old.std for new, old in pairs]) == pytest.approx(1.0, abs=0.01)
+    assert np.array([new.std / old.std for new, old in pairs]) == pytest.approx(1.0, abs=0.03)
 
 
 def test_fits_in_bands_decimate_by_four_and_paper_fits_do_not(experiments):
