@@ -103,7 +103,7 @@ def _slope(
 def _by_gusts(
     A: Float[np.ndarray, "n 5"],
     rest: Float[np.ndarray, " n"],
-    batches: Sequence[Int[np.ndarray, " b"]],
+    batches: Sequence[Int[np.ndarray, " _"]],
     step: float,
 ) -> float:
     """Estimate what gusts, or noise, make of the slope by the heights that are their own.

@@ -258,7 +258,7 @@ def _is_sure(best: Response, declared: Response, R: np.ndarray, vehicle: Vehicle
     return bool(others.max() > ALIKE) or yaw_by_drag(R, vehicle) < -CLEAR
 
 
-def yaw_by_drag(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> float:
+def yaw_by_drag(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> float:
     """Return the share of yaw that drag and spin-up explain, beside thrust, roll and pitch.
 
     With the sign of the drag's.
@@ -284,7 +284,7 @@ def yaw_by_drag(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> float:
     return float(np.copysign(explained, response[0]))
 
 
-def _refuse_turned(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> None:
+def _refuse_turned(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> None:
     """Raise where roll and pitch answer as if the IMU were turned about z against the rotors."""
     angle, shares = turn_about_z(R, vehicle)
     if abs(angle) > TURNED and min(shares) > CLEAR:
@@ -298,7 +298,7 @@ def _refuse_turned(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> None:
 
 
 def turn_about_z(
-    R: Float[np.ndarray, "z z"], vehicle: Vehicle
+    R: Float[np.ndarray, "r z"], vehicle: Vehicle
 ) -> tuple[float, tuple[float, float]]:
     """Estimate the least angle [rad] by which the IMU is turned about z against the rotors.
 

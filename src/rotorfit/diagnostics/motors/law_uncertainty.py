@@ -42,7 +42,7 @@ def _speed_powers(numbers: Numbers) -> list[int]:
 def _slope_shift(fit: Fit, std: float) -> Float[np.ndarray, " q"]:
     """Compute how far numbers go where the speed grows with the command by a share `std` more."""
 
-    def steeper(speed: Speeds, flown: Speeds) -> Speeds:
+    def steeper(speed: Speeds, flown: Float[np.ndarray, "m N"]) -> Speeds:
         hover = float(np.median(flown))
         return hover * (np.maximum(speed, 0.0) / hover) ** (1.0 + std)
 

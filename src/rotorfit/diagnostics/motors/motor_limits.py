@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from rotorfit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.diagnostics.motors.other_speeds import Speeds, shift_by_speeds, with_other_speeds
@@ -87,7 +88,7 @@ def _share(dataset: Dataset) -> float:
 def _with_end(dataset: TimedDataset, end: End) -> TimedDataset:
     """Return the flights with another speed where the commands are at one end."""
 
-    def cut(speed: Speeds, flown: Speeds) -> Speeds:
+    def cut(speed: Speeds, flown: Float[np.ndarray, "m N"]) -> Speeds:
         low, high = float(flown.min()), float(flown.max())
         step = OPEN * (high - low)
         return np.maximum(speed, low + step) if end == "lowest" else np.minimum(speed, high - step)

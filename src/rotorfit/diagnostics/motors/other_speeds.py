@@ -14,7 +14,7 @@ from rotorfit.preprocessing.motors.motor_model import with_motors
 from rotorfit.preprocessing.prepare import PreparedFlight
 
 Speeds = Float[np.ndarray, "n N"]
-Change = Callable[[Speeds, Speeds], Speeds]
+Change = Callable[[Speeds, Float[np.ndarray, "m N"]], Speeds]
 """From speeds [rad/s], as kept or as recorded, and those of the flight's used part, to others."""
 
 

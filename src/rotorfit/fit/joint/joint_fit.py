@@ -128,7 +128,7 @@ def _fit_from(
     """Fit the informative bands, selected at `begin`; return the fit and its configurations."""
     joint = select(joint, begin)
     fit = estimate(joint, [], begin=begin, close=_close(joint))
-    refuse_collapse(fit, joint)
+    refuse_collapse(fit.estimate.by_name, joint)
     if not _several_flights(joint):
         return fit, joint  # one flight each
     response, differ = _response(fit, joint), _scatters(fit, joint)
@@ -138,13 +138,12 @@ def _fit_from(
     return estimate(joint, [], begin=fit.estimate.by_name), joint
 
 
-def refuse_collapse(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> None:
+def refuse_collapse(at: Mapping[str, float], joint: Sequence[JointConfiguration]) -> None:
     """Refuse a fit whose body shrinks to nothing, as where the rotors explain no turn at all.
 
     The equations of the turns are homogeneous: what an autopilot answers of pure noise then
     outweighs what holds up their scale.
     """
-    at = fit.estimate.by_name
     for c in joint:
         least = SMALLEST_BODY * c.mass * c.vehicle.arm**2
         if any(abs(at.get(f"{name}@{c.name}", np.inf)) < least for name in INERTIA[:3]):
