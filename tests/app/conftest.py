@@ -9,6 +9,7 @@ pytest.importorskip("uvicorn", reason="the page needs the extra app")
 
 from served import MOST, Client, served
 
+from rotorfit.app.engine import Engine
 from rotorfit.app.server import Served
 from rotorfit.simulation import (
     Scenario,
@@ -17,6 +18,12 @@ from rotorfit.simulation import (
     simulate_flight,
     variant,
 )
+
+
+@pytest.fixture
+def engine(tmp_path) -> Engine:
+    (tmp_path / "page").mkdir()
+    return Engine(folder=tmp_path / "page")
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ from threading import Thread
 from time import monotonic, sleep
 from urllib.parse import quote, urlsplit
 
+from rotorfit.app.engine import Engine
 from rotorfit.app.server import Served, ready
 
 FORM = {
@@ -25,6 +26,18 @@ FORM = {
 MOST = 20_000_000
 PATIENCE = 120.0
 """For what comes at last on a busy machine [s]."""
+
+
+def quiet(step: str, share: float | None) -> None:
+    """Hear of progress, and say nothing."""
+    del step, share
+
+
+def dropped(engine: Engine, name: str, content: bytes) -> dict:
+    """Drop a file on the page's engine; return what the engine says of it."""
+    own, path = engine.receive(name)
+    path.write_bytes(content)
+    return engine.call("add_file", {"name": own}, quiet)
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 import copy
 
 import pytest
-from served import FORM
+from served import FORM, dropped, quiet
 
 from rotorfit.app.engine import Engine
 from rotorfit.cli.main import main
@@ -12,22 +12,6 @@ from rotorfit.inspection.inspect_log import inspect_log
 from rotorfit.logs import read_log
 
 REPLIES = {"named": {}, "units": {"gyro": "rad/s", "motors": "rad/s"}, "axes": None}
-
-
-def quiet(step: str, share: float | None) -> None:
-    del step, share
-
-
-@pytest.fixture
-def engine(tmp_path) -> Engine:
-    (tmp_path / "page").mkdir()
-    return Engine(folder=tmp_path / "page")
-
-
-def dropped(engine: Engine, name: str, content: bytes) -> dict:
-    own, path = engine.receive(name)
-    path.write_bytes(content)
-    return engine.call("add_file", {"name": own}, quiet)
 
 
 def looked(engine: Engine, **replies) -> dict:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from served import FORM
+from served import FORM, dropped, quiet
 
 from rotorfit.app.engine import Engine
 from rotorfit.app.files import MOST_FILES, receive
@@ -18,22 +18,6 @@ from rotorfit.identification.identify import identify
 from rotorfit.model.layouts import LAYOUTS
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
-
-
-def quiet(step: str, share: float | None) -> None:
-    del step, share
-
-
-@pytest.fixture
-def engine(tmp_path) -> Engine:
-    (tmp_path / "page").mkdir()
-    return Engine(folder=tmp_path / "page")
-
-
-def dropped(engine: Engine, name: str, content: bytes) -> dict:
-    own, path = engine.receive(name)
-    path.write_bytes(content)
-    return engine.call("add_file", {"name": own}, quiet)
 
 
 @pytest.fixture(scope="module")

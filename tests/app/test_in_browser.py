@@ -7,6 +7,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from served import quiet
 
 from rotorfit.app import in_browser
 from rotorfit.app.engine import CALLS
@@ -27,10 +28,6 @@ class Sent:
 
     def to_bytes(self) -> bytes:
         return self._content
-
-
-def quiet(step: str, share: float | None) -> None:
-    del step, share
 
 
 @pytest.fixture

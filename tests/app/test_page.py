@@ -16,6 +16,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
+from benchmarks.page_stopwatch import served
 
 from real_browser import opened_browser
 from rotorfit.errors import LogError
@@ -109,11 +110,8 @@ def browser(tmp_path_factory: pytest.TempPathFactory, seen: Seen) -> Iterator[An
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
     """The page's address, as the command prints it."""
-    command = [sys.executable, "-m", "rotorfit", "app", "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdout is not None
-        yield server.stdout.readline().strip()
-        server.terminate()
+    with served() as printed:
+        yield printed
 
 
 def opened(browser: Any, address: str, seen: Seen) -> Any:

@@ -91,7 +91,7 @@ def _with_even_noise(fit: Fit) -> TimedDataset | None:
     def evened(prepared: PreparedFlight) -> PreparedFlight:
         return replace(prepared, data=replace(prepared.data, noise_level=None))
 
-    return replace(with_prepared(fit.dataset, evened), body=None).reduced()
+    return with_prepared(fit.dataset, evened).reduced()
 
 
 def with_noise_levels(fit: Fit) -> TimedDataset | None:
@@ -104,7 +104,7 @@ def with_noise_levels(fit: Fit) -> TimedDataset | None:
     )
     if not any(_is_unsteady(f) for c in configurations for f in c.flights):
         return None
-    return replace(fit.dataset, configurations=configurations, body=None).reduced()
+    return replace(fit.dataset, configurations=configurations).reduced()
 
 
 def _is_unsteady(flight: LoadedFlight) -> bool:
