@@ -4,7 +4,7 @@ Two or three parts of a flight tell one number, and their scatter tells its vari
 three. What the model lacks shows in all numbers, so that their scatters together tell how much
 larger than stated variances are (the dispersion of a quasi-likelihood: Wedderburn, Biometrika 61,
 1974). At the estimate the score :math:`s_k` of part k has the covariance :math:`H_k - H_k C H_k`
-(H_k its information, C the covariance of the fit; its pull on the estimate is :math:`C s_k`),
+(H_k its information, C the covariance of the fit; its influence on the estimate is :math:`C s_k`),
 so that
 
 .. math:: \varphi = \sum_k s_k^T C s_k \Big/ \sum_k \mathrm{tr}(Y_k - Y_k^2), \quad
@@ -74,16 +74,16 @@ def dispersion(fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]) -> 
     spread = float((own**2).sum()) + max(across, 0.0)
     if not stated > LEAST * float(np.trace(Y, axis1=1, axis2=2).sum()):
         return Dispersion(ratio=1.0, degrees=0.0)
-    pulls = np.array([fit.influence[part].sum(axis=0) for part in parts])
-    shown = float((_whitened(pulls, root) ** 2).sum())
+    influences = np.array([fit.influence[part].sum(axis=0) for part in parts])
+    shown = float((_whitened(influences, root) ** 2).sum())
     return Dispersion(ratio=shown / stated, degrees=stated**2 / spread)
 
 
 def _whitened(
-    pulls: Float[np.ndarray, "p f"], root: Float[np.ndarray, "f f"]
+    influences: Float[np.ndarray, "p f"], root: Float[np.ndarray, "f f"]
 ) -> Float[np.ndarray, "p f"]:
     """Express moves of the parameters in deviations of independent directions."""
     size = np.linalg.norm(root, axis=1)
     size = np.where(size > 0.0, size, 1.0)
-    white: Float[np.ndarray, "p f"] = (pulls / size) @ np.linalg.pinv(root / size[:, None]).T
+    white: Float[np.ndarray, "p f"] = (influences / size) @ np.linalg.pinv(root / size[:, None]).T
     return white

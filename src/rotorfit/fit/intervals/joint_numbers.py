@@ -155,7 +155,7 @@ def random_half_width(
     stated = float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(formal) * blocks / free)
     shown = (
         stated,
-        _between_blocks(fit, jacobian, formal),
+        half_width_between_blocks(fit, jacobian, formal),
         half_width_between_phases(fit, jacobian),
         _between_flights(fit, jacobian),
     )
@@ -167,16 +167,16 @@ def _free_blocks(fit: BandedEstimate) -> float:
     return max(len(fit.influence) - len(fit.estimate.names) / fit.variance.shape[1], 1.0)
 
 
-def _between_blocks(
+def half_width_between_blocks(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width by the scatter of the blocks: each number's own, and that of all."""
     blocks, free = len(fit.influence), _free_blocks(fit)
     own = np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T) * blocks / free
-    telling = np.minimum(effective_blocks(fit, jacobian), free)
+    own_blocks = np.minimum(effective_blocks(fit, jacobian), free)
     phases = _phases(fit)
     parts = phases if len(phases) >= FEWEST_PHASES else list(np.eye(blocks, dtype=bool))
-    variance, degrees = dispersion(fit, parts).pooled(np.diagonal(formal), own, telling)
+    variance, degrees = dispersion(fit, parts).pooled(np.diagonal(formal), own, own_blocks)
     found: Float[np.ndarray, " q"] = stats.t.ppf(0.975, degrees) * np.sqrt(variance)
     return found
 
