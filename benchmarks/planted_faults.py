@@ -633,10 +633,9 @@ ROOMS: Final[dict[str, Room]] = {
             ("difference = np.sin(turn) * flight.sample_rate", "pass"),
         ),
     ),
-    "results/parameter_tables.py": Room(
-        tests=("tests/results/test_motor_parameters.py", "tests/results/test_stated_intervals.py"),
+    "verdicts/parameter_tables.py": Room(
+        tests=("tests/verdicts/test_motor_parameters.py", "tests/results/test_stated_intervals.py"),
         scaled=(
-            "rho < <<2.0>> * LEAST_EXCITATION",
             "TIME_SCALE = <<0.008>>",
             "half = <<1.96>> * std\n",
             "<<1.96>> * timing.total_std",
@@ -660,29 +659,31 @@ ROOMS: Final[dict[str, Room]] = {
     "results/physical_inertia.py": Room(
         tests=("tests/results/test_physical_inertia.py",),
         scaled=(
+            "return <<0.5>> * float(np.sqrt(abs(diagonal[i] * diagonal[j])))",
+            "return <<0.5>> * float(np.sqrt(mass *",
+        ),
+    ),
+    "diagnostics/impossible_inertia.py": Room(
+        tests=("tests/results/test_physical_inertia.py",),
+        scaled=(
             "spread = <<slope * half>>",
             "share=_share(float(moments[0]), <<0.5>> *",
             "return self.value + <<self.half_width>> < 0.0",
-            "return <<0.5>> * float(np.sqrt(abs(diagonal[i] * diagonal[j])))",
-            "return <<0.5>> * float(np.sqrt(mass *",
         ),
         changed=(
             ("spread @ numbers.correlation[np.ix_(places, places)] @ spread", "spread @ spread"),
         ),
     ),
-    "results/joint_tables.py": Room(
-        tests=("tests/results/test_rotor_spread.py",),
+    "verdicts/joint_parameters.py": Room(
+        tests=("tests/verdicts/test_rotor_spread.py",),
         scaled=(
             "MOSTLY_ASSUMED = <<0.5>>",
             "fit.problem.prior_std[name] ** <<2>> for",
             "left = <<np.sqrt(_own_variance(spread, names, after) / _own_variance(spread, names, before))>>",
         ),
-        changed=(
-            ("own -= own.mean(axis=0)", "pass"),
-            ("left = np.sqrt(", "left = np.array("),
-        ),
+        changed=(("own -= own.mean(axis=0)", "pass"), ("left = np.sqrt(", "left = np.array(")),
     ),
-    "results/verdicts.py": Room(
+    "verdicts/judge.py": Room(
         tests=("tests/results/test_result.py",),
         scaled=(
             "\nWEAK = <<0.25>>",
@@ -695,14 +696,19 @@ ROOMS: Final[dict[str, Room]] = {
             ("HOPELESS_YAW if little and axis", "HOPELESS_YAW if axis"),
         ),
     ),
-    "results/weak_directions.py": Room(
-        tests=("tests/results/test_weak_directions.py",),
+    "diagnostics/weak_directions.py": Room(
+        tests=(
+            "tests/diagnostics/test_weak_directions.py",
+            "tests/verdicts/test_motor_parameters.py",
+            "tests/results/test_stated_intervals.py",
+        ),
         scaled=(
             "GOOD, FAIR, ONE_AXIS = <<10.0>>, 30.0",
             "ONE_AXIS = 10.0, <<30.0>>, 255.0",
             "ONE_AXIS = 10.0, 30.0, <<255.0>>",
             "\nSHARE = <<0.3>>",
             "\nSAME = <<0.2>>",
+            "rho < <<2.0>> * LEAST_EXCITATION",
         ),
         changed=(("root = np.sqrt(np.maximum(values, 0.0))", "root = np.maximum(values, 0.0)"),),
     ),

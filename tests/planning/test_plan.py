@@ -15,14 +15,7 @@ from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.planning.after import values_of
-from rotorfit.planning.bound import (
-    bound,
-    combined,
-    evidence,
-    fly,
-    planned_problem,
-    predicted,
-)
+from rotorfit.planning.bound import bound, combined, evidence, fly, planned_problem, predicted
 from rotorfit.planning.plan import PlanRequest, plan
 from rotorfit.planning.vehicle import (
     Assumptions,
@@ -34,7 +27,6 @@ from rotorfit.planning.vehicle import (
 from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.reduction.frequency_bands import EDGES, STRETCH
 from rotorfit.reduction.reduce import BandPlan, band_factors
-from rotorfit.results.verdicts import twin_of
 from rotorfit.simulation import (
     Scenario,
     Sensors,
@@ -44,6 +36,7 @@ from rotorfit.simulation import (
     simulate_flight,
 )
 from rotorfit.simulation.pilot import MANOEUVRES
+from rotorfit.verdicts.judge import twin_of
 
 KNOWN = {
     "Ixx": 0.0182,

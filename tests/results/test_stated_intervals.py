@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.diagnostics.weak_directions import little_excitation
 from rotorfit.estimation.estimate import Estimate, LinearProblem
 from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.estimation.parameter_map import parameter_map
@@ -18,12 +19,8 @@ from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import MotorTiming
 from rotorfit.results.joint_tables import joint_result
 from rotorfit.results.paper_tables import paper_tables
-from rotorfit.results.parameter_tables import (
-    given_parameter,
-    little_excitation,
-    with_timing_total,
-)
 from rotorfit.results.row_tables import row_tables
+from rotorfit.verdicts.parameter_tables import given_parameter, with_timing_total
 
 ENTRY = ConfigurationEntry(name="A", mass=1.4, mass_std=0.01, flights=(FlightEntry(file="A.csv"),))
 STILL = MotorsEntry(lag=0.0, delay=0.0)

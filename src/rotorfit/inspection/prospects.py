@@ -39,8 +39,8 @@ from rotorfit.preprocessing.signals import smooth
 from rotorfit.reduction.frequency_bands import prepared_bands, retimed, slow_bands
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.results.result import Verdict
-from rotorfit.results.verdicts import ADVISED, FLOWN, judge
 from rotorfit.simulation.pilot import Manoeuvre
+from rotorfit.verdicts.judge import ADVISED, FLOWN, judge
 
 Axis = Literal["roll", "pitch", "yaw"]
 Prospect = Literal["well", "roughly", "not"]

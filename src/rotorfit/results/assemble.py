@@ -3,7 +3,6 @@
 import dataclasses
 import platform
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import scipy
@@ -14,9 +13,9 @@ from rotorfit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.dataset.load import resolved_method
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Finding, diagnostics_of
-from rotorfit.results.parameter_tables import RATIOS
 from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
-from rotorfit.results.verdicts import judged_derived
+from rotorfit.verdicts.judge import judged_derived
+from rotorfit.verdicts.parameter_tables import RATIOS
 
 FLYABLE = ("weak", "ratio-only", "not-identified")
 """Verdicts that more flying might better."""
@@ -180,9 +179,3 @@ def _derived_again(derived: Derived, disowning: Sequence[Finding]) -> Derived:
 def _why_doubtful(about: Sequence[Finding]) -> str:
     reasons = " and ".join(dict.fromkeys(str(one.doubtful_because) for one in about))
     return f"may be outside its interval, because {reasons}"
-
-
-def with_setting(result: IdentificationResult, **used: Any) -> IdentificationResult:
-    """Add to the settings that were used."""
-    settings = {**result.settings, "used": {**result.settings["used"], **used}}
-    return dataclasses.replace(result, settings=settings)

@@ -23,9 +23,9 @@ from rotorfit.preprocessing.motors.thrust_curve import (
 )
 from rotorfit.reduction.motor_timing import is_time_identifiable
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
-from rotorfit.results.parameter_tables import found_time
 from rotorfit.results.result import IdentificationResult, Parameter
-from rotorfit.results.verdicts import judge
+from rotorfit.verdicts.judge import judge
+from rotorfit.verdicts.parameter_tables import found_time
 
 ESTIMATOR: Final = (
     "least squares of the measured speeds over lag, delay and law together, glitches counting "

@@ -10,14 +10,14 @@ from rotorfit.fit.rows.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings, pa
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import PARAMETERS, full_name
 from rotorfit.results.assemble import assembled
-from rotorfit.results.parameter_tables import (
+from rotorfit.results.result import IdentificationResult, Parameter
+from rotorfit.verdicts.judge import judge, motion_for
+from rotorfit.verdicts.parameter_tables import (
     given_parameter,
     motor_parameters,
     unit_of,
     with_timing_total,
 )
-from rotorfit.results.result import IdentificationResult, Parameter
-from rotorfit.results.verdicts import judge, motion_for
 
 SIGMAS: Final = (
     "the standard deviations are the paper's (eq. 19-21): they leave out bias and correlation "

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.diagnostics.weak_directions import excitation_findings, origin_findings
 from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.intervals.other_settings import widened
@@ -14,21 +15,19 @@ from rotorfit.fit.rows.row_parameters import number_scale, row_numbers
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS, ROW_ORDER, SHARED, full_name
 from rotorfit.results.assemble import assembled
-from rotorfit.results.parameter_tables import (
+from rotorfit.results.result import IdentificationResult, Parameter
+from rotorfit.verdicts.judge import ADVICE, Judgement
+from rotorfit.verdicts.parameter_tables import (
     RATIOS,
     SHARED_DERIVED,
-    excitation_findings,
     given_parameter,
     judgements,
     motor_parameters,
     number_derived,
     number_parameter,
-    origin_findings,
     unit_of,
     with_timing_total,
 )
-from rotorfit.results.result import IdentificationResult, Parameter
-from rotorfit.results.verdicts import ADVICE, Judgement
 
 
 def row_result(experiment: Experiment, dataset: TimedDataset) -> IdentificationResult:

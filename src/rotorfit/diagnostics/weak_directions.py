@@ -1,4 +1,4 @@
-"""Which parameters the flights cannot tell apart, in words.
+"""What the flights cannot tell: parameters apart, axes that hardly moved, the place of the IMU.
 
 The information of the fit about rotors and bodies (biases and differences between rotors removed)
 with every parameter scaled to unit information: its eigenvectors are combinations of parameters,
@@ -15,16 +15,24 @@ from jaxtyping import Float
 
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.experiment.payload import MOMENTS
-from rotorfit.findings import Finding, doubt_or_passed
+from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.fit import Fit
-from rotorfit.results.joint_tables import joint_parameters
-from rotorfit.results.verdicts import ADVICE, motion_for
+from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.verdicts.joint_parameters import joint_parameters
+from rotorfit.verdicts.judge import ADVICE, motion_for
 
 ROTORS = ("kt", "kd", "Jr")
 GOOD, FAIR, ONE_AXIS = 10.0, 30.0, 255.0
 """Condition numbers: nothing to wish for; usable; what one axis flown at a time gives."""
 SHARE = 0.3
 """Parameters with less of a direction than this share of its largest are not named in it."""
+ORIGIN_IS_IMU = (
+    "no IMU position is given: the origin is the IMU, CoM and rotor centre are measured from it, "
+    "and com_z is the height of the CoM over it; inertia about the CoM does not depend on that "
+    "choice"
+)
 SAME = 0.2
 """Relative changes that differ by less are one factor: only the ratio is known."""
 
@@ -157,3 +165,37 @@ def weak_sentence(
         f"{together} {what} (condition number {condition:.0f}: {condition_words(condition)}; "
         f"{GOOD:.0f} and less is good)"
     )
+
+
+def little_excitation(fit: Fit) -> Iterator[Finding]:
+    """Note the axes that a pilot moved little."""
+    several = len(fit.configurations) > 1
+    return excitation_findings(fit.numbers, several=several)
+
+
+def excitation_findings(numbers: Numbers, *, several: bool = False) -> Iterator[Finding]:
+    """Note the axes with little excitation; of `several` configurations they are named."""
+    for key, rho in numbers.excitation.items():
+        axis, _, owner = key.partition("@")
+        if LEAST_EXCITATION <= rho < 2.0 * LEAST_EXCITATION:
+            where = f" in configuration {owner}" if several else ""
+            yield note(
+                "little-excitation",
+                f"{axis}{where}: signal-to-noise only {rho:.1f}, where {2 * LEAST_EXCITATION:.0f} "
+                "is good; the intervals allow for it",
+                evidence=(
+                    Evidence(name=f"excitation_{key}", value=rho, limit=2.0 * LEAST_EXCITATION),
+                ),
+                next_step=ADVICE[axis],
+            )
+
+
+def unknown_origin(fit: Fit) -> Iterator[Finding]:
+    """Note that the IMU is the origin, where its position is unknown."""
+    return origin_findings(fit.dataset.vehicle)
+
+
+def origin_findings(vehicle: Vehicle) -> Iterator[Finding]:
+    """Note that the IMU is the origin, where its position is unknown."""
+    if vehicle.imu_position is None:
+        yield note("origin", ORIGIN_IS_IMU)

@@ -1,25 +1,22 @@
-"""Check the IMU: whether it is tilted against the rotors, and whether its range cut off motion.
+"""Is the IMU tilted against the rotors? Its readings are turned back before the fit where it is.
 
 A mean specific force that leans away from z is a turned IMU, a biased one, or the drag of fast
 flight. Turned readings mix roll and pitch torques into yaw, which drag does not undo: where the
 flight is much likelier with its readings turned back, the IMU is turned.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from rotorfit.dataset.dataset import LoadedFlight
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.declared_vehicle import with_imu_tilt
 from rotorfit.experiment.experiment import Experiment
-from rotorfit.findings import Evidence, Finding, doubt, doubt_or_passed
-from rotorfit.fit.fit import Fit
+from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
@@ -29,8 +26,6 @@ from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
 from rotorfit.reduction.frequency_bands import STRETCH
 
-LEAST_SHARE: Final = 1e-3
-"""Of the flight that must be cut off: real flights without a fault have none."""
 FEWEST_PARTS: Final = 3
 """Whose scatter tells anything."""
 Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
@@ -150,30 +145,3 @@ def _leans(sentence: str, lean: tuple[Evidence, ...]) -> Finding:
         doubtful_because="the thrust is tilted in the IMU's axes",
         next_step="measure how the IMU is mounted and give imu_tilt_deg under [airframe]",
     )
-
-
-def saturated_sensors(fit: Fit) -> Iterator[Finding]:
-    """Check that no sensor reached the end of its range in flight; report the worst flight."""
-    flights = [f for c in fit.dataset.configurations for f in c.flights]
-    found = [cut for f in flights for cut in cut_off(f)] if fit.dataset.source == "imu" else []
-    yield doubt_or_passed("sensor-saturated", max(found)[1] if found else None)
-
-
-def cut_off(flight: LoadedFlight) -> list[tuple[float, str]]:
-    """Measure the share of a flight that each sensor's end cut off, and explain it."""
-    file = Path(flight.entry.file).name
-    found: list[tuple[float, str]] = []
-    for name, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
-        cut = flight.recorded.saturation[name]
-        if cut.share > LEAST_SHARE:
-            sensor = "gyro" if name == "gyro" else "accelerometer"
-            words = (
-                f"{file}: the {sensor} is at the end of its range ({cut.largest:.3g} {unit}) for "
-                f"{100 * cut.share:.1f} % of the flight: what is faster or harder is cut off, and "
-                "inertia or thrust comes out wrong; set a wider range, or fly more gently"
-            )
-            found.append((cut.share, words))
-    return found
-
-
-CHECKS: Final = (saturated_sensors,)

@@ -11,8 +11,8 @@ from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
 from rotorfit.model.terms.body import product_scale
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.model.terms.term import Motion
-from rotorfit.results.numbers import Derived, Parameter, Verdict
 from rotorfit.simulation.pilot import Manoeuvre
+from rotorfit.verdicts.numbers import Derived, Parameter, Verdict
 
 WEAK = 0.25
 """Half-width of the interval, relative to value or scale, over which a parameter is weak."""

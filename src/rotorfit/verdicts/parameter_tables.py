@@ -1,30 +1,18 @@
 """The parameters and derived numbers of a result, with verdicts, from what an estimator gave."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
-from rotorfit.findings import Evidence, Finding, note
-from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.model.parameters import (
-    DERIVED,
-    PARAMETERS,
-)
+from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.model.terms.term import ParameterInfo
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.motor_timing import MotorTiming, is_time_identifiable
-from rotorfit.results.result import Derived, Parameter
-from rotorfit.results.verdicts import ADVICE, WEAK, Judgement, judge, motion_for
+from rotorfit.verdicts.judge import ADVICE, WEAK, Judgement, judge, motion_for
+from rotorfit.verdicts.numbers import Derived, Parameter
 
 SHARED_DERIVED = ("kd_over_kt", "motor_lag_total")
 TIME_SCALE = 0.008
 """A motor delay of this size matters [s]: known to a quarter of it, it is identified."""
-ORIGIN_IS_IMU = (
-    "no IMU position is given: the origin is the IMU, CoM and rotor centre are measured from it, "
-    "and com_z is the height of the CoM over it; inertia about the CoM does not depend on that "
-    "choice"
-)
 RATIOS = {
     "kd": ("kd_over_Izz", "Izz"),
     "Jr": ("Jr_over_Izz", "Izz"),
@@ -105,40 +93,6 @@ def number_derived(
         verdict=judged[name].verdict if name in numbers.names else "not-identified",
         reason=judged[name].reason if name in numbers.names else None,
     )
-
-
-def little_excitation(fit: Fit) -> Iterator[Finding]:
-    """Note the axes that a pilot moved little."""
-    several = len(fit.configurations) > 1
-    return excitation_findings(fit.numbers, several=several)
-
-
-def excitation_findings(numbers: Numbers, *, several: bool = False) -> Iterator[Finding]:
-    """Note the axes with little excitation; of `several` configurations they are named."""
-    for key, rho in numbers.excitation.items():
-        axis, _, owner = key.partition("@")
-        if LEAST_EXCITATION <= rho < 2.0 * LEAST_EXCITATION:
-            where = f" in configuration {owner}" if several else ""
-            yield note(
-                "little-excitation",
-                f"{axis}{where}: signal-to-noise only {rho:.1f}, where {2 * LEAST_EXCITATION:.0f} "
-                "is good; the intervals allow for it",
-                evidence=(
-                    Evidence(name=f"excitation_{key}", value=rho, limit=2.0 * LEAST_EXCITATION),
-                ),
-                next_step=ADVICE[axis],
-            )
-
-
-def unknown_origin(fit: Fit) -> Iterator[Finding]:
-    """Note that the IMU is the origin, where its position is unknown."""
-    return origin_findings(fit.dataset.vehicle)
-
-
-def origin_findings(vehicle: Vehicle) -> Iterator[Finding]:
-    """Note that the IMU is the origin, where its position is unknown."""
-    if vehicle.imu_position is None:
-        yield note("origin", ORIGIN_IS_IMU)
 
 
 def motor_parameters(motors: MotorsEntry, timing: MotorTiming | None) -> list[Parameter]:

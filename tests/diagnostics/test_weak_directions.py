@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.estimation.estimate import Estimate
-from rotorfit.results.weak_directions import (
+from rotorfit.diagnostics.weak_directions import (
     WeakDirection,
     body_directions,
     condition_number,
     condition_words,
     weak_sentence,
 )
+from rotorfit.estimation.estimate import Estimate
 from rotorfit.simulation import STILL, Scenario
 
 

@@ -6,6 +6,7 @@ shows it, so that these are said beside the result.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,15 @@ from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve
 from rotorfit.results.result import IdentificationResult
 
 RPM = 60.0 / (2.0 * np.pi)
+
+
+def with_assumptions(
+    result: IdentificationResult, dataset: Dataset, configurations: Sequence[JointConfiguration]
+) -> IdentificationResult:
+    """Add what the numbers rest on to the settings of a result; see `assumptions`."""
+    rests_on = list(assumptions(result, dataset, configurations))
+    used = {**result.settings["used"], "hangs_on": rests_on}
+    return replace(result, settings={**result.settings, "used": used})
 
 
 def assumptions(
