@@ -16,7 +16,7 @@ from rotorfit.errors import OutputError
 from rotorfit.export.table import columns_of, table_files
 from rotorfit.export.targets import RANDOM_TARGETS, TARGETS
 from rotorfit.export.write import write_export
-from rotorfit.logs.parquet import open_parquet
+from rotorfit.logs.table import open_parquet
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import WrenchComparison
 

@@ -288,7 +288,7 @@ class _Status:
 @contextmanager
 def steps(*, every: float = EVERY) -> Generator[Callable[[str], None]]:
     """Yield a function that shows the step at work, with a bar for every log that is read."""
-    from rotorfit.logs.progress import watched
+    from rotorfit.logs.files import watched
 
     status = _Status("starting")
     step = status.step
