@@ -27,7 +27,7 @@ from rotorfit.simulation import (
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
 from rotorfit.validation.validate import fitted_response, validate_file
-from rotorfit.verdicts.parameter_tables import motor_parameters
+from rotorfit.verdicts.parameters import motor_parameters
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.dataflash.frames import CLASSES, ROUND, TYPES, UNEVEN, ThrustCurve, frame_of
 from rotorfit.logs.dataflash.motors import wiring
 from rotorfit.logs.dataflash.parameters import Parameters
-from rotorfit.model.layouts import layout_rotors
+from rotorfit.model.vehicle import layout_rotors
 
 REST = ((0.0, 0.0, 0.0), (0.0, 0.0, -9.81))
 

@@ -9,11 +9,10 @@ import pytest
 import flown
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
-from rotorfit.fit.rows.row_fits import fit_rows
-from rotorfit.model.layouts import layout_rotors
+from rotorfit.fit.row_fits import fit_rows
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
-from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors
 from rotorfit.planning.after import values_of
 from rotorfit.planning.bound import bound, combined, evidence, fly, planned_problem, predicted
 from rotorfit.planning.plan import PlanRequest, plan

@@ -22,7 +22,7 @@ from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import added_signals
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.results.assumptions import log_metadata
+from rotorfit.results.assemble import log_metadata
 
 LAW = SpeedLaw(curve=SquareRootLaw(1.0, 0.65, 0.15, 0.95), voltage=VoltageFactor(12.8, 1.0))
 TOLD = LoggedMotors(law=LAW, words="MOT_THST_EXPO", lag_on="thrust")

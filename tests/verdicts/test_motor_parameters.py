@@ -5,7 +5,7 @@ import pytest
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import MotorTiming
-from rotorfit.verdicts.parameter_tables import motor_parameters
+from rotorfit.verdicts.parameters import motor_parameters
 
 
 @pytest.mark.parametrize(("lag", "low"), [(0.010, 0.0), (0.050, 0.050 - 1.96 * 0.012)])

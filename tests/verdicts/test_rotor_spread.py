@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.verdicts.joint_parameters import assumed_rotors
+from rotorfit.verdicts.parameters import assumed_rotors
 
 NAMES = tuple(f"spread_{i}" for i in (1, 2, 3, 4))
 BEFORE = 0.015

@@ -13,14 +13,13 @@ from rotorfit.diagnostics import (
     hover_thrust,
     lever_arms,
     payload,
+    reference_test,
     residual_peaks,
     spins,
-    steady_wrench,
     vehicle_size,
 )
 from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.impossible_inertia import impossible_inertia
-from rotorfit.diagnostics.instruments import reference_test
 from rotorfit.diagnostics.kt_from_weight import weigh_thrust
 from rotorfit.diagnostics.lever_arms import allow_for_sides
 from rotorfit.diagnostics.motors import changed_rotor, motor_limits
@@ -88,7 +87,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *vehicle_size.CHECKS,
     *changed_rotor.CHECKS,
     impossible_inertia,
-    *steady_wrench.CHECKS,
+    *hover_thrust.WRENCH_CHECKS,
     *clocks.CHECKS,
     *sensor_faults.CHECKS,
     *hover_thrust.CHECKS,
@@ -96,7 +95,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *residual_peaks.CHECKS,
     *flights_agree.CHECKS,
     *changed_rotor.FLIGHT_CHECKS,
-    *steady_wrench.YAW_CHECKS,
+    *hover_thrust.YAW_CHECKS,
     *payload.CHECKS,
     *reference_test.CHECKS,
 )

@@ -18,11 +18,10 @@ from jaxtyping import Float
 
 from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.excitation import SCALED
-from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.intervals.numbers import SCALED, Numbers
 from rotorfit.model.parameters import INERTIA, inertia_matrix
-from rotorfit.verdicts.joint_parameters import joint_parameters
-from rotorfit.verdicts.numbers import Parameter
+from rotorfit.verdicts.judge import Parameter
+from rotorfit.verdicts.parameters import joint_parameters
 
 IMPOSSIBLE = "no body has these moments of inertia: one exceeds the sum of the two others"
 ESTIMATE = "impossible_"

@@ -17,11 +17,10 @@ from rotorfit.estimation.estimate import Estimate
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
-from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, Numbers
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.verdicts.joint_parameters import joint_parameters
 from rotorfit.verdicts.judge import ADVICE, motion_for
+from rotorfit.verdicts.parameters import joint_parameters
 
 ROTORS = ("kt", "kd", "Jr")
 GOOD, FAIR, ONE_AXIS = 10.0, 30.0, 255.0

@@ -21,14 +21,12 @@ from rotorfit.fit.imu_tilt import correct_imu_tilt
 from rotorfit.fit.noise_levels import fit_by_noise
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
-from rotorfit.results.assemble import mark_doubtful
-from rotorfit.results.assumptions import log_metadata, with_assumptions
+from rotorfit.results.assemble import log_metadata, mark_doubtful, with_assumptions
 from rotorfit.results.command_units import in_command_units, with_flight_numbers
 from rotorfit.results.joint_tables import joint_result
 from rotorfit.results.law_tables import add_motor_law
-from rotorfit.results.paper_tables import paper_result
 from rotorfit.results.result import IdentificationResult
-from rotorfit.results.row_tables import row_result
+from rotorfit.results.row_tables import paper_result, row_result
 from rotorfit.validation.validate import validation_comparisons, validation_rows
 
 ORIGIN_IS_TRACKED: Final = (

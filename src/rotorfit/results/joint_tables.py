@@ -26,9 +26,13 @@ from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.reduction.frequency_bands import STRETCH
 from rotorfit.results.assemble import assembled, with_diagnosis
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.verdicts.joint_parameters import joint_parameters, judged_numbers
 from rotorfit.verdicts.judge import Judgement
-from rotorfit.verdicts.parameter_tables import number_derived, with_timing_total
+from rotorfit.verdicts.parameters import (
+    joint_parameters,
+    judged_numbers,
+    number_derived,
+    with_timing_total,
+)
 
 
 def joint_result(

@@ -20,10 +20,10 @@ from rotorfit.logs.read import kind_of
 from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS
 from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plain
 from rotorfit.results.samples import Estimated, Samples, draw_vehicles
+from rotorfit.verdicts.judge import Derived as Derived
+from rotorfit.verdicts.judge import Parameter as Parameter
+from rotorfit.verdicts.judge import Verdict as Verdict
 from rotorfit.verdicts.judge import body_verdict, twin_of
-from rotorfit.verdicts.numbers import Derived as Derived
-from rotorfit.verdicts.numbers import Parameter as Parameter
-from rotorfit.verdicts.numbers import Verdict as Verdict
 
 SCHEMA = 1
 RESULT_FILE = "a result of rotorfit identify"

@@ -1,18 +1,90 @@
-"""From an estimate to words: how well is it known, why not better, and what to fly next."""
+"""From an estimate to words: how well is it known, why not better, and what to fly next.
+
+A number of a result, with what the flights say of it.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import Final
+from typing import Final, Literal
 
-from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
-from rotorfit.fit.intervals.numbers import moments_of_product
+from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, moments_of_product
 from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
 from rotorfit.model.terms.body import product_scale
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.model.terms.term import Motion
 from rotorfit.simulation.pilot import Manoeuvre
-from rotorfit.verdicts.numbers import Derived, Parameter, Verdict
+
+Verdict = Literal[
+    "identified", "weak", "doubtful", "ratio-only", "not-identified", "given", "removed"
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One parameter of the model, with what this experiment says of it.
+
+    Attributes
+    ----------
+    name, configuration, unit
+        `configuration` is None for what all configurations share.
+    value, std, interval
+        SI; None where the flight does not give them. The interval is 95 %.
+    verdict
+        ``identified``, ``weak`` (interval wide), ``doubtful`` (may be outside its interval, as a
+        finding says), ``ratio-only`` (only together with the parameter `partner`),
+        ``not-identified``, ``given``, ``removed`` (an unessential parameter).
+    partner
+        Named under ``with`` in the file.
+    reason, advice
+        Why the verdict is not better, and what to fly or measure next.
+    """
+
+    name: str
+    configuration: str | None
+    value: float | None
+    std: float | None
+    interval: tuple[float, float] | None
+    unit: str
+    verdict: Verdict
+    partner: str | None = None
+    reason: str | None = None
+    advice: str | None = None
+
+    @property
+    def full_name(self) -> str:
+        """Its name among those of all configurations, such as ``Ixx@A``."""
+        return f"{self.name}@{self.configuration}" if self.configuration else self.name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Derived:
+    """A number computed from the parameters.
+
+    Attributes
+    ----------
+    name, configuration, unit
+        `configuration` is None for what all configurations share.
+    value, std, interval
+        SI; None where the parameters do not give it. The interval is 95 %.
+    verdict, reason
+        As of a `Parameter`; doubtful where a number is that it depends on.
+    """
+
+    name: str
+    configuration: str | None
+    value: float | None
+    std: float | None
+    interval: tuple[float, float] | None
+    unit: str
+    verdict: Verdict | None = None
+    reason: str | None = None
+
+    @property
+    def full_name(self) -> str:
+        """Its name among those of all configurations, such as ``com_x@A``."""
+        return f"{self.name}@{self.configuration}" if self.configuration else self.name
+
 
 WEAK = 0.25
 """Half-width of the interval, relative to value or scale, over which a parameter is weak."""

@@ -64,7 +64,7 @@ class MessageKind:
 
 def _read() -> dict[str, MessageKind]:
     """Read the table beside this module."""
-    text = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+    text = Path(__file__).with_name("messages.toml").read_text(encoding="utf-8")
     return {
         kind: MessageKind(
             channels={
