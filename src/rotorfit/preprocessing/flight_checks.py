@@ -301,6 +301,23 @@ def refuse_interpolated_speeds(speed: Float[np.ndarray, "n N"], sample_rate: flo
     )
 
 
+def refuse_interpolated_commands(
+    command: Float[np.ndarray, "n N"], sample_rate: float, motor_rate: float
+) -> None:
+    """Raise where a recorder drew lines between commands; `motor_rate`: of its rows [Hz].
+
+    Where the rows themselves come so slowly, the lines are those of `on_one_clock`.
+    """
+    rate = source_rate(command, sample_rate)
+    if rate is None or rate >= SLOWEST_MOTORS or motor_rate < 2.0 * rate:
+        return
+    raise FlightError(
+        f"the motors' commands come at {rate:.0f} Hz, and lines are drawn (or values repeated) "
+        "between them: the peaks of quick motion are missing, and kt and inertia would come out "
+        "wrong; log the motor outputs faster (100 Hz and more are good)"
+    )
+
+
 def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:
     """Raise unless the thrust points along +z and has the size of the weight."""
     fast = fast_rows(motion, motion.thrust)
