@@ -92,3 +92,5 @@ def test_commands_that_come_slowly_are_refused():
         refuse_interpolated_commands(command, RATE, RATE)
     refuse_interpolated_commands(command, RATE, 10.0)  # as the log has them
     refuse_interpolated_commands(speeds(8) / 1600.0, RATE, RATE)
+    held = np.repeat(np.random.default_rng(9).uniform(0.3, 0.9, (300, 4)), 25, axis=0)
+    refuse_interpolated_commands(held, RATE, RATE)  # so the motors were told

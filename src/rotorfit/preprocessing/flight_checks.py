@@ -135,6 +135,8 @@ TURN_AXES = "rotate its axes in a columns map before you use the log"
 
 SLOWEST_MOTORS = 25.0
 """Slower motor data do not show what the force follows [Hz]."""
+MOSTLY_HELD: Final = 0.5
+"""Share of commands that are those before, from which they were held, and no line was drawn."""
 
 LEAST_WHOLE = 2.0
 """Length of the longest stretch of flight without a gap, below which many gaps are refused [s]."""
@@ -306,15 +308,17 @@ def refuse_interpolated_commands(
 ) -> None:
     """Raise where a recorder drew lines between commands; `motor_rate`: of its rows [Hz].
 
-    Where the rows themselves come so slowly, the lines are those of `on_one_clock`.
+    Where the rows themselves come so slowly, the lines are those of `on_one_clock`; commands that
+    are held may be what the motors were told.
     """
-    rate = source_rate(command, sample_rate)
+    held = float(np.mean(np.diff(command, axis=0) == 0.0)) > MOSTLY_HELD
+    rate = None if held else source_rate(command, sample_rate)
     if rate is None or rate >= SLOWEST_MOTORS or motor_rate < 2.0 * rate:
         return
     raise FlightError(
-        f"the motors' commands come at {rate:.0f} Hz, and lines are drawn (or values repeated) "
-        "between them: the peaks of quick motion are missing, and kt and inertia would come out "
-        "wrong; log the motor outputs faster (100 Hz and more are good)"
+        f"the motors' commands come at {rate:.0f} Hz, and lines are drawn between them: the peaks of "
+        "quick motion are missing, and kt and inertia would come out wrong; log the motor outputs "
+        "faster (100 Hz and more are good)"
     )
 
 

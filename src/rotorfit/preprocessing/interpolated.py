@@ -119,8 +119,8 @@ def _share(power: Float[np.ndarray, " f"], i: int, rows: int) -> float:
 def _chance(power: Float[np.ndarray, " f"], windows: float) -> Float[np.ndarray, " f"]:
     """Compute the log of the chance of each line among those around it (a chi-square)."""
     ratio = np.array([_ratio(power, i) for i in range(len(power))])
-    tail: Float[np.ndarray, " f"] = special.gammaincc(windows, np.log(2.0) * windows * ratio)
-    return np.log(np.maximum(tail, TINY))
+    tail = [float(special.gammaincc(windows, np.log(2.0) * windows * one)) for one in ratio]
+    return np.log(np.maximum(np.array(tail), TINY))
 
 
 def _together(chance: Float[np.ndarray, " f"], i: int, last: int) -> float:
