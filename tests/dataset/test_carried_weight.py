@@ -15,8 +15,8 @@ from rotorfit.dataset.carried_weight import (
     variance_of_sum,
     vertical_acceleration,
     vertical_motions,
+    weighed,
 )
-from rotorfit.dataset.height_force import weighed
 from rotorfit.dataset.weight_balance import turning
 from rotorfit.preprocessing.flight_data import Segment
 

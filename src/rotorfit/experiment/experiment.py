@@ -39,7 +39,7 @@ from rotorfit.logs.flight_log import LagOn
 from rotorfit.logs.formats import ReadOptions
 from rotorfit.logs.proposal import explains_itself
 from rotorfit.logs.read import format_of
-from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
+from rotorfit.preprocessing.motors.motor_model import full_speed_of
 
 Model = TypeVar("Model", bound=BaseModel)
 Source = Literal["imu", "mocap"]

@@ -25,7 +25,7 @@ from rotorfit.model.parameters import (
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.results.command_units import effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.results.verdicts import body_verdict, relative_width, twin_of
+from rotorfit.verdicts.judge import body_verdict, relative_width, twin_of
 
 Origin = Literal[
     "identified", "weak", "doubtful", "given", "removed", "assumed", "from-ratio", "law"

@@ -135,8 +135,9 @@ TURN_AXES = "rotate its axes in a columns map before you use the log"
 
 SLOWEST_MOTORS = 25.0
 """Slower motor data do not show what the force follows [Hz]."""
-MOSTLY_HELD: Final = 0.5
-"""Share of commands that are those before, from which they were held, and no line was drawn."""
+IN_STEPS: Final = 0.5
+"""Share of the changes of commands in as many rows as a source has samples, from which they are
+steps, and no lines were drawn."""
 
 LEAST_WHOLE = 2.0
 """Length of the longest stretch of flight without a gap, below which many gaps are refused [s]."""
@@ -308,18 +309,26 @@ def refuse_interpolated_commands(
 ) -> None:
     """Raise where a recorder drew lines between commands; `motor_rate`: of its rows [Hz].
 
-    Where the rows themselves come so slowly, the lines are those of `on_one_clock`; commands that
-    are held may be what the motors were told.
+    Where the rows themselves come so slowly, the lines are those of `on_one_clock`; commands in
+    steps may be what the motors were told.
     """
-    held = float(np.mean(np.diff(command, axis=0) == 0.0)) > MOSTLY_HELD
-    rate = None if held else source_rate(command, sample_rate)
+    rate = source_rate(command, sample_rate)
     if rate is None or rate >= SLOWEST_MOTORS or motor_rate < 2.0 * rate:
         return
+    if _in_steps(command, samples=rate / sample_rate):
+        return
     raise FlightError(
-        f"the motors' commands come at {rate:.0f} Hz, and lines are drawn between them: the peaks of "
-        "quick motion are missing, and kt and inertia would come out wrong; log the motor outputs "
-        "faster (100 Hz and more are good)"
+        f"the motors' commands come at {rate:.0f} Hz, and lines are drawn between them: the peaks "
+        "of quick motion are missing, and kt and inertia would come out wrong; log the motor "
+        "outputs faster (100 Hz and more are good)"
     )
+
+
+def _in_steps(command: Float[np.ndarray, "n N"], *, samples: float) -> bool:
+    """Return whether as many rows as a source has `samples` (a share) make most of the changes."""
+    changes = np.sort(np.abs(np.diff(command, axis=0)).sum(axis=1))[::-1]
+    count = max(round(samples * len(changes)), 1)
+    return float(changes[:count].sum()) > IN_STEPS * float(changes.sum())
 
 
 def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:

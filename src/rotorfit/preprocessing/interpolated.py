@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import ndimage, special
+from scipy import ndimage, stats
 
 TINY: Final = 1e-300
 
@@ -119,8 +119,9 @@ def _share(power: Float[np.ndarray, " f"], i: int, rows: int) -> float:
 def _chance(power: Float[np.ndarray, " f"], windows: float) -> Float[np.ndarray, " f"]:
     """Compute the log of the chance of each line among those around it (a chi-square)."""
     ratio = np.array([_ratio(power, i) for i in range(len(power))])
-    tail = [float(special.gammaincc(windows, np.log(2.0) * windows * one)) for one in ratio]
-    return np.log(np.maximum(np.array(tail), TINY))
+    size: Float[np.ndarray, " f"] = np.log(2.0) * windows * ratio
+    tail = np.array(stats.gamma.sf(size, windows), dtype=float)
+    return np.log(np.maximum(tail, TINY))
 
 
 def _together(chance: Float[np.ndarray, " f"], i: int, last: int) -> float:
