@@ -29,11 +29,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from benchmarks.common import real_data_folder
 from benchmarks.real_flights import cases
+from rotorfit.diagnostics.sensors.imu_tilt import correct_imu_tilt
+from rotorfit.diagnostics.steps import STEPS
 
 from rotorfit.dataset.load import load_dataset
 from rotorfit.diagnostics.kt_from_weight import weigh_thrust
-from rotorfit.diagnostics.sensors.imu_tilt import correct_imu_tilt
-from rotorfit.diagnostics.steps import STEPS
 from rotorfit.errors import RotorfitError
 from rotorfit.estimation.banded import response_sensitivity
 from rotorfit.estimation.effective_blocks import effective_blocks
