@@ -21,7 +21,7 @@ from scipy import stats
 
 from rotorfit.dataset.carried_weight import Measured, carrying_stretches
 from rotorfit.dataset.checks.gravity import gravity_seen
-from rotorfit.dataset.dataset import ConfigurationData, Dataset
+from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.dataset.weight_balance import Held
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR, is_estimate
 from rotorfit.errors import UnsettledError
@@ -160,25 +160,23 @@ def weigh_thrust(fit: Fit) -> Fit:
     )
     if weight is None:
         return widen_by_settings(fit)
-    balance = Balance(
-        changes=kt_from_changes(fit), weight=weight, law_mistaken=_law_mistaken(dataset)
-    )
+    motors = dataset.motors
+    commanded = motors.speed == "commanded" and not dataset.speeds_commanded
+    mistaken = law_mistaken(commanded=commanded, law_given=motors.law is not None)
+    balance = Balance(changes=kt_from_changes(fit), weight=weight, law_mistaken=mistaken)
     held = held_at(fit, balance.kt, law_reach=balance.law_reach)
     return held.found(agreement(balance, dataset.motors))
 
 
-def is_without_law(dataset: Dataset) -> bool:
-    """Return whether the rotor speed is a share of full command, without a law between the two."""
-    motors = dataset.motors
-    return motors.speed == "commanded" and motors.law is None and not dataset.speeds_commanded
+def law_mistaken(*, commanded: bool, law_given: bool) -> float:
+    """Return how likely the law from command to speed is wrong before the flight.
 
-
-def _law_mistaken(dataset: Dataset) -> float:
-    """Return how likely the law from command to speed is wrong; 1 where it is not given."""
-    if is_without_law(dataset):
-        return 1.0
-    by_law = dataset.motors.speed == "commanded" and not dataset.speeds_commanded
-    return LAW_MISTAKES if by_law else 0.0
+    `commanded`: the log has shares of full command, and no rotor speeds; where no law is given, it
+    is surely wrong that speed is proportional to the command.
+    """
+    if not commanded:
+        return 0.0
+    return LAW_MISTAKES if law_given else 1.0
 
 
 def kt_from_changes(fit: Fit) -> Measured | None:

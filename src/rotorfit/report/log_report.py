@@ -65,7 +65,7 @@ def report_text(report: LogReport, *, width: int = WIDTH) -> str:
     lines = [*wrapped(title, width), "", f"{head}{source}".rstrip()]
     lines += [line for channel in report.channels for line in _channel_lines(channel, width)]
     facts = [name for name in ("Craft name", "Firmware revision") if name in report.metadata]
-    notes = [f"airborne: {spans_phrase(report.airborne)}"]
+    notes = [f"airborne: {airborne_phrase(report)}"]
     notes += [*(f"{name}: {report.metadata[name]}" for name in facts), *report.notes]
     lines += ["", *(line for note in notes for line in wrapped(note, width, "  ", "    "))]
     for title, words in sections(report):
@@ -336,6 +336,14 @@ def _channel_lines(c: ChannelReport, width: int) -> list[str]:
     if width < len(start) + LEAST_SOURCE:  # below it
         return [start.rstrip(), *wrapped(c.source, width, "      ")]
     return wrapped(c.source, width, start) or [start.rstrip()]
+
+
+def airborne_phrase(report: LogReport) -> str:
+    """Describe the airborne part, or why it was not looked for."""
+    channels = {channel.name for channel in report.channels}
+    if not report.airborne and not channels & {"gyro", "accel"}:
+        return "not looked for, as the log has no IMU"
+    return spans_phrase(report.airborne)
 
 
 def spans_phrase(spans: tuple[tuple[float, float], ...]) -> str:
