@@ -116,24 +116,35 @@ def _lean(
         values = attitude_from_euler(values * _si(*specs[0]))
     w, x, y, z = unit_or_nan(values).T
     leans = np.stack([2.0 * (x * z + w * y), 2.0 * (y * z - w * x)], axis=1)
-    rows = np.column_stack([time, places[:, :2], leans])
-    rows = rows[np.isfinite(rows).all(axis=1)]
-    rows = rows[np.concatenate([[True], np.diff(rows[:, 0]) > 0])] if len(rows) else rows
-    step = float(np.median(np.diff(rows[:, 0]))) if len(rows) > 1 else 0.0
+    known = _rising(np.column_stack([time, places[:, :2], leans]))
+    step = float(np.median(np.diff(known[:, 0]))) if len(known) > 1 else 0.0
     half = round(_SPAN / step) if step > 0 else 0
-    if half < 1 or len(rows) < 8 * half:
+    if half < 1 or len(known) < 8 * half:
         return None
-    even = np.arange(rows[0, 0], rows[-1, 0], step)
-    x, y, *tilt = (np.interp(even, rows[:, 0], column) for column in rows[:, 1:].T)
+    even = np.arange(known[0, 0], known[-1, 0], step)
+    at = [np.asarray(np.interp(even, known[:, 0], known[:, i]), float) for i in range(1, 5)]
+    accelerations = [_second_difference(one, half, step) for one in at[:2]]
+    return _line(np.concatenate(accelerations), np.concatenate([_mean(t, half) for t in at[2:]]))
+
+
+def _rising(rows: Float[np.ndarray, "n c"]) -> Float[np.ndarray, "m c"]:
+    """Select the rows that hold numbers, at times that rise."""
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    return rows[np.diff(rows[:, 0], prepend=-np.inf) > 0] if len(rows) else rows
+
+
+def _second_difference(
+    place: Float[np.ndarray, " n"], half: int, step: float
+) -> Float[np.ndarray, " m"]:
+    """Compute the mean acceleration around each instant, weighted by a triangle."""
+    later, earlier = place[2 * half :], place[: -2 * half]
+    return (later - 2.0 * place[half:-half] + earlier) / (half * step) ** 2
+
+
+def _mean(values: Float[np.ndarray, " n"], half: int) -> Float[np.ndarray, " m"]:
+    """Compute the mean around the same instants, with the same weights."""
     triangle = 1.0 - np.abs(np.arange(1 - half, half)) / half
-    tilts = np.concatenate(
-        [np.convolve(one, triangle / triangle.sum(), mode="valid")[1:-1] for one in tilt]
-    )
-    accelerations = np.concatenate(
-        [(one[2 * half :] - 2 * one[half:-half] + one[: -2 * half]) / (half * step) ** 2
-         for one in (x, y)]
-    )  # fmt: skip
-    return _line(accelerations, tilts)
+    return np.convolve(values, triangle / triangle.sum(), mode="valid")[1:-1]
 
 
 def _line(y: Float[np.ndarray, " n"], x: Float[np.ndarray, " n"]) -> Lean | None:
