@@ -11,8 +11,7 @@ hangs in different places, weighed to 0.5 g and measured to 2 mm. The prediction
 from typing import Final
 
 from rotorfit.experiment.payload import PointMass
-from rotorfit.model.layouts import layout_rotors
-from rotorfit.model.vehicle import Vehicle
+from rotorfit.model.vehicle import Vehicle, layout_rotors
 from rotorfit.planning.bound import (
     BARE,
     LOADED,

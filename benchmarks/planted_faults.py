@@ -211,11 +211,14 @@ ROOMS: Final[dict[str, Room]] = {
             (" / np.count_nonzero(problem.weights[0])", ""),
         ),
     ),
-    "fit/intervals/excitation.py": Room(
+    "fit/intervals/numbers.py": Room(
         tests=(
             "tests/fit/test_excitation.py",
             "tests/fit/test_joint_intervals.py",
             "tests/fit/test_inertia_uncertainty.py",
+            "tests/fit/test_row_intervals.py",
+            "tests/fit/test_known_beforehand.py",
+            "tests/results/test_stated_intervals.py",
         ),
         scaled=(
             "INERTIA_BIAS: Final = <<2.5>>",
@@ -231,6 +234,10 @@ ROOMS: Final[dict[str, Room]] = {
             "return <<INERTIA_BIAS / (max(float(rho), 0.0) + INERTIA_BIAS) * abs(size)>>",
             "return <<SCALE_BIAS / (link + SCALE_BIAS) * abs(size)>>",
             "return <<SCALE_BIAS / (max(float(rho), 0.0) + SCALE_BIAS) * abs(size)>>",
+            "return t * <<np.sqrt(np.maximum(np.diagonal(formal), np.diagonal(scatter)))>>",
+            "t = <<float(stats.t.ppf(0.975, degrees))>>",
+            "return <<float(np.sqrt(sum(part**2 for part in parts)))>>",
+            "std = self.half_width[index] / <<1.96>>",
         ),
         changed=(
             ("(max(float(rho), 0.0) + INERTIA_BIAS)", "(max(float(rho), 0.0) - INERTIA_BIAS)"),
@@ -240,6 +247,10 @@ ROOMS: Final[dict[str, Room]] = {
             ("    if with_response:\n", "    if False:\n"),
             ("1.0 / (1.0 - relative**2)", "1.0 / (1.0 - relative)"),
             ("1.0 / (1.0 - relative**2)", "1.0"),
+            ("stats.t.ppf(0.975, degrees)", "stats.t.ppf(0.95, degrees)"),
+            ("part**2 for part", "part for part"),
+            ("np.outer(std, std)", "np.outer(std, np.ones_like(std))"),
+            ("return max(value for key", "return min(value for key"),
         ),
     ),
     "reduction/frequency_bands.py": Room(
@@ -327,27 +338,6 @@ ROOMS: Final[dict[str, Room]] = {
             ("spin_up = 1j * turn", "spin_up = -1j * turn"),
             ("* (\"dHx\" not in configuration.model.layout)", ""),
             ("vehicle.axes)[:, :2].T\n    alike", "vehicle.axes)[:, 1::-1].T\n    alike"),
-        ),
-    ),
-    "fit/intervals/numbers.py": Room(
-        tests=(
-            "tests/fit/test_joint_intervals.py",
-            "tests/fit/test_row_intervals.py",
-            "tests/fit/test_known_beforehand.py",
-            "tests/results/test_stated_intervals.py",
-            "tests/fit/test_inertia_uncertainty.py",
-        ),
-        scaled=(
-            "return t * <<np.sqrt(np.maximum(np.diagonal(formal), np.diagonal(scatter)))>>",
-            "t = <<float(stats.t.ppf(0.975, degrees))>>",
-            "return <<float(np.sqrt(sum(part**2 for part in parts)))>>",
-            "std = self.half_width[index] / <<1.96>>",
-        ),
-        changed=(
-            ("stats.t.ppf(0.975, degrees)", "stats.t.ppf(0.95, degrees)"),
-            ("part**2 for part", "part for part"),
-            ("np.outer(std, std)", "np.outer(std, np.ones_like(std))"),
-            ("return max(value for key", "return min(value for key"),
         ),
     ),
     "fit/intervals/joint_numbers.py": Room(
@@ -455,7 +445,7 @@ ROOMS: Final[dict[str, Room]] = {
             "return <<1.96 * std>> <=",
         ),
     ),
-    "fit/intervals/other_settings.py": Room(
+    "fit/fit_flights.py": Room(
         tests=("tests/fit/test_widened.py", "tests/fit/test_other_settings.py"),
         scaled=(
             "np.sqrt(half_width**2 + <<4.0>> * np.sum",
@@ -468,6 +458,8 @@ ROOMS: Final[dict[str, Room]] = {
             "moved_imu(vehicle, axis, <<vehicle.imu_position_std>>)",
             "share = <<length / vehicle.arm>>",
             "place[axis] += <<length>>",
+            "np.hypot(half, <<_by_other_bands(fit)>>)",
+            "return <<2.0 * np.sqrt(np.mean(np.square(shifts), axis=0))>>",
         ),
         changed=(
             ("4.0 * np.sum(squares, axis=0)", "4.0 * np.max(squares, axis=0)"),
@@ -481,7 +473,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))", "half_width + np.sqrt(4.0 * np.sum(squares, axis=0))"),
         ),
     ),
-    "fit/rows/row_fits.py": Room(
+    "fit/row_fits.py": Room(
         tests=("tests/fit/test_known_beforehand.py", "tests/fit/test_row_intervals.py"),
         scaled=(
             '"difference": <<1.0>>,\n    "Ixy"',
@@ -496,15 +488,6 @@ ROOMS: Final[dict[str, Room]] = {
             'spread = <<ROW_SPREAD_STD * abs(first.estimate.value("kt"))>>',
             "return <<max(explained, 0.0) / max(residual, np.finfo(float).tiny)>>",
             "return <<explained / np.maximum(residual, np.finfo(float).tiny)>>",
-        ),
-        changed=(
-            ("float(fit.known_power[inside].sum()) - residual", "float(fit.known_power[inside].sum())"),
-            ("residual = float(fit.residual_power[inside].sum())", "residual = float(fit.residual_power.sum())"),
-        ),
-    ),
-    "fit/rows/row_parameters.py": Room(
-        tests=("tests/fit/test_row_intervals.py",),
-        scaled=(
             "weighed = <<1.96 * mass_std / mass>>",
             "parts.append(<<2.0 * value>>)",
             "<<MOST_DRAG * lean / vehicle.arm * value>>",
@@ -516,6 +499,8 @@ ROOMS: Final[dict[str, Room]] = {
             "parts.append(<<attenuation_allowance(name, size, rho, with_response=False)>>)",
         ),
         changed=(
+            ("float(fit.known_power[inside].sum()) - residual", "float(fit.known_power[inside].sum())"),
+            ("residual = float(fit.residual_power[inside].sum())", "residual = float(fit.residual_power.sum())"),
             ("free = [max(blocks - count, 1)", "free = [max(blocks, 1)"),
             ("float(min(free))", "float(max(free))"),
             ("rho, with_response=False)", "rho, with_response=True)"),
@@ -615,10 +600,6 @@ ROOMS: Final[dict[str, Room]] = {
             ("part.std**-2.0", "part.std**-1.0"),
         ),
     ),
-    "fit/fit_flights.py": Room(
-        tests=("tests/fit/test_widened.py",),
-        scaled=("np.hypot(half, <<_by_other_bands(fit)>>)", "return <<2.0 * np.sqrt(np.mean(np.square(shifts), axis=0))>>"),
-    ),
     "reduction/reduce.py": Room(
         tests=("tests/reduction/test_rotor_noise.py",),
         scaled=(
@@ -633,23 +614,31 @@ ROOMS: Final[dict[str, Room]] = {
             ("difference = np.sin(turn) * flight.sample_rate", "pass"),
         ),
     ),
-    "results/parameter_tables.py": Room(
-        tests=("tests/results/test_motor_parameters.py", "tests/results/test_stated_intervals.py"),
+    "verdicts/parameters.py": Room(
+        tests=(
+            "tests/verdicts/test_motor_parameters.py",
+            "tests/results/test_stated_intervals.py",
+            "tests/verdicts/test_rotor_spread.py",
+        ),
         scaled=(
-            "rho < <<2.0>> * LEAST_EXCITATION",
             "TIME_SCALE = <<0.008>>",
             "half = <<1.96>> * std\n",
             "<<1.96>> * timing.total_std",
             "interval=(value - <<1.96 * std>>, value + 1.96 * std)",
             "interval=(value - 1.96 * std, value + <<1.96 * std>>)",
             "sharp, known = half <= <<WEAK>> *",
+            "MOSTLY_ASSUMED = <<0.5>>",
+            "fit.problem.prior_std[name] ** <<2>> for",
+            "left = <<np.sqrt(_own_variance(spread, names, after) / _own_variance(spread, names, before))>>",
         ),
         changed=(
             ("WEAK * max(abs(value), TIME_SCALE)", "WEAK * abs(value)"),
             ('(response.mean_lag, timing.lag_std)', '(response.lag, timing.lag_std)'),
+            ("own -= own.mean(axis=0)", "pass"),
+            ("left = np.sqrt(", "left = np.array("),
         ),
     ),
-    "results/paper_tables.py": Room(
+    "results/row_tables.py": Room(
         tests=("tests/results/test_stated_intervals.py",),
         scaled=(
             "judge(value, <<1.96>> * std",
@@ -660,29 +649,22 @@ ROOMS: Final[dict[str, Room]] = {
     "results/physical_inertia.py": Room(
         tests=("tests/results/test_physical_inertia.py",),
         scaled=(
+            "return <<0.5>> * float(np.sqrt(abs(diagonal[i] * diagonal[j])))",
+            "return <<0.5>> * float(np.sqrt(mass *",
+        ),
+    ),
+    "diagnostics/impossible_inertia.py": Room(
+        tests=("tests/results/test_physical_inertia.py",),
+        scaled=(
             "spread = <<slope * half>>",
             "share=_share(float(moments[0]), <<0.5>> *",
             "return self.value + <<self.half_width>> < 0.0",
-            "return <<0.5>> * float(np.sqrt(abs(diagonal[i] * diagonal[j])))",
-            "return <<0.5>> * float(np.sqrt(mass *",
         ),
         changed=(
             ("spread @ numbers.correlation[np.ix_(places, places)] @ spread", "spread @ spread"),
         ),
     ),
-    "results/joint_tables.py": Room(
-        tests=("tests/results/test_rotor_spread.py",),
-        scaled=(
-            "MOSTLY_ASSUMED = <<0.5>>",
-            "fit.problem.prior_std[name] ** <<2>> for",
-            "left = <<np.sqrt(_own_variance(spread, names, after) / _own_variance(spread, names, before))>>",
-        ),
-        changed=(
-            ("own -= own.mean(axis=0)", "pass"),
-            ("left = np.sqrt(", "left = np.array("),
-        ),
-    ),
-    "results/verdicts.py": Room(
+    "verdicts/judge.py": Room(
         tests=("tests/results/test_result.py",),
         scaled=(
             "\nWEAK = <<0.25>>",
@@ -695,14 +677,19 @@ ROOMS: Final[dict[str, Room]] = {
             ("HOPELESS_YAW if little and axis", "HOPELESS_YAW if axis"),
         ),
     ),
-    "results/weak_directions.py": Room(
-        tests=("tests/results/test_weak_directions.py",),
+    "diagnostics/weak_directions.py": Room(
+        tests=(
+            "tests/diagnostics/test_weak_directions.py",
+            "tests/verdicts/test_motor_parameters.py",
+            "tests/results/test_stated_intervals.py",
+        ),
         scaled=(
             "GOOD, FAIR, ONE_AXIS = <<10.0>>, 30.0",
             "ONE_AXIS = 10.0, <<30.0>>, 255.0",
             "ONE_AXIS = 10.0, 30.0, <<255.0>>",
             "\nSHARE = <<0.3>>",
             "\nSAME = <<0.2>>",
+            "rho < <<2.0>> * LEAST_EXCITATION",
         ),
         changed=(("root = np.sqrt(np.maximum(values, 0.0))", "root = np.maximum(values, 0.0)"),),
     ),

@@ -36,7 +36,7 @@ from scipy.optimize import minimize
 
 from rotorfit.errors import FlightWarning
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.export.mujoco_flight import FREE, fly_manoeuvre
+from rotorfit.export.mujoco import FREE, fly_manoeuvre
 from rotorfit.export.variants import variants
 from rotorfit.export.vehicle import VehicleModel, is_possible
 from rotorfit.export.vehicle_model import vehicle_model

@@ -7,8 +7,8 @@ The recipe is the room `identification`. Counted are
 
 - files: the modules of the recipe, and those that it calls itself, down to the printed line;
 - types: the classes of rotorfit whose objects are handed between the recipe and those modules;
-- steps back: calls of the recipe into an earlier room of the data flow than the one before, once
-  the flights are loaded.
+- steps back: calls of the recipe into an earlier room of the data flow (the layers of
+  pyproject.toml) than the one before, once the flights are loaded.
 
 `--source`: the `src` folder of another version, for both figures side by side.
 """
@@ -22,21 +22,19 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 WORKER = """
-import json, sys, tempfile, threading, warnings
+import json, sys, tempfile, tomllib, warnings
 from pathlib import Path
 warnings.simplefilter("ignore")
 import rotorfit
 from rotorfit.simulation import write_flight_table
 import rotorfit.report.text as text_module
 
-ORDER = ["logs", "flight", "preprocessing", "model", "bands", "reduction", "estimation",
-         "many_flights", "experiment", "checks", "dataset", "fit", "timing", "motor_law",
-         "results", "sampling", "doubts", "witness", "diagnostics", "identification",
-         "validation", "report"]
-SHELF = {"checks": "dataset", "timing": "fit", "many_flights": "fit", "bands": "reduction",
-         "flight": "preprocessing", "doubts": "diagnostics", "witness": "diagnostics",
-         "sampling": "results"}
 SOURCE = str(Path(rotorfit.__file__).parent) + "/"
+settings = tomllib.loads((Path(SOURCE).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))
+contracts = settings["tool"]["importlinter"]["contracts"]
+layers = next(c for c in contracts if c["type"] == "layers")["layers"]
+ORDER = {name.strip().removeprefix("rotorfit."): -number
+         for number, layer in enumerate(layers) for name in layer.split("|")}
 calls, types = [], set()
 
 def named(obj):
@@ -81,16 +79,12 @@ def main():
         sys.setprofile(None)
         line = next(l for l in text_module.result_text(result).splitlines() if "kd" in l)
     files = sorted({m for m, _ in calls} | {"identification/identify.py", "report/text.py"})
-    rooms = [SHELF.get(m.split("/")[0], m.split("/")[0]) for m, _ in calls
-             if m.split("/")[0] in ORDER]
-    loaded = next((i for i, r in enumerate(rooms) if r in ("fit", "diagnostics")), 0)
-    back = []
-    for i in range(loaded + 1, len(rooms)):
-        one, two = rooms[i - 1], rooms[i]
-        if "identification" in (one, two):
-            continue
-        if ORDER.index(two) < ORDER.index(one):
-            back.append(f"{one} -> {two} ({calls[i][1]})")
+    rooms = [(m.split("/")[0], name) for m, name in calls if m.split("/")[0] in ORDER]
+    rooms = [(room, name) for room, name in rooms if room != "identification"]
+    loaded = next((i for i, (room, _) in enumerate(rooms) if room in ("fit", "diagnostics")), 0)
+    back = [f"{one} -> {two} ({name})"
+            for (one, _), (two, name) in zip(rooms[loaded:], rooms[loaded + 1:])
+            if ORDER[two] < ORDER[one]]
     print(json.dumps({"files": files, "types": sorted(types), "back": back, "line": line}))
 
 main()

@@ -29,9 +29,7 @@ if TYPE_CHECKING:
     from rotorfit.experiment.declared_vehicle import vehicle_of as vehicle_of
     from rotorfit.experiment.experiment import Experiment as Experiment
     from rotorfit.experiment.experiment import load_experiment as load_experiment
-    from rotorfit.experiment.experiment import (
-        single_flight_experiment as single_flight_experiment,
-    )
+    from rotorfit.experiment.experiment import single_flight_experiment as single_flight_experiment
     from rotorfit.export.write import write_export as write_export
     from rotorfit.identification.identify import identify as identify
     from rotorfit.logs.columns import ColumnSpec as ColumnSpec
@@ -39,9 +37,9 @@ if TYPE_CHECKING:
     from rotorfit.logs.flight_log import FlightLog as FlightLog
     from rotorfit.logs.formats import ReadOptions as ReadOptions
     from rotorfit.logs.read import read_log as read_log
-    from rotorfit.model.layouts import layout_rotors as layout_rotors
     from rotorfit.model.vehicle import Rotor as Rotor
     from rotorfit.model.vehicle import Vehicle as Vehicle
+    from rotorfit.model.vehicle import layout_rotors as layout_rotors
     from rotorfit.planning.plan import FlightPlan as FlightPlan
     from rotorfit.planning.plan import PlanRequest as PlanRequest
     from rotorfit.planning.plan import plan as plan
@@ -123,8 +121,7 @@ else:
         "rotorfit.logs.columns": ("ColumnSpec",),
         "rotorfit.logs.formats": ("ReadOptions",),
         "rotorfit.logs.read": ("read_log",),
-        "rotorfit.model.layouts": ("layout_rotors",),
-        "rotorfit.model.vehicle": ("Rotor", "Vehicle"),
+        "rotorfit.model.vehicle": ("Rotor", "Vehicle", "layout_rotors"),
         "rotorfit.report.result_page": ("figure_texts", "write_report"),
         "rotorfit.report.parameters": ("latex_table",),
         "rotorfit.report.plan_card": ("write_card",),

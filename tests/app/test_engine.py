@@ -15,7 +15,7 @@ from rotorfit.errors import OutputError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.export.targets import OFFERED, AnyTargetName
 from rotorfit.identification.identify import identify
-from rotorfit.model.layouts import LAYOUTS
+from rotorfit.model.vehicle import LAYOUTS
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 

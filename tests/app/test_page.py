@@ -22,8 +22,7 @@ from real_browser import opened_browser
 from rotorfit.errors import LogError
 from rotorfit.formatting.digits import number_of
 from rotorfit.logs import read_log
-from rotorfit.model.layouts import layout_rotors
-from rotorfit.model.vehicle import Vehicle
+from rotorfit.model.vehicle import Vehicle, layout_rotors
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, write_flight_table
 from rotorfit.simulation.experiment_files import experiment_text, table_text
 from rotorfit.simulation.experiments import fly, plan_experiment, planned_flights

@@ -16,7 +16,7 @@ import rotorfit
 from rotorfit.cli.airframe import listed_text
 from rotorfit.experiment.airframe_table import AirframeEntry
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.model.layouts import layout_rotors, spaced_rotors
+from rotorfit.model.vehicle import layout_rotors, spaced_rotors
 
 POSED = {"t", "px", "py", "pz", "qx", "qy", "qz", "qw", *(f"motor_motor_m{i}" for i in range(1, 5))}
 """Of NanoBench's table, what a camera and the radio see."""

@@ -13,10 +13,9 @@ from command_line import AIRFRAME
 
 from rotorfit.cli.export import export
 from rotorfit.errors import OutputError
-from rotorfit.export.table import columns_of, table_files
 from rotorfit.export.targets import RANDOM_TARGETS, TARGETS
-from rotorfit.export.write import write_export
-from rotorfit.logs.parquet import open_parquet
+from rotorfit.export.write import columns_of, table_files, write_export
+from rotorfit.logs.table import open_parquet
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import WrenchComparison
 

@@ -7,7 +7,7 @@ import pytest
 from blackbox_file import blackbox_of
 from dataflash_encoder import KINDS, QUAD_X, imu, log, parameters, rcou
 
-from rotorfit.inspection.settings import settings_for
+from rotorfit.inspection.recording import settings_for
 from rotorfit.inspection.settings_to_change import LINES
 
 NEWER_DEFAULT = 180222

@@ -5,11 +5,15 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from rotorfit.control_loop.filters import GyroFilter, delays, first_order, integral, smoothing
-from rotorfit.control_loop.margins import margins
-from rotorfit.control_loop.measures import bandwidth, closed_loop, step_harmonics, step_response
-from rotorfit.control_loop.plant import Plant
-from rotorfit.control_loop.rate_controller import RateController
+from rotorfit.control_loop.controllers import RateController
+from rotorfit.control_loop.measures import (
+    bandwidth,
+    closed_loop,
+    margins,
+    step_harmonics,
+    step_response,
+)
+from rotorfit.control_loop.plant import GyroFilter, Plant, delays, first_order, integral, smoothing
 
 GRID = np.geomspace(0.05, 90.0, 1500)
 S = 2j * np.pi * GRID

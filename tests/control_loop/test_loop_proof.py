@@ -13,11 +13,9 @@ import pytest
 import rotorfit
 from rotorfit.cli.main import main
 from rotorfit.control_loop.controllers import rate_controller
-from rotorfit.control_loop.filters import GyroFilter
-from rotorfit.control_loop.loop import judge_flight, loop_margins
-from rotorfit.control_loop.plain import loop_to_json
-from rotorfit.control_loop.proof import Band, LoopError, replay_mixer
-from rotorfit.control_loop.reasons import too_little
+from rotorfit.control_loop.loop import judge_flight, loop_margins, loop_to_json
+from rotorfit.control_loop.plant import GyroFilter
+from rotorfit.control_loop.proof import Band, LoopError, replay_mixer, too_little
 from rotorfit.control_loop.vehicle import Flown
 from rotorfit.errors import LogError
 from rotorfit.experiment.experiment import load_experiment

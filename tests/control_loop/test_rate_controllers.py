@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorfit.control_loop.controllers import moving_filters, rate_controller
-from rotorfit.control_loop.rate_controller import RateController
+from rotorfit.control_loop.controllers import RateController, moving_filters, rate_controller
 from rotorfit.errors import LogError
 from rotorfit.logs.controller_log import ControllerLog, read_with_controller
 

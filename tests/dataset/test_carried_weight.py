@@ -14,8 +14,8 @@ from rotorfit.dataset.carried_weight import (
     height_force_of,
     vertical_acceleration,
     vertical_motions,
+    weighed,
 )
-from rotorfit.dataset.height_force import weighed
 from rotorfit.dataset.weight_balance import turning
 from rotorfit.preprocessing.flight_data import Segment
 

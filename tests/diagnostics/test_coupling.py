@@ -6,19 +6,14 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.diagnostics.coupling import (
-    ADVICE,
-    REASON,
-    drop_absent_coupling,
-    without_coupling,
-)
+from rotorfit.diagnostics.coupling import ADVICE, REASON, drop_absent_coupling, without_coupling
+from rotorfit.diagnostics.impossible_inertia import impossible_inertia
+from rotorfit.diagnostics.weak_directions import weak_directions
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.model.parameters import inertia_matrix
 from rotorfit.model.regressor import regressor
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.results.physical_inertia import impossible_inertia
-from rotorfit.results.weak_directions import weak_directions
 
 MASS, KT, KD, RATE = 1.4, 2e-6, 3e-8, 100.0
 NOTHING: tuple[str, ...] = ()

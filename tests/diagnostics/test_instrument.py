@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorfit.diagnostics.instruments.instrument import FEWEST_LINES, Instrumented, instrumented
+from rotorfit.diagnostics.reference_test import FEWEST_LINES, Instrumented, instrumented
 
 BLOCKS, LINES = 12, 15
 BLOCK = np.repeat(np.arange(BLOCKS), LINES)

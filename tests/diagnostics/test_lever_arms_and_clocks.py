@@ -11,11 +11,11 @@ import made_fit
 from rotorfit.diagnostics import lever_arms
 from rotorfit.diagnostics.lever_arms import FrameSides
 from rotorfit.diagnostics.sensors.clocks import accelerometer_delay, late_speeds
-from rotorfit.diagnostics.sensors.imu_tilt import lean_sentence
 from rotorfit.diagnostics.sensors.sensor_spectra import deviation_by_chance
 from rotorfit.diagnostics.vehicle_size import unusual_loading
 from rotorfit.errors import FrameError
 from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.fit.imu_tilt import lean_sentence
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import MotorTiming
 

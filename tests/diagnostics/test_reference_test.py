@@ -8,11 +8,11 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.diagnostics.instruments.instrument import Instrumented
-from rotorfit.diagnostics.instruments.reference_lines import reference_lines
-from rotorfit.diagnostics.instruments.reference_test import (
+from rotorfit.diagnostics.reference_test import (
     RESPONSES,
+    Instrumented,
     axis_responses,
+    reference_lines,
     response_findings,
 )
 from rotorfit.experiment.experiment import load_experiment

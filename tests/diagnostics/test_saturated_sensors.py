@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import made_fit
-from rotorfit.diagnostics.sensors.imu_tilt import saturated_sensors
+from rotorfit.diagnostics.sensors.sensor_faults import saturated_sensors
 
 
 def warned(*, rate_end=np.inf, force_end=np.inf):

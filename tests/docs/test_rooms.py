@@ -58,7 +58,7 @@ def test_no_modules_import_one_another():
 
 @pytest.mark.parametrize(
     "room",
-    ["experiment", "fit", "dataset", "results", "diagnostics", "validation", "planning",
+    ["experiment", "fit", "dataset", "results", "verdicts", "diagnostics", "validation", "planning",
      "inspection", "identification", "reduction", "formatting"],
 )  # fmt: skip
 def test_a_room_is_small_and_says_what_it_is(room):

@@ -9,8 +9,8 @@ import pytest
 from pydantic import BaseModel
 
 from rotorfit.experiment.experiment import Experiment
-from rotorfit.model.layouts import LAYOUTS, layout_rotors
 from rotorfit.model.parameters import DERIVED, PARAMETERS
+from rotorfit.model.vehicle import LAYOUTS, layout_rotors
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

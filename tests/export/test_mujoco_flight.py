@@ -8,7 +8,7 @@ import pytest
 from export_material import KD, LAG, a_result, changed
 
 from rotorfit.errors import OutputError
-from rotorfit.export.mujoco_flight import STOCK_LAG, STOCK_THRUST, fly_manoeuvre, flyable
+from rotorfit.export.mujoco import STOCK_LAG, STOCK_THRUST, fly_manoeuvre, flyable
 from rotorfit.export.targets import BODY, ROTORS
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.validation.fly_outcome import (

@@ -42,9 +42,9 @@ from rotorfit.export.write import export
 from rotorfit.findings import doubt
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import INERTIA
-from rotorfit.preprocessing.motors.thrust_curve import thrust_curve
+from rotorfit.preprocessing.motors.motor_model import thrust_curve
 from rotorfit.results.command_units import effective_unit
-from rotorfit.results.verdicts import body_verdict
+from rotorfit.verdicts.judge import body_verdict
 
 EVERY = sorted(TARGETS)
 WITH_YAW = [target for target in EVERY if "kd" in TARGETS[target].needs]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rotorfit.fit.intervals.excitation import (
+from rotorfit.fit.intervals.numbers import (
     AXIS_OF,
     CLOSED_LOOP_BIAS,
     INERTIA_BIAS,

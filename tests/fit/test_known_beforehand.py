@@ -8,9 +8,9 @@ import pytest
 import made_fit
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.experiment.payload import PointMass
+from rotorfit.fit import row_fits
 from rotorfit.fit.joint.joint_problem import joint_prior, joint_problem, rotor_speeds
-from rotorfit.fit.rows import row_fits
-from rotorfit.fit.rows.row_fits import fit_rows
+from rotorfit.fit.row_fits import fit_rows
 from rotorfit.model.regressor import regressor
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import FreeTiming

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.fit.intervals.other_settings import longer_arms, moved_imu
+from rotorfit.fit.fit_flights import longer_arms, moved_imu
 from rotorfit.simulation import layout_vehicle
 from rotorfit.simulation.experiment_files import simulate
 

@@ -9,8 +9,15 @@ import made_fit
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.rows.row_fits import ROWS, RowFits, explained_ratios, row_excitation, turn_ratios
-from rotorfit.fit.rows.row_parameters import number_scale, row_numbers
+from rotorfit.fit.row_fits import (
+    ROWS,
+    RowFits,
+    explained_ratios,
+    number_scale,
+    row_excitation,
+    row_numbers,
+    turn_ratios,
+)
 from rotorfit.model.regressor import regressor
 
 MASS, KT = 1.4, 2e-6

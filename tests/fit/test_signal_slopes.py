@@ -10,13 +10,8 @@ from scipy import signal
 
 import made_fit
 from rotorfit.estimation.banded_equations import evaluated
-from rotorfit.estimation.factors import (
-    Factors,
-    of_even_rows,
-    stack_factors,
-    triangular_factors,
-)
-from rotorfit.fit.intervals.other_settings import longer_arms
+from rotorfit.estimation.factors import Factors, of_even_rows, stack_factors, triangular_factors
+from rotorfit.fit.fit_flights import longer_arms
 from rotorfit.fit.joint.joint_problem import joint_problem
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.regressor import regressor

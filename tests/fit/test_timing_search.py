@@ -14,7 +14,6 @@ from rotorfit.fit.timing.timing_fit import find_timing
 from rotorfit.identification.identify import identify
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import LAG_PRIOR
-from rotorfit.results.parameter_tables import motor_parameters
 from rotorfit.simulation import (
     STILL,
     Scenario,
@@ -28,6 +27,7 @@ from rotorfit.simulation import (
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
 from rotorfit.validation.validate import fitted_response, validate_file
+from rotorfit.verdicts.parameters import motor_parameters
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 import made_fit
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.fit import fit_flights
-from rotorfit.fit.intervals.other_settings import longer_arms, moved_imu, other_geometries, widened
+from rotorfit.fit.fit_flights import longer_arms, moved_imu, other_geometries, widened
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.frequency_bands import LEAST_RATIO
 from rotorfit.reduction.motor_timing import MotorTiming

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rotorfit.inspection.frequency_sweep import AXES, frequency_sweeps
+from rotorfit.inspection.spectra import AXES, frequency_sweeps
 from rotorfit.report.log_report import sweep_messages
 from rotorfit.simulation.pilot import Stick, movement
 

@@ -9,7 +9,7 @@ import pytest
 
 from hand_made_logs import hover_thrust, motion_log
 from rotorfit.diagnostics.sensors.log_settings import USE_SPEED, better_log, log_with_speed
-from rotorfit.inspection.settings import settings_file, settings_for
+from rotorfit.inspection.recording import settings_file, settings_for
 from rotorfit.logs.firmware import Lack
 from rotorfit.logs.formats import FORMATS
 

@@ -3,7 +3,7 @@
 import pytest
 from dataflash_encoder import BAT, KINDS, QUAD_X, esc, imu, log, message, parameters, rcou
 
-from rotorfit.inspection.settings import settings_for
+from rotorfit.inspection.recording import settings_for
 from rotorfit.logs import read_log
 
 REST = ((0.0, 0.0, 0.0), (0.0, 0.0, -9.81))

@@ -29,11 +29,10 @@ from hypothesis import strategies as st
 from rotorfit.errors import ExperimentError, LogError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.logs import ReadOptions, read_log
-from rotorfit.logs.dataflash.frames import CLASSES, ROUND, TYPES, UNEVEN, frame_of
+from rotorfit.logs.dataflash.frames import CLASSES, ROUND, TYPES, UNEVEN, ThrustCurve, frame_of
 from rotorfit.logs.dataflash.motors import wiring
 from rotorfit.logs.dataflash.parameters import Parameters
-from rotorfit.logs.dataflash.remix import ThrustCurve
-from rotorfit.model.layouts import layout_rotors
+from rotorfit.model.vehicle import layout_rotors
 
 REST = ((0.0, 0.0, 0.0), (0.0, 0.0, -9.81))
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rotorfit.errors import LogError
 from rotorfit.logs import read_log
-from rotorfit.logs.parquet import open_parquet
+from rotorfit.logs.table import open_parquet
 
 pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")

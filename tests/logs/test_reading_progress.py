@@ -6,7 +6,7 @@ from rosbag_writers import messages_of, write_messages_ros2
 
 from flown import simulated
 from rotorfit.logs import read_log
-from rotorfit.logs.progress import report_progress, watched
+from rotorfit.logs.files import report_progress, watched
 
 SMALL = {
     "rotorfit.logs.delimited.PIECE_BYTES": 20_000,
@@ -14,7 +14,7 @@ SMALL = {
     "rotorfit.logs.ulog.messages.BLOCK_BYTES": 50_000,
     "rotorfit.logs.blackbox.scan.WINDOW": 5_000,
     "rotorfit.logs.crazyflie_records.LARGEST_BLOCK": 256,
-    "rotorfit.logs.parquet.ROWS_AT_ONCE": 200,
+    "rotorfit.logs.table.ROWS_AT_ONCE": 200,
 }
 
 

@@ -16,8 +16,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rotorfit.errors import LogError
 from rotorfit.logs import read_log
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
-from rotorfit.logs.rosbag.contents import Decoder
-from rotorfit.logs.rosbag.definitions import Definitions, parsed
+from rotorfit.logs.rosbag.contents import Decoder, Definitions, parsed
 from rotorfit.logs.rosbag.stream import LARGEST_CHUNK, Topic
 
 MCAP = b"\x89MCAP0\r\n"

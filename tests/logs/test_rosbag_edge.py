@@ -19,7 +19,7 @@ from rosbags.typesys.store import Typestore
 
 from rotorfit.errors import LogError
 from rotorfit.logs import read_log
-from rotorfit.logs.rosbag import definitions, ros2
+from rotorfit.logs.rosbag import contents, ros2
 from rotorfit.logs.rosbag.stream import DamageError, decoded
 
 STRAYS = [
@@ -119,10 +119,10 @@ SITES = {
     ),
     "a chunk": ("zstd", zstd, "ZstdDecompressor", decompressor, "a chunk is damaged (1 times)"),
     "a definition": (
-        *("db3", definitions, "get_types_from_msg", raising),
+        *("db3", contents, "get_types_from_msg", raising),
         "/imu (3 messages unreadable: ",
     ),
-    "a message": ("mcap", definitions, "Typestore", typestore, MISFIT),
+    "a message": ("mcap", contents, "Typestore", typestore, MISFIT),
 }
 """Bag, what of rosbags fails in it, how, and what is said."""
 
@@ -130,7 +130,7 @@ SITES = {
 @strays
 @pytest.mark.parametrize("site", SITES)
 def test_whatever_rosbags_raises_is_named(bags, monkeypatch, site, stray):
-    definitions.built_in("cdr")
+    contents.built_in("cdr")
     bag, owner, name, failing, expected = SITES[site]
     monkeypatch.setattr(owner, name, failing(stray))
     message = refused(bags / bag, stray)

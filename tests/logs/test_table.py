@@ -12,12 +12,12 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError, OutputError
-from rotorfit.logs.axes import attitude_from_euler, attitude_to_flu, vectors_to_flu
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.delimited import careful_numbers, fast_numbers, open_delimited
 from rotorfit.logs.flight_log import CHANNELS
 from rotorfit.logs.read import read_log
 from rotorfit.logs.table import format_table, read_table, resolution_of, write_table
+from rotorfit.logs.units import attitude_from_euler, attitude_to_flu, vectors_to_flu
 
 AXES = ("x", "y", "z")
 NUMBER = st.floats(-100, 100)

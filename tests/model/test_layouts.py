@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import ExperimentError
-from rotorfit.model.layouts import LAYOUTS, layout_rotors
-from rotorfit.model.vehicle import Vehicle
+from rotorfit.model.vehicle import LAYOUTS, Vehicle, layout_rotors
 
 RIGHT, LEFT, FRONT, REAR = "right", "left", "front", "rear"
 KNOWN = {

@@ -22,7 +22,7 @@ from rotorfit.motor_law.command_response import recording_of
 from rotorfit.motor_law.fit_law import fit_law
 from rotorfit.motor_law.law_model import law_of, scales_of
 from rotorfit.preprocessing.motors.command_response import MeasuredResponse
-from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
+from rotorfit.preprocessing.motors.motor_model import full_speed_of
 from rotorfit.results.law_tables import law_tables
 
 

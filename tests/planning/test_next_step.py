@@ -7,7 +7,7 @@ from rotorfit.findings import Evidence, doubt, note
 from rotorfit.planning.next_step import BEST_MANOEUVRE, DONE, UNHELPED, next_step
 from rotorfit.results.assemble import mark_doubtful
 from rotorfit.results.result import IdentificationResult, Parameter
-from rotorfit.results.verdicts import FLOWN
+from rotorfit.verdicts.judge import FLOWN
 
 SLOW = note(TOO_SLOW, "", numbers=("Jr",), next_step="set it", useless_because="it is slow")
 SPEED = note(NO_ROTOR_SPEED, "", numbers=("kd",), next_step="log the speed")

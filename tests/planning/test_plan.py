@@ -9,20 +9,12 @@ import pytest
 import flown
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
-from rotorfit.fit.rows.row_fits import fit_rows
-from rotorfit.model.layouts import layout_rotors
+from rotorfit.fit.row_fits import fit_rows
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
-from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors
 from rotorfit.planning.after import values_of
-from rotorfit.planning.bound import (
-    bound,
-    combined,
-    evidence,
-    fly,
-    planned_problem,
-    predicted,
-)
+from rotorfit.planning.bound import bound, combined, evidence, fly, planned_problem, predicted
 from rotorfit.planning.plan import PlanRequest, plan
 from rotorfit.planning.vehicle import (
     Assumptions,
@@ -34,7 +26,6 @@ from rotorfit.planning.vehicle import (
 from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.reduction.frequency_bands import EDGES, STRETCH
 from rotorfit.reduction.reduce import BandPlan, band_factors
-from rotorfit.results.verdicts import twin_of
 from rotorfit.simulation import (
     Scenario,
     Sensors,
@@ -44,6 +35,7 @@ from rotorfit.simulation import (
     simulate_flight,
 )
 from rotorfit.simulation.pilot import MANOEUVRES
+from rotorfit.verdicts.judge import twin_of
 
 KNOWN = {
     "Ixx": 0.0182,

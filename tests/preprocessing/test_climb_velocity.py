@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from rotorfit.preprocessing.climb_velocity import climb_velocity
 from rotorfit.preprocessing.flight_data import FlightData, Segment
+from rotorfit.preprocessing.kinematics import climb_velocity
 
 RATE, SECONDS = 200.0, 20.0
 TIME = np.arange(int(RATE * SECONDS)) / RATE

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rotorfit.logs.flight_log import Channel
-from rotorfit.preprocessing.motors.motor_limits import motor_limits
+from rotorfit.preprocessing.motors.command_response import motor_limits
 
 RATE, SECONDS = 200.0, 20.0
 TIME = np.arange(round(RATE * SECONDS)) / RATE

@@ -10,8 +10,7 @@ import made_fit
 from rotorfit.preprocessing.decimate import as_recorded, decimated
 from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse, with_motors
-from rotorfit.preprocessing.signals import central_difference, saturation
-from rotorfit.preprocessing.thinning import low_pass
+from rotorfit.preprocessing.signals import central_difference, saturation, thinning_low_pass
 
 TOP = 30.0
 MEASURED, COMMANDED = MotorModel(), MotorModel(speed="commanded")
@@ -55,7 +54,7 @@ def slow_noise(rng, n, rate, columns, *, top=TOP):
 
 @pytest.mark.parametrize(("rate", "step"), [(480.0, 2), (504.3, 2), (1000.0, 4), (8000.0, 33)])
 def test_the_filter_is_flat_where_used_and_nothing_folds_back(rate, step):
-    weights = low_pass(rate, step, TOP)
+    weights = thinning_low_pass(rate, step, TOP)
     assert len(weights) % 2 == 1
     f, gain = signal.freqz(weights, worN=8192, fs=rate)
     assert np.abs(gain)[f <= 40.0] == pytest.approx(1.0, abs=1e-4)

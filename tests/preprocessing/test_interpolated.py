@@ -5,8 +5,8 @@ import pytest
 from scipy import signal
 
 from rotorfit.errors import FlightError
+from rotorfit.preprocessing.clocks import source_rate
 from rotorfit.preprocessing.flight_checks import refuse_interpolated_speeds
-from rotorfit.preprocessing.interpolated import source_rate
 
 RATE = 250.0
 TIME = np.arange(round(30.0 * RATE)) / RATE

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rotorfit.logs.speed_law import PolynomialLaw, PowerLaw, SpeedLaw, SquareRootLaw
-from rotorfit.preprocessing.motors.thrust_curve import betaflight_linear
+from rotorfit.preprocessing.motors.motor_model import betaflight_linear
 
 
 def test_thrust_that_is_linear_already_needs_no_factor():

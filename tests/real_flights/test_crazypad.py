@@ -5,8 +5,7 @@ import pytest
 
 from rotorfit.errors import LogError
 from rotorfit.logs import read_log
-from rotorfit.model.layouts import layout_rotors
-from rotorfit.model.vehicle import Vehicle
+from rotorfit.model.vehicle import Vehicle, layout_rotors
 from rotorfit.preprocessing.motors.motor_model import MotorModel
 from rotorfit.preprocessing.prepare import prepare
 

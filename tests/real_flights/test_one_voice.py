@@ -27,11 +27,11 @@ from rotorfit.report.plan_text import plan_text
 from rotorfit.report.text import result_text
 from rotorfit.results.compare import compare_results
 from rotorfit.results.result import verdict_of
-from rotorfit.results.verdicts import FLOWN
 from rotorfit.validation.judgement import doubtful_numbers, judgement
 from rotorfit.validation.replay import IDENTIFIED, Timed, replay_flights, validated_flight
 from rotorfit.validation.replay_vehicle import replay_vehicle
 from rotorfit.validation.validate import fitted_response
+from rotorfit.verdicts.judge import FLOWN
 
 pytestmark = pytest.mark.flights
 

@@ -6,12 +6,7 @@ import numpy as np
 
 from rotorfit.findings import doubt
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
-from rotorfit.results.result import (
-    Derived,
-    FlightRecord,
-    IdentificationResult,
-    Parameter,
-)
+from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
 from rotorfit.validation.wrench_comparison import COMPONENTS, WrenchComparison
 
 ROTORS = [

@@ -11,9 +11,9 @@ from rotorfit.findings import doubt
 from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS
 from rotorfit.results.assemble import mark_doubtful
 from rotorfit.results.command_units import NO_COMMANDS, NO_MASS, with_flight_numbers
-from rotorfit.results.numbers import Derived, Parameter
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import refuse_unsound
+from rotorfit.verdicts.judge import Derived, Parameter
 
 MASS, KT, FULL = 0.5, 2e-6, 1500.0
 HOVER = (MASS * 9.80665 / 4 / KT) ** 0.5

@@ -5,24 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rotorfit.diagnostics.impossible_inertia import (
+    FLY,
+    IMPOSSIBLE,
+    SecondMoment,
+    body_finding,
+    negative_moment,
+    possible_sentence,
+    second_moments,
+    smallest_second_moment,
+)
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import INERTIA, inertia_matrix
 from rotorfit.results.assemble import with_diagnosis
-from rotorfit.results.physical_inertia import (
-    FLY,
-    IMPOSSIBLE,
-    SecondMoment,
-    body_finding,
-    negative_moment,
-    nine_moments,
-    possible_sentence,
-    project_to_physical,
-    second_moments,
-    smallest_second_moment,
-)
+from rotorfit.results.physical_inertia import nine_moments, project_to_physical
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
 
 MASS = 1.2

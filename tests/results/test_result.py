@@ -10,7 +10,7 @@ import flown
 from rotorfit.errors import OutputError
 from rotorfit.findings import doubt
 from rotorfit.results.result import IdentificationResult
-from rotorfit.results.verdicts import ADVICE, judge, motion_for
+from rotorfit.verdicts.judge import ADVICE, judge, motion_for
 
 KEYS = {
     *("schema", "name", "method", "axes", "parameters", "derived", "validation", "flights"),

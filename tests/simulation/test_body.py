@@ -14,7 +14,7 @@ from rotorfit.simulation.body import (
     step,
     with_drag,
 )
-from rotorfit.simulation.scenarios import paper_vehicle
+from rotorfit.simulation.experiments import paper_vehicle
 from rotorfit.simulation.truth import GRAVITY, Truth, steiner, tensor_elements
 
 number = st.floats(-3.0, 3.0)

@@ -25,8 +25,8 @@ from rotorfit.simulation import (
     sampled_flight_data,
     simulate_flight,
 )
+from rotorfit.simulation.body import allocation
 from rotorfit.simulation.controller import Gains, Memory, autopilot_of, control
-from rotorfit.simulation.motors import allocation
 from rotorfit.simulation.pilot import Reference
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from rotorfit.errors import ExperimentError
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.simulation.motors import (
+from rotorfit.simulation.body import (
     allocation,
     decay_over,
     lagged,
@@ -13,7 +13,7 @@ from rotorfit.simulation.motors import (
     speed_slopes,
     wrenches,
 )
-from rotorfit.simulation.scenarios import layout_vehicle, paper_vehicle
+from rotorfit.simulation.experiments import layout_vehicle, paper_vehicle
 
 
 def test_lag_in_many_steps_is_the_analytic_step_response():

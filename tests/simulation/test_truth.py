@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import ExperimentError
-from rotorfit.simulation.scenarios import paper_vehicle, variant
+from rotorfit.simulation.experiments import paper_vehicle, variant
 from rotorfit.simulation.sensors import PERFECT, TYPICAL
 
 

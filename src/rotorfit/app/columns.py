@@ -12,14 +12,8 @@ from rotorfit.errors import LogError
 from rotorfit.experiment.declared_vehicle import table_options_of
 from rotorfit.experiment.experiment import TableEntry, table_of_options
 from rotorfit.logs import ReadOptions
-from rotorfit.logs.column_names import NAMES
-from rotorfit.logs.columns import TIME, unit_of
-from rotorfit.logs.proposal import (
-    Proposal,
-    explains_itself,
-    propose_columns,
-    units_to_state,
-)
+from rotorfit.logs.columns import NAMES, TIME, unit_of
+from rotorfit.logs.proposal import Proposal, explains_itself, propose_columns, units_to_state
 from rotorfit.logs.read import format_of
 from rotorfit.logs.table import open_table
 

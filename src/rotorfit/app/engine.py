@@ -23,15 +23,11 @@ from rotorfit.app.files import (
 )
 from rotorfit.app.form import described, form_of_file
 from rotorfit.app.outcome import exported, missing_numbers
-from rotorfit.errors import (
-    ExperimentError,
-    MissingNumbersError,
-    RotorfitError,
-)
+from rotorfit.errors import ExperimentError, MissingNumbersError, RotorfitError
 from rotorfit.export.targets import OFFERED
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.formats import FORMATS
-from rotorfit.model.layouts import LAYOUTS, layout_rotors
+from rotorfit.model.vehicle import LAYOUTS, layout_rotors
 from rotorfit.report.parameters import VERDICT_MEANING
 
 JsonObject = dict[str, Any]

@@ -26,8 +26,7 @@ from rotorfit.export.targets import OFFERED, RANDOM_TARGETS
 from rotorfit.findings import Finding
 from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.identification.identify import identify
-from rotorfit.logs.files import write_whole
-from rotorfit.logs.progress import watched
+from rotorfit.logs.files import watched, write_whole
 from rotorfit.planning.after import check_same_vehicle, result_mass
 from rotorfit.planning.next_step import with_best_manoeuvre
 from rotorfit.planning.plan import PlanRequest, plan

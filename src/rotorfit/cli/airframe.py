@@ -11,8 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from rotorfit.cli.options import Force, LogNumber, OutputFile, Speed
-from rotorfit.cli.terminal import print_result, print_status, refuse_output_file, steps
+from rotorfit.cli.terminal import (
+    Force,
+    LogNumber,
+    OutputFile,
+    Speed,
+    print_result,
+    print_status,
+    refuse_output_file,
+    steps,
+)
 from rotorfit.errors import ExperimentError, OutputError
 
 if TYPE_CHECKING:
@@ -218,7 +226,7 @@ def _named_text(
     speed: str | None,
 ) -> str:
     """Write the airframe file of a named layout; ask for what is neither given nor seen."""
-    from rotorfit.model.layouts import LAYOUTS
+    from rotorfit.model.vehicle import LAYOUTS
 
     layout = _layout_or_order("layout", layout, seen, _layouts(seen))
     orders = [order for name, order in LAYOUTS if name == layout]
@@ -271,7 +279,7 @@ def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> S
 
 def _layouts(seen: SeenAirframe) -> list[str]:
     """List the layouts with the log's number of rotors."""
-    from rotorfit.model.layouts import LAYOUTS
+    from rotorfit.model.vehicle import LAYOUTS
 
     names = dict.fromkeys(name for name, _ in LAYOUTS)
     return [
@@ -408,7 +416,7 @@ def airframe_text(
     layout: str, order: str, spacing: tuple[float, float], *, speed: str, turned: bool
 ) -> str:
     """Write the airframe file; spacing front to back, left to right [m]; turned: spins reversed."""
-    from rotorfit.model.layouts import spaced_rotors
+    from rotorfit.model.vehicle import spaced_rotors
 
     lines = ["[airframe]"]
     if turned:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rotorfit.cli.options import AsJson
-from rotorfit.cli.terminal import print_result, terminal_width
+from rotorfit.cli.terminal import AsJson, print_result, terminal_width
 from rotorfit.errors import ExperimentError, OutputError
 
 if TYPE_CHECKING:

@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 import typer
 
 from rotorfit.cli.identify import identify_quietly
-from rotorfit.cli.options import AsJson, Force, Seed
 from rotorfit.cli.simulate import simulate_into
-from rotorfit.cli.terminal import print_result, print_status, refuse_output_folder, steps
+from rotorfit.cli.terminal import (
+    AsJson,
+    Force,
+    Seed,
+    print_result,
+    print_status,
+    refuse_output_folder,
+    steps,
+)
 
 if TYPE_CHECKING:
     from rotorfit.experiment.experiment import Experiment

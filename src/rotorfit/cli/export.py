@@ -14,8 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, cast, get_args
 
 import typer
 
-from rotorfit.cli.options import AsJson, Assume, Force, OutputFile, ResultFile
 from rotorfit.cli.terminal import (
+    AsJson,
+    Assume,
+    Force,
+    OutputFile,
+    ResultFile,
     print_result,
     refuse_output_file,
     refuse_output_folder,
@@ -278,7 +282,7 @@ def _write_tables(
     result: IdentificationResult, configuration: str | None, source: Path, written: _Written
 ) -> None:
     """Write the wrenches of each flight: one file, or one a flight, all or none."""
-    from rotorfit.export.table import flight_comparisons, table_files
+    from rotorfit.export.write import flight_comparisons, table_files
     from rotorfit.logs.files import write_whole
 
     with warnings.catch_warnings(), steps() as report_progress:
@@ -305,7 +309,7 @@ def _table_content(
     comparison: WrenchComparison, result: IdentificationResult, output: Path
 ) -> str | bytes:
     """Format the wrenches of a flight as Parquet or CSV, by the suffix of the output."""
-    from rotorfit.export.table import columns_of, csv_text, parquet_bytes
+    from rotorfit.export.write import columns_of, csv_text, parquet_bytes
 
     columns = columns_of(comparison, result)
     if output.suffix.lower() != ".parquet":

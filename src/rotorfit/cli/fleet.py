@@ -11,8 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorfit.cli.options import AsJson, Force
-from rotorfit.cli.terminal import paced, print_result, print_status, steps, terminal_width
+from rotorfit.cli.terminal import (
+    AsJson,
+    Force,
+    paced,
+    print_result,
+    print_status,
+    steps,
+    terminal_width,
+)
 from rotorfit.errors import LogError
 
 if TYPE_CHECKING:

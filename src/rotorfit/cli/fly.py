@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorfit.cli.options import (
+from rotorfit.cli.terminal import (
     AsJson,
     Assume,
     Figures,
@@ -17,10 +17,8 @@ from rotorfit.cli.options import (
     LogNumber,
     Page,
     ResultFile,
-    json_file,
-)
-from rotorfit.cli.terminal import (
     coloured,
+    json_file,
     print_result,
     print_status,
     quiet_steps,
@@ -174,7 +172,7 @@ def _outcome(
     log_number: int | None,
 ) -> FlyOutcome:
     """Replay the flights with every side, and fly the model in MuJoCo where it is installed."""
-    from rotorfit.export.mujoco_flight import has_mujoco
+    from rotorfit.export.mujoco import has_mujoco
     from rotorfit.validation.fly_outcome import FlyOutcome
     from rotorfit.validation.judgement import doubtful_numbers
     from rotorfit.validation.replay import IDENTIFIED, WINDOW, replay_flights
@@ -211,7 +209,7 @@ def _manoeuvres(
     sides: Mapping[str, _Side],
 ) -> tuple[dict[str, tuple[ModelFlight, ...]], list[str]]:
     """Fly the identified model by autopilots tuned to each side; note the numbers supplied."""
-    from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable
+    from rotorfit.export.mujoco import fly_manoeuvre, flyable
     from rotorfit.validation.fly_outcome import MANOEUVRES
     from rotorfit.validation.replay import IDENTIFIED
 

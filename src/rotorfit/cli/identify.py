@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from rotorfit.cli.options import (
+from rotorfit.cli.terminal import (
     AsJson,
     End,
     Figures,
@@ -18,10 +18,8 @@ from rotorfit.cli.options import (
     Page,
     Speed,
     Start,
-    json_file,
-)
-from rotorfit.cli.terminal import (
     coloured,
+    json_file,
     print_result,
     print_status,
     quiet_steps,

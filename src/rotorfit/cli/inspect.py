@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rotorfit.cli.options import AsJson, Force, LogNumber
 from rotorfit.cli.terminal import (
+    AsJson,
+    Force,
+    LogNumber,
     coloured,
     print_refusal,
     print_result,

@@ -5,8 +5,11 @@ from typing import Annotated
 
 import typer
 
-from rotorfit.cli.options import AsJson, Force, Page, ResultFile
 from rotorfit.cli.terminal import (
+    AsJson,
+    Force,
+    Page,
+    ResultFile,
     coloured,
     print_result,
     print_status,
@@ -38,8 +41,7 @@ def loop(
     Gains and filters are read from the log, the vehicle with its delays from the result; the
     margins of the rate loop are proved on the flight itself, or withheld with the reason.
     """
-    from rotorfit.control_loop.loop import loop_margins
-    from rotorfit.control_loop.plain import loop_to_json
+    from rotorfit.control_loop.loop import loop_margins, loop_to_json
     from rotorfit.logs.files import write_whole
     from rotorfit.report.loop import loop_html, loop_text
     from rotorfit.results.sound_result import load_sound

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorfit.cli.options import AsJson, Force, Speed, json_file
 from rotorfit.cli.terminal import (
+    AsJson,
+    Force,
+    Speed,
     coloured,
     counted,
+    json_file,
     print_result,
     print_status,
     refuse_output_files,

@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorfit.cli.options import AsJson, Force, LogNumber
-from rotorfit.cli.terminal import print_result, print_status, refuse_output_file, steps
+from rotorfit.cli.terminal import (
+    AsJson,
+    Force,
+    LogNumber,
+    print_result,
+    print_status,
+    refuse_output_file,
+    steps,
+)
 from rotorfit.errors import LogError
 
 if TYPE_CHECKING:
@@ -76,12 +83,7 @@ def _json(report: LogReport) -> str:
 
 
 def _text(report: LogReport) -> str:
-    from rotorfit.inspection.settings_to_change import (
-        decision_lines,
-        diff_lines,
-        file_of,
-        to_write,
-    )
+    from rotorfit.inspection.settings_to_change import decision_lines, diff_lines, file_of, to_write
 
     count = len(to_write(report))
     words = f"{count or 'nothing'} to change"

@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from rotorfit.cli.options import AsJson, Force, Seed
-from rotorfit.cli.terminal import print_result, print_status, refuse_output_folder, steps
+from rotorfit.cli.terminal import (
+    AsJson,
+    Force,
+    Seed,
+    print_result,
+    print_status,
+    refuse_output_folder,
+    steps,
+)
 
 if TYPE_CHECKING:
     from rotorfit.simulation.experiments import ExperimentPlan

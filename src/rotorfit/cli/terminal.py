@@ -1,6 +1,8 @@
 """Output and end of a command: printing, progress, files that may be written, refusals.
 
 Progress is one line on stderr where a person is watching, else a plain line every few seconds.
+
+Options and arguments that several commands share.
 """
 
 import os
@@ -16,7 +18,7 @@ from contextvars import ContextVar
 from io import TextIOWrapper
 from pathlib import Path
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Final, Literal, NoReturn, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NoReturn, cast, get_args
 
 import typer
 
@@ -24,6 +26,59 @@ from rotorfit.errors import OutputError, RotorfitWarning
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")]
+ResultFile = Annotated[
+    Path, typer.Argument(metavar="RESULT", help="A result file, from  rotorfit identify -o.")
+]
+LogNumber = Annotated[
+    int | None,
+    typer.Option("--log", min=1, metavar="N", help="Which log of a file with several, from 1."),
+]
+Start = Annotated[
+    float | None,
+    typer.Option(
+        min=0.0, metavar="SECONDS", help="With a log: use it from here [s since its first sample]."
+    ),
+]
+End = Annotated[
+    float | None,
+    typer.Option(
+        min=0.0, metavar="SECONDS", help="With a log: use it up to here [s since its first sample]."
+    ),
+]
+Speed = Annotated[
+    Literal["measured", "commanded"] | None,
+    typer.Option(
+        help="Rotor speed from telemetry or from motor commands; default: as [motors] says."
+    ),
+]
+Assume = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="Supply a number that the flights do not give, SI (kd=3.7e-9); repeatable.",
+    ),
+]
+OutputFile = Annotated[
+    Path, typer.Option("-o", "--output", metavar="FILE", help="Write the file here.")
+]
+Page = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Write a page with tables and figures here (HTML)."),
+]
+Figures = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Write each figure as a file into this folder (SVG, PNG)."),
+]
+Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Another seed gives another flight.")]
+
+
+def json_file(what: str) -> Any:
+    """Declare the option for the file that a command writes besides what it prints."""
+    return typer.Option("-o", "--output", metavar="FILE", help=f"Write {what} as JSON here.")
 
 
 DEBUG = "ROTORFIT_DEBUG"
@@ -288,7 +343,7 @@ class _Status:
 @contextmanager
 def steps(*, every: float = EVERY) -> Generator[Callable[[str], None]]:
     """Yield a function that shows the step at work, with a bar for every log that is read."""
-    from rotorfit.logs.progress import watched
+    from rotorfit.logs.files import watched
 
     status = _Status("starting")
     step = status.step

@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorfit.cli.options import AsJson, End, LogNumber, ResultFile, Start
-from rotorfit.cli.terminal import print_result, quiet_steps, terminal_width
+from rotorfit.cli.terminal import (
+    AsJson,
+    End,
+    LogNumber,
+    ResultFile,
+    Start,
+    print_result,
+    quiet_steps,
+    terminal_width,
+)
 
 if TYPE_CHECKING:
     from rotorfit.validation.judgement import Judgement

@@ -1,22 +1,27 @@
-"""Judge the loop that flew: margins with intervals, their proof, and what other gains would do."""
+"""Judge the loop that flew: margins with intervals, their proof, and what other gains would do.
 
+The outcome of a loop as JSON.
+"""
+
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 from threadpoolctl import threadpool_limits
 
-from rotorfit.control_loop.controllers import AXES, rate_controller
-from rotorfit.control_loop.margins import Margins, margins
+from rotorfit.control_loop.controllers import AXES, RateController, rate_controller
 from rotorfit.control_loop.measures import (
     LoopMeasures,
+    Margins,
     StepResponse,
     bandwidth,
     closed_loop,
+    margins,
     measures_of,
     peak_below,
     step_harmonics,
@@ -24,6 +29,7 @@ from rotorfit.control_loop.measures import (
 )
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.proof import (
+    PROVED_AXES,
     UNKNOWN,
     Band,
     LoopError,
@@ -31,16 +37,18 @@ from rotorfit.control_loop.proof import (
     ReplayedMixer,
     ReplayedOutput,
     closed_loop_bands,
+    contradictions,
     loop_error,
     measured_loop,
+    notes_of,
     replay_mixer,
     replay_output,
+    too_little,
 )
-from rotorfit.control_loop.rate_controller import RateController
-from rotorfit.control_loop.reasons import PROVED_AXES, contradictions, notes_of, too_little
 from rotorfit.control_loop.vehicle import Flown, controller_response, flown, known_words, plant
 from rotorfit.errors import LogError
 from rotorfit.experiment.experiment import Experiment
+from rotorfit.formatting.digits import finite_json
 from rotorfit.logs.controller_log import ControllerLog, knows_controller, read_with_controller
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.results.result import IdentificationResult, owner_of
@@ -374,3 +382,46 @@ def _closed_loop_error(
         step = loop_error(bands_of(inner[0]), crossover, stamp_std)
         error = step.within(STEP).after(error)
     return error
+
+
+def loop_to_json(outcome: LoopOutcome) -> str:
+    """Return the outcome as JSON text; null where there is no number."""
+    plain = {
+        "name": outcome.name,
+        "configuration": outcome.configuration,
+        "autopilot": outcome.autopilot,
+        "firmware": outcome.firmware,
+        "notes": list(outcome.notes),
+        "axes": [_plain_axis(loop) for loop in outcome.axes],
+    }
+    return json.dumps(finite_json(plain), indent=1, allow_nan=False) + "\n"
+
+
+def _plain_axis(loop: AxisLoop) -> dict[str, Any]:
+    gain, late = loop.error.half_widths
+    return {
+        "axis": loop.axis,
+        "controller": asdict(loop.controller),
+        "replay": asdict(loop.replay),
+        "mixer": None if loop.mixer is None else asdict(loop.mixer),
+        "rate_loop": asdict(loop.rate_loop),
+        "with_attitude": asdict(loop.with_attitude),
+        "bands": [
+            {
+                "low": band.low,
+                "high": band.high,
+                "ratio": band.ratio,
+                "degrees": band.degrees,
+                "uncertainty": band.uncertainty,
+                "proved": band.proved,
+            }
+            for band in loop.bands
+        ],
+        "effectiveness": {"value": loop.error.gain, "half_width": gain},
+        "later": {"value": loop.error.delay, "half_width": late},
+        "proved": None if loop.proved is None else list(loop.proved),
+        "doubts": list(loop.doubts),
+        "derivative_share": loop.derivative_share,
+        "gains": [{"factor": factor, "sensitivity": peak} for factor, peak in loop.gains],
+        "step": {name: values.tolist() for name, values in asdict(loop.step).items()},
+    }

@@ -1,11 +1,85 @@
-"""The vehicle between the controller's output and the rate that it hears."""
+"""The vehicle between the controller's output and the rate that it hears.
+
+Frequency responses of the filters that autopilots run.
+"""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex, Float
 
-from rotorfit.control_loop.filters import hold
+Response = Complex[np.ndarray, " f"]
+"""Of one filter at some frequencies."""
+
+
+def delays(frequency: Float[np.ndarray, " f"], period: float) -> Response:
+    """Compute z = exp(i 2 pi f T) at frequencies [Hz] for a sample period [s]."""
+    return np.exp(2j * np.pi * frequency * period)
+
+
+def smoothing(cutoff: float, period: float) -> float:
+    """Compute the share of the new sample in a first-order low-pass: T / (T + 1 / (2 pi fc)).
+
+    `calc_lowpass_alpha_dt` of ArduPilot, `AlphaFilter::setCutoffFreq` of PX4; 1 without a cut-off.
+    """
+    return 1.0 if cutoff <= 0.0 else period / (period + 1.0 / (2.0 * np.pi * cutoff))
+
+
+def first_order(z: Response, cutoff: float, period: float) -> Response:
+    """Compute the response of a first-order low-pass with a cut-off [Hz]; 1 where that is 0."""
+    alpha = smoothing(cutoff, period)
+    return alpha / (1.0 - (1.0 - alpha) / z)
+
+
+def integral(z: Response, period: float, *, late: bool) -> Response:
+    """Compute the response of a running sum times the period [s]; late: of earlier samples only."""
+    return period / (z - 1.0) if late else period / (1.0 - 1.0 / z)
+
+
+def difference(z: Response, period: float) -> Response:
+    """Compute the response of the difference of two samples over the period [1/s]."""
+    return (1.0 - 1.0 / z) / period
+
+
+def hold(frequency: Float[np.ndarray, " f"], period: float) -> Response:
+    """Compute the response of a command that is held from sample to sample [s]."""
+    s = 2j * np.pi * frequency * period
+    return (1.0 - np.exp(-s)) / s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GyroFilter:
+    """A filter on board between the gyro and the rate controller; it runs at the gyro's rate.
+
+    `LowPassFilter2p` and `NotchFilter` of PX4 and ArduPilot, in continuous time: what their samples
+    add is in the delay that the log shows (`controller_response`).
+
+    Attributes
+    ----------
+    frequency
+        Cut-off of a low-pass, middle of a notch [Hz].
+    order
+        Of a low-pass: 1, or 2 (Butterworth); 0 is a notch.
+    width
+        Of a notch [Hz].
+    floor
+        Share that a notch leaves in its middle.
+    """
+
+    frequency: float
+    order: int
+    width: float = 0.0
+    floor: float = 0.0
+
+    def response(self, frequency: Float[np.ndarray, " f"]) -> Response:
+        """Compute its response at frequencies [Hz]."""
+        s = 1j * frequency / self.frequency
+        if self.order == 1:
+            return 1.0 / (1.0 + s)
+        if self.order == 2:
+            return 1.0 / (1.0 + np.sqrt(2.0) * s + s * s)
+        damped = self.width / self.frequency * s
+        return (1.0 + self.floor * damped + s * s) / (1.0 + damped + s * s)
 
 
 def from_lag(

@@ -6,9 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 from scipy import signal
 
-from rotorfit.control_loop.filters import GyroFilter
-from rotorfit.control_loop.plant import Plant, from_lag
-from rotorfit.control_loop.rate_controller import RateController
+from rotorfit.control_loop.controllers import RateController
+from rotorfit.control_loop.plant import GyroFilter, Plant, from_lag
 from rotorfit.errors import EstimationError, LogError
 from rotorfit.experiment.declared_vehicle import motor_model_of, vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings

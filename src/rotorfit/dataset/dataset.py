@@ -15,8 +15,7 @@ from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.decimate import AsRecorded
-from rotorfit.preprocessing.motors.command_response import MeasuredResponse
-from rotorfit.preprocessing.motors.motor_limits import MotorLimits
+from rotorfit.preprocessing.motors.command_response import MeasuredResponse, MotorLimits
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry
 from rotorfit.preprocessing.prepare import PreparedFlight

@@ -1,4 +1,7 @@
-"""Load an experiment: read its flights, put each on one clock, and refuse what contradicts it."""
+"""Load an experiment: read its flights, put each on one clock, and refuse what contradicts it.
+
+Do the measured rotor speeds go with the commands of the same log? What inspect finds too.
+"""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -14,9 +17,8 @@ from rotorfit.dataset.checks.plausible_units import (
     refuse_rotors_too_fast,
     slow_rotor_doubts,
 )
-from rotorfit.dataset.checks.recorded_motors import refuse_wrong_speeds
 from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
-from rotorfit.errors import ExperimentError, RotorfitError
+from rotorfit.errors import ExperimentError, FlightError, RotorfitError
 from rotorfit.experiment.declared_vehicle import (
     imu_tilt_of,
     motor_model_of,
@@ -38,11 +40,51 @@ from rotorfit.preprocessing.decimate import as_recorded, decimated
 from rotorfit.preprocessing.imu_tilt import levelled
 from rotorfit.preprocessing.mocap.align import with_poses
 from rotorfit.preprocessing.mocap.prepare_mocap import prepare_mocap
-from rotorfit.preprocessing.motors.command_response import command_responses, responses_within
-from rotorfit.preprocessing.motors.motor_limits import motor_limits
-from rotorfit.preprocessing.motors.rotor_telemetry import State, Telemetry, telemetry
+from rotorfit.preprocessing.motors.command_response import (
+    command_responses,
+    motor_limits,
+    responses_within,
+)
+from rotorfit.preprocessing.motors.rotor_telemetry import (
+    RotorTelemetry,
+    State,
+    Telemetry,
+    telemetry,
+)
 from rotorfit.preprocessing.prepare import on_one_clock, prepared_from
 from rotorfit.reduction.frequency_bands import EDGES
+
+REFUSED: tuple[State, ...] = ("dead", "swapped", "apart", "unlike")
+"""States in which the thrust of a rotor is not what its speed says."""
+
+
+def refuse_wrong_speeds(flights: Sequence[LoadedFlight], vehicle: Vehicle) -> None:
+    """Raise where measured speeds contradict the commands that made them, as `inspect` says.
+
+    A rotor that turns at another ratio may be another propeller: with a group of its own it has a
+    thrust coefficient of its own, and is accepted.
+    """
+    for flight in flights:
+        if flight.telemetry is None:
+            continue
+        wrong = [r for r in flight.telemetry.rotors if _is_wrong(r, vehicle)]
+        if wrong:
+            words = "; ".join(flight.telemetry.doubts)
+            remedy = ""
+            if all(r.state == "unlike" for r in wrong):
+                remedy = (
+                    "; correct its poles, or, where it really is another one, give it a group of "
+                    'its own (group = "..." in [airframe])'
+                )
+            raise FlightError(f"{Path(flight.entry.file).name}: {words}{remedy}")
+
+
+def _is_wrong(rotor: RotorTelemetry, vehicle: Vehicle) -> bool:
+    if rotor.state != "unlike":
+        return rotor.state in REFUSED
+    declared = vehicle.rotors[rotor.rotor - 1] if rotor.rotor <= len(vehicle.rotors) else None
+    return declared is None or declared.group is None
+
 
 Method = Literal["banded", "ols", "tls"]
 Progress = Callable[[str], None]

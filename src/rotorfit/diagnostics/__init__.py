@@ -1,1 +1,1 @@
-"""Consistency checks of a fit and its flights: what contradicts the result."""
+"""What the likelihood does not know: steps that widen a fit, and checks that contradict it."""

@@ -16,8 +16,7 @@ from rotorfit.errors import EstimationError
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.additional_parameters import gained
 from rotorfit.fit.fit import NO_COUPLING, Fit, refit
-from rotorfit.fit.intervals.excitation import SCALED
-from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.intervals.numbers import SCALED, Numbers
 from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.regressor import Regressor

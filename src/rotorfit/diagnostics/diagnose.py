@@ -1,6 +1,8 @@
-"""Diagnose a fit: every check that needs the fit, its flights, or both, in one list.
+"""Diagnose a fit: what the likelihood does not know of sensors, motors and vehicle, in two lists.
 
-A diagnostic is a function from a `Fit` to its findings. Those that refuse a declaration raise.
+A step is a function from a `Fit` to a `Fit`: it fits again, or widens intervals by what the
+likelihood does not know, and says so as a finding. A diagnostic is a function from the `Fit` of the
+last step to its findings. Those that refuse a declaration raise.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -11,22 +13,56 @@ from rotorfit.diagnostics import (
     hover_thrust,
     lever_arms,
     payload,
+    reference_test,
     residual_peaks,
     rotor_order,
     spins,
-    steady_wrench,
     vehicle_size,
 )
-from rotorfit.diagnostics.instruments import reference_test
+from rotorfit.diagnostics.coupling import drop_absent_coupling
+from rotorfit.diagnostics.impossible_inertia import impossible_inertia
+from rotorfit.diagnostics.kt_from_weight import weigh_thrust
+from rotorfit.diagnostics.lever_arms import allow_for_sides
 from rotorfit.diagnostics.motors import changed_rotor, motor_limits
-from rotorfit.diagnostics.sensors import clocks, imu_tilt, log_settings
+from rotorfit.diagnostics.motors.law_uncertainty import allow_for_law
+from rotorfit.diagnostics.motors.motor_limits import allow_for_motor_limits
+from rotorfit.diagnostics.motors.motor_time_split import allow_for_noise_feedback
+from rotorfit.diagnostics.motors.thrust_change import allow_for_thrust_change
+from rotorfit.diagnostics.sensors import clocks, log_settings, sensor_faults
+from rotorfit.diagnostics.sensors.sensor_faults import (
+    allow_for_gyro_lowpass,
+    allow_for_velocity_errors,
+)
+from rotorfit.diagnostics.sensors.sensor_response import allow_for_sensor_response
+from rotorfit.diagnostics.weak_directions import little_excitation, unknown_origin, weak_directions
 from rotorfit.findings import Finding
 from rotorfit.fit.fit import NO_COUPLING, Fit
-from rotorfit.results.parameter_tables import little_excitation, unknown_origin
-from rotorfit.results.physical_inertia import impossible_inertia
-from rotorfit.results.weak_directions import weak_directions
+from rotorfit.fit.noise_levels import allow_for_noise_levels
 
+Step = Callable[[Fit], Fit]
 Diagnostic = Callable[[Fit], Iterable[Finding]]
+
+STEPS: Final[tuple[Step, ...]] = (
+    drop_absent_coupling,
+    weigh_thrust,
+    allow_for_noise_levels,
+    allow_for_motor_limits,
+    allow_for_law,
+    allow_for_velocity_errors,
+    allow_for_gyro_lowpass,
+    allow_for_thrust_change,
+    allow_for_sensor_response,
+    allow_for_noise_feedback,
+    allow_for_sides,
+)
+"""In the order in which they are taken."""
+
+
+def every_step(fit: Fit) -> Fit:
+    """Take every step from the fit of the joint likelihood to the intervals of its numbers."""
+    for step in STEPS:
+        fit = step(fit)
+    return fit
 
 
 def absent_coupling(fit: Fit) -> Iterator[Finding]:
@@ -53,15 +89,15 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *vehicle_size.CHECKS,
     *changed_rotor.CHECKS,
     impossible_inertia,
-    *steady_wrench.CHECKS,
+    *hover_thrust.WRENCH_CHECKS,
     *clocks.CHECKS,
-    *imu_tilt.CHECKS,
+    *sensor_faults.CHECKS,
     *hover_thrust.CHECKS,
     *motor_limits.CHECKS,
     *residual_peaks.CHECKS,
     *flights_agree.CHECKS,
     *changed_rotor.FLIGHT_CHECKS,
-    *steady_wrench.YAW_CHECKS,
+    *hover_thrust.YAW_CHECKS,
     *payload.CHECKS,
     *reference_test.CHECKS,
 )

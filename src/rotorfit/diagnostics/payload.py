@@ -21,7 +21,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import joint_numbers
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
-from rotorfit.fit.rows.row_fits import fit_rows
+from rotorfit.fit.row_fits import fit_rows
 from rotorfit.model.parameters import PARAMETERS
 
 SUSPICIOUS = 1e-3

@@ -8,8 +8,7 @@ from pydantic import Field, model_validator
 
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.strict_tables import Finite, NotNegative, Positive, Strict, Vector
-from rotorfit.model.layouts import layout_rotors, spaced_rotors
-from rotorfit.model.vehicle import Rotor, Spin
+from rotorfit.model.vehicle import Rotor, Spin, layout_rotors, spaced_rotors
 
 Axes = Literal["FLU", "FRD"]
 Order = Literal["px4", "ardupilot", "betaflight", "crazyflie", "paper"]

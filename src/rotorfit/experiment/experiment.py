@@ -35,12 +35,12 @@ from rotorfit.experiment.toml_files import (
     read_toml,
     with_known_motors,
 )
-from rotorfit.logs.column_names import NAMES
+from rotorfit.logs.columns import NAMES
 from rotorfit.logs.flight_log import LagOn
 from rotorfit.logs.formats import ReadOptions
 from rotorfit.logs.proposal import explains_itself
 from rotorfit.logs.read import format_of
-from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
+from rotorfit.preprocessing.motors.motor_model import full_speed_of
 
 Model = TypeVar("Model", bound=BaseModel)
 Source = Literal["imu", "mocap"]

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.diagnostics.impossible_inertia import second_moments
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import (
     identifier,
@@ -32,7 +33,6 @@ from rotorfit.export.file_format import (
     xml_elements,
 )
 from rotorfit.export.vehicle import ExportedRotor, VehicleModel, inertia_at_origin
-from rotorfit.results.physical_inertia import second_moments
 
 SLOWDOWN = 10.0
 """rotorVelocitySlowdownSim: the joint turns so many times slower than the rotor, so that its angle

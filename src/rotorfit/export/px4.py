@@ -36,7 +36,7 @@ from rotorfit.export.vehicle import Spread, VehicleModel, refuse_no_lag, spread
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
 from rotorfit.model.terms.air import DRAG_NAMES, TURN_DAMPING
 from rotorfit.preprocessing.airborne import GRAVITY
-from rotorfit.preprocessing.motors.thrust_curve import (
+from rotorfit.preprocessing.motors.motor_model import (
     ThrustCurve,
     full_speed_of,
     speeds,

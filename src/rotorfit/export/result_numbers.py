@@ -26,7 +26,7 @@ from rotorfit.model.parameters import (
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.results.command_units import effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.results.verdicts import body_verdict, relative_width, tells_width, twin_of
+from rotorfit.verdicts.judge import body_verdict, relative_width, tells_width, twin_of
 
 Origin = Literal[
     "identified", "weak", "doubtful", "given", "removed", "assumed", "from-ratio", "law"
@@ -251,8 +251,9 @@ def _marked(
         return replace(number, origin=verdict, remark=None if twin is None else twin.reason)
     if verdict != "weak":
         return number
-    by_twin = twin is not None and relative_width(of, kin) is None
-    return replace(number, origin="weak", remark=_remark(twin) if by_twin else None)
+    if twin is None or relative_width(of, kin) is not None:
+        return replace(number, origin="weak", remark=None)
+    return replace(number, origin="weak", remark=_remark(twin))
 
 
 def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number | Missing:

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.diagnostics.impossible_inertia import second_moments
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.export.file_format import frd
 from rotorfit.export.result_numbers import Number, unit_of
@@ -30,7 +31,7 @@ from rotorfit.model.parameters import (
     inertia_matrix,
 )
 from rotorfit.preprocessing.airborne import GRAVITY
-from rotorfit.results.physical_inertia import project_to_physical, second_moments
+from rotorfit.results.physical_inertia import project_to_physical
 from rotorfit.results.result import IdentificationResult
 
 NOT_MEASURED: Final = ("assumed", "from-ratio", "removed")

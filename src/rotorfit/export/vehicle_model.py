@@ -36,7 +36,7 @@ from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.terms.registry import OPTIONAL
 from rotorfit.model.terms.rotors import ROTOR_INERTIA, ROTOR_SPREAD
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
+from rotorfit.preprocessing.motors.motor_model import full_speed_of
 from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import IdentificationResult, owner_of
 from rotorfit.results.sound_result import refuse_unsound

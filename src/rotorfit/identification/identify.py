@@ -11,25 +11,22 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from rotorfit.dataset.load import Method, Progress, load_dataset, resolved_method
-from rotorfit.diagnostics.assumptions import assumptions, log_metadata
-from rotorfit.diagnostics.diagnose import diagnose
-from rotorfit.diagnostics.sensors.imu_tilt import correct_imu_tilt
-from rotorfit.diagnostics.steps import every_step
+from rotorfit.diagnostics.diagnose import diagnose, every_step
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.experiment.experiment import Experiment, MotorsEntry
 from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
+from rotorfit.fit.imu_tilt import correct_imu_tilt
 from rotorfit.fit.noise_levels import fit_by_noise
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
-from rotorfit.results.assemble import mark_doubtful, with_diagnosis, with_setting
+from rotorfit.results.assemble import log_metadata, mark_doubtful, with_assumptions
 from rotorfit.results.command_units import in_command_units, with_flight_numbers
 from rotorfit.results.joint_tables import joint_result
 from rotorfit.results.law_tables import add_motor_law
-from rotorfit.results.paper_tables import paper_result
 from rotorfit.results.result import IdentificationResult
-from rotorfit.results.row_tables import row_result
+from rotorfit.results.row_tables import paper_result, row_result
 from rotorfit.validation.validate import validation_comparisons, validation_rows
 
 ORIGIN_IS_TRACKED: Final = (
@@ -110,17 +107,14 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
     return _validated(identified, report)
 
 
-def _fit(experiment: Experiment, dataset: TimedDataset) -> Fit:
-    """Fit the joint likelihood, and take every step to its intervals."""
-    wanted = experiment.identification.terms
-    return every_step(fit_by_noise(fit_flights(dataset, wanted), wanted))
-
-
 def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
-    """Fit the joint likelihood of all bands, and diagnose the fit."""
+    """Fit the joint likelihood of all bands, diagnose the fit, and tabulate it."""
     experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
-    fit = _fit(experiment, dataset)
-    result = with_diagnosis(joint_result(fit, experiment), diagnose(fit))
+    wanted = experiment.identification.terms
+    fit = fit_flights(dataset, wanted)
+    fit = fit_by_noise(fit, wanted)
+    fit = every_step(fit)
+    result = joint_result(fit, experiment, diagnose(fit))
     result = dataclasses.replace(result, findings=(*tilt, *result.findings))
     return Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
 
@@ -150,10 +144,10 @@ def _completed(identified: Identified, declared: MotorsEntry, report: Progress) 
     result = in_command_units(identified.result, dataset)
     result = add_motor_law(result, dataset, report)
     result = with_flight_numbers(result, dataset.motors)
-    joint = () if fit is None else fit.configurations
-    rests_on, metadata = assumptions(result, dataset, joint), log_metadata(declared, dataset)
-    result = with_setting(result, hangs_on=list(rests_on))
-    result = dataclasses.replace(result, findings=(*metadata, *result.findings))
+    result = with_assumptions(result, dataset, () if fit is None else fit.configurations)
+    result = dataclasses.replace(
+        result, findings=(*log_metadata(declared, dataset), *result.findings)
+    )
     result = mark_doubtful(_describe_units(result, identified.experiment))
     return dataclasses.replace(identified, result=result)
 

@@ -16,8 +16,7 @@ from scipy import signal
 from rotorfit.dataset.checks.declared_rotors import response
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
-from rotorfit.model.layouts import layout_rotors
-from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import whole_samples
 from rotorfit.reduction.frequency_bands import PILOT_BAND

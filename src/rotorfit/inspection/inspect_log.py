@@ -10,14 +10,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from rotorfit.dataset.checks.gravity import GravitySeen, gravity_doubts, gravity_seen
-from rotorfit.dataset.checks.plausible_units import gyro_in_degrees
+from rotorfit.dataset.checks.plausible_units import (
+    GravitySeen,
+    gravity_doubts,
+    gravity_seen,
+    gyro_in_degrees,
+)
 from rotorfit.diagnostics.sensors.log_settings import better_log
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
 from rotorfit.findings import Evidence, Finding, doubt, note, sentences
 from rotorfit.identification.identify import identify
-from rotorfit.inspection.frequency_sweep import Sweep, frequency_sweeps
 from rotorfit.inspection.pictures import LogPictures, log_pictures
 from rotorfit.inspection.prospects import Prospects, foreseen_step, prospects
 from rotorfit.inspection.recording import (
@@ -28,13 +31,14 @@ from rotorfit.inspection.recording import (
     channel_report,
     lacks,
     motor_lateness,
+    settings_for,
     vibration,
 )
-from rotorfit.inspection.settings import settings_for
+from rotorfit.inspection.spectra import Sweep, frequency_sweeps
 from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, Filter, Lack, Setting
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.formats import BY_NAME
-from rotorfit.model.layouts import LAYOUTS
+from rotorfit.model.vehicle import LAYOUTS
 from rotorfit.planning.next_step import NextStep, next_step, with_best_manoeuvre
 from rotorfit.preprocessing.mocap.camera import camera_clock
 from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse

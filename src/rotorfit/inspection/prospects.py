@@ -24,8 +24,8 @@ from rotorfit.diagnostics.sensors.log_settings import (
     slow_words,
 )
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR
-from rotorfit.fit.intervals.excitation import NO_EXCITATION, attenuation_allowance
-from rotorfit.fit.rows.row_fits import RowFits, angular_log_likelihood, fit_rows
+from rotorfit.fit.intervals.numbers import NO_EXCITATION, attenuation_allowance
+from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
 from rotorfit.fit.timing.timing_search import CLEAR_GAIN
 from rotorfit.inspection.guessed_rotors import guessed_vehicles, likely_motors, rotors_on_circle
 from rotorfit.inspection.recording import LOW_PASS
@@ -40,8 +40,8 @@ from rotorfit.preprocessing.signals import smooth
 from rotorfit.reduction.frequency_bands import prepared_bands, retimed, slow_bands
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.results.result import Verdict
-from rotorfit.results.verdicts import ADVISED, FLOWN, judge
 from rotorfit.simulation.pilot import Manoeuvre
+from rotorfit.verdicts.judge import ADVISED, FLOWN, judge
 
 Axis = Literal["roll", "pitch", "yaw"]
 Prospect = Literal["well", "roughly", "not"]

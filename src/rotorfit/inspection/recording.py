@@ -1,7 +1,12 @@
-"""How a log was recorded: true rates, clocks, limits, vibration, lateness of the motor data."""
+"""How a log was recorded: true rates, clocks, limits, vibration, lateness of the motor data.
 
-from collections.abc import Mapping
+Which settings of an autopilot make its next log a better one: what its format advises.
+"""
+
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -10,7 +15,7 @@ from jaxtyping import Bool, Float
 from scipy import signal
 
 from rotorfit.fit.timing.timing_search import DELAYS_TRIED
-from rotorfit.logs.firmware import Lack
+from rotorfit.logs.firmware import Lack, Setting, advice_for
 from rotorfit.logs.flight_log import CHANNELS, Channel
 from rotorfit.preprocessing.clocks import GAP_STEPS, LARGEST_VALUE
 from rotorfit.preprocessing.flight_data import FlightData
@@ -22,6 +27,23 @@ from rotorfit.preprocessing.signals import (
     true_runs,
     whole_samples,
 )
+
+UNKNOWN: Final[Mapping[str, str]] = MappingProxyType({})
+
+
+def settings_for(
+    log_format: str, lacks: Set[Lack], metadata: Mapping[str, str] = UNKNOWN
+) -> tuple[Setting, ...]:
+    """Select the settings to change before the next flight, by what the log lacks and has set."""
+    advice = advice_for(log_format, lacks, metadata)
+    return () if advice is None else advice.settings
+
+
+def settings_file(log_format: str, metadata: Mapping[str, str] = UNKNOWN) -> Path | None:
+    """Return the file that holds the settings of a log's firmware; None where there is none."""
+    advice = advice_for(log_format, frozenset(), metadata)
+    return None if advice is None else Path(__file__).parent / "settings_files" / advice.file
+
 
 FAST_ENOUGH: Final = 150.0
 """Below this the fast motion that inertia shows in is lost [Hz]."""

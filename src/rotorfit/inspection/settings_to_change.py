@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
 from rotorfit.inspection.inspect_log import LogReport
-from rotorfit.inspection.settings import settings_file
+from rotorfit.inspection.recording import settings_file
 from rotorfit.logs.files import file_name
 from rotorfit.logs.firmware import Setting
 

@@ -10,7 +10,6 @@ from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
 from rotorfit.findings import doubts
-from rotorfit.logs.axes import attitude_from_euler
 from rotorfit.logs.crazyflie_records import (
     MAGIC,
     Event,
@@ -34,7 +33,7 @@ from rotorfit.logs.firmware import (
     settings_of,
 )
 from rotorfit.logs.flight_log import Channel, Circumstances, FlightLog, in_air, in_order
-from rotorfit.logs.units import STANDARD_GRAVITY
+from rotorfit.logs.units import STANDARD_GRAVITY, attitude_from_euler
 
 FIXED_FREQUENCY: Final = "fixedFrequency"
 FULL_COMMAND: Final = 65535.0

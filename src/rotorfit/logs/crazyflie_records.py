@@ -16,9 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import Content, let_go
+from rotorfit.logs.files import Content, let_go, report_progress
 from rotorfit.logs.flight_log import pieces
-from rotorfit.logs.progress import report_progress
 
 MAGIC: Final = 0xBC
 VERSIONS: Final[Mapping[int, tuple[str, float]]] = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}

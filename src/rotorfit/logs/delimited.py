@@ -13,8 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import Content, let_go
-from rotorfit.logs.progress import report_progress
+from rotorfit.logs.files import Content, let_go, report_progress
 
 _DELIMITERS: Final = (",", ";", "\t", "|")
 _COMMENTS: Final = ("#", "%")

@@ -13,8 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
+from rotorfit.logs.units import Axes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,9 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.axes import Axes
-from rotorfit.logs.column_names import NAMES, Candidate, candidates_of
-from rotorfit.logs.columns import TIME, ColumnSpec, quantity_of
+from rotorfit.logs.columns import NAMES, TIME, Candidate, ColumnSpec, candidates_of, quantity_of
 from rotorfit.logs.proposed_channels import (
     MOTOR_UNITS,
     MOTORS,
@@ -36,7 +34,7 @@ from rotorfit.logs.proposed_channels import (
 )
 from rotorfit.logs.proposed_poses import pose_found
 from rotorfit.logs.table import Source, open_table
-from rotorfit.logs.units import UNITS
+from rotorfit.logs.units import UNITS, Axes
 
 LARGEST_ROWS: Final = 200_000
 """Of a table that are looked at, the first ones."""

@@ -8,11 +8,17 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.axes import Axes, attitude_from_euler
-from rotorfit.logs.column_names import COMMAND_WORDS, NAMES, SPEED_WORDS, Candidate
-from rotorfit.logs.columns import TIME, ColumnSpec, unit_of
+from rotorfit.logs.columns import (
+    COMMAND_WORDS,
+    NAMES,
+    SPEED_WORDS,
+    TIME,
+    Candidate,
+    ColumnSpec,
+    unit_of,
+)
 from rotorfit.logs.table import Source
-from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Quantity
+from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Axes, Quantity, attitude_from_euler
 
 Numbers = Mapping[str, Float[np.ndarray, " n"]]
 _LONGEST_STEP: Final = 0.5

@@ -10,11 +10,9 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.logs.axes import Axes, attitude_from_euler, unit_or_nan
-from rotorfit.logs.column_names import NAMES, Candidate
-from rotorfit.logs.columns import TIME, ColumnSpec, unit_of
+from rotorfit.logs.columns import NAMES, TIME, Candidate, ColumnSpec, unit_of
 from rotorfit.logs.proposed_channels import Found, Numbers, stacked
-from rotorfit.logs.units import STANDARD_GRAVITY, UNITS
+from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Axes, attitude_from_euler, unit_or_nan
 
 WITHOUT_IMU: Final = (
     "no gyro or no accelerometer: position and attitude show the motion, as by motion capture"

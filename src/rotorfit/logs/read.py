@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import read_head
+from rotorfit.logs.files import Progress, read_for, read_head
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.formats import (
     BY_NAME,
@@ -18,7 +18,6 @@ from rotorfit.logs.formats import (
     load,
     recognise,
 )
-from rotorfit.logs.progress import Progress, read_for
 
 _HEAD: Final = 65536
 _LARGEST_TEXT: Final = 4_000_000

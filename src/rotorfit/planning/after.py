@@ -19,14 +19,9 @@ from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
 from rotorfit.planning.wanted import IN_MM, WANTABLE
-from rotorfit.results.result import (
-    Derived,
-    IdentificationResult,
-    Parameter,
-    Verdict,
-    verdict_of,
-)
-from rotorfit.results.verdicts import (
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict, verdict_of
+from rotorfit.simulation.pilot import Manoeuvre
+from rotorfit.verdicts.judge import (
     ADVICE,
     ADVISED,
     FLOWN,
@@ -36,7 +31,6 @@ from rotorfit.results.verdicts import (
     motion_for,
     twin_of,
 )
-from rotorfit.simulation.pilot import Manoeuvre
 
 SAME_PLACE: Final = 1e-3
 """Rotors nearer than this are equal [m]."""

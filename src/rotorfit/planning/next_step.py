@@ -36,8 +36,8 @@ from rotorfit.planning.vehicle import (
     rough_vehicle,
 )
 from rotorfit.results.result import IdentificationResult, configuration_names
-from rotorfit.results.verdicts import ADVISED, FLOWN, WEAK, motion_for
 from rotorfit.simulation.pilot import Manoeuvre
+from rotorfit.verdicts.judge import ADVISED, FLOWN, WEAK, motion_for
 
 BEST_MANOEUVRE: Final = "best-manoeuvre"
 """Kind of the note that a result keeps of what its best manoeuvre gives."""

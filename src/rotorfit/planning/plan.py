@@ -59,8 +59,8 @@ from rotorfit.planning.wanted import (
 )
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.results.result import IdentificationResult
-from rotorfit.results.verdicts import judge
 from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre
+from rotorfit.verdicts.judge import judge
 
 Speed = Literal["measured", "commanded"]
 Progress = Callable[[int, int], None]

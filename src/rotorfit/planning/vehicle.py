@@ -35,7 +35,7 @@ from rotorfit.experiment.payload import PointMass
 from rotorfit.model.parameters import inertia_about
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation import GRAVITY, Truth, with_payload
-from rotorfit.simulation.motors import allocation
+from rotorfit.simulation.body import allocation
 
 LIGHTEST: Final = 0.01
 HEAVIEST: Final = 200.0

@@ -15,8 +15,17 @@ from jaxtyping import Float
 from rotorfit.preprocessing.flight_data import FlightData, HeldCommands, Segment
 from rotorfit.preprocessing.motors.motor_model import MotorModel, clock_jumps, with_motors
 from rotorfit.preprocessing.prepare import PreparedFlight
-from rotorfit.preprocessing.signals import Saturation, central_difference, saturation, whole_samples
-from rotorfit.preprocessing.thinning import Stretch, Thinning, kept_rows, low_pass, stretches
+from rotorfit.preprocessing.signals import (
+    Saturation,
+    Stretch,
+    Thinning,
+    central_difference,
+    kept_rows,
+    saturation,
+    stretches,
+    thinning_low_pass,
+    whole_samples,
+)
 
 FEWEST_PER_PERIOD: Final = 8.0
 """Samples kept for a period of the fastest line: at that line the average of [1 4 1]/6 is off the
@@ -129,7 +138,7 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
 
 def _thinning(data: FlightData, step: int, top: float) -> Thinning:
     """Design the filter for lines up to `top` [Hz] that keeps every `step`-th row."""
-    weights = low_pass(data.sample_rate, step, top)
+    weights = thinning_low_pass(data.sample_rate, step, top)
     within = stretches(
         len(data.time),
         step=step,

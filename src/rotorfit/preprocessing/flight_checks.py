@@ -12,9 +12,8 @@ from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
 from rotorfit.preprocessing.airborne import GRAVITY, Motion, fast_rows
-from rotorfit.preprocessing.clocks import UniformChannels
+from rotorfit.preprocessing.clocks import UniformChannels, source_rate
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.preprocessing.interpolated import source_rate
 from rotorfit.preprocessing.signals import true_runs, whole_samples
 
 LONGEST_CONSTANT: Final = 1.0

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.logs.flight_log import LagOn
-from rotorfit.preprocessing.thinning import Thinning
+from rotorfit.preprocessing.signals import Thinning
 
 Differentiation = Literal["exact", "central"]
 

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from rotorfit.preprocessing.climb_velocity import climb_velocity
 from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.kinematics import climb_velocity
 from rotorfit.preprocessing.prepare import PreparedFlight
 
 LEAST_TILT: Final = float(np.radians(5.0))

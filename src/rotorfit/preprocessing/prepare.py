@@ -24,7 +24,6 @@ from rotorfit.preprocessing.airborne import (
     phase_edges,
     rest_rows,
 )
-from rotorfit.preprocessing.climb_velocity import climb_velocity
 from rotorfit.preprocessing.clocks import (
     JITTER_STEPS,
     UniformChannels,
@@ -47,8 +46,8 @@ from rotorfit.preprocessing.flight_checks import (
     refuse_wrong_gravity,
 )
 from rotorfit.preprocessing.flight_data import FlightData, Segment
-from rotorfit.preprocessing.mocap.camera import known_velocity
-from rotorfit.preprocessing.mocap.carried_velocity import carried_velocity
+from rotorfit.preprocessing.kinematics import climb_velocity
+from rotorfit.preprocessing.mocap.camera import carried_velocity, known_velocity
 from rotorfit.preprocessing.motors.motor_model import (
     MotorModel,
     clock_jumps,

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
+from rotorfit.diagnostics.weak_directions import condition_words
+from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
 from rotorfit.report.pages import drawing, label, tag, text
 from rotorfit.results.result import IdentificationResult
-from rotorfit.results.weak_directions import condition_words
 
 STRONG = 0.6
 CELL, LEFT, TOP = 34.0, 118.0, 10.0

@@ -4,16 +4,14 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, Final
 
-from rotorfit.dataset.checks.gravity import GravitySeen
-from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
+from rotorfit.dataset.checks.plausible_units import GravitySeen
+from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
 from rotorfit.formatting.digits import short
 from rotorfit.formatting.sheet import wrapped
-from rotorfit.inspection.frequency_sweep import AXES, Sweep
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.inspection.prospects import Excitation, Prospects
-from rotorfit.inspection.recording import LATEST, SEARCHED, ChannelReport
-from rotorfit.inspection.settings import settings_file
-from rotorfit.inspection.spectra import Spectrum
+from rotorfit.inspection.recording import LATEST, SEARCHED, ChannelReport, settings_file
+from rotorfit.inspection.spectra import AXES, Spectrum, Sweep
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry
 
 JSON_KEYS: Final = (

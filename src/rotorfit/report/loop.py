@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.control_loop.loop import AxisLoop, LoopOutcome
-from rotorfit.control_loop.margins import open_phase
-from rotorfit.control_loop.measures import SIDES, LoopMeasures, Measure, StepResponse
+from rotorfit.control_loop.measures import SIDES, LoopMeasures, Measure, StepResponse, open_phase
 from rotorfit.formatting.series import Series
 from rotorfit.formatting.sheet import table_lines, wrapped
 from rotorfit.report.chart import Area, Axis, Chart, Curve, Line, Panel, chart_svg

@@ -12,7 +12,7 @@ from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.formatting.digits import Number, number_of
 from rotorfit.logs.speed_law import SpeedLaw
-from rotorfit.preprocessing.motors.thrust_curve import speeds
+from rotorfit.preprocessing.motors.motor_model import speeds
 from rotorfit.report.pages import drawing, label, tag, text, tick_label, ticks
 from rotorfit.report.parameters import unit_words
 from rotorfit.results.command_law import CommandLaw, LawPoint

@@ -15,7 +15,7 @@ from rotorfit.results.result import (
     configuration_names,
     verdict_of,
 )
-from rotorfit.results.verdicts import ADVICE, body_verdict, motion_for, relative_width, twin_of
+from rotorfit.verdicts.judge import ADVICE, body_verdict, motion_for, relative_width, twin_of
 
 TITLES = {name: info.title for name, info in EVERY.items()}
 

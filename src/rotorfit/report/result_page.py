@@ -1,22 +1,39 @@
-"""A result as one HTML page that needs nothing else, and its drawings as files of their own."""
+"""A result as one HTML page that needs nothing else, and its drawings as files of their own.
 
+Section 4: Tables I, II and III of Six, Briot, Erskine and Chriette, ICRA 2020, alongside ours.
+
+Identification of the Propeller Coefficients and Dynamic Parameters of a Hovering Quadrotor from
+Flight Data. Their numbers are in `paper_tables.toml`.
+"""
+
+import math
 import re
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Final, cast
 
 from rotorfit.control_loop.loop import LoopOutcome
+from rotorfit.formatting.digits import known
 from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.chart import chart_svg
 from rotorfit.report.correlations import correlation_section
 from rotorfit.report.loop import loop_section
 from rotorfit.report.motor_law import law_picture, law_section
 from rotorfit.report.pages import render_page, standalone, template_text
-from rotorfit.report.paper_tables import is_paper_vehicle, paper_section
-from rotorfit.report.parameters import PREDICTED_WELL, VERDICT_MEANING, parameter_tables
+from rotorfit.report.parameters import (
+    PREDICTED_WELL,
+    VERDICT_MEANING,
+    parameter_tables,
+    title_of,
+    unit_words,
+)
 from rotorfit.report.summary import METHODS, provenance_of, summary_of, used_flights
 from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.wrenches import (
     TOO_SHORT,
+    error_percent,
     excitation_chart,
     excitation_figure,
     series_of,
@@ -24,8 +41,178 @@ from rotorfit.report.wrenches import (
     wrench_figures,
     wrench_svg,
 )
-from rotorfit.results.result import IdentificationResult, configuration_names
+from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison, wrench_spectra
+
+Entry = list[float]
+"""Value, and %sigma where the table has it."""
+
+MASSES: Final = {"A": 1.285, "B": 1.452}
+"""Weighed [kg]."""
+
+_TEXT: Final = Path(__file__).with_name("paper_tables.toml").read_text(encoding="utf-8")
+_PAPER: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = tomllib.loads(_TEXT)
+"""Their tables: kind, configuration, name."""
+ILLEGIBLE: Final = {
+    "Table I": (
+        "For A the paper dropped kd, Izz and the products of inertia as unessential (III-B)."
+    ),
+    "Table II": (
+        "The paper's standard deviations for motion capture, and some of its values, are not "
+        "legible in our copy; they are left out here, and so is what the table does not list (–)."
+    ),
+    "Table III": "The last row (A and B together, on B) is not legible in our copy.",
+}
+"""What is missing, and why."""
+
+
+ORDER = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "kt", "kd")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperRow:
+    """The paper's number beside ours, all in words."""
+
+    name: str
+    title: str
+    unit: str
+    paper: str
+    paper_sigma: str
+    mocap: str
+    ours: str
+    our_sigma: str
+    difference: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperTable:
+    """One of the paper's tables of parameters, for one configuration."""
+
+    name: str
+    configuration: str
+    rows: tuple[PaperRow, ...]
+    note: str
+    has_mocap: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperSection:
+    """Tables I or II, and III."""
+
+    tables: tuple[PaperTable, ...]
+    errors: tuple[tuple[str, str, tuple[str, ...]], ...]
+    error_note: str
+    components: tuple[str, ...] = SHOWN
+
+
+def is_paper_vehicle(result: IdentificationResult) -> bool:
+    """Test whether the paper's preset was used on configurations named and weighed as its own."""
+    settings = cast("Mapping[str, Any]", result.settings.get("identification") or {})
+    names = configuration_names(result)
+    if settings.get("preset") != "paper" or not names:
+        return False
+    return all(name in MASSES and _weighs(result, name, MASSES[name]) for name in names)
+
+
+def _weighs(result: IdentificationResult, configuration: str, mass: float) -> bool:
+    found = [
+        known(p.value)
+        for p in result.parameters
+        if p.name == "mass" and p.configuration == configuration
+    ]
+    return any(value is not None and abs(value - mass) < 0.01 * mass for value in found)
+
+
+def paper_section(
+    result: IdentificationResult, comparisons: Sequence[WrenchComparison]
+) -> PaperSection:
+    """Tabulate the paper's numbers alongside ours: I for one configuration, II for two."""
+    names = [name for name in configuration_names(result) if name in MASSES]
+    both = len(names) > 1
+    kind, name = ("together", "Table II") if both else ("alone", "Table I")
+    return PaperSection(
+        tables=tuple(
+            PaperTable(
+                name=name,
+                configuration=configuration,
+                rows=_rows(result, configuration, _PAPER[kind][configuration], with_mocap=both),
+                note=ILLEGIBLE[name],
+                has_mocap=both,
+            )
+            for configuration in names
+        ),
+        errors=_errors(comparisons),
+        error_note=ILLEGIBLE["Table III"],
+    )
+
+
+def _rows(
+    result: IdentificationResult,
+    configuration: str,
+    paper: Mapping[str, Entry],
+    *,
+    with_mocap: bool,
+) -> tuple[PaperRow, ...]:
+    ours = {p.name: p for p in result.parameters if p.configuration in (None, configuration)}
+    mocap: Mapping[str, Any] = _PAPER["mocap"][configuration] if with_mocap else {}
+    return tuple(
+        _row(name, ours.get(name), paper.get(name), mocap.get(name))
+        for name in ORDER
+        if name in paper or name in ours
+    )
+
+
+def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | None) -> PaperRow:
+    value = None if ours is None else known(ours.value)
+    std = None if ours is None else known(ours.std)
+    sigma = 100 * std / abs(value) if std is not None and value else None
+    difference = 100 * (value - paper[0]) / abs(paper[0]) if value is not None and paper else None
+    return PaperRow(
+        name=name,
+        title=title_of(name),
+        unit="" if ours is None else unit_words(ours.unit),
+        paper="–" if paper is None else _scientific(paper[0]),
+        paper_sigma=_two(None if paper is None else paper[1]),
+        mocap=_scientific(None if mocap is None else mocap[0]),
+        ours=_scientific(value) if ours is None or value is not None else ours.verdict,
+        our_sigma=_two(sigma),
+        difference="" if difference is None else f"{difference:+.1f} %".replace("-", "−"),
+    )
+
+
+def _scientific(value: float | None) -> str:
+    """Write a number as the paper prints it: three digits and a power of ten."""
+    if value is None:
+        return ""
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)))
+    powers = str(exponent).translate(str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"))
+    return f"{value / 10.0**exponent:.2f}·10{powers}".replace("-", "−")
+
+
+def _two(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _errors(
+    comparisons: Sequence[WrenchComparison],
+) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
+    """Tabulate the paper's rows of Table III, then ours."""
+    rows = [
+        ("paper", where, tuple(f"{e[n]:.2f} %" if n in e else "–" for n in SHOWN))
+        for where, e in _PAPER["errors"].items()
+    ]
+    rows += [
+        (
+            "rotorfit",
+            f"{file_name(c.flight)} ({c.configuration})",
+            tuple(error_percent(c, n) for n in SHOWN),
+        )
+        for c in comparisons
+    ]
+    return tuple(rows)
+
 
 ALWAYS = ("vehicle-top.svg", "vehicle-side.svg", "correlations.svg")
 """Files that nearly every report writes: where one is there, so is an earlier report."""

@@ -19,7 +19,7 @@ from rotorfit.results.result import (
     configuration_names,
     verdict_of,
 )
-from rotorfit.results.verdicts import WEAK, twin_of
+from rotorfit.verdicts.judge import WEAK, twin_of
 
 ROTOR_DERIVED = (
     *("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed"),

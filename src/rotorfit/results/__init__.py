@@ -1,1 +1,1 @@
-"""What is known after a fit: parameters with verdicts, in tables that save and load."""
+"""What is known after a fit: a result with its flights and findings, saved and loaded."""

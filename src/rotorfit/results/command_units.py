@@ -17,14 +17,9 @@ from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.findings import doubt, note
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
 from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS
-from rotorfit.preprocessing.motors.thrust_curve import GRID, full_speed_of, speeds
-from rotorfit.results.result import (
-    Derived,
-    IdentificationResult,
-    Parameter,
-    configuration_names,
-)
-from rotorfit.results.verdicts import judge
+from rotorfit.preprocessing.motors.motor_model import GRID, full_speed_of, speeds
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
+from rotorfit.verdicts.judge import judge
 
 _PER_MASS: Final = " per kg"
 

@@ -15,7 +15,7 @@ from rotorfit.model.parameters import PARAMETERS, ROW_ORDER
 from rotorfit.motor_law.command_response import Recording, speed_response
 from rotorfit.motor_law.fit_law import FittedLaw, LawFit, bounded_recording, fit_law
 from rotorfit.motor_law.law_model import law_of, scales_of, timing_of
-from rotorfit.preprocessing.motors.thrust_curve import (
+from rotorfit.preprocessing.motors.motor_model import (
     ThrustCurve,
     betaflight_linear,
     speeds,
@@ -23,9 +23,9 @@ from rotorfit.preprocessing.motors.thrust_curve import (
 )
 from rotorfit.reduction.motor_timing import is_time_identifiable
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
-from rotorfit.results.parameter_tables import found_time
 from rotorfit.results.result import IdentificationResult, Parameter
-from rotorfit.results.verdicts import judge
+from rotorfit.verdicts.judge import judge
+from rotorfit.verdicts.parameters import found_time
 
 ESTIMATOR: Final = (
     "least squares of the measured speeds over lag, delay and law together, glitches counting "

@@ -12,24 +12,18 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import EstimationError, OutputError
-from rotorfit.findings import (
-    Finding,
-    doubt,
-    finding_from_plain,
-    finding_to_plain,
-    sentences,
-)
+from rotorfit.findings import Finding, doubt, finding_from_plain, finding_to_plain, sentences
 from rotorfit.formatting.digits import with_interval
 from rotorfit.formatting.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.read import kind_of
 from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS
 from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plain
-from rotorfit.results.numbers import Derived as Derived
-from rotorfit.results.numbers import Parameter as Parameter
-from rotorfit.results.numbers import Verdict as Verdict
 from rotorfit.results.samples import Estimated, Samples, draw_vehicles
-from rotorfit.results.verdicts import body_verdict, twin_of
+from rotorfit.verdicts.judge import Derived as Derived
+from rotorfit.verdicts.judge import Parameter as Parameter
+from rotorfit.verdicts.judge import Verdict as Verdict
+from rotorfit.verdicts.judge import body_verdict, twin_of
 
 SCHEMA = 1
 RESULT_FILE = "a result of rotorfit identify"

@@ -1,15 +1,15 @@
 """The witness: flights with known truth; shares no line with the regressor."""
 
 from rotorfit.simulation.controller import Gains as Gains
+from rotorfit.simulation.experiments import SimulatedVehicle as SimulatedVehicle
+from rotorfit.simulation.experiments import layout_vehicle as layout_vehicle
+from rotorfit.simulation.experiments import paper_vehicle as paper_vehicle
+from rotorfit.simulation.experiments import variant as variant
 from rotorfit.simulation.flight import Scenario as Scenario
 from rotorfit.simulation.flight import simulate_flight as simulate_flight
 from rotorfit.simulation.pilot import STILL as STILL
 from rotorfit.simulation.pilot import Stick as Stick
 from rotorfit.simulation.pilot import Sticks as Sticks
-from rotorfit.simulation.scenarios import SimulatedVehicle as SimulatedVehicle
-from rotorfit.simulation.scenarios import layout_vehicle as layout_vehicle
-from rotorfit.simulation.scenarios import paper_vehicle as paper_vehicle
-from rotorfit.simulation.scenarios import variant as variant
 from rotorfit.simulation.sensors import PERFECT as PERFECT
 from rotorfit.simulation.sensors import TYPICAL as TYPICAL
 from rotorfit.simulation.sensors import Sensors as Sensors

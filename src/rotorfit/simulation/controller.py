@@ -16,6 +16,7 @@ from rotorfit.simulation.body import (
     Matrix,
     State,
     Vector,
+    allocation,
     clip,
     no_type_check,
     quaternion_from_euler,
@@ -24,7 +25,6 @@ from rotorfit.simulation.body import (
     times,
     yaw_of,
 )
-from rotorfit.simulation.motors import allocation
 from rotorfit.simulation.pilot import Reference
 from rotorfit.simulation.truth import GRAVITY, Truth
 

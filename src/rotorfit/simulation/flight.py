@@ -11,15 +11,22 @@ from jaxtyping import Bool, Float
 from rotorfit.errors import ExperimentError
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation.body import (
+    Decay,
     RigidBody,
+    Rotors,
     State,
     Vector,
     accelerations,
+    decay_over,
+    lagged,
     no_type_check,
     rigid_body,
     rotation,
+    rotors_of,
+    speed_slopes,
     step,
     with_drag,
+    wrenches,
 )
 from rotorfit.simulation.controller import (
     Autopilot,
@@ -29,15 +36,6 @@ from rotorfit.simulation.controller import (
     control,
     mix,
     trimmed,
-)
-from rotorfit.simulation.motors import (
-    Decay,
-    Rotors,
-    decay_over,
-    lagged,
-    rotors_of,
-    speed_slopes,
-    wrenches,
 )
 from rotorfit.simulation.pilot import Reference, Sticks, plan_flight
 from rotorfit.simulation.sensors import (

@@ -23,9 +23,8 @@ from rotorfit.dataset.dataset import LoadedFlight
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.model.layouts import LAYOUTS, layout_rotors
 from rotorfit.model.signals import signal_layout
-from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.model.vehicle import LAYOUTS, Rotor, Vehicle, layout_rotors
 from rotorfit.preprocessing.imu_tilt import LEAST_TILT, mean_force_tilt, tilt_phrase
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.frequency_bands import prepared_bands

@@ -6,14 +6,19 @@ takes it for lag and delay of the motors, which are not of its shape.
 An autopilot's estimate of its velocity by GPS is wrong by decimetres a second, slowly. A
 coefficient over a velocity with errors comes out too small, by the share of the errors in its
 variance (errors in variables).
+
+A sensor at the end of its range cuts off what is faster or harder: that no interval covers.
 """
 
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import ConfigurationData, Dataset
+from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
+from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.timing.onboard_filter import filter_delay, lowpass_of
@@ -35,6 +40,8 @@ OVER: Final = {
 """Coefficients, and the axis of the velocity that they are over."""
 LARGEST: Final = 0.9
 """Share of the errors, beyond which the velocity is nothing else."""
+LEAST_CUT_OFF: Final = 1e-3
+"""Of the flight that must be cut off: real flights without a fault have none."""
 MOMENTS: Final = ("Ixx", "Iyy", "Izz")
 PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
 
@@ -136,3 +143,30 @@ def _variance(configurations: list[ConfigurationData], axis: int) -> float:
     known = np.concatenate(parts) if parts else np.zeros(0)
     known = known[np.isfinite(known)]
     return float(known.var()) if len(known) else 0.0
+
+
+def saturated_sensors(fit: Fit) -> Iterator[Finding]:
+    """Check that no sensor reached the end of its range in flight; report the worst flight."""
+    flights = [f for c in fit.dataset.configurations for f in c.flights]
+    found = [cut for f in flights for cut in cut_off(f)] if fit.dataset.source == "imu" else []
+    yield doubt_or_passed("sensor-saturated", max(found)[1] if found else None)
+
+
+def cut_off(flight: LoadedFlight) -> list[tuple[float, str]]:
+    """Measure the share of a flight that each sensor's end cut off, and explain it."""
+    file = Path(flight.entry.file).name
+    found: list[tuple[float, str]] = []
+    for name, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
+        cut = flight.recorded.saturation[name]
+        if cut.share > LEAST_CUT_OFF:
+            sensor = "gyro" if name == "gyro" else "accelerometer"
+            words = (
+                f"{file}: the {sensor} is at the end of its range ({cut.largest:.3g} {unit}) for "
+                f"{100 * cut.share:.1f} % of the flight: what is faster or harder is cut off, and "
+                "inertia or thrust comes out wrong; set a wider range, or fly more gently"
+            )
+            found.append((cut.share, words))
+    return found
+
+
+CHECKS: Final = (saturated_sensors,)

@@ -30,31 +30,29 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.payload import MOMENTS, added_moments
-from rotorfit.fit.intervals.excitation import (
+from rotorfit.fit.intervals.numbers import (
     AXES,
     HEIGHTS,
     LEAST_EXCITATION,
+    PLACES,
     SCALED,
     YAW_PRODUCTS,
+    Numbers,
     attenuation_allowance,
+    com_from_imu,
     common_share,
+    correlation_of,
+    drag_lever,
+    hover_speed,
     inertia_bias,
     lean_allowance,
     lean_shift,
     link_allowance,
-    product_allowance,
-    scale_stretch,
-)
-from rotorfit.fit.intervals.numbers import (
-    PLACES,
-    Numbers,
-    com_from_imu,
-    correlation_of,
-    drag_lever,
-    hover_speed,
     moments_across,
+    product_allowance,
     quadrature,
     relevant_size,
+    scale_stretch,
 )
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from rotorfit.dataset.dataset import ConfigurationData, Dataset
-from rotorfit.fit.rows.row_fits import angular_log_likelihood, excited_turns, turn_ratios
+from rotorfit.fit.row_fits import angular_log_likelihood, excited_turns, turn_ratios
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.frequency_bands import PILOT_BAND, slow_bands

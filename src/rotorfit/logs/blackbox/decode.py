@@ -16,13 +16,7 @@ from rotorfit.logs.blackbox.encodings import (
     read_frames,
     wrap,
 )
-from rotorfit.logs.blackbox.header import (
-    MAX_BYTES,
-    FrameDefinition,
-    Header,
-    find_logs,
-    read_header,
-)
+from rotorfit.logs.blackbox.header import MAX_BYTES, FrameDefinition, Header, find_logs, read_header
 from rotorfit.logs.blackbox.scan import (
     DAMAGE,
     LOGGING_RESUME,
@@ -31,7 +25,7 @@ from rotorfit.logs.blackbox.scan import (
     Window,
     scan_frames,
 )
-from rotorfit.logs.progress import report_progress
+from rotorfit.logs.files import report_progress
 
 MAX_TIME_JUMP: Final = 10_000_000
 """Longest credible time between consecutive main frames [us]."""

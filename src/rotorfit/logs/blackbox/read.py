@@ -1,21 +1,280 @@
-"""Blackbox files: recognise, list and read them."""
+"""Blackbox files: recognise, list and read them, their fields as channels in SI units."""
 
 import hashlib
+import math
 import re
+import struct
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+from jaxtyping import Float, Int
+
 from rotorfit.errors import LogError
 from rotorfit.findings import doubts
 from rotorfit.logs.blackbox import LOG_START
-from rotorfit.logs.blackbox.channels import FIELDS, read_channels, seconds
 from rotorfit.logs.blackbox.decode import BlackboxLog, decode
-from rotorfit.logs.blackbox.header import find_logs, read_header
+from rotorfit.logs.blackbox.header import Header, find_logs, read_header
 from rotorfit.logs.files import read_bytes
-from rotorfit.logs.flight_log import Circumstances, FlightLog
+from rotorfit.logs.flight_log import Channel, Circumstances, FlightLog
 from rotorfit.logs.formats import LogEntry
+from rotorfit.logs.units import STANDARD_GRAVITY
+
+QUATERNION_ONE: Final = 8127
+"""INDIflight's integer for 1 in the field quat."""
+
+# The first of these that the log has is used.
+GYRO_FIELDS: Final = ("gyroADC", "gyroData")
+ACCEL_FIELDS: Final = ("accUnfiltered", "accADC", "accSmooth")
+ROTOR_FIELDS: Final = ("omegaUnfiltered", "omega")
+BATTERY_FIELDS: Final = ("vbatLatest", "vbat")
+INDIFLIGHT_REFERENCE: Final = "gyroSp"
+REFERENCE_FIELDS: Final = ("setpoint", "axisRate", INDIFLIGHT_REFERENCE)
+"""Betaflight's, INAV's (in the gyro's axes both) and INDIflight's."""
+_OTHER_FIELDS: Final = ("motor", "eRPM", "extPos", "quat", "imuQuaternion")
+MAX_COLUMNS: Final = 12
+"""Most rotors; INAV has as many outputs."""
+
+FIELDS: Final = frozenset(
+    name
+    for base in (
+        *GYRO_FIELDS,
+        *ACCEL_FIELDS,
+        *ROTOR_FIELDS,
+        *BATTERY_FIELDS,
+        *REFERENCE_FIELDS,
+        *_OTHER_FIELDS,
+    )
+    for name in (base, *(f"{base}[{i}]" for i in range(MAX_COLUMNS)))
+)
+"""The fields that make the channels; the others need not be kept."""
+
+
+def read_channels(log: BlackboxLog) -> tuple[dict[str, Channel], list[str]]:
+    """Read the channels of a log in SI units, and what was left out."""
+    readers = {
+        "gyro": _gyro,
+        "accel": _accel,
+        "rotor_speed": _rotor_speed,
+        "command": _command,
+        "battery": _battery,
+        "position": _position,
+        "attitude": _attitude,
+        "reference": _reference,
+    }
+    channels: dict[str, Channel] = {}
+    notes: list[str] = []
+    time = seconds(log)
+    for name, reader in readers.items():
+        result = reader(log, time)
+        if isinstance(result, Channel):
+            channels[name] = result
+        elif result:
+            notes.append(f"no {name}: {result}")
+    return channels, notes
+
+
+def seconds(log: BlackboxLog) -> Float[np.ndarray, " n"]:
+    """Read the clock of the main frames [s], continued where its 32 bits overflow."""
+    time = log.main.column("time")
+    half = 1 << 31
+    step = (np.diff(time, prepend=time[:1]) + half) % (2 * half) - half
+    return (time[:1] + np.cumsum(step)) * 1e-6
+
+
+def _vector(
+    log: BlackboxLog, bases: tuple[str, ...], count: int | None = None
+) -> tuple[str, Int[np.ndarray, "n k"]] | None:
+    """Find the first of some array fields that the log has, with its columns [0], [1], ...
+
+    Without `count`, as many columns as there are, `MAX_COLUMNS` at most; with it, that many or
+    none.
+    """
+    names = log.main.names
+    for base in bases:
+        size = 0
+        while size < (count or MAX_COLUMNS) and f"{base}[{size}]" in names:
+            size += 1
+        if size and (count is None or size == count):
+            columns = [log.main.column(f"{base}[{i}]") for i in range(size)]
+            return base, np.stack(columns, axis=1)
+    return None
+
+
+def _scaled(
+    time: Float[np.ndarray, " n"], raw: Int[np.ndarray, "n k"], scale: float, source: str
+) -> Channel:
+    """Scale integers to a channel; the scale is also its resolution."""
+    return Channel(time=time, values=raw * scale, source=source, resolution=scale)
+
+
+def _gyro(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+    """Read the angular velocity [rad/s]; Blackbox axes are already FLU."""
+    field = _vector(log, GYRO_FIELDS, 3)
+    if field is None:
+        return f"the log has no field {GYRO_FIELDS[0]}: enable gyro logging"
+    base, raw = field
+    per_count = _gyro_scale(log.header)
+    if per_count is None:
+        return "header line gyro_scale is missing or no number"
+    declared = log.header.frames["I"].names
+    others = [b for b in ("gyroADCafterRpm", "gyroUnfilt") if f"{b}[0]" in declared]
+    source = f"{base}[0..2], filtered as the header says, {math.degrees(per_count):.6g} deg/s"
+    source += "".join(f"; the log also has {other}" for other in others)
+    return _scaled(time, raw, per_count, source)
+
+
+def _gyro_scale(header: Header) -> float | None:
+    """Read the angular velocity of one count [rad/s]; None where the header does not say."""
+    text = header.entries.get("gyro_scale", "")
+    if not re.fullmatch(r"(0x)?[0-9a-fA-F]{1,8}", text):
+        return None
+    (scale,) = struct.unpack("<f", struct.pack("<I", int(text, 16)))
+    if not (math.isfinite(scale) and scale > 0):
+        return None
+    if scale < 1e-5:  # Baseflight's unit: rad/us
+        return scale * 1e6
+    if header.numbers("blackbox_high_resolution") == (1,):
+        scale /= 10
+    return math.radians(scale)
+
+
+def _accel(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+    """Read the specific force [m/s^2]; Blackbox axes are already FLU."""
+    field = _vector(log, ACCEL_FIELDS, 3)
+    if field is None:
+        return f"the log has no field {' or '.join(ACCEL_FIELDS)}: enable accelerometer logging"
+    base, raw = field
+    one_g = (log.header.numbers("acc_1G") or (0,))[0]
+    if one_g <= 0:
+        return "header line acc_1G is missing or not positive"
+    return _scaled(time, raw, STANDARD_GRAVITY / one_g, f"{base}[0..2], {one_g} counts per g")
+
+
+def _rotor_speed(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+    """Read the measured rotor speeds [rad/s]."""
+    rotors = _vector(log, ROTOR_FIELDS)
+    if rotors is not None:
+        base, raw = rotors
+        # INDIflight always logs eight; the motors say how many there are.
+        motors = _vector(log, ("motor",))
+        used = (
+            motors[1].shape[1]
+            if motors
+            else 1 + int(np.flatnonzero(raw.any(axis=0)).max(initial=0))
+        )
+        raw = raw[:, :used]
+        return _scaled(time, raw, 1.0, f"{base}[0..{raw.shape[1] - 1}], rad/s")
+    erpm = _vector(log, ("eRPM",))
+    if erpm is None and log.header.entries.get("Firmware revision", "").startswith("INAV"):
+        return "INAV to 9 has no bidirectional DSHOT, and escRPM of a telemetry wire is not read"
+    if erpm is None:
+        return "the log has neither omega nor eRPM: enable bidirectional DSHOT and RPM logging"
+    raw = erpm[1]
+    poles = (log.header.numbers("motor_poles") or (0,))[0]
+    if poles < 2:
+        return f"header line motor_poles is {poles or 'missing'}, expected 2 or more"
+    source = f"eRPM[0..{raw.shape[1] - 1}], 100 electrical rpm, {poles} motor poles"
+    return _scaled(time, raw, 100 * 2 * math.pi / 60 / (poles / 2), source)
+
+
+def _command(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+    """Read the motor commands as a fraction of the output range."""
+    motors = _vector(log, ("motor",))
+    if motors is None:
+        return "the log has no field motor[0]: enable motor logging"
+    low, high, line = _motor_range(log.header)
+    if high <= low:
+        return f"header line {line} gives no range of motor outputs"
+    raw = motors[1]
+    # Below the range: stopped. Commands do not exceed 1 by definition.
+    values = np.clip((raw - low) / (high - low), 0.0, 1.0)
+    source = f"motor[0..{raw.shape[1] - 1}], {low}..{high} ({line}) as 0..1, clipped"
+    return Channel(time=time, values=values, source=source, resolution=1 / (high - low))
+
+
+def _motor_range(header: Header) -> tuple[int, int, str]:
+    """Return lowest and highest motor output, and the header line that says so."""
+    output = header.numbers("motorOutput") or ()
+    if len(output) == 2:
+        return output[0], output[1], "motorOutput"
+    low, high = header.numbers("minthrottle") or (0,), header.numbers("maxthrottle") or (0,)
+    return low[0], high[0], "minthrottle, maxthrottle"
+
+
+def _battery(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+    """Read the battery voltage [V]."""
+    base = next((name for name in BATTERY_FIELDS if name in log.main.names), None)
+    if base is None:
+        return "the log has no field vbatLatest"
+    scale, source = _volts_per_count(log.header)
+    if scale is None:
+        return f"header line {source} is missing or not positive"
+    return _scaled(time, log.main.column(base)[:, None], scale, f"{base}, {source}")
+
+
+def _volts_per_count(header: Header) -> tuple[float | None, str]:
+    """Read the voltage of one count [V], and how it is known."""
+    revision = header.entries.get("Firmware revision", "")
+    firmware = re.match(r"(Betaflight|Indiflight|INAV)\s+(\d{1,6})", revision, re.IGNORECASE)
+    if firmware and (firmware[1].lower() != "betaflight" or int(firmware[2]) >= 4):
+        return 0.01, "0.01 V"
+    # Before: counts of a 12-bit converter at 3.3 V behind a divider, vbat_scale / 10 to one.
+    divider = (header.numbers("vbat_scale") or header.numbers("vbatscale") or (0,))[0]
+    if divider <= 0:
+        return None, "vbat_scale"
+    return 3.3 / 4095 * divider / 10, f"12-bit counts, vbat_scale {divider}"
+
+
+def _is_indiflight(log: BlackboxLog) -> bool:
+    return log.header.entries.get("Firmware revision", "").lower().startswith("indiflight")
+
+
+def _position(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+    """Read the motion-capture position [m], north-east-down to north-west-up."""
+    field = _vector(log, ("extPos",), 3) if _is_indiflight(log) else None
+    if field is None or not field[1].any():
+        return ""  # most logs have none: nothing to remark
+    raw = field[1]
+    # The log repeats the last fix until the next: only the frames that bring a new one count.
+    is_new = np.append(True, (np.diff(raw, axis=0) != 0).any(axis=1)) & raw.any(axis=1)
+    source = "extPos[0..2], 1 mm, north-east-down turned to north-west-up, new fixes only"
+    return _scaled(time[is_new], raw[is_new] * np.array([1, -1, -1]), 1e-3, source)
+
+
+def _attitude(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+    """Read the attitude of the autopilot, body FLU to world north-west-up.
+
+    INDIflight's quat turns FRD into north-east-down. Half a turn about x on both sides gives the
+    quaternion here, (w, x, -y, -z): its rates agree with the gyro, and gravity with down.
+    """
+    field = _vector(log, ("quat", "imuQuaternion"), 4)
+    if field is None:
+        return ""
+    if field[0] != "quat" or not _is_indiflight(log):
+        return f"the axes of field {field[0]} are known for INDIflight only"
+    raw = field[1] * np.array([1, 1, -1, -1])
+    norm = np.linalg.norm(raw, axis=1, keepdims=True)
+    values = np.where(norm > 0, raw / np.maximum(norm, 1), np.nan)
+    source = "quat[0..3], FRD to north-east-down turned to FLU to north-west-up, estimate on board"
+    return replace(_scaled(time, raw, 1 / QUATERNION_ONE, source), values=values)
+
+
+def _reference(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+    """Read the angular velocity that was asked for [rad/s], as fine as the gyro is logged."""
+    field = _vector(log, REFERENCE_FIELDS, 3)
+    if field is None:
+        return ""
+    base, raw = field
+    step = 0.1 if log.header.numbers("blackbox_high_resolution") == (1,) else 1.0
+    source = f"{base}[0..2], {step:g} deg/s"
+    if base == INDIFLIGHT_REFERENCE:
+        raw, source = raw * np.array([1, -1, -1]), f"{source}, FRD turned to FLU"
+    return _scaled(time, raw, math.radians(step), source)
+
 
 _LISTED: Final = 8
 """Most logs that an error message lists."""

@@ -1,4 +1,7 @@
-"""DataFlash files to FlightLog."""
+"""DataFlash files to FlightLog.
+
+The rate controller of an ArduPilot log: messages RATE and PARM.
+"""
 
 from collections.abc import Container, Iterator, Mapping
 from pathlib import Path
@@ -8,28 +11,70 @@ import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, doubt, doubts
-from rotorfit.logs.controller_log import ControllerLog
-from rotorfit.logs.dataflash import HEAD, controller, imu, motors, parameters, pose, remix
-from rotorfit.logs.dataflash.columns import possible_in_order, time_of, unit_sentences
+from rotorfit.logs.controller_log import TURNED, ControllerLog
+from rotorfit.logs.dataflash import HEAD, frames, motors, parameters, sensors
+from rotorfit.logs.dataflash.columns import (
+    possible_in_order,
+    time_of,
+    timed,
+    unit_sentences,
+    vector,
+)
 from rotorfit.logs.dataflash.firmware import lack_notes, too_slow
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
 from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
 from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
 from rotorfit.logs.files import read_blocks, read_head, sha256_of
-from rotorfit.logs.flight_log import (
-    CHANNELS,
-    Channel,
-    FlightLog,
-    seconds_of,
-    simulated_sentence,
-)
+from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog, seconds_of, simulated_sentence
+
+CONTROLLER_NAMES: Final = ("RATE", *parameters.NAMES)
+"""Messages that tell of it."""
+ASKED: Final = ("RDes", "PDes", "YDes")
+MEASURED: Final = ("R", "P", "Y")
+OUTPUT: Final = ("ROut", "POut", "YOut")
+FAST: Final = 0.8
+"""Share of SCHED_LOOP_RATE at which RATE must come: a run of the controller must not be missing."""
+
+
+def controller_of(messages: Messages, path: Path) -> ControllerLog:
+    """Read the rate controller of an ArduPilot log, whose messages have `CONTROLLER_NAMES`."""
+    settings = parameters.read_parameters(messages)
+    found = timed(messages, "RATE", (*ASKED, *MEASURED, *OUTPUT))
+    if found is None or len(found[0]) < 2:
+        raise LogError(
+            f"{path}: the log has no RATE messages, in which the rate controllers are: set bit 0 "
+            "(fast attitude) of LOG_BITMASK and fly again"
+        )
+    time, fields = found
+    loop = settings.number("SCHED_LOOP_RATE") or 400.0
+    rate = 1.0 / float(np.median(np.diff(time)))
+    if rate < FAST * loop:
+        raise LogError(
+            f"{path}: RATE comes at {rate:.0f} Hz, the controllers run at {loop:.0f} Hz: set bit 0 "
+            "(fast attitude) of LOG_BITMASK and fly again"
+        )
+    asked, measured = (np.deg2rad(vector(fields, labels)) for labels in (ASKED, MEASURED))
+    version = next((t for t in parameters.texts(messages) if t.startswith("Ardu")), "unknown")
+    return ControllerLog(
+        autopilot="ArduCopter",
+        firmware=version,
+        parameters=settings.values,
+        changed=settings.changed,
+        time=time[1:],
+        # Controllers run before the loop makes the set point that is logged with them.
+        set_point=asked[:-1] * TURNED,
+        rate=measured[1:] * TURNED,
+        output=vector(fields, OUTPUT)[1:] * TURNED,
+    )
+
 
 CHOICE: Final = Wanted(
-    names=frozenset((*imu.CHOICE_NAMES, *parameters.NAMES)), glimpsed=frozenset(imu.GLIMPSED)
+    names=frozenset((*sensors.CHOICE_NAMES, *parameters.NAMES)),
+    glimpsed=frozenset(sensors.GLIMPSED),
 )
 """Messages that tell which IMU to read."""
 NAMES: Final = (
-    *(*motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, *parameters.CIRCUMSTANCES),
+    *(*motors.NAMES, *parameters.NAMES, *sensors.NAMES, *frames.NAMES, *parameters.CIRCUMSTANCES),
     *("UNIT", "FMTU"),
 )
 LEAST_RESTART: Final = 1.0
@@ -57,8 +102,8 @@ def read_dataflash(path: Path) -> FlightLog:
 
 def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
     """Read a DataFlash log of ArduCopter, and its rate controller, in one pass."""
-    log, messages = _read(path, controller.NAMES)
-    return log, controller.controller_of(messages, path)
+    log, messages = _read(path, CONTROLLER_NAMES)
+    return log, controller_of(messages, path)
 
 
 def _read(path: Path, also: Container[str]) -> tuple[FlightLog, Messages]:
@@ -84,7 +129,7 @@ def _flight_log(path: Path, sha256: str, also: Container[str]) -> tuple[FlightLo
     """
     glimpse = find_messages(read_blocks(path, (0.0, 0.4)), wanted=CHOICE)
     settings, texts = read_parameters(glimpse), parameters.texts(glimpse)
-    choice = imu.choose_imu(glimpse, settings)
+    choice = sensors.choose_imu(glimpse, settings)
     del glimpse
     names = frozenset((*NAMES, *choice.names))
     messages = find_messages(read_blocks(path, (0.4, 0.6)), wanted=_wanted(choice, names))
@@ -95,13 +140,13 @@ def _flight_log(path: Path, sha256: str, also: Container[str]) -> tuple[FlightLo
     speed, speed_notes = motors.read_rotor_speed(messages, settings, wired)
     messages = messages.without(motors.ESC_NAMES)
     appended = _appended(messages, choice.names)
-    sensors = imu.read_imu(messages, settings, choice)
+    measured = sensors.read_imu(messages, settings, choice)
     messages = messages.without(choice.names)
     command, command_notes = _commands(messages, settings, wired, frame)
     messages = messages.without(motors.OUTPUT_MESSAGES)
     imu_and_motors = {
-        "gyro": sensors.gyro,
-        "accel": sensors.accel,
+        "gyro": measured.gyro,
+        "accel": measured.accel,
         "rotor_speed": speed,
         "command": command,
     }
@@ -109,7 +154,7 @@ def _flight_log(path: Path, sha256: str, also: Container[str]) -> tuple[FlightLo
     if not channels:
         raise LogError(_nothing(messages))
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
-    simulator = remix.simulator_of(settings)
+    simulator = frames.simulator_of(settings)
     flown, unarmed = _armed(messages, moved=_moves(command))
     begin = min(float(channel.time[0]) for channel in channels.values())
     log = FlightLog(
@@ -122,7 +167,7 @@ def _flight_log(path: Path, sha256: str, also: Container[str]) -> tuple[FlightLo
         notes=(
             *([simulated_sentence(simulator)] if simulator else []),
             *flown,
-            *sensors.notes,
+            *measured.notes,
             *command_notes,
             *speed_notes,
             *_frame_notes(frame, settings, texts),
@@ -131,8 +176,8 @@ def _flight_log(path: Path, sha256: str, also: Container[str]) -> tuple[FlightLo
         ),
         findings=(*unarmed, *appended, *_doubts(messages, settings, channels, names)),
         simulator=simulator,
-        motors=remix.logged_motors(settings, battery="battery" in channels),
-        gyro_lowpass=sensors.gyro_lowpass,
+        motors=frames.logged_motors(settings, battery="battery" in channels),
+        gyro_lowpass=measured.gyro_lowpass,
         circumstances=parameters.circumstances_of(messages, texts, begin),
     )
     return log, kept
@@ -157,9 +202,9 @@ def _doubts(
     yield from doubts("damaged-log", _damage(messages, names))
 
 
-def _wanted(choice: imu.ImuChoice, names: frozenset[str]) -> Wanted:
+def _wanted(choice: sensors.ImuChoice, names: frozenset[str]) -> Wanted:
     """Select the fields to keep of the messages with these names: of IMUs the chosen one alone."""
-    labels = dict.fromkeys(choice.names, imu.LABELS)
+    labels = dict.fromkeys(choice.names, sensors.LABELS)
     labels |= dict.fromkeys(motors.ESC_NAMES, motors.ESC_LABELS)
     return Wanted(names=names, instances=choice.instances, labels=labels)
 
@@ -171,17 +216,17 @@ def _commands(
     command, notes = motors.read_commands(messages, settings, wired)
     if command is None:
         return None, notes
-    command, mixed = remix.remixed(messages, settings, command, frame=frame)
+    command, mixed = frames.remixed(messages, settings, command, frame=frame)
     return command, [*notes, *mixed]
 
 
 def _other_sensors(messages: Messages) -> dict[str, Channel | None]:
     """Return the channels that are neither of the IMU nor of the motors."""
     return {
-        "battery": pose.read_battery(messages),
-        "velocity": pose.read_velocity(messages),
-        "reference": pose.read_reference(messages),
-        **pose.read_pose(messages),
+        "battery": sensors.read_battery(messages),
+        "velocity": sensors.read_velocity(messages),
+        "reference": sensors.read_reference(messages),
+        **sensors.read_pose(messages),
     }
 
 
@@ -198,14 +243,14 @@ def _metadata(settings: Parameters, texts: list[str], text: str | None) -> dict[
     """Read firmware, frame and the parameters that matter to motors and sensors."""
     known = [t for t in texts if t.startswith(("ArduCopter", "ArduPlane", "APM:", "ArduSub"))]
     metadata = {"Firmware revision": known[0][:_LONGEST_TEXT]} if known else {}
-    frames = [t for t in texts if t.startswith("Frame: ")]
-    if frames:
-        metadata["Frame"] = frames[0].removeprefix("Frame: ")[:_LONGEST_TEXT]
+    named = [t for t in texts if t.startswith("Frame: ")]
+    if named:
+        metadata["Frame"] = named[0].removeprefix("Frame: ")[:_LONGEST_TEXT]
     if text is not None:
         metadata["airframe"] = text
     values = settings.values
     metadata |= {name: f"{values[name]:.10g}" for name in _MOTOR_PARAMETERS if name in values}
-    simulator = remix.simulator_of(settings)
+    simulator = frames.simulator_of(settings)
     if simulator:
         metadata["Simulator"] = simulator
     more = [name for name in values if name.startswith("SIM_FRM_")]
@@ -231,7 +276,7 @@ def _frame_notes(frame: Frame | None, settings: Parameters, texts: list[str]) ->
 
 def _law_notes(settings: Parameters) -> list[str]:
     """Say what the firmware takes for the motors' thrust over command."""
-    curve = remix.thrust_curve(settings)
+    curve = frames.thrust_curve(settings)
     if curve is None:
         return []
     e, low, width = curve.expo, curve.spin_min, curve.spin_max - curve.spin_min

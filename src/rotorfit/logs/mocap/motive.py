@@ -13,17 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.axes import Axes, unit_or_nan
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import FlightLog
-from rotorfit.logs.mocap.take import (
-    LENGTHS,
-    Body,
-    Take,
-    finite,
-    log_of_file,
-    numbers,
-)
+from rotorfit.logs.mocap.take import LENGTHS, Body, Take, finite, log_of_file, numbers
+from rotorfit.logs.units import Axes, unit_or_nan
 
 _HEADER_LINES: Final = 16
 _AXES: Final = {

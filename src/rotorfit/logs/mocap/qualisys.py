@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import Body, Take, finite, log_of_file, numbers
+from rotorfit.logs.units import Axes
 
 _PER_BODY: Final = 16
 _HEADER_LINES: Final = 64

@@ -15,17 +15,10 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.axes import Axes, unit_or_nan
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import FlightLog
-from rotorfit.logs.mocap.take import (
-    Body,
-    Take,
-    finite,
-    log_of_file,
-    number_or_nan,
-    numbers,
-)
+from rotorfit.logs.mocap.take import Body, Take, finite, log_of_file, number_or_nan, numbers
+from rotorfit.logs.units import Axes, unit_or_nan
 
 _PROGRAMS: Final = {"segments": "Nexus", "objects": "Tracker"}
 """Blocks that hold rigid bodies, and which program writes them."""

@@ -8,13 +8,19 @@ from typing import Final
 
 from rotorfit.errors import LogError
 from rotorfit.findings import doubts
-from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import CHANNELS, FlightLog, seconds_of
 from rotorfit.logs.rosbag import files_of
-from rotorfit.logs.rosbag.choose import Candidate, candidates, chosen, is_aim, mapped_channels
-from rotorfit.logs.rosbag.messages import NOT_MOTORS
+from rotorfit.logs.rosbag.choose import (
+    NOT_MOTORS,
+    Candidate,
+    candidates,
+    chosen,
+    is_aim,
+    mapped_channels,
+)
 from rotorfit.logs.rosbag.stream import Contents, Recorded, Timing, require_rosbags, timings
+from rotorfit.logs.units import Axes
 
 _SHOWN: Final = 20
 

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
-from rotorfit.logs.progress import report_progress
+from rotorfit.logs.files import report_progress
 
 Encoding = Literal["ros1", "cdr"]
 

@@ -1,21 +1,108 @@
-"""Logs of PX4 (ULog); its body axes are FRD and its world is NED, turned here."""
+"""Logs of PX4 (ULog); its body axes are FRD and its world is NED, turned here.
+
+The rate controller of a PX4 log: topics and parameters.
+"""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+from jaxtyping import Float
+
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, doubt, doubts
-from rotorfit.logs.controller_log import ControllerLog
+from rotorfit.logs.controller_log import TURNED, ControllerLog
 from rotorfit.logs.flight_log import SIH, Channel, FlightLog, simulated_sentence
-from rotorfit.logs.ulog import controller, imu, motors, pose, vehicle
+from rotorfit.logs.ulog import motors, sensors, vehicle
 from rotorfit.logs.ulog.firmware import log_faster
+from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.scan import Scan, scan_file
 
+CONTROLLER_TOPICS: Final = {
+    "vehicle_angular_velocity": ("timestamp", "timestamp_sample", "xyz", "xyz_derivative"),
+    "vehicle_rates_setpoint": ("timestamp", "roll", "pitch", "yaw"),
+    "vehicle_torque_setpoint": ("timestamp", "timestamp_sample", "xyz"),
+}
+
+WITHIN: Final = 0.5
+"""Of a run of the controller: the set point is the last one, or came in that very run."""
+
+
+def controller_of(scan: Scan, path: Path) -> ControllerLog:
+    """Read the rate controller of a PX4 log, whose scan has `CONTROLLER_TOPICS`."""
+    measured, asked, torque = (_topic(scan, name, path) for name in CONTROLLER_TOPICS)
+    rates, slopes, outputs = (
+        _vector(topic, field, path)
+        for topic, field in ((measured, "xyz"), (measured, "xyz_derivative"), (torque, "xyz"))
+    )
+    # The controller runs on a sample of the gyro, and its output bears the time of that sample.
+    sampled, at = torque.sample_time, measured.sample_time
+    row = np.minimum(np.searchsorted(at, sampled - 1e-6), len(at) - 1)
+    known = np.abs(at[row] - sampled) < 1e-6
+    set_points = np.stack([asked.column(axis) for axis in ("roll", "pitch", "yaw")], axis=1)
+    used = _used(asked.time, set_points, torque.time)
+    known &= np.isfinite(outputs).all(axis=1) & np.isfinite(rates[row]).all(axis=1)
+    known &= np.isfinite(used).all(axis=1)
+    if known.sum() < 2:
+        raise LogError(f"{path}: no run of the rate controller is complete: {_cure(scan)}")
+    return ControllerLog(
+        autopilot="PX4",
+        firmware=str(scan.info.get("ver_sw", "version unknown"))[:12],
+        parameters={
+            name: value for name in scan.parameters if (value := scan.last(name)) is not None
+        },
+        changed=tuple(name for name, _, _ in scan.changes),
+        time=torque.time[known],
+        set_point=used[known] * TURNED,
+        rate=rates[row][known] * TURNED,
+        output=outputs[known] * TURNED,
+        set_point_std=WITHIN * float(np.median(np.diff(torque.time))),
+        slope=slopes[row][known] * TURNED,
+    )
+
+
+def _used(
+    published: Float[np.ndarray, " m"],
+    set_points: Float[np.ndarray, "m 3"],
+    time: Float[np.ndarray, " n"],
+) -> Float[np.ndarray, "n 3"]:
+    """Compute the set points that the controller used: those of the run before.
+
+    Between those logged they are interpolated: the logger loses many (a third, at 250 Hz).
+    """
+    finite = np.isfinite(set_points).all(axis=1)
+    if finite.sum() < 2:
+        return np.full((len(time), 3), np.nan)
+    at = time - float(np.median(np.diff(time)))
+    columns = [np.interp(at, published[finite], set_points[finite, i]) for i in range(3)]
+    return np.stack(columns, axis=1)
+
+
+def _cure(scan: Scan) -> str:
+    return f"{log_faster(scan.number('SDLOG_PROFILE'))} and fly again"
+
+
+def _topic(scan: Scan, name: str, path: Path) -> Topic:
+    topic = scan.first(name)
+    if topic is None or len(topic.rows) < 2:
+        raise LogError(
+            f"{path}: the log has no {name}, which the rate controller is: {_cure(scan)}"
+        )
+    return topic
+
+
+def _vector(topic: Topic, name: str, path: Path) -> Float[np.ndarray, "n 3"]:
+    values = topic.vector(name, 3)
+    if values is None:
+        raise LogError(f"{path}: {topic.label} has no field {name}: use PX4 1.14 or later")
+    return values
+
+
 WANTED: Final = {
-    **imu.TOPICS,
+    **sensors.IMU_TOPICS,
     **motors.TOPICS,
-    **pose.TOPICS,
+    **sensors.POSE_TOPICS,
     **vehicle.TOPICS,
 }
 SLOW_MOTORS: Final = 50.0
@@ -30,8 +117,8 @@ def read_ulog(path: Path) -> FlightLog:
 
 def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
     """Read a log of PX4, and its rate controller, in one pass."""
-    log, scan = _read(path, controller.TOPICS)
-    return log, controller.controller_of(scan, path)
+    log, scan = _read(path, CONTROLLER_TOPICS)
+    return log, controller_of(scan, path)
 
 
 def _read(path: Path, also: Mapping[str, tuple[str, ...]]) -> tuple[FlightLog, Scan]:
@@ -85,23 +172,23 @@ def _channels(
     kept = scan.only(also)
     speed = motors.find_rotor_speed(scan, simulated=bool(vehicle.simulator_of(scan)))
     scan = scan.without(motors.SPEED_TOPICS)
-    found = imu.find_imu(scan, raw=lambda: scan_file(path, imu.FIFO_TOPICS))
-    scan = scan.without(imu.TOPICS)
+    found = sensors.find_imu(scan, raw=lambda: scan_file(path, sensors.FIFO_TOPICS))
+    scan = scan.without(sensors.IMU_TOPICS)
     command = motors.find_command(scan)
     scan = scan.without(motors.COMMAND_TOPICS)
-    posed, pose_notes = pose.find_pose(scan)
-    scan = scan.without(pose.MOCAP)
+    posed, pose_notes = sensors.find_pose(scan)
+    scan = scan.without(sensors.MOCAP)
     made: dict[str, Channel | None] = {
         "gyro": found.gyro,
         "accel": found.accel,
         "rotor_speed": speed.channel,
         "command": command.channel,
-        "battery": pose.find_battery(scan),
-        "velocity": pose.find_velocity(scan),
-        "reference": pose.find_reference(scan),
+        "battery": sensors.find_battery(scan),
+        "velocity": sensors.find_velocity(scan),
+        "reference": sensors.find_reference(scan),
         **posed,
     }
-    scan = scan.without(pose.TOPICS)
+    scan = scan.without(sensors.POSE_TOPICS)
     channels = {name: channel for name, channel in made.items() if channel is not None}
     missing = [name for name in ("gyro", "accel") if name not in channels]
     faster = log_faster(scan.number("SDLOG_PROFILE"))
@@ -121,7 +208,7 @@ def _slow_motors(channels: dict[str, Channel], scan: Scan) -> Iterator[Finding]:
     faster = log_faster(scan.number("SDLOG_PROFILE"))
     for name in ("rotor_speed", "command"):
         channel = channels.get(name)
-        rate = 0.0 if channel is None else imu.rate_of(channel)
+        rate = 0.0 if channel is None else sensors.rate_of(channel)
         if 0.0 < rate < SLOW_MOTORS:
             yield doubt(
                 "slow-motor-data",

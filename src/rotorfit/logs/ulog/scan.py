@@ -15,9 +15,8 @@ import numpy as np
 from jaxtyping import Int, UInt8
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import read_head
+from rotorfit.logs.files import read_head, report_progress
 from rotorfit.logs.flight_log import in_order
-from rotorfit.logs.progress import report_progress
 from rotorfit.logs.ulog import MAGIC
 from rotorfit.logs.ulog.messages import (
     HEADER_BYTES,

@@ -1,0 +1,147 @@
+"""Is the IMU tilted against the rotors? Its readings are turned back before the fit where it is.
+
+A mean specific force that leans away from z is a turned IMU, a biased one, or the drag of fast
+flight. Turned readings mix roll and pitch torques into yaw, which drag does not undo: where the
+flight is much likelier with its readings turned back, the IMU is turned.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.experiment.declared_vehicle import with_imu_tilt
+from rotorfit.experiment.experiment import Experiment
+from rotorfit.findings import Evidence, Finding, doubt
+from rotorfit.fit.joint.joint_fit import joint_fit
+from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
+from rotorfit.fit.joint.term_choice import LEAST_GAIN
+from rotorfit.fit.timing.timed_dataset import TimedDataset, levelled_flights
+from rotorfit.fit.timing.timing_fit import find_timing
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
+from rotorfit.reduction.frequency_bands import STRETCH
+
+FEWEST_PARTS: Final = 3
+"""Whose scatter tells anything."""
+Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
+
+
+def estimate_imu_tilt(
+    dataset: TimedDataset, fitted: Callable[[TimedDataset], Fitted]
+) -> ImuTilt | None:
+    """Estimate how the IMU is mounted, where the flights are far likelier so; else None.
+
+    `fitted` fits a dataset, and gives its configurations with their informative bands.
+    """
+    tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
+    if dataset.source != "imu" or tilt.angle < LEAST_TILT:
+        return None
+    level = levelled_flights(dataset, tilt)
+    first, second = fitted(dataset), fitted(level)
+    # Likelihoods compare on the same blocks alone, so on those that count for either.
+    gains = [
+        likelihood_on(second, level, first[1]) - first[0].log_likelihood,
+        second[0].log_likelihood - likelihood_on(first, dataset, second[1]),
+    ]
+    return tilt if min(gains) > LEAST_GAIN * len(dataset.configurations) else None
+
+
+def likelihood_on(
+    fit: Fitted, dataset: TimedDataset, counted: Sequence[JointConfiguration]
+) -> float:
+    """Compute the log-likelihood of a fit on the informative blocks of another fit."""
+    joint = [
+        replace(c, factors=factors, model=dataset.model)
+        for c, factors in zip(counted, dataset.timed_bands, strict=True)
+    ]
+    return joint_estimate(joint, [], begin=fit[0].estimate.by_name).log_likelihood
+
+
+def correct_imu_tilt(
+    experiment: Experiment, dataset: TimedDataset
+) -> tuple[Experiment, TimedDataset, tuple[Finding, ...]]:
+    """Turn the readings into the rotors' axes where the flights show that the IMU is tilted."""
+    if experiment.airframe.imu_tilt_deg is not None:
+        return experiment, dataset, ()
+    tilt, lean = estimate_imu_tilt(dataset, joint_fit), lean_evidence(dataset)
+    if tilt is None:
+        sentence = lean_sentence(dataset)
+        leans = () if sentence is None else (_leans(sentence, lean),)
+        return experiment, dataset, leans
+    dataset = levelled_flights(dataset, tilt).reduced()
+    if dataset.motor_timing is not None:
+        dataset = replace(dataset, motor_timing=find_timing(dataset))
+    found = doubt("imu-tilt", mounting_sentence(tilt), evidence=lean)
+    return with_imu_tilt(experiment, tilt), dataset, (found,)
+
+
+def mounting_sentence(tilt: ImuTilt) -> str:
+    """Explain that the IMU is mounted turned, and that its readings are turned back."""
+    roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
+    return (
+        f"the IMU is mounted {tilt_phrase(tilt)} relative to the plane of the rotors: in flight "
+        "the thrust is tilted by that angle in the IMU's axes, and the flight fits far better with "
+        "it. rotorfit corrects the readings; measure the mounting, and declare it under [airframe] "
+        f"(imu_tilt_deg = [{roll:.1f}, {pitch:.1f}])"
+    )
+
+
+def lean_evidence(dataset: TimedDataset) -> tuple[Evidence, ...]:
+    """Return how far the thrust leans in the IMU's axes, by the scatter of the flights' parts."""
+    flights = [f.prepared.data for c in dataset.configurations for f in c.flights]
+    parts = np.array([part for data in flights for part in _mean_forces(data)])
+    half = np.inf
+    if len(parts) >= FEWEST_PARTS:
+        spread = parts.std(axis=0, ddof=1) / np.sqrt(len(parts))
+        half = float(
+            stats.t.ppf(0.975, len(parts) - 1) * np.linalg.norm(spread[:2] / parts.mean(axis=0)[2])
+        )
+    angle = mean_force_tilt(flights).angle
+    interval = (angle - half, angle + half) if np.isfinite(half) else None
+    return (Evidence(name="imu_lean", value=angle, interval=interval, limit=LEAST_TILT),)
+
+
+def _mean_forces(data: FlightData) -> Float[np.ndarray, "p 3"]:
+    """Return the mean specific force of each stretch of a flight [m/s^2]."""
+    count = max(round(len(data.used_rows) / (STRETCH * data.sample_rate)), 1)
+    return np.array(
+        [data.specific_force[rows].mean(axis=0) for rows in np.array_split(data.used_rows, count)]
+    )
+
+
+def lean_sentence(dataset: TimedDataset) -> str | None:
+    """Explain that the thrust leans in the IMU's axes for a cause that the flight does not show.
+
+    None where the parts of the flights lean by so different angles that it may be chance.
+    """
+    tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
+    if dataset.source != "imu" or tilt.angle < LEAST_TILT:
+        return None
+    (lean,) = lean_evidence(dataset)
+    if lean.interval is not None and lean.interval[0] < LEAST_TILT:
+        return None
+    roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
+    return (
+        f"in flight the thrust is tilted as if the IMU were mounted {tilt_phrase(tilt)} (good "
+        "logs: up to 4.5 degrees); the flight does not show whether it is, or whether a biased "
+        "accelerometer or drag in fast flight is the cause: measure the mounting and declare it "
+        f"under [airframe] (imu_tilt_deg = [{roll:.1f}, {pitch:.1f}]); until then do not trust "
+        "kd, Jr and the inertia about z"
+    )
+
+
+def _leans(sentence: str, lean: tuple[Evidence, ...]) -> Finding:
+    """Doubt what goes with the rotors' axis where the thrust leans."""
+    return doubt(
+        "imu-leans",
+        sentence,
+        evidence=lean,
+        numbers=("kd", "Jr", "Izz"),
+        doubtful_because="the thrust is tilted in the IMU's axes",
+        next_step="measure how the IMU is mounted and give imu_tilt_deg under [airframe]",
+    )

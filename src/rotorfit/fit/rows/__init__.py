@@ -1,1 +1,0 @@
-"""The estimates row by row, and the paper's."""

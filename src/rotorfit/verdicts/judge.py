@@ -1,0 +1,298 @@
+"""From an estimate to words: how well is it known, why not better, and what to fly next.
+
+A number of a result, with what the flights say of it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Final, Literal
+
+from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, moments_of_product
+from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
+from rotorfit.model.terms.body import product_scale
+from rotorfit.model.terms.rotors import MOST_ROTORS
+from rotorfit.model.terms.term import Motion
+from rotorfit.simulation.pilot import Manoeuvre
+
+Verdict = Literal[
+    "identified", "weak", "doubtful", "ratio-only", "not-identified", "given", "removed"
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One parameter of the model, with what this experiment says of it.
+
+    Attributes
+    ----------
+    name, configuration, unit
+        `configuration` is None for what all configurations share.
+    value, std, interval
+        SI; None where the flight does not give them. The interval is 95 %.
+    verdict
+        ``identified``, ``weak`` (interval wide), ``doubtful`` (may be outside its interval, as a
+        finding says), ``ratio-only`` (only together with the parameter `partner`),
+        ``not-identified``, ``given``, ``removed`` (an unessential parameter).
+    partner
+        Named under ``with`` in the file.
+    reason, advice
+        Why the verdict is not better, and what to fly or measure next.
+    """
+
+    name: str
+    configuration: str | None
+    value: float | None
+    std: float | None
+    interval: tuple[float, float] | None
+    unit: str
+    verdict: Verdict
+    partner: str | None = None
+    reason: str | None = None
+    advice: str | None = None
+
+    @property
+    def full_name(self) -> str:
+        """Its name among those of all configurations, such as ``Ixx@A``."""
+        return f"{self.name}@{self.configuration}" if self.configuration else self.name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Derived:
+    """A number computed from the parameters.
+
+    Attributes
+    ----------
+    name, configuration, unit
+        `configuration` is None for what all configurations share.
+    value, std, interval
+        SI; None where the parameters do not give it. The interval is 95 %.
+    verdict, reason
+        As of a `Parameter`; doubtful where a number is that it depends on.
+    """
+
+    name: str
+    configuration: str | None
+    value: float | None
+    std: float | None
+    interval: tuple[float, float] | None
+    unit: str
+    verdict: Verdict | None = None
+    reason: str | None = None
+
+    @property
+    def full_name(self) -> str:
+        """Its name among those of all configurations, such as ``com_x@A``."""
+        return f"{self.name}@{self.configuration}" if self.configuration else self.name
+
+
+WEAK = 0.25
+"""Half-width of the interval, relative to value or scale, over which a parameter is weak."""
+HOPELESS = 1.0
+"""The same, over which it is not identified."""
+HOPELESS_YAW = 0.5
+"""The same where little but disturbances moves yaw: their pull is one-sided."""
+
+FLOWN: Final[Mapping[Manoeuvre, str]] = {
+    "hover": "hover, hands off",
+    "roll": "roll briskly: 20 s of quick left-right rolls, one or two a second",
+    "pitch": "pitch briskly: 20 s of quick nods forward and back, one or two a second",
+    "yaw": "yaw left and right, 20 s",
+    "climb": "climb and sink: 20 s of gentle thrust steps",
+    "sticks": "move all sticks at once, 20 s",
+    "doublets": "kick and counter-kick roll, pitch and yaw, with pauses, 20 s",
+    "wiggles": "wiggle roll and pitch quickly, once or twice a second, in slow turns, for 20 s",
+    "turns": "yaw while rolling: fly 20 s of alternating turns",
+}
+"""What a pilot is asked to fly, in the words of results and of plans."""
+
+ADVISED: Final[Mapping[str, Manoeuvre]] = {
+    "roll": "roll",
+    "pitch": "pitch",
+    "yaw": "turns",
+    "force": "climb",
+    "place": "turns",
+    "height": "wiggles",
+}
+"""The manoeuvre that shows most of a motion."""
+
+ADVICE: Final[Mapping[str, str]] = {
+    **{motion: FLOWN[manoeuvre] for motion, manoeuvre in ADVISED.items()},
+    "air": "fly fast to and fro along every axis, 20 s",
+    "scale": "measure Izz (bifilar pendulum), or identify with method banded: the yaw equation "
+    "alone gives only ratios",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """A verdict with its reason and advice."""
+
+    verdict: Verdict
+    reason: str | None = None
+    advice: str | None = None
+
+
+def motion_for(name: str) -> Motion:
+    """Return which motion determines a number: a key of `ADVICE`."""
+    return EVERY[name].motion if name in EVERY else "force"
+
+
+def little_excited(axes: str, rho: float) -> str:
+    """Explain a number by too little motion about axes that the motors explain."""
+    ratio = f"signal-to-noise {rho:.1f}, need {LEAST_EXCITATION:.0f}"
+    return f"the motors explain too little of the motion in {axes} ({ratio})"
+
+
+def judge(
+    value: float,
+    half_width: float,
+    *,
+    scale: float,
+    axis: str,
+    excitation: float | None = None,
+) -> Judgement:
+    """Return the verdict on one number.
+
+    One of yaw is refused sooner below `LEAST_EXCITATION`: yaw is what the rotors move least, and
+    there the disturbances that the autopilot answers pull its ratios to zero.
+
+    Parameters
+    ----------
+    value, half_width
+        The estimate and half of its 95 % interval, in one unit.
+    scale
+        A size of the number that matters even where the number itself is near zero.
+    axis
+        Which motion determines it: a key of `ADVICE`.
+    excitation
+        rho of that axis; None where it does not apply.
+    """
+    relative = half_width / max(abs(value), scale)
+    if relative <= WEAK:
+        return Judgement(verdict="identified")
+    little = excitation is not None and excitation < LEAST_EXCITATION
+    hopeless = not relative <= (HOPELESS_YAW if little and axis == "yaw" else HOPELESS)
+    reason = f"known only to +-{100 * relative:.0f} %"
+    if abs(value) < scale:
+        reason = f"near zero, with an interval {relative / WEAK:.1f} times as wide as wanted"
+    if hopeless:
+        reason = "the interval is wider than the value itself"
+    if little:
+        reason = little_excited(axis, excitation or 0.0)
+    return Judgement(
+        verdict="not-identified" if hopeless else "weak", reason=reason, advice=ADVICE[axis]
+    )
+
+
+WIDTHS: Final = ("known only to", "near zero, with an interval")
+
+
+def tells_width(reason: str | None) -> bool:
+    """Return whether a reason of `judge` says no more than the interval does."""
+    return reason is not None and reason.startswith(WIDTHS)
+
+
+def twin_of(name: str) -> str:
+    """Return the parameter at the origin whose verdict speaks for a number about the CoM."""
+    return name.replace("com_", "ms") if name.startswith("com_") else name.removesuffix("_com")
+
+
+def body_verdict(
+    derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived] | None = None
+) -> Verdict:
+    """Judge a number about the CoM: by its own interval, else its twin's.
+
+    `twin`: the parameter at the origin, by `twin_of`; None where the result has none. `kin`: all
+    derived numbers of its body by name, by which products of inertia are measured.
+    """
+    verdict = None if twin is None else twin.verdict
+    if _known(derived.value) is None:
+        return verdict if verdict in ("ratio-only", "removed") else "not-identified"
+    if verdict == "doubtful":
+        return verdict
+    relative = relative_width(derived, kin or {})
+    if relative is None or verdict == "given":
+        return verdict if verdict in ("weak", "given") else "identified"
+    if relative <= WEAK:
+        return "identified"
+    # Where a moment is not known, the estimate had a better idea of what matters than the value.
+    measured = twin is not None and _size(derived, kin or {}) is None
+    return "identified" if measured and verdict == "identified" else "weak"
+
+
+DEPENDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "hover_speed": ("kt",),
+    "kd_over_kt": ("kd", "kt"),
+    **{f"{name}_over_kt": (name, "kt") for name in ("Ixx", "Iyy", "Izz")},
+    "max_thrust": ("kt", "max_speed"),
+    "thrust_to_weight": ("kt", "max_speed"),
+    "hover_throttle": ("kt", "max_speed"),
+    "motor_imbalance": tuple(f"kt_{i}" for i in range(1, MOST_ROTORS + 1)),
+}
+"""Parameters whose doubts a derived number shares. Ratios to Izz and lag plus delay are known
+better than their parts: they have the doubts of findings about them."""
+
+
+def judged_derived(
+    parameters: Sequence[Parameter], derived: Sequence[Derived]
+) -> tuple[Derived, ...]:
+    """Judge derived numbers by their intervals, and by the verdicts of what they depend on."""
+    return tuple(
+        _about_com(d, parameters, derived)
+        if d.name in (*COM, *INERTIA_COM)
+        else _of_parts(d, parameters)
+        for d in derived
+    )
+
+
+def _about_com(
+    number: Derived, parameters: Sequence[Parameter], derived: Sequence[Derived]
+) -> Derived:
+    twins = (p for p in parameters if p.configuration == number.configuration)
+    twin = next((p for p in twins if p.name == twin_of(number.name)), None)
+    kin = {d.name: d for d in derived if d.configuration == number.configuration}
+    verdict = body_verdict(number, twin, kin)
+    reason = twin.reason if twin is not None and twin.verdict == verdict else None
+    return replace(number, verdict=verdict, reason=reason)
+
+
+def _of_parts(number: Derived, parameters: Sequence[Parameter]) -> Derived:
+    value, names = _known(number.value), DEPENDS.get(number.name, ())
+    if value is None:
+        return replace(number, verdict="not-identified")
+    parts = [
+        p for p in parameters if p.name in names and p.configuration in (None, number.configuration)
+    ]
+    for verdict in ("not-identified", "doubtful"):
+        worse = next((p for p in parts if p.verdict == verdict), None)
+        if worse is not None:
+            return replace(number, verdict=verdict, reason=worse.reason)
+    low, high = number.interval or (value, value)
+    wide = high - low > 2.0 * WEAK * abs(value)
+    return replace(number, verdict=number.verdict or ("weak" if wide else "identified"))
+
+
+def relative_width(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
+    """Return half of the interval of an inertia about the CoM over what its verdict goes by.
+
+    None where only the twin's verdict tells. See `body_verdict`.
+    """
+    value, interval = _known(derived.value), derived.interval
+    if value is None or interval is None or derived.name not in INERTIA_COM:
+        return None
+    size = max(abs(value), _size(derived, kin) or 0.0)
+    return 0.5 * (interval[1] - interval[0]) / size if size else None
+
+
+def _size(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
+    """Return the size of an inertia that matters; None for a product without its two moments."""
+    if derived.name in INERTIA_COM[:3]:
+        return 0.0
+    moments = [kin.get(f"{name}_com") for name in moments_of_product(derived.name)]
+    known = [value for d in moments if d is not None and (value := _known(d.value)) is not None]
+    return product_scale(known[0], known[1]) if len(known) == 2 else None
+
+
+def _known(number: float | None) -> float | None:
+    return number if number is not None and isfinite(number) else None
