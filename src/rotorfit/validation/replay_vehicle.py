@@ -85,8 +85,8 @@ def hover_centre(
     places = dict(given)
     for axis, middle in zip("xy", vehicle.positions.mean(axis=0)[:2].tolist(), strict=True):
         com, center = f"com_{axis}", f"rotor_center_{axis}"
-        beside = places.get(com, middle) - middle if center in listed else 0.0
-        places.setdefault(com, middle + places.setdefault(center, beside))
+        offset = places.get(com, middle) - middle if center in listed else 0.0
+        places.setdefault(com, middle + places.setdefault(center, offset))
     return {name: places[name] for name in sorted(unknown)}
 
 
