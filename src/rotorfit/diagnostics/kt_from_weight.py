@@ -323,10 +323,7 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
     kind, weight, changes = "thrust-against-weight", balance.weight, balance.changes
     if changes is None:
         return doubt_or_passed(kind, None, {"kt_of_weight": weight.value})
-    ratio = changes.value / weight.value
-    half = (
-        1.96 * abs(ratio) * float(np.hypot(changes.std / changes.value, weight.std / weight.value))
-    )
+    ratio, half = changes.value / weight.value, _half_of_ratio(changes, weight)
     evidence = (
         Evidence(name="thrust_over_weight", value=ratio, interval=(ratio - half, ratio + half)),
         Evidence(name="kt_of_weight", value=weight.value),
@@ -335,19 +332,27 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
     return replace(doubt_or_passed(kind, sentence, numbers=("kt",)), evidence=evidence)
 
 
+def _half_of_ratio(changes: Measured, weight: Measured) -> float:
+    """Compute half of the 95 % interval of one k_t over the other."""
+    relative = np.hypot(changes.std / changes.value, weight.std / weight.value)
+    return 1.96 * abs(changes.value / weight.value) * float(relative)
+
+
 def difference(balance: Balance, motors: MotorsEntry) -> str:
     """Explain that changes of thrust give another k_t than the weight."""
     changes, weight, kt = balance.changes, balance.weight, balance.kt
     assert changes is not None
+    off, half = changes.value / weight.value - 1.0, _half_of_ratio(changes, weight)
     seen = (
-        f"kt is {changes.value:.3g} +- {1.96 * changes.std:.2g} by changes of thrust with the "
-        f"squared {_SPEED[motors.speed]}, but {weight.value:.3g} +- {1.96 * weight.std:.2g} by the "
-        "weight"
+        f"by changes of thrust with the squared {_SPEED[motors.speed]} kt is "
+        f"{100 * abs(off):.0f} +- {100 * half:.0f} % {'higher' if off > 0 else 'lower'} than by "
+        "the weight"
     )
     if balance.law_mistaken == 1.0:
         power = 2.0 * changes.value / weight.value
         return (
-            f"{seen}: the result has the latter, and the intervals of inertia cover both; in hover "
+            f"{seen}: the result has that of the weight, and the intervals of inertia cover both; in "
+            "hover "
             f"thrust grows with the command to the power of {power:.1f}, not 2: measure thrust "
             "over command on a stand and give the law under [motors], or log the rotor speed"
         )

@@ -26,7 +26,7 @@ from rotorfit.model.parameters import (
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.results.command_units import effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.verdicts.judge import body_verdict, relative_width, tells_width, twin_of
+from rotorfit.verdicts.judge import body_verdict, is_width, relative_width, twin_of
 
 Origin = Literal[
     "identified", "weak", "doubtful", "given", "removed", "assumed", "from-ratio", "law"
@@ -203,7 +203,7 @@ def _of_parameter(p: Parameter) -> Number | Missing:
 
 def _remark(p: Parameter) -> str | None:
     """Say why a number is weak or doubtful, where its interval does not."""
-    return None if p.interval is not None and tells_width(p.reason) else p.reason
+    return None if p.interval is not None and is_width(p.reason) else p.reason
 
 
 def _why(p: Parameter) -> str:

@@ -139,8 +139,8 @@ def flight_messages(report: LogReport) -> list[str]:
     words += [*telemetry_messages(report.telemetry), *gravity_messages(report.gravity)]
     if report.prospects is not None and report.prospects.motors is not None:
         words.append(
-            f"the motors turn the vehicle as those of {report.prospects.motors}: this shows order "
-            "and spins, but neither the length of the arms nor the shape of the frame; measure them"
+            f"the motors turn the vehicle as those of {report.prospects.motors}: measure the arms "
+            "and the shape of the frame, which no flight shows"
         )
     return words
 
@@ -256,9 +256,11 @@ def _thrust_message(found: Prospects) -> str:
     if found.commanded and not (found.commands is not None and found.commands.law_known):
         why = "thrust is not proportional to the square of the command: give its law under "
         why += "[motors], or log the rotor speed"
+    off = thrust.from_changes / thrust.from_weight - 1.0
     return (
-        f"thrust changes by {change:.0f} %: {verdict}, but two estimates differ: changes of "
-        f"thrust give {thrust.from_changes:.3g}, the weight {thrust.from_weight:.3g}; {why}"
+        f"thrust changes by {change:.0f} %: {verdict}, but two estimates differ: by changes of "
+        f"thrust kt is {100 * abs(off):.0f} % {'higher' if off > 0 else 'lower'} than by the "
+        f"weight; {why}"
     )
 
 

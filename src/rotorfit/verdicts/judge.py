@@ -188,7 +188,7 @@ def judge(
 WIDTHS: Final = ("known only to", "near zero, with an interval")
 
 
-def tells_width(reason: str | None) -> bool:
+def is_width(reason: str | None) -> bool:
     """Return whether a reason of `judge` says no more than the interval does."""
     return reason is not None and reason.startswith(WIDTHS)
 
