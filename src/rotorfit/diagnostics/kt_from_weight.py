@@ -351,10 +351,9 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
     if balance.law_mistaken == 1.0:
         power = 2.0 * changes.value / weight.value
         return (
-            f"{seen}: the result has that of the weight, and the intervals of inertia cover both; in "
-            "hover "
-            f"thrust grows with the command to the power of {power:.1f}, not 2: measure thrust "
-            "over command on a stand and give the law under [motors], or log the rotor speed"
+            f"{seen}: the result has that of the weight, and the intervals of inertia cover both; "
+            f"in hover thrust grows with the command to the power of {power:.1f}, not 2: measure "
+            "thrust over command on a stand and give the law under [motors], or log the rotor speed"
         )
     cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"
     if motors.law is not None:
