@@ -118,7 +118,7 @@ def row_of(world: World, record: Record, keep: Path | None = None) -> Row:
         if record.lost:
             return row | {"lost": True}
         path = write_world(world, record, folder)
-        row |= _found(path, known)
+        row |= identified(path, known)
     return row | {"seconds": round(time.process_time() - begin, 2)}
 
 
@@ -136,7 +136,7 @@ def _described(world: World) -> Row:
     }
 
 
-def _found(path: Path, known: Mapping[str, float]) -> Row:
+def identified(path: Path, known: Mapping[str, float]) -> Row:
     """Return what the library says of an experiment: a refusal, or numbers and findings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
