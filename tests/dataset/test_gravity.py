@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorfit.dataset.checks.plausible_units import GravitySeen, gravity_doubts, gravity_seen
+from rotorfit.dataset.plausible_units import GravitySeen, gravity_doubts, gravity_seen
 from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import PERFECT, Scenario, paper_vehicle, simulate_flight, to_flight_log
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.dataset.checks.plausible_units import (
+from rotorfit.dataset.plausible_units import (
     SLIMMEST,
     STOUTEST,
     gyration,

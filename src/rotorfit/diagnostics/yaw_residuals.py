@@ -12,7 +12,7 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.dataset.checks.declared_rotors import BAND, reversed_rotor
+from rotorfit.dataset.declared_rotors import BAND, reversed_rotor
 from rotorfit.estimation.factors import Factors
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.frequency_bands import EDGES, excited_bands

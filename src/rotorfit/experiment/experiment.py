@@ -20,12 +20,12 @@ from rotorfit.experiment.law_table import (
     VoltageEntry,
     speed_law_of,
 )
-from rotorfit.experiment.model_terms import Terms
 from rotorfit.experiment.strict_tables import (
     Finite,
     NotNegative,
     Positive,
     Strict,
+    Terms,
     Vector,
     problem_sentences,
 )

@@ -18,8 +18,8 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Float
 
-from rotorfit.dataset.checks.plausible_units import refuse_implausible_size
 from rotorfit.dataset.dataset import LoadedFlight
+from rotorfit.dataset.plausible_units import refuse_implausible_size
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
