@@ -29,9 +29,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from benchmarks.common import real_data_folder
 from benchmarks.real_flights import cases
-from rotorfit.diagnostics.steps import STEPS
 
 from rotorfit.dataset.load import load_dataset
+from rotorfit.diagnostics.diagnose import STEPS
 from rotorfit.diagnostics.kt_from_weight import weigh_thrust
 from rotorfit.errors import RotorfitError
 from rotorfit.estimation.banded import response_sensitivity

@@ -56,7 +56,7 @@ def test_a_shift_in_flight_alone_is_vibration(log):
     assert "at rest 9.81: vibration shifts it" in said
 
 
-def test_without_rest_the_flight_alone_tells(log):
+def test_without_rest_the_flight_alone_counts(log):
     found = replace(seen(log, lambda accel, time: 1.2 * accel), at_rest=None)
     [said] = gravity_doubts(found)
     assert said.startswith("in hover the accelerometer reads 11.")

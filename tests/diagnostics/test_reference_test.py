@@ -46,7 +46,7 @@ def seen(flight, tmp_path_factory):
     return found.result, found.fit
 
 
-def test_the_reference_tells_the_response_of_every_axis(seen):
+def test_the_reference_shows_the_response_of_every_axis(seen):
     result, _ = seen
     said = result.diagnostics
     assert said["reference_axes@A"] == 3.0

@@ -174,7 +174,7 @@ def test_speeds_that_come_late_are_moved_and_said(tmp_path, flight, columns):
     assert low <= flight.truth.kt <= high
 
 
-def test_two_vehicles_in_one_configuration_are_told(tmp_path, flight, columns):
+def test_two_vehicles_in_one_configuration_are_reported(tmp_path, flight, columns):
     other = flown.simulated("A", "noisy", seed=9, seconds=25.0, physics_rate=200.0)
     slower = table_of(other)
     for axis in "xyz":

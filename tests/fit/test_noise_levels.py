@@ -99,7 +99,7 @@ def bumpy(tmp_path_factory):
 
 
 @pytest.mark.filterwarnings("ignore:.*gyro bias not removed")
-def test_a_flight_with_bumps_tells_more_by_its_quiet_rows(bumpy):
+def test_a_flight_with_bumps_shows_more_by_its_quiet_rows(bumpy):
     truth, fit = bumpy
     again = fit_by_noise(fit, None)
     com = np.array(truth.first_moments) / truth.mass

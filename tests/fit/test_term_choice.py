@@ -147,7 +147,7 @@ def test_drag_does_not_depend_on_where_the_origin_is(once, draggy, tmp_path):
         assert found.value == pytest.approx(same.value, rel=0.02)
 
 
-def test_drag_is_in_the_predicted_wrench_of_flights_kept_apart(once, draggy, tmp_path):
+def test_drag_is_in_the_predicted_wrench_of_other_flights(once, draggy, tmp_path):
     other = tmp_path / "other.csv"
     flight = flight_of(draggy.truth.drag, seed=2, at=draggy.truth.drag_position)
     write_flight_table(flight, other, channels=LOGGED)
@@ -224,7 +224,7 @@ def linear(request, tmp_path_factory):
     return flight.truth, asked, usual
 
 
-def test_a_torque_linear_in_speed_is_found_beside_kd(linear):
+def test_a_torque_linear_in_speed_is_found_next_to_kd(linear):
     truth, asked, usual = linear
     found = asked.parameter("kd_linear")
     assert found.unit == "N m s/rad"
