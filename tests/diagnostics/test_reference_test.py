@@ -19,7 +19,7 @@ from rotorfit.experiment.experiment import load_experiment
 from rotorfit.findings import diagnostics_of, sentences
 from rotorfit.identification.identify import identify_flights
 from rotorfit.simulation import write_flight_table
-from rotorfit.simulation.views import to_flight_log
+from rotorfit.simulation.experiment_files import to_flight_log
 
 AXES = ("roll", "pitch", "yaw")
 

@@ -22,7 +22,7 @@ from rotorfit.logs.table import write_table
 from rotorfit.preprocessing.imu_tilt import ImuTilt, levelled, mean_force_tilt
 from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import paper_vehicle, to_flight_log
-from rotorfit.simulation.views import flight_table
+from rotorfit.simulation.experiment_files import flight_table
 
 IMU = [f"{name}_{axis}" for name in ("gyro", "accel") for axis in "xyz"]
 ROTORS = [f"rotor_{i}" for i in range(1, 5)]

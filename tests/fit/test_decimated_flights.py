@@ -9,7 +9,7 @@ from rotorfit.dataset.load import load_flight
 from rotorfit.experiment.experiment import single_flight_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
-from rotorfit.simulation.views import IMU_AND_COMMAND, IMU_AND_SPEED, write_flight_table
+from rotorfit.simulation.experiment_files import IMU_AND_COMMAND, IMU_AND_SPEED, write_flight_table
 
 
 @pytest.fixture(scope="module")

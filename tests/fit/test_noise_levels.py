@@ -23,7 +23,7 @@ from rotorfit.model.parameters import inertia_about
 from rotorfit.preprocessing.flight_data import Segment
 from rotorfit.reduction.reduce import BandPlan, band_factors, stretch_window
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
-from rotorfit.simulation.views import IMU_AND_SPEED, write_flight_table
+from rotorfit.simulation.experiment_files import IMU_AND_SPEED, write_flight_table
 
 RATE = 250.0
 

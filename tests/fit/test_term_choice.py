@@ -13,16 +13,11 @@ from rotorfit.export.vehicle_model import terms_left_out
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import BY_LIKELIHOOD
-from rotorfit.model.terms.rotors import (
-    imu_mounting,
-    rotor_inertia,
-    rotor_thrust,
-    rotor_torque,
-)
+from rotorfit.model.terms.rotors import imu_mounting, rotor_inertia, rotor_thrust, rotor_torque
 from rotorfit.report.text import result_text
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
+from rotorfit.simulation.experiment_files import IMU_AND_SPEED
 from rotorfit.simulation.pilot import Stick, Sticks
-from rotorfit.simulation.views import IMU_AND_SPEED
 from rotorfit.validation.validate import validate_file
 
 LOGGED = (*IMU_AND_SPEED, "velocity")

@@ -8,8 +8,8 @@ import flown
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify_flights
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
+from rotorfit.simulation.experiment_files import write_flight_table
 from rotorfit.simulation.pilot import Sticks
-from rotorfit.simulation.views import write_flight_table
 
 IMU = ("gyro", "accel", "rotor_speed")
 AXES = ("roll", "pitch", "yaw", "climb")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.simulation.views import IMU_AND_COMMAND, write_flight_table
+from rotorfit.simulation.experiment_files import IMU_AND_COMMAND, write_flight_table
 
 SEEDS = range(1, 6)
 
