@@ -1,12 +1,14 @@
-"""Do flights of one vehicle agree, and bodies with and without a known payload?
+"""Whether flights of one vehicle agree, and bodies with and without a known payload.
 
-The flights of a configuration are each held against the others. Flights of one vehicle differ by chance, by weather and by how they were flown; another propeller,
-load or vehicle makes more. A joint fit does not show it: the flight that is surer wins.
+The flights of a configuration are each held against the others. They differ by chance, by weather
+and by how they were flown; another propeller, load or vehicle makes more. A joint fit does not show
+it: the flight that is surer wins.
 
-A known payload is held against what the flights say of both bodies. The payload is left out, both bodies are fitted freely, and what B's moments have beyond A's is
-compared with what the payload should add. Everything in the moment rows is relative to the arm of
-the rotors: an arm that is wrong by a factor s gives first moments, inertia and k_d that are wrong
-by s, while the payload was weighed and measured without it. So a wrong arm shows as one factor.
+A known payload is held against what the flights say of both bodies. It is left out, both bodies are
+fitted freely, and what B's moments have beyond A's is compared with what the payload should add.
+Everything in the moment rows is relative to the arm of the rotors: an arm that is wrong by a factor
+s gives first moments, inertia and k_d that are wrong by s, while the payload was weighed and
+measured without it. So a wrong arm shows as one factor.
 """
 
 import dataclasses
