@@ -14,6 +14,7 @@ from rotorfit.diagnostics import (
     lever_arms,
     reference_test,
     residual_peaks,
+    rotor_order,
     spins,
     vehicle_size,
 )
@@ -80,6 +81,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     little_excitation,
     unknown_origin,
     of_steps,
+    *rotor_order.REFUSALS,
     *spins.REFUSALS,
     *vehicle_size.REFUSALS,
     *lever_arms.REFUSALS,
