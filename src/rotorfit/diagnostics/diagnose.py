@@ -14,7 +14,6 @@ from rotorfit.diagnostics import (
     lever_arms,
     reference_test,
     residual_peaks,
-    rotor_order,
     spins,
     vehicle_size,
 )
@@ -81,7 +80,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     little_excitation,
     unknown_origin,
     of_steps,
-    *rotor_order.REFUSALS,
+    *spins.ORDER_REFUSALS,
     *spins.REFUSALS,
     *vehicle_size.REFUSALS,
     *lever_arms.REFUSALS,
