@@ -27,8 +27,7 @@ from rotorfit.simulation import (
     paper_vehicle,
     write_flight_table,
 )
-from rotorfit.simulation.experiment_files import true_parameters
-from rotorfit.simulation.views import IMU_AND_SPEED, LoggedChannel
+from rotorfit.simulation.experiment_files import IMU_AND_SPEED, LoggedChannel, true_parameters
 
 COLUMNS: Final[Mapping[str, str]] = {
     "gyro": "gyro_x gyro_y gyro_z",

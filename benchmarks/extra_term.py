@@ -16,14 +16,14 @@ from rotorfit.dataset.load import load_dataset
 from rotorfit.errors import FlightWarning
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.experiment.model_terms import DEFAULT_TERMS, TERMS
+from rotorfit.experiment.strict_tables import TERM_NAMES
 from rotorfit.fit.intervals.joint_numbers import joint_numbers
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import joint_estimate
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import find_timing
-from rotorfit.model.terms.registry import terms_named
+from rotorfit.model.terms.registry import DEFAULT_TERMS, terms_named
 
 
 def fitted(path: Path, extra: str) -> tuple[BandedEstimate, BandedEstimate, Numbers, Numbers]:
@@ -45,7 +45,7 @@ def fitted(path: Path, extra: str) -> tuple[BandedEstimate, BandedEstimate, Numb
 def main() -> None:
     """Print one line per experiment."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("term", choices=TERMS)
+    parser.add_argument("term", choices=TERM_NAMES)
     parser.add_argument("experiments", nargs="+", type=Path)
     asked = parser.parse_args()
     (term,) = terms_named([asked.term])

@@ -39,7 +39,7 @@ from rotorfit.fleet.records import read_entry
 from rotorfit.fleet.run import PAGE, Workers, fleet_files, read_fleet, types_of
 from rotorfit.fleet.tables import ROWS, flight_columns, numbers_of, table_file
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
-from rotorfit.simulation.views import write_flight_table
+from rotorfit.simulation.experiment_files import write_flight_table
 
 VEHICLES = 2
 

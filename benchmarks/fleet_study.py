@@ -39,7 +39,7 @@ from rotorfit.fleet.records import KT_WEIGHT, FlightRecord
 from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics, fleet_statistics
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import Scenario, Truth, simulate_flight, variant, write_flight_table
-from rotorfit.simulation.views import IMU_AND_SPEED
+from rotorfit.simulation.experiment_files import IMU_AND_SPEED
 
 VEHICLES, FLIGHTS, SECONDS = 20, 25, 40.0
 LEVEL: Final = {

@@ -26,7 +26,7 @@ from functools import partial
 from pathlib import Path
 
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
-from rotorfit.simulation.views import IMU_AND_COMMAND, IMU_AND_SPEED, write_flight_table
+from rotorfit.simulation.experiment_files import IMU_AND_COMMAND, IMU_AND_SPEED, write_flight_table
 
 SOURCE = Path(__file__).parents[1] / "src"
 WORKER = """

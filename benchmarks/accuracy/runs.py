@@ -13,7 +13,7 @@ from benchmarks.common import identify_flights, named_vehicle
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import GRAVITY, Scenario, SimulatedFlight, simulate_flight, variant
-from rotorfit.simulation.views import IMU_AND_COMMAND, IMU_AND_SPEED
+from rotorfit.simulation.experiment_files import IMU_AND_COMMAND, IMU_AND_SPEED
 
 ScenarioName = Literal["S1", "S2b", "stress"]
 Numbers = dict[str, list[Any]]

@@ -21,7 +21,7 @@ def looked(engine: Engine, **replies) -> dict:
     return engine.call("look", {"name": "own.csv", "columns": columns}, quiet)
 
 
-def test_what_neither_names_nor_values_tell_is_asked(engine, unknown_table):
+def test_what_neither_names_nor_values_show_is_asked(engine, unknown_table):
     told = dropped(engine, "own.csv", unknown_table)
     table = told["table"]
     assert (told["kind"], told["findings"], table["map"]) == ("log", None, None)
@@ -70,7 +70,7 @@ def test_a_column_is_chosen_by_hand(engine, unknown_table):
     assert table["map"] is None
 
 
-def test_names_that_tell_nothing_are_asked_for(engine, unknown_table):
+def test_names_that_show_nothing_are_asked_for(engine, unknown_table):
     head, _, rows = unknown_table.partition(b"\n")
     letters = [f"c{chr(97 + i)}" for i in range(len(head.split(b",")))]
     table = dropped(engine, "own.csv", b"%s\n%s" % (",".join(letters).encode(), rows))["table"]

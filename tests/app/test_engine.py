@@ -45,7 +45,7 @@ def test_the_result_is_exactly_that_of_the_command_line(identified, tmp_path, fl
     assert json.loads((engine.folder / "result.json").read_text()) == outcome["result"]
 
 
-def test_nothing_tells_where_the_files_are_kept(identified):
+def test_nothing_shows_where_the_files_are_kept(identified):
     engine, said, outcome, steps = identified
     everything = json.dumps([said, outcome, steps, engine.call("restore", {}, quiet)])
     for document in ("report", "result", "experiment"):
@@ -203,7 +203,7 @@ def test_the_file_of_the_form_is_what_the_command_line_reads(engine, flight, tmp
         ("i.png", b"\x89PNG\r\n\x1a\n" + bytes(99), "other", "i.png"),
     ],
 )
-def test_what_is_no_log_is_told_in_one_line(engine, name, content, kind, words):
+def test_what_is_no_log_is_reported_in_one_line(engine, name, content, kind, words):
     said = dropped(engine, name, content)
     assert said["kind"] == kind
     assert len(said["words"]) == 1 and "\n" not in said["words"][0]

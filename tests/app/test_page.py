@@ -293,7 +293,7 @@ def test_motors_are_reversed_swapped_and_turned(page: Any) -> None:
     assert turned["x"] == pytest.approx(before["x"], abs=1.0)
 
 
-def test_grams_and_kilograms_are_told_apart(page: Any) -> None:
+def test_grams_and_kilograms_are_distinguished(page: Any) -> None:
     page.select_option("#mass-unit-0", "kg")
     fill(page, "#mass-0", "428")
     page.get_by_role("button", name="It is 428 g").click()

@@ -9,7 +9,7 @@ sys.path.append(str(Path(__file__).parents[1] / "export"))
 from export_material import KT, a_result
 
 
-def test_a_result_beside_its_truth(run, tmp_path, monkeypatch):
+def test_a_result_next_to_its_truth(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     a_result().save(tmp_path / "result.json")
     truth = {"shared": {"kt": 1.005 * KT}, "configurations": {"A": {"mass": 1.285, "Ixx": 0.03}}}
@@ -35,7 +35,7 @@ def test_a_truth_that_is_damaged_is_refused(refused, tmp_path, monkeypatch):
     assert "give a result to compare them with" in words
 
 
-def test_the_delay_of_commands_is_beside_its_own(run, tmp_path, monkeypatch):
+def test_the_delay_of_commands_is_next_to_its_own(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     result = a_result()
     delay = replace(result.parameters[0], name="command_delay", unit="s", value=0.0108,

@@ -41,7 +41,7 @@ def test_the_command_and_the_docs_know_every_target():
         assert f"`{target}`" in load
 
 
-def test_a_file_is_written_and_told(run, there):
+def test_a_file_is_written_and_reported(run, there):
     ended = run("export", "result.json", "--to", "px4", "-o", "my.params")
     assert (ended.code, ended.err) == (0, "")
     assert ended.out.splitlines()[0] == "my.params: px4, configuration A"
@@ -87,7 +87,7 @@ def test_what_is_not_known_is_refused_in_one_line(refused, there):
     assert "--assume kd=VALUE" in words
 
 
-def test_an_assumption_is_told(run, there):
+def test_an_assumption_is_reported(run, there):
     asked = ("export", "no_yaw.json", "--to", "gazebo", "-o", "my.sdf", "--assume", "kd=5.2e-8")
     ended = run(*asked)
     assert (ended.code, ended.err) == (0, "")

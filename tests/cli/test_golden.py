@@ -116,7 +116,7 @@ def test_help_shows_each_argument_once_without_types(run):
         (("identfy", "x"), "'identify'"),
     ],
 )
-def test_a_misspelt_word_is_told_the_nearest(run, words, near):
+def test_a_misspelt_word_is_given_the_nearest(run, words, near):
     ended = run(*words)
     assert ended.code == 2
     assert near in " ".join(ended.err.split())

@@ -74,7 +74,7 @@ def test_a_hover_on_commands_is_foreseen_at_the_usual_lag(run, here):
     ],
     ids=["no motors", "commands only", "no imu", "never airborne", "motors still", "turned"],
 )
-def test_trouble_is_told_and_done(run, changed, change, words):
+def test_trouble_is_reported_and_done(run, changed, change, words):
     changed(change)
     ended = run("inspect", "flight.csv", "--json")
     assert (ended.code, ended.err) == (0, "")
@@ -230,7 +230,7 @@ def test_commands_only_get_the_settings_of_their_autopilot(run, here, blackbox):
     assert ("dshot_bidir" in names) is not speeds
 
 
-def test_a_recording_of_cameras_alone_belongs_beside_a_log(run, here):
+def test_a_recording_of_cameras_alone_belongs_next_to_a_log(run, here):
     lines = [f"{0.01 * i} {0.1 * i} 0 1 0 0 0 1" for i in range(200)]
     (here / "take.tum").write_text("\n".join(lines) + "\n", encoding="utf-8")
     [report] = run("inspect", "take.tum", "--json").json
@@ -238,7 +238,7 @@ def test_a_recording_of_cameras_alone_belongs_beside_a_log(run, here):
     assert words.startswith("this file has only the pose, no motors")
 
 
-def test_poses_beside_motors_are_for_motion_capture(run, here):
+def test_poses_next_to_motors_are_for_motion_capture(run, here):
     names = (
         "time pos_x pos_y pos_z quat_w quat_x quat_y quat_z command_1 command_2 command_3 command_4"
     )
@@ -359,7 +359,7 @@ def test_an_experiment_file_names_the_columns(run, changed, here):
     assert seen.out.endswith("  rotorfit identify mapped.toml\n")
 
 
-def test_an_airframe_file_beside_a_log_is_its_airframe(run, here):
+def test_an_airframe_file_next_to_a_log_is_its_airframe(run, here):
     as_option = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json")
     assert any(": identified: " in words for words in as_option.json[0]["verdicts"])
     assert run("inspect", "airframe.toml", "flight.csv", "--json").json == as_option.json
@@ -417,7 +417,7 @@ def test_settings_are_those_of_the_firmware_and_of_a_file(run, here, blackbox):
     assert "dshot_bidir" not in out and "blackbox_disable" not in out
 
 
-def test_poses_at_times_of_receipt_are_not_sent_beside_a_log(run, here):
+def test_poses_at_times_of_receipt_are_not_sent_next_to_a_log(run, here):
     rng = np.random.default_rng(1)
     times = np.arange(400) * 0.01 + rng.exponential(0.008, 400)
     lines = [f"{t} {0.1 * i} 0 1 0 0 0 1" for i, t in enumerate(np.sort(times))]

@@ -143,6 +143,6 @@ def test_the_bandwidth_is_that_of_python_control(damping):
     assert np.isnan(found[1:]).all()
 
 
-def test_the_share_of_d_is_told_at_a_frequency():
+def test_the_share_of_d_is_reported_at_a_frequency():
     one = RateController(P=0.2, I=0.0, D=0.002, FF=0.0, angle=0.0, period=1e-4)
     assert one.derivative_share(10.0) == pytest.approx(0.002 * 2 * np.pi * 10.0 / 0.2, rel=1e-3)

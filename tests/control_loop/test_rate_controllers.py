@@ -26,7 +26,7 @@ ARDUCOPTER_LIKE = RateController(
 
 @pytest.mark.parametrize("controller", [PX4_LIKE, ARDUCOPTER_LIKE])
 @pytest.mark.parametrize("hertz", [1.0, 7.0, 25.0])
-def test_a_sine_is_answered_as_the_response_says(controller, hertz):
+def test_a_sine_is_followed_as_the_response_says(controller, hertz):
     cycles = round(40 * hertz)
     count = round(cycles / hertz / controller.period)
     time = controller.period * np.arange(count)

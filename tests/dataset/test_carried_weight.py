@@ -79,7 +79,7 @@ def test_a_throw_counts_with_its_momentum():
     assert abs(open_bias.ratio - KT) < 1.96 * open_bias.std
 
 
-def test_a_logged_velocity_tells_the_momentum():
+def test_a_logged_velocity_shows_the_momentum():
     (held,) = kts(flown(thrown(), velocity=0.0), bias=UNKNOWN, velocity_std=1e-3)
     assert held.ratio == pytest.approx(KT, rel=2e-3)
 
@@ -164,7 +164,7 @@ def test_batches_scatter_as_their_mean_does(rng=None):
     assert 1.0 < np.median(stds) / means.std() < 1.3
 
 
-def test_stretches_apart_are_weighed_apart():
+def test_separate_stretches_are_weighed_alone():
     data = flown(np.zeros(2000))
     data = replace(data, segments=(Segment(start=0, stop=800), Segment(start=1000, stop=2000)))
     assert [round(one.seconds) for one in kts(data)] == [8, 10]
@@ -205,7 +205,7 @@ def test_a_doubtful_tether_is_open_by_its_likelihood():
     assert weighed(0.0, 0.2, degrees=9).half_width == 0.0
 
 
-def test_a_short_stretch_tells_no_tether():
+def test_a_short_stretch_shows_no_tether():
     short = hanging(0.25, noise=0.0)
     short = replace(short, read=short.read[:140], push=short.push[:140])
     assert height_force_of(short) is None

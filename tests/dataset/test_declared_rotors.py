@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.dataset.checks.declared_rotors import (
+from rotorfit.dataset.declared_rotors import (
     check_frame,
     free_response,
     response,

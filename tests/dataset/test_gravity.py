@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorfit.dataset.checks.plausible_units import GravitySeen, gravity_doubts, gravity_seen
+from rotorfit.dataset.plausible_units import GravitySeen, gravity_doubts, gravity_seen
 from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import PERFECT, Scenario, paper_vehicle, simulate_flight, to_flight_log
 
@@ -56,7 +56,7 @@ def test_a_shift_in_flight_alone_is_vibration(log):
     assert "at rest 9.81: vibration shifts it" in said
 
 
-def test_without_rest_the_flight_alone_tells(log):
+def test_without_rest_the_flight_alone_counts(log):
     found = replace(seen(log, lambda accel, time: 1.2 * accel), at_rest=None)
     [said] = gravity_doubts(found)
     assert said.startswith("in hover the accelerometer reads 11.")

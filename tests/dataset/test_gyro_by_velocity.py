@@ -77,7 +77,7 @@ def test_without_a_velocity_nothing_is_said() -> None:
     assert gyro_scale([flight], np.zeros(3)) is None
 
 
-def test_what_no_flight_tells_is_the_prior() -> None:
+def test_what_no_flight_shows_is_the_prior() -> None:
     """Three of a hundred gyros are off by 4 % (a deviation)."""
     unknown = GyroScale(value=np.full(3, 0.02), std=np.full(3, 0.5), degrees=8)
     assert unknown.probability(0) == pytest.approx(0.03, abs=0.002)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.dataset.checks.plausible_units import (
+from rotorfit.dataset.plausible_units import (
     SLIMMEST,
     STOUTEST,
     gyration,
@@ -26,7 +26,7 @@ from rotorfit.simulation import (
     variant,
     write_flight_table,
 )
-from rotorfit.simulation.views import IMU_AND_COMMAND
+from rotorfit.simulation.experiment_files import IMU_AND_COMMAND
 
 SECONDS = 12.0
 DEGREES = 180.0 / np.pi

@@ -95,7 +95,7 @@ def test_a_body_without_coupling_is_found_with_correct_ratios():
     assert f"the log-likelihood is {finding.evidence[0].value:.0f} higher)" in finding.sentence
 
 
-def test_what_the_coupling_would_tell_is_judged_no_further():
+def test_what_the_coupling_would_show_is_judged_no_further():
     _, found = uncoupled(INERTIA, coupled=False)
     assert "Izz@A" in found.withheld
     assert list(impossible_inertia(found)) == []  # of an I_zz that nothing tells

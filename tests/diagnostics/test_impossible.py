@@ -14,7 +14,7 @@ def test_an_arm_in_centimetres_makes_a_vehicle_lighter_than_air(mass, arm):
     assert "centimetres given as metres?" in words
 
 
-def test_motors_do_not_answer_before_their_command():
+def test_motors_do_not_move_before_their_command():
     assert early_sentence(0.04, -0.004, 0.0) is None
     assert early_sentence(0.1, -0.028, 0.02) is None
     words = early_sentence(0.1, -0.028, 0.002)

@@ -41,7 +41,7 @@ def gusty():
     return [found(seed) for seed in range(SEEDS)]
 
 
-def test_least_squares_is_pulled_and_the_instrument_is_not(gusty):
+def test_least_squares_is_biased_and_the_instrument_is_not(gusty):
     plain, ratio = (np.array([getattr(one, name) for one in gusty]) for name in ("plain", "ratio"))
     assert plain.mean() < 0.97
     assert abs(ratio.mean() - 1.0) < 3.0 * ratio.std() / SEEDS**0.5
@@ -56,7 +56,7 @@ def test_the_deviation_is_that_of_the_scatter(gusty):
     assert inside.mean() > 0.93
 
 
-def test_a_weak_reference_is_not_pulled_either():
+def test_a_weak_reference_is_not_biased_either():
     """With each line in its own gain, the gusts would come back through it."""
     some = [found(seed, pilot=0.5, answer=0.7) for seed in range(SEEDS)]
     assert np.mean([one.plain for one in some]) < 0.3
@@ -83,7 +83,7 @@ def test_what_an_attitude_loop_may_pass_on_is_no_contradiction():
     assert not replace(one, plain=0.94).contradicts(1e-3)
 
 
-def test_what_two_blocks_tell_is_known_as_of_two():
+def test_what_two_blocks_show_is_known_as_of_two():
     asked, made, error = loop(1)
     one = instrumented(asked, made, error, block=BLOCK)
     assert 0.5 * BLOCKS < one.degrees <= BLOCKS
@@ -104,7 +104,7 @@ def test_scales_and_units_of_the_reference_do_not_matter():
     assert other.std == pytest.approx(one.std, rel=1e-12)
 
 
-def test_no_reference_tells_nothing():
+def test_no_reference_shows_nothing():
     asked, made, error = loop(1)
     assert instrumented(0.0 * asked, made, error, block=BLOCK) is None
     few = slice(0, FEWEST_LINES - 1)

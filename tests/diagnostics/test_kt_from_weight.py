@@ -89,7 +89,7 @@ def test_rotors_that_carry_more_count_more(half_width, each):
     assert found.std == pytest.approx(np.hypot(alike.std, own), rel=1e-2)
 
 
-def test_rest_tells_the_bias():
+def test_rest_shows_the_bias():
     """0.3 m/s^2 at rest, of which a fifth is taken off by what accelerometers usually have."""
     force = np.tile([0.0, 0.0, G], (2000, 1))
     force[:500, 2] += 0.3
@@ -129,7 +129,7 @@ def test_nothing_jumps_as_the_difference_grows():
         assert np.abs(np.diff(numbers)).max() < 2e-3
 
 
-def test_without_changes_the_weight_alone_tells():
+def test_without_changes_the_weight_alone_counts():
     alone = Balance(changes=None, weight=Measured(value=2.0, std=0.1))
     assert alone.kt == alone.weight
     assert alone.deviations == 0.0
@@ -196,7 +196,7 @@ def test_velocity_cancels_between_adjacent_windows():
     assert held(30.0, (0, 30)).ratio == pytest.approx(1.0)
 
 
-def test_a_stretch_of_less_than_two_seconds_tells_nothing():
+def test_a_stretch_of_less_than_two_seconds_shows_nothing():
     assert held(5.0, (0, 1.9)) is None
     assert held(5.0, (0, 2.1)).seconds == pytest.approx(2.1)
 

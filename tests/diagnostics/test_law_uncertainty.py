@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.diagnostics.motors.law_uncertainty import scale_shift
+from rotorfit.diagnostics.motors.commanded_speeds import scale_shift
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import EFFECTIVE_UNITS, EVERY
 

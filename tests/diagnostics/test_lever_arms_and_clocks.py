@@ -166,7 +166,7 @@ def late_sensor(**flight):
         (0.005, 0.0, ""),
     ],
 )
-def test_sensors_that_are_apart_in_time_are_named(accel, gyro, words):
+def test_sensors_that_differ_in_time_are_named(accel, gyro, words):
     said, evidence = late_sensor(accel_late=accel, gyro_late=gyro)
     assert words in said
     assert bool(words) is bool(said)

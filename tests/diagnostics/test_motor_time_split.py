@@ -24,7 +24,7 @@ def stds(*frequencies, std=0.1, free=BOTH):
     return (*np.sqrt(np.diagonal(found)), np.sqrt(found.sum()))
 
 
-def test_slow_turns_tell_the_sum_and_quick_ones_the_split():
+def test_slow_turns_show_the_sum_and_quick_ones_the_split():
     lag, delay, total = stds(1.0, 2.0, 3.0)
     assert total < 0.35 * lag
     assert total < 0.5 * delay

@@ -19,7 +19,7 @@ from rotorfit.experiment.experiment import load_experiment
 from rotorfit.findings import diagnostics_of, sentences
 from rotorfit.identification.identify import identify_flights
 from rotorfit.simulation import write_flight_table
-from rotorfit.simulation.views import to_flight_log
+from rotorfit.simulation.experiment_files import to_flight_log
 
 AXES = ("roll", "pitch", "yaw")
 
@@ -46,7 +46,7 @@ def seen(flight, tmp_path_factory):
     return found.result, found.fit
 
 
-def test_the_reference_tells_the_response_of_every_axis(seen):
+def test_the_reference_shows_the_response_of_every_axis(seen):
     result, _ = seen
     said = result.diagnostics
     assert said["reference_axes@A"] == 3.0

@@ -86,7 +86,7 @@ def test_sound_flights_have_no_filter():
         assert finding.severity == "passed"
 
 
-def test_where_the_rotors_explain_too_little_nothing_is_told():
+def test_where_the_rotors_explain_too_little_nothing_is_reported():
     fit = flown(noise=3.0)
     assert found_filter(fit) is None
     assert allow_for_sensor_response(fit) is fit

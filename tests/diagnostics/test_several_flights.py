@@ -45,7 +45,7 @@ def test_what_differs_between_flights_is_in_the_interval(tmp_path, fly):
 
 
 @pytest.mark.slow
-def test_a_calm_flight_beside_a_lively_one_does_no_harm(tmp_path, fly):
+def test_a_calm_flight_next_to_a_lively_one_does_no_harm(tmp_path, fly):
     calm = fly(5, sticks=STILL)
     alone = flown.identified(tmp_path, [fly(4)], extra=KNOWN_DELAY)
     both = flown.identified(tmp_path, [fly(4), calm], extra=KNOWN_DELAY)
@@ -76,7 +76,7 @@ def test_one_axis_at_a_time_gives_inertia_and_yaw_as_a_ratio(tmp_path, fly):
     assert any("known only as a ratio" in words for words in result.warnings)
 
 
-def test_half_a_second_beside_a_flight_is_not_compared_with_it(tmp_path, fly, monkeypatch):
+def test_half_a_second_next_to_a_flight_is_not_compared_with_it(tmp_path, fly, monkeypatch):
     """Its few equations have an end at any numbers at all."""
     compared = []
     judged = flights_agree.joint_estimate

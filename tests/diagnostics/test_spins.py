@@ -128,7 +128,7 @@ def test_a_gusty_hover_is_no_wrong_spin(judged, name, kind):
     assert all(one.severity == "passed" for one in found)
 
 
-def test_patterns_that_rotors_do_not_fly_tell_nothing():
+def test_patterns_that_rotors_do_not_fly_show_nothing():
     """Six rotors, two patterns of which hardly fly: along them any drag is as good."""
     unflown = np.array([1.0, -1.0, 0.0, 1.0, -1.0, 0.0]) / 2.0
     drags = RotorDrags(

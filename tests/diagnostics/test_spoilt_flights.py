@@ -22,7 +22,7 @@ from rotorfit.logs.table import write_table
 from rotorfit.preprocessing.imu_tilt import ImuTilt, levelled, mean_force_tilt
 from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import paper_vehicle, to_flight_log
-from rotorfit.simulation.views import flight_table
+from rotorfit.simulation.experiment_files import flight_table
 
 IMU = [f"{name}_{axis}" for name in ("gyro", "accel") for axis in "xyz"]
 ROTORS = [f"rotor_{i}" for i in range(1, 5)]
@@ -174,7 +174,7 @@ def test_speeds_that_come_late_are_moved_and_said(tmp_path, flight, columns):
     assert low <= flight.truth.kt <= high
 
 
-def test_two_vehicles_in_one_configuration_are_told(tmp_path, flight, columns):
+def test_two_vehicles_in_one_configuration_are_reported(tmp_path, flight, columns):
     other = flown.simulated("A", "noisy", seed=9, seconds=25.0, physics_rate=200.0)
     slower = table_of(other)
     for axis in "xyz":

@@ -85,7 +85,7 @@ COLUMN_KEYS = {"unit", "scale", "offset", "range"}  # of a map of columns: they 
         ("docs/logs.md", COLUMN_KEYS),
     ],
 )
-def test_every_key_of_an_experiment_is_told(file, keys):
+def test_every_key_of_an_experiment_is_reported(file, keys):
     text = (ROOT / file).read_text(encoding="utf-8")
     assert len(keys) >= 4
     assert [key for key in sorted(keys) if not re.search(rf"\b{key}\b", text)] == []

@@ -229,7 +229,7 @@ def test_variances_from_n_rows_add_four_nths(rows):
     np.testing.assert_allclose(covariance_with_noise_uncertainty(fit), expected, rtol=1e-9)
 
 
-def test_what_a_prior_tells_is_no_chance():
+def test_what_a_prior_shows_is_no_chance():
     rng = np.random.default_rng(4)
     x = rng.normal(size=240)
     known = line_problem(
@@ -311,7 +311,7 @@ def test_products_are_carried_through_fixing_a_parameter():
         np.testing.assert_allclose(fixed.theta(phi[rest]), whole, rtol=1e-13)
 
 
-def test_known_noise_of_a_regressor_does_not_pull_the_slope():
+def test_known_noise_of_a_regressor_does_not_bias_the_slope():
     rng = np.random.default_rng(6)
     slopes = {True: [], False: []}
     for _ in range(20):

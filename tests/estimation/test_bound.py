@@ -79,7 +79,7 @@ def test_informations_add():
     np.testing.assert_allclose(sum(parts), whole, rtol=1e-12)
 
 
-def test_the_pull_of_wrong_signals_is_a_newton_step():
+def test_the_bias_of_wrong_signals_is_a_newton_step():
     small = 1e-5 * np.array([1.0, -2.0, 0.5])
     factors = time_block_factors(signals(TRUE + small), block_rows=500)
     variance = np.full((len(factors), 2), 0.2)
@@ -88,7 +88,7 @@ def test_the_pull_of_wrong_signals_is_a_newton_step():
     np.testing.assert_allclose(step, small, rtol=1e-3)
 
 
-def test_exact_signals_do_not_pull():
+def test_exact_signals_do_not_bias():
     factors = time_block_factors(signals(TRUE), block_rows=500)
     variance = np.full((len(factors), 2), 0.2)
     assert np.abs(score(model_at(TRUE), factors, variance)).max() == pytest.approx(0.0, abs=1e-7)

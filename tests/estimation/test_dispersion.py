@@ -61,7 +61,7 @@ def test_degrees_are_those_of_the_ratios_own_scatter():
     assert np.var([one.ratio for one in found]) == pytest.approx(2.0 / 6.0, rel=0.25)
 
 
-def test_one_part_alone_tells_nothing():
+def test_one_part_alone_counts_nothing():
     fit = line(1, 0.0)
     found = dispersion(fit, [np.ones(PARTS * BLOCKS, dtype=bool)])
     assert found.degrees == pytest.approx(0.0, abs=1e-9)

@@ -57,6 +57,6 @@ def test_one_lively_block_of_many_counts_as_one(sizes, expected):
     assert 5.0 < b <= 8.0
 
 
-def test_what_no_block_tells_has_all_of_them():
+def test_what_no_block_shows_has_all_of_them():
     fit, *_ = two_slopes([1.0] * 5, [1.0] * 5)
     assert effective_blocks(fit, np.zeros((1, 2)))[0] == 5.0

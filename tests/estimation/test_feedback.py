@@ -108,7 +108,7 @@ def test_all_scores_sum_to_the_derivative_of_the_likelihood(seed, share):
     np.testing.assert_allclose(score, slope, rtol=1e-4, atol=1e-4 * np.abs(score).max())
 
 
-def test_what_is_in_doubt_stands_for_what_is_answered():
+def test_what_is_in_doubt_stands_for_what_is_responded_to():
     problem = two_axes(7)
     (own,) = problem.feedback.uncertain_part().responses
     (was,) = problem.feedback.responses
@@ -183,7 +183,7 @@ def estimates(gain, answered):
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.0])
-def test_the_pull_of_a_controller_is_taken_out(gain):
+def test_the_bias_of_a_controller_is_taken_out(gain):
     """rho is 4: without the term, the inertia is a fifth of itself too large or so."""
     mean, error, _ = estimates(gain, answered=0.0)
     assert mean - 0.5 > 15.0 * error
@@ -192,7 +192,7 @@ def test_the_pull_of_a_controller_is_taken_out(gain):
     assert inside > 0.85
 
 
-def test_without_a_controller_the_term_would_pull_the_other_way():
+def test_without_a_controller_the_term_would_bias_the_other_way():
     mean, error, _ = estimates(0.0, answered=0.0)
     assert abs(mean - 0.5) < 3.0 * error
     mean, error, _ = estimates(0.0, answered=1.0)
@@ -296,7 +296,7 @@ def test_a_wrong_response_moves_inertia_and_delay_as_stated(off):
     assert (np.abs(shift) > 4.0 * error).any()
 
 
-def test_inputs_without_effect_answer_nothing():
+def test_inputs_without_effect_change_nothing():
     """Where an estimate may run away to, of flights in which nobody steers."""
     problem = axis_problem(closed_loop(1, gain=1.0), answered=1.0)
     (own,) = problem.feedback.responses

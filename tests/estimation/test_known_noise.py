@@ -225,7 +225,7 @@ def test_blocks_of_nearly_only_noise_do_not_stop_the_iteration():
 
 
 @pytest.mark.parametrize("noise", [None, 0.0])
-def test_an_answer_adds_its_rows_times_ln_of_the_slope(noise):
+def test_a_response_adds_its_rows_times_ln_of_the_slope(noise):
     """Then the score is rows / slope a block; both ways of solving settle where all is zero."""
     y, x = points(3, noise=0.0)
     problem = slope_problem(y, x, noise=noise)

@@ -427,7 +427,7 @@ def test_law_and_lag_are_taken_from_a_result(tmp_path):
     assert (motors.lag, motors.lag_std) == (0.023, 0.001)
 
 
-def test_what_stands_beside_a_result_goes_before(tmp_path):
+def test_what_stands_next_to_a_result_goes_before(tmp_path):
     beside = 'result = "known.json"\nlag = 0.03\ndelay = 0.002'
     motors = load_experiment(with_result(tmp_path, {"motors": KNOWN}, beside)).motors
     assert (motors.lag, motors.lag_std, motors.delay) == (0.03, 0.0, 0.002)

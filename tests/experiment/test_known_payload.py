@@ -31,7 +31,7 @@ payload = [
 """
 
 
-def test_point_masses_add_what_the_witness_adds():
+def test_point_masses_add_what_the_simulator_adds():
     bare, _ = paper_vehicle("A")
     loaded = bare
     for item in BALLAST:

@@ -235,7 +235,7 @@ def python(content: bytes) -> dict:
         return runpy.run_path(str(path))
 
 
-def test_isaac_lab_without_a_term_is_told(result, monkeypatch):
+def test_isaac_lab_without_a_term_is_reported(result, monkeypatch):
     """`isaaclab.envs.mdp` of 2.3 has no randomize_rigid_body_inertia."""
     module = python(drawn(result, "isaac-lab", count=20)[0])
     mdp = types.SimpleNamespace(randomize_rigid_body_com="com")

@@ -88,7 +88,7 @@ def test_a_flight_of_the_mujoco_file_gives_its_numbers_back(from_mujoco):
         assert from_mujoco.derived_value(name).value == pytest.approx(truth[name], rel=0.03)
 
 
-def test_another_vehicle_would_be_told_from_it(from_mujoco):
+def test_another_vehicle_would_stand_out(from_mujoco):
     wrong = about_com(1.2 * INERTIA_COM)
     assert {"Ixx_com", "Iyy_com", "Izz_com"} <= misses(from_mujoco, wrong).keys()
 

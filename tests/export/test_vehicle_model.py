@@ -364,7 +364,7 @@ def test_an_assumed_coefficient_is_that_of_every_rotor():
     assert [r.kt for r in model.rotors] == [4e-6, 5e-6, 4e-6, 4e-6]
 
 
-def test_several_configurations_must_be_told_apart():
+def test_several_configurations_must_differ_in_name():
     one, two = a_result(), a_result(configuration="B", com=np.array([0.01, 0.0, 0.0]))
     both = replace(
         one,
@@ -461,7 +461,7 @@ def test_a_coefficient_below_zero_is_refused(name):
         vehicle_model(negative)
 
 
-def test_a_rotor_inertia_not_told_from_zero_is_left_out():
+def test_a_rotor_inertia_not_distinct_from_zero_is_left_out():
     none = changed(a_result(), Jr={"value": -1e-9, "interval": (-2e-9, 1e-9)})
     model = vehicle_model(none)
     assert model.Jr is None
@@ -523,7 +523,7 @@ def test_the_factor_of_the_thrust_curve_is_found(f):
     assert f * curve.command(0.4) ** 2 + (1 - f) * curve.command(0.4) == pytest.approx(0.4)
 
 
-def test_the_misfit_of_a_thrust_curve_is_told():
+def test_the_misfit_of_a_thrust_curve_is_reported():
     curve = thrust_curve(SpeedLaw(curve=PolynomialLaw((300.0, 700.0))))
     u = np.linspace(0, 1, 501)
     relative = (0.3 + 0.7 * u) ** 2

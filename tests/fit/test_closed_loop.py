@@ -67,12 +67,12 @@ def test_a_response_is_a_rate_loop_inside_an_attitude_loop():
     assert np.angle(share[1, 0]) < 0.0  # later than the error
 
 
-def test_an_altitude_hold_answers_the_climb_in_every_band():
+def test_an_altitude_hold_responds_to_the_climb_in_every_band():
     share = closed_loop_responses(steered()).complementary_sensitivity
     assert share[:, 3] == pytest.approx(4.0 / (4.0 + 1j * TURNS))
 
 
-def test_every_autopilot_answers_slow_yaw():
+def test_every_autopilot_responds_to_slow_yaw():
     answered = np.zeros((3, 3), dtype=bool)
     answered[0, 2] = True
     share = closed_loop_responses(
@@ -87,19 +87,19 @@ def test_response_is_full_at_low_and_zero_at_high_frequency():
     assert nominal_response(np.array([1e5])) == pytest.approx(25.0 / 1e5j, rel=1e-3)
 
 
-def test_all_of_an_answer_is_in_doubt_of_every_axis_flown_or_not():
+def test_all_of_a_response_is_open_on_every_axis_flown_or_not():
     answer, open_share = nominal_response(TURNS), closed_loop_responses(steered()).uncertainty
     np.testing.assert_allclose(open_share[:, :3], np.tile(answer[:, None], (1, 3)))
     np.testing.assert_allclose(open_share[:, 3], 4.0 / (4.0 + 1j * TURNS))
 
 
-def test_rows_that_count_may_be_answered_but_for_trim():
+def test_rows_that_count_may_be_responded_to_but_for_trim():
     """The first band has the mean beside nine other rows."""
     rows = closed_loop_responses(steered()).rows.tolist()
     assert rows == [[9, 9, 9, 9], [20, 20, 20, 20], [0, 30, 30, 30]]
 
 
-def test_nobody_answers_where_that_was_not_looked_at():
+def test_nobody_responds_where_that_was_not_looked_at():
     assert joint_problem([replace(steered(), with_response=None)]).feedback is None
     feedback = joint_problem([steered()]).feedback
     layout = regressor(made_fit.QUAD).layout
@@ -170,7 +170,7 @@ def test_rotors_that_are_moved_move_the_signals_so(error, block):
 
 
 @pytest.mark.parametrize(("error", "other"), [(0, 1), (1, 0), (2, 0), (3, 0), (3, 2)])
-def test_an_answer_moves_its_own_axis_alone(error, other):
+def test_a_response_moves_its_own_axis_alone(error, other):
     """By torques of the arms and spins, which of a square of arms are orthogonal."""
     moves = closed_loop_responses(steered()).moves[1].real[:, :4]
     assert moves[error] @ moves[other] == pytest.approx(0.0, abs=1e-12)

@@ -4,20 +4,12 @@ import numpy as np
 import pytest
 
 import rotorfit.dataset.load
+from flown import airframe_table
 from rotorfit.dataset.load import load_flight
 from rotorfit.experiment.experiment import single_flight_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
-from rotorfit.simulation.views import IMU_AND_COMMAND, IMU_AND_SPEED, write_flight_table
-
-AIRFRAME = """[airframe]
-rotors = [
-  { position = [0.0, -0.2, 0.0], spin = "ccw" }, { position = [0.0, 0.2, 0.0], spin = "ccw" },
-  { position = [0.2, 0.0, 0.0], spin = "cw" }, { position = [-0.2, 0.0, 0.0], spin = "cw" },
-]
-imu = { position = [0.0, 0.0, 0.0] }
-[motors]
-"""
+from rotorfit.simulation.experiment_files import IMU_AND_COMMAND, IMU_AND_SPEED, write_flight_table
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +23,10 @@ def experiments(tmp_path_factory):
         "measured": 'speed = "measured"\n',
         "commanded": f'speed = "commanded"\nlaw = {{ linear = [0.0, {flight.max_speed!r}] }}\n',
     }
+    airframe = f"{airframe_table(vehicle)}[motors]\n"
     made = {}
     for name, channels in (("measured", IMU_AND_SPEED), ("commanded", IMU_AND_COMMAND)):
-        (folder / f"{name}.toml").write_text(AIRFRAME + motors[name], encoding="utf-8")
+        (folder / f"{name}.toml").write_text(airframe + motors[name], encoding="utf-8")
         write_flight_table(flight, folder / f"{name}.csv", channels=channels)
         made[name] = single_flight_experiment(
             folder / f"{name}.csv", mass=truth.mass, airframe=folder / f"{name}.toml"

@@ -41,19 +41,19 @@ PULLS = {"Ixx_com": INERTIA_BIAS, "Iyy": INERTIA_BIAS, "Izz": SCALE_BIAS, "kd": 
         ("Ixx", 1.51, False, 2.5 / 4.01),
     ],
 )
-def test_the_pulls_are_those_of_the_method(name, rho, with_response, share):
+def test_the_biases_are_those_of_the_method(name, rho, with_response, share):
     """In figures: a pull that is halved or doubled in the source is not what was measured."""
     assert attenuation_allowance(name, -2.0, rho, with_response=with_response) == pytest.approx(
         2 * share
     )
 
 
-def test_what_hangs_on_yaw_in_figures():
+def test_what_depends_on_yaw_in_figures():
     assert product_allowance(2.0, 12.0) == pytest.approx(0.4)  # 3 / (12 + 3)
     assert product_allowance(2.0, 0.0) == product_allowance(2.0, -1.0) == 2.0
 
 
-def test_what_hangs_on_roll_and_pitch_in_figures():
+def test_what_depends_on_roll_and_pitch_in_figures():
     assert link_allowance(-2.0, 27.0) == pytest.approx(0.2)  # 3 / (27 + 3)
     assert link_allowance(2.0, 1.51) == pytest.approx(6.0 / 4.51)
     assert np.isinf(link_allowance(2.0, 1.5))
@@ -73,7 +73,7 @@ def test_a_pilot_flies_between_a_third_and_three_hertz():
     share=st.floats(0.0, 1.0),
     name=st.sampled_from(sorted(PULLS)),
 )
-def test_the_allowance_holds_the_truth_of_a_number_pulled_up(true, rho, share, name):
+def test_the_allowance_holds_the_truth_of_a_number_biased_up(true, rho, share, name):
     found = true * (1.0 + share * PULLS[name] / rho)
     allowed = attenuation_allowance(name, found, rho, with_response=False)
     assert found - true <= allowed * (1 + 1e-9)
@@ -85,7 +85,7 @@ def test_the_allowance_holds_the_truth_of_a_number_pulled_up(true, rho, share, n
     share=st.floats(0.0, 1.0),
     name=st.sampled_from(["kd_over_Izz", "Jr_over_Izz", "Jr", "kd"]),
 )
-def test_the_allowance_holds_the_truth_of_a_number_pulled_down(true, rho, share, name):
+def test_the_allowance_holds_the_truth_of_a_number_biased_down(true, rho, share, name):
     found = true * (1.0 - share * RATIO_BIAS / rho)
     allowed = attenuation_allowance(name, found, rho, with_response=False)
     assert true - found <= allowed * (1 + 1e-9)
@@ -108,7 +108,7 @@ def test_without_excitation_nothing_is_bounded(name, with_response):
     share=st.floats(0.0, 1.0),
     name=st.sampled_from(sorted(AXIS_OF)),
 )
-def test_the_term_for_the_answer_leaves_less_to_allow_for(rho, share, name):
+def test_the_term_for_the_response_leaves_less_to_allow_for(rho, share, name):
     found = 1.0 + share * CLOSED_LOOP_BIAS / rho
     allowed = attenuation_allowance(name, found, rho, with_response=True)
     assert found - 1.0 <= allowed * (1 + 1e-9)

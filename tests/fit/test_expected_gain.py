@@ -9,12 +9,11 @@ import made_fit
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import banded
 from rotorfit.estimation.factors import Factors, triangular_factors
-from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.joint import term_choice
 from rotorfit.fit.joint.joint_problem import joint_problem
 from rotorfit.fit.joint.term_choice import chosen, expected_gain
 from rotorfit.model.regressor import regressor
-from rotorfit.model.terms.registry import added_signals
+from rotorfit.model.terms.registry import DEFAULT_TERMS, added_signals
 
 G, MASS, ARM = 9.80665, 1.4, 0.25
 BARE = ()

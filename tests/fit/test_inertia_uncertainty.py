@@ -156,7 +156,7 @@ def test_the_scale_of_every_number_is_stretched_alike():
 
 
 @pytest.mark.slow
-def test_products_are_as_unsure_as_the_yaw_equation_they_hang_on(tmp_path):
+def test_products_are_as_unsure_as_the_equation_of_yaw(tmp_path):
     """Without turns the autopilot's answer to gusts pulls at kd's scale, and at Ixz with it."""
     vehicle = paper_vehicle("A")
     truth = replace(

@@ -88,11 +88,11 @@ def test_what_comes_with_a_push_is_found(rng):
     assert np.abs(found).max() < 0.02
 
 
-def test_errors_by_themselves_are_hardly_tied(rng):
+def test_errors_by_themselves_are_hardly_correlated(rng):
     assert np.abs(pushed(rng, 0.0)).max() < 0.02
 
 
-def test_pushes_too_weak_to_tell_tie_nothing(rng):
+def test_pushes_too_weak_to_see_correlate_nothing(rng):
     """Chance alone would give shares of some hundred; a vehicle is not pushed from so far off."""
     assert np.abs(pushed(rng, 0.0, push=1e-5)).max() < 0.5
 
@@ -126,7 +126,7 @@ def test_what_counts():
     assert counted[:, 1].all()
 
 
-def test_bands_that_are_flown_are_answered_and_count():
+def test_bands_that_are_flown_have_a_response_and_count():
     """Roll and yaw are flown from 1 to 4 Hz, pitch nowhere."""
     bands = [(0.0, 0.3), (1.0, 1.5), (2.0, 2.9), (3.0, 4.0), (11.0, 15.0)]
     rows = [2, 9, 11, 13, 15]
@@ -148,7 +148,7 @@ def test_a_band_is_excited_where_rotors_explain_thrice_the_rest():
         assert excited_bands(factors, signal, np.ones((1, 1))).tolist() == [[flown_there]]
 
 
-def test_a_short_stretch_is_judged_apart():
+def test_a_short_stretch_is_judged_alone():
     """Its ten lines about 5 Hz hold the pilot's motion at 1 Hz; the others' lines there do not."""
     bands = [(4.0, 5.5), (4.0, 5.4), (0.8, 8.2)]
     factors = made_fit.blocks(bands, rows=[20, 20, 20])
@@ -185,7 +185,7 @@ def test_bands_that_only_the_autopilot_moves_do_not_count(rolled):
     assert rolled.counted[band[:, 0] == 0.0, ROLL].all()
 
 
-def test_an_axis_that_is_not_flown_counts_but_has_no_answer(rolled):
+def test_an_axis_that_is_not_flown_counts_but_has_no_response(rolled):
     """With an answer and no motion, an inertia of zero would be the likeliest."""
     assert rolled.counted[:, PITCH].all()
     assert not rolled.with_response[:, TURN_ERRORS.index("dwy")].any()

@@ -82,7 +82,7 @@ def test_block_scatter_is_a_jackknife_with_t_of_remaining_blocks(offset):
     assert expected == pytest.approx(8.83e-8, rel=1e-3)  # 2.228 sqrt(12 * 12/11 * 12/10)
 
 
-def test_scatter_of_a_few_telling_blocks_has_their_t():
+def test_scatter_of_a_few_informative_blocks_has_their_t():
     """Of twelve blocks two are a hundred times as lively: t of hardly more than 2 is 4.3."""
     factors = made_fit.blocks([(1.0, 2.0)] * 12)
     size = np.ones(12)
@@ -142,7 +142,7 @@ def test_three_flights_that_differ_widen_an_interval(offset):
     assert half_width(fit, [body]) == pytest.approx(1.96 * np.sqrt(3.0) * 4e-8, rel=1e-3)
 
 
-def test_two_flights_tell_nothing_of_how_flights_differ():
+def test_two_flights_show_nothing_of_how_flights_differ():
     body = of_flights("A", 2)
     pulls = np.repeat([-4e-8, 4e-8], 4)
     fit = made_fit.fit_of([body], std={}, influence={"kt": pulls / 4})
@@ -336,7 +336,7 @@ def test_a_lone_time_has_the_fault_of_the_sum(name, slope):
     assert shift[fit.estimate.names.index("kt")] == pytest.approx(slope * 1e-4)
 
 
-def test_answers_and_faults_of_the_times_are_in_the_interval():
+def test_responses_and_faults_of_the_times_are_in_the_interval():
     """Of the answers the sum over roll, pitch and yaw; of the faults 1.96 of each; as squares."""
     body, fit = timed_fit()
     place = fit.estimate.names.index("kt")
@@ -379,7 +379,7 @@ def test_what_shifts_two_numbers_at_once_makes_them_go_together():
     assert numbers.correlation[own] == pytest.approx(-1.0 / (1.0 + (1.96 / 3.0) ** 2), rel=1e-6)
 
 
-def test_what_no_autopilot_is_looked_for_hangs_on_none():
+def test_what_no_autopilot_is_looked_for_depends_on_none():
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={})
     assert joint_problem([body]).feedback is None
@@ -434,7 +434,7 @@ def widened(entries, *, mass_std=0.0, rho=RHO, bodies=None, shifts=None):
     return dict(zip(found.names, found.half_width.tolist(), strict=True))
 
 
-def test_chance_answer_and_mass_add_as_squares():
+def test_chance_response_and_mass_add_as_squares():
     """Ixx = 2 hangs by 0.2 on the answer; 1 % of the mass is 1.96 % of it."""
     half = widened({}, mass_std=0.014, shifts={"Ixx_com@A": -0.2})
     assert half["Ixx_com@A"] == pytest.approx(np.sqrt(0.3**2 + 0.2**2 + 0.0392**2), rel=1e-9)
@@ -460,7 +460,7 @@ def test_motors_that_lean_move_the_centre_of_mass():
     assert half["msx@A"] == pytest.approx(made_fit.configuration().mass * half["com_x@A"])
 
 
-def test_a_shared_number_hangs_on_the_least_known_mass():
+def test_a_shared_number_depends_on_the_least_known_mass():
     bodies = [made_fit.configuration("A", mass=1.0), made_fit.configuration("B", mass=2.0)]
     half = widened({"kt": (1.0, 0.0)}, mass_std={"A": 0.01, "B": 0.06}, bodies=bodies)
     assert half["kt"] == pytest.approx(1.96 * 0.03)
@@ -484,7 +484,7 @@ def test_from_a_rho_of_5_down_the_fixed_allowances_are_added(yaw, kd, ratio):
     assert half["Ixx_com@A"] == 0.3
 
 
-def test_a_number_near_zero_is_pulled_as_one_that_matters():
+def test_a_number_near_zero_is_biased_as_one_that_matters():
     """At a rho of 4.5: of 1/1000 of Izz = 10 a half; of sqrt(16) / 20 2.5 / (4.5 + 2.5)."""
     rho = {"roll@A": 4.5, "pitch@A": 4.5, "yaw@A": 4.5}
     half = widened({"Jr": (0.0, 0.0), "Ixy_com@A": (0.0, 0.0)}, rho=rho)
@@ -579,7 +579,7 @@ def hanging(rho, payload=False):
     return dict(zip(found.names, found.half_width.tolist(), strict=True))
 
 
-def test_the_scale_of_yaw_hangs_on_the_best_flown_of_all_turns():
+def test_the_scale_of_yaw_depends_on_the_best_flown_of_all_turns():
     """A rho above 5 anywhere is enough; then it is as long as the interval of the inverse."""
     half = hanging(A_ALONE)
     assert half["kd"] == pytest.approx(0.2 / (1.0 - 0.2**2))
@@ -592,7 +592,7 @@ def test_the_scale_of_yaw_hangs_on_the_best_flown_of_all_turns():
     assert half["kt"] == 0.1
 
 
-def test_heights_hang_on_the_turns_of_their_own_configuration():
+def test_heights_depend_on_the_turns_of_their_own_configuration():
     half = hanging(A_ALONE)
     assert half["com_z@A"] == 0.003
     assert half["com_z@B"] == pytest.approx(np.hypot(0.003, 0.02 * 3.0 / 7.99))
@@ -609,7 +609,7 @@ def test_a_known_payload_gives_the_scale_and_shares_the_height():
     assert half["com_z@A"] == half["com_z@B"] == np.inf
 
 
-def test_a_short_lively_phase_of_a_calm_flight_is_what_tells():
+def test_a_short_lively_phase_of_a_calm_flight_is_what_counts():
     """Of 40 rows 10 at a rho of 60, the rest at none: 15 by block, 2.4 as a whole."""
     factors = made_fit.blocks([(1.0, 2.0)] * 2, rows=[10, 30])
     body = made_fit.configuration(factors=factors)

@@ -16,7 +16,7 @@ from rotorfit.fit.joint.trims import Scatter, scatters
 from rotorfit.identification.identify import identify_flights
 from rotorfit.model.parameters import INERTIA, inertia_about
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
-from rotorfit.simulation.views import write_flight_table
+from rotorfit.simulation.experiment_files import write_flight_table
 
 TRIMS = ("msx", "msy", "air")
 PLACES = np.array([[2e-3, 0.0], [-2e-3, 1e-3], [0.0, -2e-3], [1e-3, 2e-3], [-1e-3, -1e-3]])

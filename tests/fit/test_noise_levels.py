@@ -7,6 +7,7 @@ import pytest
 from scipy import signal
 
 import made_fit
+from flown import airframe_table
 from rotorfit.dataset.load import load_dataset
 from rotorfit.experiment.experiment import single_flight_experiment
 from rotorfit.fit.fit_flights import fit_flights
@@ -22,7 +23,7 @@ from rotorfit.model.parameters import inertia_about
 from rotorfit.preprocessing.flight_data import Segment
 from rotorfit.reduction.reduce import BandPlan, band_factors, stretch_window
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
-from rotorfit.simulation.views import IMU_AND_SPEED, write_flight_table
+from rotorfit.simulation.experiment_files import IMU_AND_SPEED, write_flight_table
 
 RATE = 250.0
 
@@ -75,17 +76,6 @@ def test_rows_twice_as_noisy_count_a_quarter():
     assert (window[0] / window[-1]) ** 2 == pytest.approx(4.0)
 
 
-AIRFRAME = """[airframe]
-rotors = [
-  { position = [0.0, -0.2, 0.0], spin = "ccw" }, { position = [0.0, 0.2, 0.0], spin = "ccw" },
-  { position = [0.2, 0.0, 0.0], spin = "cw" }, { position = [-0.2, 0.0, 0.0], spin = "cw" },
-]
-imu = { position = [0.0, 0.0, 0.0] }
-[motors]
-speed = "measured"
-"""
-
-
 @pytest.fixture(scope="module")
 def bumpy(tmp_path_factory):
     """A flight that is shaken for some 0.4 s of every 2 s, fitted; with its truth."""
@@ -97,7 +87,8 @@ def bumpy(tmp_path_factory):
     drawn = np.random.default_rng(4).normal(size=(len(bump), 3))
     shaken = signal.sosfilt(signal.butter(2, (1.0, 12.0), "band", fs=200.0, output="sos"), drawn, 0)
     flight = replace(flight, gyro=flight.gyro + 0.3 * bump * shaken)
-    (folder / "airframe.toml").write_text(AIRFRAME, encoding="utf-8")
+    airframe = f'{airframe_table(vehicle)}[motors]\nspeed = "measured"\n'
+    (folder / "airframe.toml").write_text(airframe, encoding="utf-8")
     write_flight_table(flight, folder / "flight.csv", channels=IMU_AND_SPEED)
     experiment = single_flight_experiment(
         folder / "flight.csv", mass=truth.mass, airframe=folder / "airframe.toml"
@@ -108,7 +99,7 @@ def bumpy(tmp_path_factory):
 
 
 @pytest.mark.filterwarnings("ignore:.*gyro bias not removed")
-def test_a_flight_with_bumps_tells_more_by_its_quiet_rows(bumpy):
+def test_a_flight_with_bumps_shows_more_by_its_quiet_rows(bumpy):
     truth, fit = bumpy
     again = fit_by_noise(fit, None)
     com = np.array(truth.first_moments) / truth.mass

@@ -41,7 +41,7 @@ MANY = pytest.mark.parametrize(
 
 
 @MANY
-def test_what_a_mixer_hardly_moves_apart_is_not_identified(tmp_path, name, rotors):
+def test_what_a_mixer_hardly_moves_alone_is_not_identified(tmp_path, name, rotors):
     result, true = identified(tmp_path, name, spread=(1.0, 0.97) * (rotors // 2), sticks=HALF)
     found = rotor_parameters(result)
     assert len(found) == rotors
@@ -55,7 +55,7 @@ def test_what_a_mixer_hardly_moves_apart_is_not_identified(tmp_path, name, rotor
 
 
 @MANY
-def test_large_motion_tells_it_to_a_few_percent(tmp_path, name, rotors):
+def test_large_motion_shows_it_to_a_few_percent(tmp_path, name, rotors):
     """Speeds answer commands, thrust their squares: large ones leave the mixer's four directions.
 
     Errors of 1.4 % rms were measured over 8 flights of each, and no interval that did not hold.
@@ -97,7 +97,7 @@ def test_one_group_of_all_rotors_has_nothing_to_differ_from(tmp_path):
     assert rotor_parameters(result) == []
 
 
-def test_a_quadrotor_tells_its_rotors_apart(tmp_path):
+def test_a_quadrotor_distinguishes_its_rotors(tmp_path):
     result, true = identified(tmp_path, "quad-x", spread=(1.02, 0.98, 1.01, 0.99), kind="noisy")
     for parameter, own in zip(rotor_parameters(result), true, strict=True):
         assert parameter.verdict == "identified"

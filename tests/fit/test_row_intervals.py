@@ -85,7 +85,7 @@ def calm(rho):
     return dict.fromkeys(RHO, rho)
 
 
-def test_chance_pull_and_mass_add_as_squares():
+def test_chance_bias_and_mass_add_as_squares():
     """Ixx = 0.01 at a rho of 22.5: a tenth is 2.5 / (22.5 + 2.5), and 1 % of mass is 1.96 %."""
     unsure = {"formal": {"roll.kt": 0.05 * KT / 0.01}}
     chance = half_width("Ixx", **unsure, rho=calm(1e12))
@@ -103,12 +103,12 @@ def test_a_wrong_mass_is_in_no_ratio(ratio):
     assert half_width(ratio, mass_std=0.14) == half_width(ratio)
 
 
-def test_ratios_of_yaw_are_pulled_by_1_5_over_rho():
+def test_ratios_of_yaw_are_biased_by_1_5_over_rho():
     assert half_width("kd_over_Izz") == pytest.approx(0.1 * 1.5e-6, rel=1e-3)
     assert half_width("Jr_over_Izz") == pytest.approx(0.1 * 1e-3, rel=1e-3)
 
 
-def test_a_product_near_zero_is_pulled_as_one_that_matters():
+def test_a_product_near_zero_is_biased_as_one_that_matters():
     """1/20 of sqrt(0.01 * 0.0225); of Izz, as that of a flat body."""
     assert half_width("Ixy_com") == pytest.approx(0.1 * 0.015 / 20, rel=1e-3)
     assert half_width("Ixz_com") == pytest.approx(0.1 * np.sqrt(0.01 * 0.0325) / 20, rel=1e-3)

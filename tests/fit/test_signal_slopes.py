@@ -133,7 +133,7 @@ def counted_flights():
     return made_fit.as_kind(CountedFlights, made_fit.dataset(moving(2)))
 
 
-def test_times_beside_are_freed_without_new_signals():
+def test_additional_times_are_freed_without_new_signals():
     whole = counted_flights().at(AT, BOTH, additional=("motor_skew",))
     freed = whole.freed()
     assert freed.free_timing == FreeTiming(at=AT, names=(*BOTH, "motor_skew"))

@@ -13,16 +13,11 @@ from rotorfit.export.vehicle_model import terms_left_out
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import BY_LIKELIHOOD
-from rotorfit.model.terms.rotors import (
-    imu_mounting,
-    rotor_inertia,
-    rotor_thrust,
-    rotor_torque,
-)
+from rotorfit.model.terms.rotors import imu_mounting, rotor_inertia, rotor_thrust, rotor_torque
 from rotorfit.report.text import result_text
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
+from rotorfit.simulation.experiment_files import IMU_AND_SPEED
 from rotorfit.simulation.pilot import Stick, Sticks
-from rotorfit.simulation.views import IMU_AND_SPEED
 from rotorfit.validation.validate import validate_file
 
 LOGGED = (*IMU_AND_SPEED, "velocity")
@@ -147,7 +142,7 @@ def test_drag_does_not_depend_on_where_the_origin_is(once, draggy, tmp_path):
         assert found.value == pytest.approx(same.value, rel=0.02)
 
 
-def test_drag_is_in_the_predicted_wrench_of_flights_kept_apart(once, draggy, tmp_path):
+def test_drag_is_in_the_predicted_wrench_of_other_flights(once, draggy, tmp_path):
     other = tmp_path / "other.csv"
     flight = flight_of(draggy.truth.drag, seed=2, at=draggy.truth.drag_position)
     write_flight_table(flight, other, channels=LOGGED)
@@ -224,7 +219,7 @@ def linear(request, tmp_path_factory):
     return flight.truth, asked, usual
 
 
-def test_a_torque_linear_in_speed_is_found_beside_kd(linear):
+def test_a_torque_linear_in_speed_is_found_next_to_kd(linear):
     truth, asked, usual = linear
     found = asked.parameter("kd_linear")
     assert found.unit == "N m s/rad"

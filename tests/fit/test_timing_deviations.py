@@ -191,7 +191,7 @@ def test_hold_time_is_uncertain_by_a_quarter_of_a_slow_sample():
     assert hold_fault(made_fit.dataset(*flights)) == 0.0
 
 
-def test_untold_motors_have_the_usual_lag_and_30_ms_of_delay():
+def test_unknown_motors_have_the_usual_lag_and_30_ms_of_delay():
     both = unidentifiable_timing(dataset(), delay_free=True)
     assert (both.lag_std, both.delay_std) == (0.03, 0.03)
     assert both.total_std == pytest.approx(0.03 * 2**0.5)
@@ -341,7 +341,7 @@ def test_a_gust_bias_of_30_ms_makes_the_lag_unidentifiable(monkeypatch, pull, kn
 
 
 @pytest.mark.parametrize(("turned", "free"), [(True, BOTH), (False, ())], ids=["flown", "calm"])
-def test_motors_without_lag_are_told_by_turns_that_are_flown(monkeypatch, turned, free):
+def test_motors_without_lag_are_known_by_turns_that_are_flown(monkeypatch, turned, free):
     """A simulator's may have none; a calm flight shows the autopilot's answer to its gyro."""
     fits_to(monkeypatch, MotorResponse(lag=0.0004, delay=0.0003))
     calm = (made_fit.turned([0.150 / (20.0 * MS)] * 3),)
@@ -350,7 +350,7 @@ def test_motors_without_lag_are_told_by_turns_that_are_flown(monkeypatch, turned
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.0305])
-def test_motors_that_answer_before_their_command_are_untold(monkeypatch, lag):
+def test_motors_that_move_before_their_command_are_unknown(monkeypatch, lag):
     fits_to(monkeypatch, MotorResponse(lag=lag, delay=-lag - 0.001))
     found = fitted_timing(dataset(), AT, BOTH, ())
     assert (found.free, found.response) == ((), MotorResponse(lag=0.035))
@@ -396,7 +396,7 @@ def test_where_a_fit_does_not_settle_fewer_terms_are_tried(monkeypatch):
     assert [terms for _, terms in tried] == [timing_fit.DEFAULT_TERMS, ("accel_bias",)]
 
 
-def test_flights_that_settle_nowhere_tell_no_lag(monkeypatch):
+def test_flights_that_settle_nowhere_show_no_lag(monkeypatch):
     """None at all would say that commands are followed at once."""
     unsettled(monkeypatch, settles=None)
     assert find_timing(dataset()) == unidentifiable_timing(dataset(), delay_free=True)
@@ -470,7 +470,7 @@ def test_faults_are_100_us_of_the_total_and_300_us_of_the_split():
         assert FreeTiming(at=AT, names=(name,)).faults() == [{name: 1e-4}]
 
 
-def test_a_timing_that_is_given_or_untold_is_not_moved():
+def test_a_timing_that_is_given_or_unknown_is_not_moved():
     assert dataset().free_timing is None
     assert dataset(motor_timing=MotorTiming(response=AT, total_std=MS)).free_timing is None
     assert dataset().at(AT).free_timing is None
@@ -524,7 +524,7 @@ def test_a_delay_begins_at_the_best_trial_or_further_out(monkeypatch, bottom, ga
     assert (start is None) if found is None else start.delay == pytest.approx(found, abs=1e-9)
 
 
-def test_flights_that_tell_no_delay_begin_nowhere(monkeypatch):
+def test_flights_that_show_no_delay_begin_nowhere(monkeypatch):
     costs(monkeypatch, lambda response: 0.0)
     assert coarse_timing(dataset(motors=MotorsEntry()), ("delay",)) is None
 
@@ -537,7 +537,7 @@ def test_flights_that_tell_no_delay_begin_nowhere(monkeypatch):
         ([[0.01] * 3], 1.5),
     ],
 )
-def test_an_answer_to_gusts_moves_a_delay_by_150_ms_over_rho(ratios, expected):
+def test_a_response_to_gusts_moves_a_delay_by_150_ms_over_rho(ratios, expected):
     """Of the turn and the configuration that are flown most; not beyond a rho of 0.1."""
     whole = dataset(given=tuple(made_fit.turned(own) for own in ratios))
     whole = replace(whole, configurations=whole.configurations * len(ratios))

@@ -145,7 +145,7 @@ def of_the_hover(tmp_path_factory, hovered_in_gusts):
     return commanded(tmp_path_factory.mktemp("hover"), hovered_in_gusts, "")
 
 
-def test_a_hover_on_commands_does_not_tell_lag_nor_delay(of_the_hover, hovered_in_gusts):
+def test_a_hover_on_commands_does_not_show_lag_nor_delay(of_the_hover, hovered_in_gusts):
     """What the autopilot answers comes after the gust: it looks like motors that are late."""
     result = of_the_hover
     for name in ("motor_lag", "motor_delay"):
@@ -158,7 +158,7 @@ def test_a_hover_on_commands_does_not_tell_lag_nor_delay(of_the_hover, hovered_i
 
 
 @pytest.mark.parametrize("seed", [pytest.param(13, marks=pytest.mark.slow), 15])
-def test_hovers_that_do_not_settle_tell_nothing_either(tmp_path, seed):
+def test_hovers_that_do_not_settle_show_nothing_either(tmp_path, seed):
     """One fit runs away to bodies without end, which no rotor moves; the other to late motors."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
     scenario = Scenario(

@@ -8,8 +8,8 @@ import flown
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify_flights
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
+from rotorfit.simulation.experiment_files import write_flight_table
 from rotorfit.simulation.pilot import Sticks
-from rotorfit.simulation.views import write_flight_table
 
 IMU = ("gyro", "accel", "rotor_speed")
 AXES = ("roll", "pitch", "yaw", "climb")
@@ -47,7 +47,7 @@ def joint_and_alone(tmp_path_factory):
     return joint, alone, truth
 
 
-def test_drag_stays_beside_flights_without_velocity(joint_and_alone):
+def test_drag_stays_next_to_flights_without_velocity(joint_and_alone):
     joint, alone, truth = joint_and_alone
     assert "drag" in alone.fit.terms
     assert {"drag", "climb_drag"} <= set(joint.fit.terms)
@@ -60,7 +60,7 @@ OF_THE_AIR = {"kt", "hover_speed@A", "Ixx_over_kt@A", "Iyy_over_kt@A", "Izz_over
 MAIN = {"kd", "Jr", "Ixx_com@A", "Iyy_com@A", "Izz_com@A", "kd_over_Izz@A", "com_z@A", "drag_z@A"}
 
 
-def test_weak_flights_do_not_widen_what_a_good_one_tells(joint_and_alone):
+def test_weak_flights_do_not_widen_what_a_good_one_shows(joint_and_alone):
     joint, alone = (one.fit.numbers for one in joint_and_alone[:2])
     said = {
         name

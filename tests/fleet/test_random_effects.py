@@ -122,7 +122,7 @@ def test_units_do_not_matter():
     assert small.within == pytest.approx(1e-6 * found.within, rel=1e-4)
 
 
-def test_a_repeat_that_tells_one_ratio_only():
+def test_a_repeat_that_shows_one_ratio_only():
     """Two numbers known by their difference only: the covariance says it, the levels follow."""
     rng = np.random.default_rng(2)
     g, n = 10, 5
@@ -156,7 +156,7 @@ def test_few_groups_are_not_drawn_to_a_mean():
     assert np.isfinite(found.level).all()
 
 
-def test_a_number_that_nobody_tells_is_refused():
+def test_a_number_that_nobody_knows_is_refused():
     with pytest.raises(EstimationError, match="no value in any flight"):
         random_effects(repeated(np.full((3, 1), np.nan), np.ones((3, 1, 1)), np.arange(3)))
 

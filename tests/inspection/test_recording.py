@@ -57,7 +57,7 @@ def test_what_is_only_coarse_is_no_repeat(values):
     assert new_share(values) == 1.0
 
 
-def test_nothing_is_told_of_values_that_no_sensor_reads():
+def test_nothing_is_reported_of_values_that_no_sensor_reads():
     assert new_share(np.repeat(NOISE, 4, axis=0)) < 0.3
     assert new_share(1e300 * np.repeat(NOISE, 4, axis=0)) == 1.0
 
@@ -130,7 +130,7 @@ def test_what_a_log_lacks():
 
 
 @pytest.mark.parametrize(("slow", "seed"), [(85.0, None), (85.0, 1), (25.0, None), (25.0, 1)])
-def test_a_source_slower_than_its_log_is_told_by_what_is_new(slow, seed):
+def test_a_source_slower_than_its_log_is_known_by_what_is_new(slow, seed):
     """100 rows a second, of which the source gives 85 or 25, evenly or at random moments."""
     chance = np.random.default_rng(seed or 0)
     new = chance.random(3000) < slow / 100 if seed else (np.arange(3000) * slow % 100) < slow

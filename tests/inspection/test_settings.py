@@ -87,7 +87,7 @@ def value(found, name):
         (176126 - 512, {"no battery"}, "176126, which adds battery (bit 9)"),
     ],
 )
-def test_bits_of_ardupilot_are_set_beside_those_of_the_log(mask, lacking, expected):
+def test_bits_of_ardupilot_are_set_next_to_those_of_the_log(mask, lacking, expected):
     found = settings_for("dataflash", frozenset(lacking), {"LOG_BITMASK": f"{mask}"})
     words = value(found, "LOG_BITMASK")
     assert words.startswith(expected)
@@ -223,7 +223,7 @@ def test_the_page_of_motion_capture_says_what_px4_logs_of_it():
     assert "refuses recordings with times of receipt over a network" in text
 
 
-def test_low_passes_of_px4_are_told_of_in_one_way():
+def test_low_passes_of_px4_are_described_in_one_way():
     assert "need no change" in page("settings.md")
     commented = [line for line in text_of("ulog").splitlines() if "CUTOFF" in line]
     assert len(commented) == 2 and all(line.startswith("# 1\t1\t") for line in commented)

@@ -219,7 +219,7 @@ def test_damage_is_noted(tmp_path):
     assert any(note.startswith("no end-of-log event: ") for note in notes)
 
 
-def test_inav_is_not_told_to_enable_what_it_does_not_have(tmp_path):
+def test_inav_is_not_advised_to_enable_what_it_does_not_have(tmp_path):
     log = log_of(tmp_path, vector("motor", [1535]), **{"Firmware revision": "INAV 7.1.0 (abc) F7"})
     [note] = [note for note in log.notes if note.startswith("no rotor_speed")]
     assert "INAV to 9 has no bidirectional DSHOT" in note and "enable" not in note

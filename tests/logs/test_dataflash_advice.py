@@ -47,7 +47,7 @@ def test_a_battery_that_is_not_logged_asks_for_its_bit_too(tmp_path):
     assert note.startswith(f"{BATTERY_NOTE}, and LOG_BITMASK = what it is with")
 
 
-def test_a_slow_imu_of_a_log_without_its_mask_is_told_the_bits(tmp_path):
+def test_a_slow_imu_of_a_log_without_its_mask_is_given_the_bits(tmp_path):
     found = read(tmp_path, rate=50, mask=None, battery=True)
     [note] = advised(found)
     assert note.startswith("the IMU comes at 50 Hz only: set LOG_BITMASK = what it is with")

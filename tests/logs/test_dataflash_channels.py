@@ -93,7 +93,7 @@ def test_the_imu_of_the_primary_core_is_taken(tmp_path):
     assert "IMU 3 of 3 is used: the estimator's primary core flew with it" in found.notes
 
 
-def test_the_mostly_primary_core_tells_the_imu(tmp_path):
+def test_the_mostly_primary_core_shows_the_imu(tmp_path):
     xkf4 = Kind(190, "XKF4", "QBB", "TimeUS,C,PI")
     messages = [message(xkf4, k, 0, core) for k, core in enumerate((0, 1, 1, 1, 0))]
     for t in one_second(100):
@@ -229,7 +229,7 @@ def test_escs_of_auxiliary_outputs(tmp_path):
     assert any("ESC n is output n + 9" in n for n in found.notes)
 
 
-def test_an_esc_that_is_not_heard_leaves_no_speed_and_is_said(tmp_path):
+def test_an_esc_without_a_message_leaves_no_speed_and_is_said(tmp_path):
     found = read(tmp_path, [imu(0.0, *REST), *esc_messages((0, 1, 3))])
     assert "rotor_speed" not in found.channels
     assert any("comes from 3 ESCs (1, 2, 4), the motors are 4" in note for note in found.notes)
@@ -483,7 +483,7 @@ def test_batches_are_left_out_and_said(tmp_path):
     assert "1 batches of IMU samples (ISBH, ISBD) are left out" in notes
 
 
-def test_arming_is_told_and_its_absence_doubted(tmp_path):
+def test_arming_is_reported_and_its_absence_doubted(tmp_path):
     flown = read(tmp_path, [imu(0.0, *REST), message(ARM, 2_500_000, 1, 0, 0, 0)])
     assert "armed at 2.5 s of the autopilot's clock" in flown.notes
     idle = read(tmp_path, [imu(0.0, *REST), message(ARM, 2_500_000, 0, 0, 0, 0)])
@@ -567,7 +567,7 @@ def test_options_that_make_no_sense_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("lengths", [(400, 300), (300, 400)], ids=["longer first", "longer last"])
-def test_a_log_appended_to_another_is_told(tmp_path, lengths):
+def test_a_log_appended_to_another_is_reported(tmp_path, lengths):
     parts = [
         log(KINDS, [*parameters(QUAD_X), *(imu(5.0 + k / 100, *REST) for k in range(length))])
         for length in lengths

@@ -159,7 +159,7 @@ def test_a_name_that_gravity_or_attitude_contradict_is_doubted(tmp_path):
     assert len(proposal.doubts) == 2
 
 
-def test_a_unit_is_asked_where_nothing_tells_it(tmp_path):
+def test_a_unit_is_asked_where_nothing_shows_it(tmp_path):
     table = {n.replace("rotor_", "m"): c for n, c in FLIGHT.items() if "quat" not in n}
     path = written(tmp_path / "own.csv", table)
     proposal = propose_columns(path)
@@ -168,7 +168,7 @@ def test_a_unit_is_asked_where_nothing_tells_it(tmp_path):
     assert (stated.columns["gyro_z"].unit, stated.columns["rotor_4"].unit) == ("deg/s", "Hz")
 
 
-def test_columns_without_telling_names_are_named_by_hand(tmp_path):
+def test_columns_without_known_names_are_named_by_hand(tmp_path):
     given_names = {name: f"ch{i}" for i, name in enumerate(FLIGHT) if "quat" not in name}
     path = written(tmp_path / "own.csv", {given_names.get(n, n): c for n, c in FLIGHT.items()})
     with pytest.raises(LogError, match="as --column gyro_x=NAME"):
@@ -241,7 +241,7 @@ def test_a_channel_is_left_out_by_an_empty_name(tmp_path):
     assert "quat_z" in proposal.unused
 
 
-def test_units_of_speeds_and_commands_are_stated_apart(tmp_path):
+def test_units_of_speeds_and_commands_are_stated_separately(tmp_path):
     commands = {f"pwm_{i}": 1500 + 0.1 * FLIGHT[f"rotor_{i}"] for i in (1, 2, 3, 4)}
     path = written(tmp_path / "own.csv", {**FLIGHT, **commands})
     proposal = propose_columns(path, units={"motors": "rad/s", "rotor": "Hz"})
@@ -252,7 +252,7 @@ def test_units_of_speeds_and_commands_are_stated_apart(tmp_path):
     assert stated.columns["command_1"].range == (0.0, 65535.0)
 
 
-def test_text_beside_the_numbers_is_left_out(tmp_path):
+def test_text_next_to_the_numbers_is_left_out(tmp_path):
     path = written(tmp_path / "own.csv", FLIGHT)
     lines = path.read_text().splitlines()
     path.write_text("\n".join([f"{lines[0]},motor_5", *(f"{line},idle" for line in lines[1:])]))

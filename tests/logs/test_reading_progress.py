@@ -27,7 +27,7 @@ def flight():
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_reader_tells_how_far_it_is(name, flight, tmp_path, monkeypatch):
+def test_a_reader_shows_how_far_it_is(name, flight, tmp_path, monkeypatch):
     file, write = {**WRITERS, **RECORDING_WRITERS}[name]
     path = tmp_path / file
     write(flight, path)
@@ -64,7 +64,7 @@ def test_a_recording_of_several_files_is_gone_through_once(flight, tmp_path):
     assert said[-1] == 1.0
 
 
-def test_nobody_is_told_outside_of_reading():
+def test_nobody_is_notified_outside_of_reading():
     said = []
     with watched(lambda file, done: said.append(done)):
         report_progress(1, 2)

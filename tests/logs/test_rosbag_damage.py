@@ -147,7 +147,7 @@ def test_a_schema_that_is_no_text_is_damage(tmp_path, samples):
     assert "damaged SQLite database (" in ends_well(path)
 
 
-def test_a_schema_of_several_lines_is_told_in_one(tmp_path, samples):
+def test_a_schema_of_several_lines_is_reported_in_one(tmp_path, samples):
     """Found by fuzzing: the database quotes its damaged statement, line breaks and all."""
     path = tmp_path / "bag"
     path.write_bytes(samples["db3"].replace(b"type_description_hash", b"ty`e_description_hash"))

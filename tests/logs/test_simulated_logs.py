@@ -40,7 +40,7 @@ def px4(tmp_path, values, **parts):
         ({"SYS_HITL": 0}, {"ver_hw": "PX4_FMU_V6C"}, ""),
     ],
 )
-def test_px4s_simulators_are_told_by_board_and_parameters(tmp_path, values, info, simulator):
+def test_px4s_simulators_are_known_by_board_and_parameters(tmp_path, values, info, simulator):
     found = px4(tmp_path, values, info=info)
     assert found.simulator == simulator
     said = [note for note in found.notes if "a simulator: " in note]
@@ -112,7 +112,7 @@ def test_arducopters_law_is_that_of_its_parameters(tmp_path, values, battery, vo
     assert ("MOT_BAT_VOLT_MAX" in found.motors.words) == (voltage is not None)
 
 
-def test_arducopters_simulator_is_told_by_its_own_parameters(tmp_path):
+def test_arducopters_simulator_is_known_by_its_own_parameters(tmp_path):
     assert arducopter(tmp_path).simulator == ""
     found = arducopter(tmp_path, SIM_RATE_HZ=1200.0, SIM_FRM_MASS=3.0)
     assert found.simulator == found.metadata["Simulator"] == "ArduPilot SITL"
@@ -125,7 +125,7 @@ def test_the_low_pass_of_the_gyro_is_known(tmp_path):
     assert arducopter(tmp_path, INS_GYRO_FILTER=20.0).gyro_lowpass == 20.0
 
 
-def test_a_log_too_slow_for_inertia_is_told_what_to_set(tmp_path):
+def test_a_log_too_slow_for_inertia_is_given_what_to_set(tmp_path):
     assert not any("whatever is flown" in w for w in arducopter(tmp_path).warnings)
     [said] = [w for w in arducopter(tmp_path, rate=25).warnings if "whatever is flown" in w]
     assert "the IMU comes at 25 Hz only" in said

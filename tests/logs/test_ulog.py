@@ -351,7 +351,7 @@ def test_a_pose_in_an_unknown_frame_is_left_out(tmp_path):
     assert noted(log, "its frame is neither NED nor FRD")
 
 
-def test_a_frame_that_is_told_late_counts(tmp_path):
+def test_a_frame_that_is_logged_late_counts(tmp_path):
     position, q = RNG.normal(size=(N, 3)), np.tile([1.0, 0, 0, 0], (N, 1))
     frame = np.where(np.arange(N) < 5, 0, 1)
     log = read(tmp_path, IMU, mocap(TIME, position, q, frame=frame))
@@ -545,7 +545,7 @@ def test_options_for_other_formats_are_refused(tmp_path, options, words):
         read_log(path, options=options)
 
 
-def test_it_is_told_from_the_content(tmp_path):
+def test_it_is_known_from_the_content(tmp_path):
     assert is_ulog(encode([IMU])[:20])
     assert not is_ulog(b"ULo")
     path = tmp_path / "flight.csv"

@@ -88,7 +88,7 @@ def test_the_hover_is_read(folder):
     assert (log.metadata["Board"], log.metadata["SYS_AUTOSTART"]) == ("PX4_FMU_V6C", "4001")
 
 
-def test_the_hover_is_told_truly(folder):
+def test_the_hover_is_read_truly(folder):
     log = read_log(folder / HOVER)
     (doubt,) = log.warnings
     assert doubt.startswith("the command channel comes at 10 Hz, too slow for inertia")
@@ -100,7 +100,7 @@ def test_the_hover_is_told_truly(folder):
     assert "Off the ground 5.1 to 90.7 s." in log.notes
 
 
-def test_the_disarmed_log_is_told_truly(folder):
+def test_the_disarmed_log_is_read_truly(folder):
     log = read_log(folder / DISARMED)
     assert not log.channels["command"].values.any()
     assert log.channels["command"].source.endswith("1075..1950 (PWM_MIN, PWM_MAX)")
@@ -115,7 +115,7 @@ def test_a_disarmed_log_is_not_taken_for_a_flight(folder):
         prepare(read_log(folder / DISARMED), rotor_count=4, arm=0.25, motors=motors)
 
 
-def test_a_slow_hover_is_told_from_the_ground(folder):
+def test_a_slow_hover_is_distinguished_from_the_ground(folder):
     """Its commands grow by a tenth as the battery sags; their quick part lifts the vehicle."""
     motors = MotorModel(speed="commanded")
     flight = prepare(read_log(folder / HOVER), rotor_count=4, arm=0.25, motors=motors)

@@ -35,7 +35,7 @@ def test_escs_are_ordered_by_motor_and_lose_their_sign(tmp_path):
     assert channel.source == "esc_status.esc[1, 3, 0, 2].esc_rpm [rpm]"
 
 
-def test_functions_that_are_told_late_count(tmp_path):
+def test_functions_that_are_logged_late_count(tmp_path):
     topic = esc_status(TIME, SPEED, functions=[103, 101, 104, 102])
     motors = np.where(np.arange(N)[:, None] < 10, 0, [[103, 101, 104, 102, 0, 0, 0, 0]])
     late = replace(topic, fields={**topic.fields, "esc.actuator_function": motors})

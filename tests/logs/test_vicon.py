@@ -139,7 +139,7 @@ def test_a_block_without_frames_is_refused(tmp_path):
     assert error_of(path) == "the block Objects at line 1 has no frames: export again"
 
 
-def test_a_c3d_file_is_told(tmp_path):
+def test_a_c3d_file_is_reported(tmp_path):
     path = tmp_path / "take.c3d"
     path.write_bytes(b"\x02\x50" + bytes(510))
     assert error_of(path).startswith(

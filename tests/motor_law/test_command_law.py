@@ -50,7 +50,7 @@ def test_motors_without_noise_give_their_law():
     assert scales_of(best.layout, best.values)[0] == pytest.approx(FACTORS, abs=1e-3)
 
 
-def test_rising_and_falling_are_told_apart_where_they_differ():
+def test_rising_and_falling_are_distinguished_where_they_differ():
     law, apart = numbers(motor_responses(2, up=0.03, down=0.02))
     assert apart["motor_lag_up"].value == pytest.approx(0.03, rel=0.06)
     assert apart["motor_lag_down"].value == pytest.approx(0.02, rel=0.06)
@@ -87,7 +87,7 @@ def test_a_constant_voltage_has_no_exponent():
     assert numbers(answers)[0].nominal_voltage is None
 
 
-def test_a_hover_does_not_tell_the_speed_at_full_command():
+def test_a_hover_does_not_show_the_speed_at_full_command():
     """What the law is continued to must be as wide as the forms that fit are apart."""
     _, calm = numbers(motor_responses(7, lively=0.02, pulses=False, seconds=10.0))
     _, lively = numbers(motor_responses(7, seconds=10.0))
@@ -126,7 +126,7 @@ def test_glitches_and_stopped_rotors_do_not_move_the_law():
     ],
     ids=["command stuck", "speed stuck", "short"],
 )
-def test_what_tells_no_law_is_refused(change, words):
+def test_what_shows_no_law_is_refused(change, words):
     with pytest.raises(EstimationError, match=words):
         fitted([change(a) for a in motor_responses(9, seconds=6.0)])
 

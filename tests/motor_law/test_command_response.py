@@ -125,7 +125,7 @@ def test_coarse_speeds_are_no_slow_telemetry(speeds_of, share):
     assert np.exp(found.log_lag) == pytest.approx(0.03, rel=0.02)
 
 
-def test_noisy_commands_do_not_trap_the_lag_beside_its_value():
+def test_noisy_commands_do_not_trap_the_lag_near_its_value():
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 12.0, 0.001)
     slow = np.convolve(rng.normal(size=len(time) + 999), np.ones(1000) / 1000.0**0.5, "valid")

@@ -245,7 +245,7 @@ def test_motors_blipped_on_the_ground_are_refused():
         prepared(motion_log(thrust, force=force, rates=np.zeros((6000, 3))))
 
 
-def test_a_vehicle_tied_down_at_full_weight_is_refused():
+def test_a_vehicle_roped_down_at_full_weight_is_refused():
     t = np.arange(6000) / 200
     log = motion_log(1 + 0.15 * np.sin(3 * t), force=np.tile([0.0, 0.0, G], (6000, 1)))
     with pytest.raises(FlightError, match="its acceleration does not follow the rotors"):

@@ -123,7 +123,7 @@ def test_a_single_stamp_that_misses_its_frame_is_no_gap(late):
     np.testing.assert_allclose(clock.time, TIME, atol=1e-6)
 
 
-def test_a_lost_frame_beside_a_late_stamp_is_still_lost():
+def test_a_lost_frame_next_to_a_late_stamp_is_still_lost():
     time = np.delete(TIME, 300)
     time[250] += 0.7 / RATE
     assert camera_clock(time).runs == ((0, 300), (300, 599))

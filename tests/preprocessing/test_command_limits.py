@@ -37,7 +37,7 @@ def test_commands_that_turn_round_are_at_no_end(digits):
     assert (found.share, found.arrivals) == (0.0, 0.0)
 
 
-def test_one_motor_at_one_end_is_told_from_the_others():
+def test_one_motor_at_one_end_is_distinguished_from_the_others():
     values = swinging(0.3)
     values[:400, 2] = 1.0
     found = motor_limits(channel(values), ALL)

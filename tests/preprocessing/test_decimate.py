@@ -154,7 +154,7 @@ def with_gaps(values):
     return flight(1000.0, values, time=np.arange(4000) / 1000.0 + 0.0031 * late, segments=GAPS)
 
 
-def test_nothing_beside_a_segment_comes_into_it(rng):
+def test_nothing_next_to_a_segment_comes_into_it(rng):
     values = slow_noise(rng, 4000, 1000.0, 7)
     spoilt = np.full(values.shape, 1e6)
     for s in GAPS:

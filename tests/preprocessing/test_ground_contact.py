@@ -70,7 +70,7 @@ def test_half_a_second_is_not_enough():
     assert ground_contact(motion(thrust=0.2), [(0, 90), (800, 2000)]) == []
 
 
-def test_half_a_second_beside_the_ground_goes_with_it():
+def test_half_a_second_next_to_the_ground_goes_with_it():
     standing = motion(thrust=0.2)
     assert aloft(standing, WHOLE, [(0, 800)]) == [(850, 2000)]
     assert aloft(standing, [(100, 1400), (1500, 2000)], [(600, 800)]) == [

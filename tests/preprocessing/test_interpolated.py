@@ -39,7 +39,7 @@ def test_the_source_of_drawn_lines_has_its_rate(rate, step):
         refuse_interpolated_speeds(values, RATE)
 
 
-def test_repeated_values_are_told_alike():
+def test_repeated_values_are_noted_alike():
     slow = np.arange(0.0, TIME[-1] + 0.1, 0.1)
     repeated = np.column_stack(
         [np.interp(slow, TIME, x)[np.searchsorted(slow, TIME, "right") - 1] for x in speeds(2).T]

@@ -42,7 +42,7 @@ def test_what_jumps_and_stays_is_left():
     assert not without_spikes(TIME, values)[1].any()
 
 
-def test_beside_a_gap_nothing_is_judged():
+def test_next_to_a_gap_nothing_is_judged():
     values = lively()
     values[1000] += 0.2
     time = TIME + np.where(np.arange(2000) > 1001, 0.5, 0.0)

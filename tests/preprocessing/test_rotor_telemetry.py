@@ -146,7 +146,7 @@ def test_other_numbers_of_commands_and_speeds_are_said(log):
     assert "but 3 measured speeds" in said
 
 
-def test_slow_and_late_telemetry_still_tells_the_order(log):
+def test_slow_and_late_telemetry_still_shows_the_order(log):
     time = log.channels["rotor_speed"].time
     slow = with_channel(log, "rotor_speed", speeds(log)[::20][:, [1, 0, 2, 3]], time[::20] + 0.1)
     found = telemetry(slow)

@@ -106,6 +106,6 @@ def test_a_calm_hover_in_coarse_steps_is_no_fault(resolution):
     assert said.rows == pytest.approx((1000, 1600), abs=10)
 
 
-def test_rotors_that_all_stand_still_tell_nothing():
+def test_rotors_that_all_stand_still_show_nothing():
     values = np.full((4000, 4), 400.0)
     assert frozen_channels(values, [(0, 4000)], 200.0, measured=True) == ()

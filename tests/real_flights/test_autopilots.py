@@ -152,7 +152,7 @@ def test_arducopters_law_and_battery_come_from_its_parameters(result_of):
     assert any("11 ms of motor_lag and motor_delay" in w for w in result.warnings)
 
 
-def test_default_logging_of_arducopter_is_told_to_be_too_slow(result_of):
+def test_default_logging_of_arducopter_is_found_to_be_too_slow(result_of):
     result = result_of("arducopter-default-logging.BIN")
     found = numbers(result)
     assert found["Ixx"].value is found["kd"].value is None

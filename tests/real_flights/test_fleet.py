@@ -113,7 +113,7 @@ def test_every_log_of_a_mixed_fleet_has_a_row_or_a_reason(flight_data_dir, tmp_p
 
 
 @pytest.mark.flights
-def test_a_log_tells_whose_it_is_and_in_what_air(flight_data_dir):
+def test_a_log_shows_whose_it_is_and_in_what_air(flight_data_dir):
     ardupilot = read_log(flight_data_dir / "ardupilot-dronekit" / "log171.bin").circumstances
     assert ardupilot.hardware == "004A002F 33345119 32383433"
     assert ardupilot.started is None  # it never saw a satellite

@@ -160,7 +160,7 @@ def test_rotors_drag_is_found_where_the_vehicle_turns(joint):
     assert joint[CALM].parameter("rotor_drag").value is None
 
 
-def test_the_throw_of_a_calm_log_tells_little_of_yaw(joint):
+def test_the_throw_of_a_calm_log_shows_little_of_yaw(joint):
     """Over the whole flight the rotors explain little; the throw's quiet rows are enough."""
     result, other = joint[CALM], joint[LIVELY]
     for name in ("Ixx", "Iyy"):

@@ -10,7 +10,7 @@ import flown
 pytestmark = pytest.mark.flights
 
 
-def test_drag_of_a_climb_tells_no_centre_of_mass(flight_data_dir, tmp_path):
+def test_drag_of_a_climb_shows_no_centre_of_mass(flight_data_dir, tmp_path):
     """Drag acts at the centre of mass there, which is 3 mm in front of the IMU."""
     folder = flight_data_dir / "mujoco-worlds"
     for name in ("w46.toml", "w46.csv"):

@@ -137,7 +137,7 @@ def disowned(words):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_no_number_stands_beside_its_own_doubt(said_of, name):
+def test_no_number_stands_next_to_its_own_doubt(said_of, name):
     result = said_of(name).result
     words = " ".join(result.warnings)
     for one in (*result.parameters, *result.derived):

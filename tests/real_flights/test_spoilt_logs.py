@@ -44,7 +44,7 @@ def test_the_page_has_every_case_and_none_is_silent():
         for case in CASES
     ],
 )
-def test_a_spoilt_log_is_told_as_the_page_says(flight_data_dir, case):
+def test_a_spoilt_log_is_reported_as_the_page_says(flight_data_dir, case):
     for log in (case.log, *(flown.log for flown in case.beside)):
         if not (flight_data_dir / SOUND[log].path).is_file():
             pytest.skip(f"no {flight_data_dir / SOUND[log].path}")

@@ -223,7 +223,7 @@ def made_up_runs(*, count, scatter, width):
         (1.0, 5.0, ["coverage, mean"]),
     ],
 )
-def test_limits_tell_good_from_bad(scatter, width, failing):
+def test_limits_separate_good_from_bad(scatter, width, failing):
     runs = made_up_runs(count=150, scatter=scatter, width=width)
     verdicts = limits(scored(runs, "default", scenario="S1", study=SHORT), "S1")
     failed = [v.what for v in verdicts if not v.passed and v.what != "coverage, least"]

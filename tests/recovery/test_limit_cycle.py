@@ -7,7 +7,7 @@ import pytest
 import flown
 from rotorfit.simulation import Scenario, simulate_flight, variant
 from rotorfit.simulation.controller import Gains
-from rotorfit.simulation.views import IMU_AND_COMMAND, write_flight_table
+from rotorfit.simulation.experiment_files import IMU_AND_COMMAND, write_flight_table
 
 DELAY = 0.02
 HELD = ("kt", "kd", "Ixx_com", "Iyy_com", "Izz_com")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.simulation.views import IMU_AND_COMMAND, write_flight_table
+from rotorfit.simulation.experiment_files import IMU_AND_COMMAND, write_flight_table
 
 SEEDS = range(1, 6)
 
@@ -22,14 +22,14 @@ def runs(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_delay_is_not_that_of_the_autopilot_s_answer(runs):
+def test_the_delay_is_not_that_of_the_autopilot_s_response(runs):
     """Over all frequencies the likelihood is highest at 8 ms; in truth there is none."""
     delays = np.array([result.parameter("motor_delay").value for _, result in runs])
     assert abs(delays.mean()) < 1.5e-3
     assert np.abs(delays).max() < 4e-3
 
 
-def test_intervals_hold_what_the_autopilot_s_answer_would_hide(runs):
+def test_intervals_hold_what_the_autopilot_s_response_would_hide(runs):
     held = [
         interval[0] <= true <= interval[1]
         for flight, result in runs

@@ -42,7 +42,7 @@ def test_what_is_said_of_a_hazard_is_true_of_the_world() -> None:
     assert "delay" not in on_thrust["motors"]
 
 
-def test_wrong_declarations_are_told_the_right_way() -> None:
+def test_wrong_declarations_are_reported_the_right_way() -> None:
     right = tomllib.loads(experiment_text(draw_world(12, 0, {}, 6.0), "x.csv"))["airframe"]
     for hazard in ("wrong_sides", "wrong_order", "wrong_spins", "arm_scale"):
         wrong = draw_world(12, 0, {hazard: 1.0}, 6.0)

@@ -122,7 +122,7 @@ def test_a_world_is_the_same_alone_and_in_a_batch(tmp_path: Path) -> None:
     assert write_world(again, alone, tmp_path).read_text() == experiment_text(again, "w1.csv")
 
 
-def test_a_longer_flight_beside_it_changes_no_world() -> None:
+def test_a_longer_flight_next_to_it_changes_no_world() -> None:
     """Ground, wall and sag follow its own flight."""
     chance = chances(("ground_effect=1", "wall=1", "sag=1"))
     short, long = draw_world(7, 1, chance, 3.0), draw_world(7, 2, chance, 5.0)
@@ -197,7 +197,7 @@ def test_every_experiment_file_is_valid() -> None:
 @pytest.mark.parametrize(
     ("sides", "shown"), [(None, False), ([0.8, 1.6], False), ([0.97, 1.05], True), ([0, 1], False)]
 )
-def test_wrong_sides_that_no_log_shows_are_counted_apart(
+def test_wrong_sides_that_no_log_shows_are_counted_separately(
     sides: list[float] | None, shown: bool
 ) -> None:
     number = {"numbers": {"kt": (1.0, 0.1, "identified")}, "truth": {"kt": 1.05}, "findings": []}
@@ -217,7 +217,7 @@ def test_a_doubt_counts_for_a_mistake_that_can_be_its_cause() -> None:
     assert not is_doubted(row, "wrong_spins")
 
 
-def test_what_no_log_can_show_is_drawn_by_name_and_counted_apart() -> None:
+def test_what_no_log_can_show_is_named_and_counted_by_itself() -> None:
     invisible = {h.name for h in HAZARDS if h.kind == "invisible"}
     assert invisible == {"mass_scale", "arm_scale", "clock_scale"}
     assert not invisible & {*chances(None)}

@@ -69,7 +69,7 @@ def test_factors_do_not_depend_on_the_size_of_chunks(monkeypatch, chunk_rows):
     assert_same_gram(F.total, dense(data))
 
 
-def test_segments_are_kept_apart_and_gaps_are_left_out():
+def test_segments_are_kept_separate_and_gaps_are_left_out():
     parts = (
         Segment(start=3, stop=503),
         Segment(start=700, stop=1100),

@@ -59,7 +59,7 @@ def test_the_axis_is_logarithmic_with_its_ends_at_the_grids() -> None:
     assert (10**low, 10**high) == pytest.approx((0.25, 8.0))
 
 
-def test_a_told_law_is_drawn_with_what_was_flown() -> None:
+def test_a_given_law_is_drawn_with_what_was_flown() -> None:
     flown = replace(a_comparison(seconds=2.0), speeds=(200.0, 800.0))
     result = a_result(configurations=("A",), settings=TOLD)
     section = law_section(result, [flown])

@@ -204,7 +204,7 @@ def test_figures_are_svg_files_that_stand_alone(
     assert 'pip install "rotorfit[figures]"' in HINT
 
 
-def test_png_stands_beside_svg_where_the_renderer_is_installed(tmp_path: Path) -> None:
+def test_png_stands_next_to_svg_where_the_renderer_is_installed(tmp_path: Path) -> None:
     pytest.importorskip("resvg_py", reason='PNG needs the extra: pip install "rotorfit[figures]"')
     assert importlib.import_module("resvg_py")
     paths = write_drawings(tmp_path, figure_texts(a_result(), [a_comparison(seconds=5)]))

@@ -221,7 +221,7 @@ def test_the_sections_and_their_order() -> None:
     ]
 
 
-def test_the_paper_stands_beside_its_own_vehicle_only() -> None:
+def test_the_paper_stands_next_to_its_own_vehicle_only() -> None:
     result = a_result(configurations=("A",))
     assert 'id="paper"' in report_html(result)
     assert 'id="paper"' not in report_html(result, paper=False)

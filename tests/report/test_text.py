@@ -219,7 +219,7 @@ def test_word_by_word(golden):
     golden("report/text.txt", result_text(sample()))
 
 
-def test_every_verdict_is_shown_beside_its_number():
+def test_every_verdict_is_shown_next_to_its_number():
     result = sample()
     shown = rows(result_text(result))
     about_com = dict(zip(BODY, COM, strict=True))

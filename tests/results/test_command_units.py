@@ -181,7 +181,7 @@ def test_the_weight_reveals_thrust_not_quadratic_in_the_command(tmp_path, flight
         assert low < true < high
 
 
-def test_a_wrong_law_is_told_by_the_weight(tmp_path, flight):
+def test_a_wrong_law_is_known_by_the_weight(tmp_path, flight):
     wrong = f"law = {{ linear = [{-0.3 * flight.max_speed}, {1.3 * flight.max_speed}] }}"
     result = identified(tmp_path, flight, motors=wrong)
     assert any("measure the law under [motors] again" in words for words in result.warnings)

@@ -57,7 +57,7 @@ def numbers(**values):
     )
 
 
-def test_the_logs_law_fills_what_nobody_told():
+def test_the_logs_law_fills_what_nobody_gave():
     found = completed_motors(COMMANDED, logged())
     assert (found.law, found.lag_on) == (law_entry_of(LAW), "thrust")
     assert found.law_is_relative
@@ -68,7 +68,7 @@ def test_the_logs_law_fills_what_nobody_told():
     assert completed_motors(COMMANDED, logged(None)) == COMMANDED
 
 
-def test_flights_whose_logs_tell_different_motors_are_refused():
+def test_flights_whose_logs_show_different_motors_are_refused():
     one, other = (
         made(logged(), motors=completed_motors(COMMANDED, log)).configurations[0].flights[0]
         for log in (logged(), logged(None))

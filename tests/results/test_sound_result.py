@@ -142,7 +142,7 @@ def test_a_file_without_end(tmp_path):
         load_sound(path)
 
 
-def test_python_is_told_the_same():
+def test_python_warns_the_same():
     broken = replace(a_result(), covariance_names=("kt",), covariance=np.full((1, 1), np.inf))
     with pytest.raises(OutputError, match="identify again"):
         refuse_unsound(broken)

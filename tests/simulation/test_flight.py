@@ -297,7 +297,7 @@ def test_a_stick_slower_than_the_flight_is_refused():
         Scenario(seconds=0.0)
 
 
-def test_an_autopilot_that_hears_its_gyro_answers_its_noise():
+def test_an_autopilot_that_hears_its_gyro_responds_to_its_noise():
     """The command of a sample goes with the noise of its gyro, and only if it is told so."""
     shares = {}
     for hears in (False, True):

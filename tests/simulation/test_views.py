@@ -17,7 +17,7 @@ from rotorfit.simulation import (
     to_flight_log,
     write_flight_table,
 )
-from rotorfit.simulation.views import runs
+from rotorfit.simulation.experiment_files import runs
 
 
 def test_exact_data_are_the_states_at_the_origin_or_at_the_imu(rough_flight):

@@ -69,7 +69,7 @@ def test_how_long_the_rates_are_predicted():
     assert seconds[1] < seconds[2] < seconds[0] == 0.5
 
 
-def test_a_steady_error_is_told_from_chance():
+def test_a_steady_error_is_distinguished_from_chance():
     assert steady_share(outcome(growing)) == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
 
 

@@ -16,13 +16,13 @@ def pair(lag, sign=1.0):
 
 @pytest.mark.parametrize("lag", [1, 3, 9, 10])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_two_equal_spikes_are_half_alike_up_to_ten_samples_apart(lag, sign):
+def test_two_equal_spikes_are_half_alike_up_to_ten_samples_away(lag, sign):
     """Product 1 over squares of 2; the sign of it does not matter."""
     assert whiteness(pair(lag, sign)) == pytest.approx(0.5, abs=1e-3)
 
 
 @pytest.mark.parametrize("lag", [11, 20])
-def test_further_apart_they_are_not_looked_at(lag):
+def test_further_off_they_are_not_looked_at(lag):
     assert whiteness(pair(lag)) == pytest.approx(0.0, abs=1e-3)
 
 

@@ -10,7 +10,8 @@ from typing import Any, Final
 from rotorfit.app.form import rows, table
 from rotorfit.errors import LogError
 from rotorfit.experiment.declared_vehicle import table_options_of
-from rotorfit.experiment.experiment import TableEntry, table_of_options
+from rotorfit.experiment.experiment import TableEntry
+from rotorfit.experiment.toml_files import table_of_options
 from rotorfit.logs import ReadOptions
 from rotorfit.logs.columns import NAMES, TIME, unit_of
 from rotorfit.logs.proposal import Proposal, explains_itself, propose_columns, units_to_state

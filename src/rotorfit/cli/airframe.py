@@ -207,8 +207,7 @@ def proposal_text(proposal: Proposal) -> str:
 
 def table_text(options: ReadOptions) -> str:
     """Write the columns of a table as ``[table]`` of an airframe file."""
-    from rotorfit.experiment.experiment import table_of_options
-    from rotorfit.experiment.toml_files import experiment_text
+    from rotorfit.experiment.toml_files import experiment_text, table_of_options
 
     poles = "" if options.motor_poles is None else f"poles = {options.motor_poles}\n"
     head = (

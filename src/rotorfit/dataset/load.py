@@ -11,13 +11,13 @@ from typing import Final, Literal
 
 import numpy as np
 
-from rotorfit.dataset.checks.declared_rotors import check_flights
-from rotorfit.dataset.checks.plausible_units import (
+from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
+from rotorfit.dataset.declared_rotors import check_flights
+from rotorfit.dataset.plausible_units import (
     refuse_gyro_in_degrees,
     refuse_rotors_too_fast,
     slow_rotor_doubts,
 )
-from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.errors import ExperimentError, FlightError, RotorfitError
 from rotorfit.experiment.declared_vehicle import (
     imu_tilt_of,

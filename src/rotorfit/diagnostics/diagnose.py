@@ -12,10 +12,8 @@ from rotorfit.diagnostics import (
     flights_agree,
     hover_thrust,
     lever_arms,
-    payload,
     reference_test,
     residual_peaks,
-    rotor_order,
     spins,
     vehicle_size,
 )
@@ -23,9 +21,8 @@ from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.impossible_inertia import impossible_inertia
 from rotorfit.diagnostics.kt_from_weight import weigh_thrust
 from rotorfit.diagnostics.lever_arms import allow_for_sides
-from rotorfit.diagnostics.motors import changed_rotor, motor_limits
-from rotorfit.diagnostics.motors.law_uncertainty import allow_for_law
-from rotorfit.diagnostics.motors.motor_limits import allow_for_motor_limits
+from rotorfit.diagnostics.motors import changed_rotor, commanded_speeds
+from rotorfit.diagnostics.motors.commanded_speeds import allow_for_law, allow_for_motor_limits
 from rotorfit.diagnostics.motors.motor_time_split import allow_for_noise_feedback
 from rotorfit.diagnostics.motors.thrust_change import allow_for_thrust_change
 from rotorfit.diagnostics.sensors import clocks, log_settings, sensor_faults
@@ -83,7 +80,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     little_excitation,
     unknown_origin,
     of_steps,
-    *rotor_order.REFUSALS,
+    *spins.ORDER_REFUSALS,
     *spins.REFUSALS,
     *vehicle_size.REFUSALS,
     *lever_arms.REFUSALS,
@@ -95,12 +92,12 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *clocks.CHECKS,
     *sensor_faults.CHECKS,
     *hover_thrust.CHECKS,
-    *motor_limits.CHECKS,
+    *commanded_speeds.CHECKS,
     *residual_peaks.CHECKS,
     *flights_agree.CHECKS,
     *changed_rotor.FLIGHT_CHECKS,
     *hover_thrust.YAW_CHECKS,
-    *payload.CHECKS,
+    *flights_agree.PAYLOAD_CHECKS,
     *reference_test.CHECKS,
 )
 """In the order in which their findings are reported. A new one is a function of its topic's module,

@@ -20,8 +20,8 @@ from jaxtyping import Float
 from scipy import stats
 
 from rotorfit.dataset.carried_weight import Measured, carrying_stretches
-from rotorfit.dataset.checks.plausible_units import gravity_seen
 from rotorfit.dataset.dataset import ConfigurationData
+from rotorfit.dataset.plausible_units import gravity_seen
 from rotorfit.dataset.weight_balance import Held
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR, is_estimate
 from rotorfit.errors import UnsettledError

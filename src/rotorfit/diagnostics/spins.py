@@ -13,8 +13,13 @@ declared spins are refused, the flights are fitted with others: in that fit the 
 and be likelier than the declared ones, and the flights must be far likelier with it, spin-up
 and products of inertia included. And what drags a rotor can only turn the body
 against it: k_d is positive, and J_r is, unless k_d as found says so.
+
+Also refused are declared rotors that do not explain the motion at the lag that the fit finds.
+Before the fit the lag of commanded motors is open, and a declaration that one of several lags
+allows is fitted. Of a wrong order that is often the longest, at which no rotors explain much.
 """
 
+import dataclasses
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -23,6 +28,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rotorfit.dataset.declared_rotors import check_flight
 from rotorfit.diagnostics.coupling import without_coupling
 from rotorfit.diagnostics.yaw_residuals import Pattern, less_left, with_spins
 from rotorfit.errors import EstimationError, FrameError
@@ -45,6 +51,7 @@ from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.rotors import rotor_torque
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
 
 UNLIKE: Final = 0.15
 """By which the drag torques of one vehicle's rotors differ, as a share of them: k_t differs by up
@@ -364,3 +371,28 @@ def _reversed_sentence(name: str, configuration: str, low: float, high: float) -
 
 
 REFUSALS: Final = (refuse_wrong_spins,)
+
+
+def refuse_at_found_lag(fit: Fit) -> Iterable[Finding]:
+    """Refuse rotors that a flight contradicts at every lag in the interval that the fit found."""
+    tried = found_lags(fit)
+    if tried and fit.dataset.timing_identifiable:
+        for configuration in fit.dataset.configurations:
+            for flight in configuration.flights:
+                check_flight(flight, fit.dataset.vehicle, tried)
+    return ()
+
+
+def found_lags(fit: Fit) -> list[MotorResponse]:
+    """Return the responses of commanded motors with the found lag and the ends of its interval."""
+    timing = fit.dataset.motor_timing
+    if timing is None or timing.lag_std is None or fit.dataset.motors.speed == "measured":
+        return []
+    lag, half = timing.response.mean_lag, 1.96 * timing.lag_std
+    return [
+        dataclasses.replace(timing.response, lag=max(one, 0.0), lag_down=None)
+        for one in (lag, lag - half, lag + half)
+    ]
+
+
+ORDER_REFUSALS: Final = (refuse_at_found_lag,)

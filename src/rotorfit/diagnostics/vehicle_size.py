@@ -20,8 +20,8 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.checks.plausible_units import implausible_size
 from rotorfit.dataset.dataset import Dataset
+from rotorfit.dataset.plausible_units import implausible_size
 from rotorfit.errors import FrameError
 from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit

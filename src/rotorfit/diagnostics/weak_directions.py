@@ -18,6 +18,7 @@ from rotorfit.experiment.payload import MOMENTS
 from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, Numbers
+from rotorfit.formatting.sheet import listed
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.verdicts.judge import ADVICE, motion_for
 from rotorfit.verdicts.parameters import joint_parameters
@@ -158,10 +159,9 @@ def weak_sentence(
         return None
     owner = r" of \1" if several else ""
     names = [re.sub("@(.*)", owner, name) for name in weakest.parts]
-    together = f"{', '.join(names[:-1])} and {names[-1]}"
     what = "are known only as a ratio" if weakest.is_ratio else "are known only together"
     return (
-        f"{together} {what} (condition number {condition:.0f}: {condition_words(condition)}; "
+        f"{listed(names)} {what} (condition number {condition:.0f}: {condition_words(condition)}; "
         f"{GOOD:.0f} and less is good)"
     )
 

@@ -12,9 +12,9 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.dataset.checks.declared_rotors import BAND, reversed_rotor
+from rotorfit.dataset.declared_rotors import BAND
 from rotorfit.estimation.factors import Factors
-from rotorfit.model.vehicle import Vehicle
+from rotorfit.model.vehicle import Vehicle, reversed_rotor
 from rotorfit.reduction.frequency_bands import EDGES, excited_bands
 
 WORTH: Final = 0.05

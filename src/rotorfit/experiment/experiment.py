@@ -20,12 +20,12 @@ from rotorfit.experiment.law_table import (
     VoltageEntry,
     speed_law_of,
 )
-from rotorfit.experiment.model_terms import Terms
 from rotorfit.experiment.strict_tables import (
     Finite,
     NotNegative,
     Positive,
     Strict,
+    Terms,
     Vector,
     problem_sentences,
 )
@@ -37,7 +37,6 @@ from rotorfit.experiment.toml_files import (
 )
 from rotorfit.logs.columns import NAMES
 from rotorfit.logs.flight_log import LagOn
-from rotorfit.logs.formats import ReadOptions
 from rotorfit.logs.proposal import explains_itself
 from rotorfit.logs.read import format_of
 from rotorfit.preprocessing.motors.motor_model import full_speed_of
@@ -390,22 +389,6 @@ def _is_pose_alone(columns: Mapping[str, object] | None) -> bool:
     names = set(columns or {})
     has_imu = names.issuperset((*NAMES["gyro"], *NAMES["accel"]))
     return not has_imu and names.issuperset(NAMES["position"])
-
-
-def table_of_options(options: ReadOptions) -> dict[str, Any]:
-    """Write the columns and axes of a reader's options as a ``[table]``, without its defaults."""
-    columns = {
-        name: {
-            "name": spec.name,
-            "unit": spec.unit,
-            "scale": None if spec.scale == 1 else spec.scale,
-            "offset": None if spec.offset == 0 else spec.offset,
-            "range": None if spec.range is None else list(spec.range),
-        }
-        for name, spec in (options.columns or {}).items()
-    }
-    known = {k: {n: v for n, v in one.items() if v is not None} for k, one in columns.items()}
-    return {"axes": options.axes, "columns": known}
 
 
 def with_columns(flight: FlightEntry, table: TableEntry | None) -> FlightEntry:

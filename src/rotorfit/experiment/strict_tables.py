@@ -1,10 +1,13 @@
-"""Strict tables of the experiment file: numbers, no unknown keys, problems as sentences."""
+"""Strict tables of the experiment file: numbers, known keys and terms, problems as sentences."""
 
 import difflib
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Any, Final, cast
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import ErrorDetails
+
+from rotorfit.model.terms.registry import OPTIONAL
 
 # Strict: neither true nor "1.285" is a number.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -81,3 +84,32 @@ def _place(location: tuple[int | str, ...]) -> str:
         elif part.isidentifier() and part not in ("float", "str", "ColumnEntry", "int"):
             parts.append(part)
     return ".".join(parts)
+
+
+TERM_NAMES: Final = tuple(term.name for term in OPTIONAL)
+"""Of the optional terms of the model, in the order of the documentation."""
+
+
+def known_terms(given: object, info: Any) -> object:
+    """Check the terms that a file names; each is named once.
+
+    Raises
+    ------
+    ValueError
+        If a name is no term, with the nearest one; or if the method has terms of its own.
+    """
+    if given is None or not isinstance(given, list | tuple):
+        return given
+    if info.data.get("method", "banded") != "banded" or info.data.get("preset") is not None:
+        raise ValueError('they belong to method = "banded"; the other methods have their own')
+    names = [str(name) for name in cast("Sequence[object]", given)]
+    for name in names:
+        if name not in TERM_NAMES:
+            close = difflib.get_close_matches(name, TERM_NAMES, n=1, cutoff=0.4)
+            nearest = f", did you mean {close[0]!r}?" if close else ";"
+            raise ValueError(f"no term {name!r}{nearest} known terms: {', '.join(TERM_NAMES)}")
+    return tuple(dict.fromkeys(names))
+
+
+Terms = Annotated[tuple[str, ...], BeforeValidator(known_terms)]
+"""What stands under ``terms`` of an experiment."""

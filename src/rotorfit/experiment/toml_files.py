@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from rotorfit.errors import ExperimentError
+from rotorfit.logs.formats import ReadOptions
 from rotorfit.logs.read import kind_of
 
 MOST_VALUES: Final = 20_000
@@ -208,3 +209,19 @@ def _list(values: Sequence[str]) -> str:
 
 def _key(name: str) -> str:
     return name if _BARE.fullmatch(name) else _value(name)
+
+
+def table_of_options(options: ReadOptions) -> dict[str, Any]:
+    """Write the columns and axes of a reader's options as a ``[table]``, without its defaults."""
+    columns = {
+        name: {
+            "name": spec.name,
+            "unit": spec.unit,
+            "scale": None if spec.scale == 1 else spec.scale,
+            "offset": None if spec.offset == 0 else spec.offset,
+            "range": None if spec.range is None else list(spec.range),
+        }
+        for name, spec in (options.columns or {}).items()
+    }
+    known = {k: {n: v for n, v in one.items() if v is not None} for k, one in columns.items()}
+    return {"axes": options.axes, "columns": known}

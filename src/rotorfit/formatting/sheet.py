@@ -138,3 +138,8 @@ def table_lines(rows: Sequence[Sequence[str]], width: int) -> list[str]:
         for n, group in enumerate(groups)
     )
     return [line.rstrip() for line in joined if line.strip()]
+
+
+def listed(names: Sequence[str]) -> str:
+    """Write names as a list in words."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

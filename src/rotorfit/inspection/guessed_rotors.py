@@ -13,7 +13,7 @@ import scipy.linalg
 from jaxtyping import Float
 from scipy import signal
 
-from rotorfit.dataset.checks.declared_rotors import response
+from rotorfit.dataset.declared_rotors import response
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from rotorfit.dataset.checks.plausible_units import (
+from rotorfit.dataset.plausible_units import (
     GravitySeen,
     gravity_doubts,
     gravity_seen,

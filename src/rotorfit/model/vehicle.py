@@ -7,7 +7,7 @@ Sources: PX4 airframe reference; ArduPilot "Connect ESCs and Motors"; Betaflight
 configuration" (props in); Crazyflie 2 "Motor orientation"; Six et al. 2020, eq. 9 (paper).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, get_args
 
 import numpy as np
@@ -217,3 +217,8 @@ def _rotor(angle_deg: float, spin: Spin, arm: float) -> Rotor:
     x, y = arm * np.cos(angle), -arm * np.sin(angle)
     # Rounded to a nanometre, so that a rotor on an axis is on it.
     return Rotor(position=(round(float(x), 9), round(float(y), 9), 0.0), spin=spin)
+
+
+def reversed_rotor(rotor: Rotor) -> Rotor:
+    """Return a rotor that spins the other way."""
+    return replace(rotor, spin="cw" if rotor.spin == "ccw" else "ccw")

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.formatting.sheet import table_lines, wrapped
+from rotorfit.formatting.sheet import listed, table_lines, wrapped
 from rotorfit.logs.files import file_name
 from rotorfit.report.pages import (
     drawing,
@@ -30,6 +30,7 @@ from rotorfit.validation.fly_outcome import (
     band,
     departure,
     is_lost,
+    liveliest,
     manoeuvre_of,
     overshoot,
     rate_errors,
@@ -193,11 +194,6 @@ def meaning(outcome: FlyOutcome) -> list[str]:
     return words
 
 
-def listed(names: Sequence[str]) -> str:
-    """Write names as a list in words."""
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-
-
 def _stand(axis: str, ratio: float) -> str:
     if not math.isfinite(ratio):
         return f"{axis} -"
@@ -317,7 +313,7 @@ def kind_of(labels: Sequence[str], name: str) -> str:
 
 def replay_svg(replay: Replay, labels: Sequence[str]) -> str:
     """Draw the rates of the liveliest stretch of a flight, flown and predicted in windows."""
-    chosen = _liveliest(replay)
+    chosen = liveliest(replay, SHOWN_SECONDS)
     panels = [
         Panel(
             title=f"{axis.capitalize()} rate [rad/s]",
@@ -366,15 +362,6 @@ def manoeuvre_svg(outcome: FlyOutcome) -> str:
         ]
         panels.append(Panel(title=TITLES[name], x_name="time [s]", curves=tuple(curves)))
     return _figure(panels, 2, 150.0, "Hover and steps of the model in MuJoCo")
-
-
-def _liveliest(replay: Replay) -> list[int]:
-    """Select the windows of the stretch in which the rates are largest."""
-    starts = replay.time[:, 0]
-    power = (replay.rates**2).mean(axis=(1, 2))
-    within = (starts >= starts[:, None]) & (starts < starts[:, None] + SHOWN_SECONDS)
-    best = int(np.argmax(within @ power))
-    return np.flatnonzero(within[best]).tolist()
 
 
 def _rate_curves(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, Final
 
-from rotorfit.dataset.checks.plausible_units import GravitySeen
+from rotorfit.dataset.plausible_units import GravitySeen
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
 from rotorfit.formatting.digits import short
 from rotorfit.formatting.sheet import wrapped

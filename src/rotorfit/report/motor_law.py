@@ -1,8 +1,8 @@
 """The motors' law in words and as a picture: measured speeds over commands, and the curve."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +10,7 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.experiment.law_table import speed_law_of
+from rotorfit.experiment.toml_files import experiment_text
 from rotorfit.formatting.digits import Number, number_of
 from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.preprocessing.motors.motor_model import speeds
@@ -162,15 +163,7 @@ def motors_lines(law: CommandLaw) -> tuple[str, ...]:
     """Write the TOML of ``[motors]`` for flights of this vehicle without rotor speed."""
     if not law.motors:
         return ()
-    lines = [f"{key} = {_toml(value)}" for key, value in law.motors.items()]
-    return ("[motors]", *lines)
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, Mapping):
-        table = cast("Mapping[str, object]", value)
-        return "{ " + ", ".join(f"{k} = {_toml(v)}" for k, v in table.items()) + " }"
-    return f'"{value}"' if isinstance(value, str) else str(value)
+    return tuple(experiment_text({"motors": law.motors}).splitlines())
 
 
 def law_picture(law: CommandLaw) -> str:

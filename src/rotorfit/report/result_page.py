@@ -6,6 +6,7 @@ Identification of the Propeller Coefficients and Dynamic Parameters of a Hoverin
 Flight Data. Their numbers are in `paper_tables.toml`.
 """
 
+import json
 import math
 import re
 import tomllib
@@ -29,7 +30,7 @@ from rotorfit.report.parameters import (
     title_of,
     unit_words,
 )
-from rotorfit.report.summary import METHODS, provenance_of, summary_of, used_flights
+from rotorfit.report.summary import summary_of, used_flights
 from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.wrenches import (
     TOO_SHORT,
@@ -324,3 +325,82 @@ def figure_texts(
 def _plain(name: str) -> str:
     """Make a name with nothing in it that a file system may not like."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(file_name(name)).stem).strip("-")[:40] or "flight"
+
+
+METHODS = {
+    "ols": "equation by equation, weighted by frequency band",
+    "tls": "total least squares of all equations (Six et al. 2020), intervals by their formula",
+    "banded": "all equations and configurations at once, weighted by frequency band",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """Everything needed to do it again."""
+
+    settings: tuple[tuple[str, str], ...]
+    versions: tuple[tuple[str, str], ...]
+    hashes: tuple[tuple[str, str, str], ...]
+
+
+def provenance_of(
+    result: IdentificationResult, comparisons: Sequence[WrenchComparison]
+) -> Provenance:
+    """Collect settings as key and value, versions, and hashes of every flight shown."""
+    hashes = [(file_name(f.file), f.sha256, "fitted") for f in result.flights]
+    fitted = {f.sha256 for f in result.flights}
+    hashes += [
+        (file_name(c.flight), c.sha256, "validated") for c in comparisons if c.sha256 not in fitted
+    ]
+    return Provenance(
+        settings=tuple(_leaves(result.settings, "")),
+        versions=tuple((name, str(version)) for name, version in result.versions.items()),
+        hashes=tuple(hashes),
+    )
+
+
+def _leaves(value: Any, path: str) -> list[tuple[str, str]]:
+    """Flatten nested tables to lines; a list of small tables has one line for each."""
+    if isinstance(value, Mapping):
+        table = cast("Mapping[str, Any]", value)
+        if path and not any(isinstance(v, Mapping | list | tuple) for v in table.values()):
+            shown = {key: _shortened(key, v) for key, v in table.items()}
+            return [(path, ", ".join(f"{key} = {_setting_text(v)}" for key, v in shown.items()))]
+        return [
+            line
+            for key, v in table.items()
+            for line in _leaves(_shortened(key, v), f"{path}.{key}".lstrip("."))
+        ]
+    if isinstance(value, list | tuple) and any(
+        isinstance(v, Mapping) for v in cast("list[Any]", value)
+    ):
+        items = cast("list[Any]", value)
+        return [line for i, v in enumerate(items, 1) for line in _leaves(_flat(v), f"{path} {i}")]
+    return [(path, _setting_text(value))]
+
+
+def _flat(value: Any) -> Any:
+    """Write the short lists of a table as text, so that a rotor takes one line."""
+    if not isinstance(value, Mapping):
+        return value
+    table = cast("Mapping[str, Any]", value)
+    return {k: _json(v) if _is_vector(v) else v for k, v in table.items()}
+
+
+def _is_vector(value: Any) -> bool:
+    return isinstance(value, list | tuple) and all(
+        isinstance(v, int | float) for v in cast("list[Any]", value)
+    )
+
+
+def _setting_text(value: Any) -> str:
+    return value if isinstance(value, str) else _json(value)
+
+
+def _shortened(key: str, value: Any) -> Any:
+    """Strip a file's folders: they are nobody else's business."""
+    return file_name(value) if key == "file" and isinstance(value, str) else value
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, default=str, ensure_ascii=False)

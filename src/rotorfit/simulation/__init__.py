@@ -1,6 +1,11 @@
 """The witness: flights with known truth; shares no line with the regressor."""
 
 from rotorfit.simulation.controller import Gains as Gains
+from rotorfit.simulation.experiment_files import exact_flight_data as exact_flight_data
+from rotorfit.simulation.experiment_files import flight_table as flight_table
+from rotorfit.simulation.experiment_files import sampled_flight_data as sampled_flight_data
+from rotorfit.simulation.experiment_files import to_flight_log as to_flight_log
+from rotorfit.simulation.experiment_files import write_flight_table as write_flight_table
 from rotorfit.simulation.experiments import SimulatedVehicle as SimulatedVehicle
 from rotorfit.simulation.experiments import layout_vehicle as layout_vehicle
 from rotorfit.simulation.experiments import paper_vehicle as paper_vehicle
@@ -18,8 +23,3 @@ from rotorfit.simulation.sensors import measure as measure
 from rotorfit.simulation.truth import GRAVITY as GRAVITY
 from rotorfit.simulation.truth import Truth as Truth
 from rotorfit.simulation.truth import with_payload as with_payload
-from rotorfit.simulation.views import exact_flight_data as exact_flight_data
-from rotorfit.simulation.views import flight_table as flight_table
-from rotorfit.simulation.views import sampled_flight_data as sampled_flight_data
-from rotorfit.simulation.views import to_flight_log as to_flight_log
-from rotorfit.simulation.views import write_flight_table as write_flight_table

@@ -223,3 +223,12 @@ def _flown(flight: ModelFlight) -> dict[str, Any]:
         "overshoot": overshoot(flight),
         "settling_time_s": settling_time(flight),
     }
+
+
+def liveliest(replay: Replay, seconds: float) -> list[int]:
+    """Select the windows of the stretch of that length in which the rates are largest."""
+    starts = replay.time[:, 0]
+    power = (replay.rates**2).mean(axis=(1, 2))
+    within = (starts >= starts[:, None]) & (starts < starts[:, None] + seconds)
+    best = int(np.argmax(within @ power))
+    return np.flatnonzero(within[best]).tolist()

@@ -7,7 +7,7 @@ amplitude and phase together:
 
 .. math:: \ln H = -\ln(1 - u^2 + 2 j \zeta u), \quad u = f / f_0
 
-and its inverse. What is unexplained may be the autopilot's answer, as in `sensor_lateness`. The
+and its inverse. What is unexplained may be the autopilot's answer, as in `clocks`. The
 factor of an axis is that of its inertia at low frequencies, so that the filter that fits best says
 by how much the fit's is off.
 """

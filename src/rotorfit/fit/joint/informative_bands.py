@@ -19,7 +19,6 @@ from jaxtyping import Bool, Float, Int
 
 from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
-from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.joint.joint_problem import (
     NOISY,
     TURN_ERRORS,
@@ -28,6 +27,7 @@ from rotorfit.fit.joint.joint_problem import (
     error_correlation_std,
     joint_problem,
 )
+from rotorfit.model.terms.registry import DEFAULT_TERMS
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.frequency_bands import (
     LEAST_RATIO,

@@ -9,7 +9,6 @@ import numpy as np
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import SMALLEST_STEP, BandedEstimate
-from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse, estimated_response
 from rotorfit.fit.joint.informative_bands import select_informative_bands, select_slow_bands
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, separate_flights
@@ -17,6 +16,7 @@ from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, flights_of, scatte
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import INERTIA
+from rotorfit.model.terms.registry import DEFAULT_TERMS
 from rotorfit.reduction.frequency_bands import LEAST_RATIO
 
 NEAR: Final = 0.1

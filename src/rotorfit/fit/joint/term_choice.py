@@ -15,9 +15,8 @@ import numpy as np
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
-from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem, size_of
-from rotorfit.model.terms.registry import BY_LIKELIHOOD, OPTIONAL, terms_named
+from rotorfit.model.terms.registry import BY_LIKELIHOOD, DEFAULT_TERMS, OPTIONAL, terms_named
 from rotorfit.model.terms.term import Term
 
 LEAST_GAIN = 50.0

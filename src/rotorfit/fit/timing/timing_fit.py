@@ -20,13 +20,12 @@ from jaxtyping import Float
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
-from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.timing.onboard_filter import shape_fault
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
-from rotorfit.model.terms.registry import DEFAULT
+from rotorfit.model.terms.registry import DEFAULT, DEFAULT_TERMS
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import (
     LARGEST_SKEW,

@@ -18,13 +18,13 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Float
 
-from rotorfit.dataset.checks.plausible_units import refuse_implausible_size
 from rotorfit.dataset.dataset import LoadedFlight
+from rotorfit.dataset.plausible_units import refuse_implausible_size
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.model.signals import signal_layout
-from rotorfit.model.vehicle import LAYOUTS, Rotor, Vehicle, layout_rotors
+from rotorfit.model.vehicle import LAYOUTS, Rotor, Vehicle, layout_rotors, reversed_rotor
 from rotorfit.preprocessing.imu_tilt import LEAST_TILT, mean_force_tilt, tilt_phrase
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.frequency_bands import prepared_bands
@@ -465,11 +465,6 @@ def _orders(n: int) -> list[tuple[int, ...]]:
 
 def _with_rotors(vehicle: Vehicle, rotors: Iterable[Rotor]) -> Vehicle:
     return replace(vehicle, rotors=tuple(rotors))
-
-
-def reversed_rotor(rotor: Rotor) -> Rotor:
-    """Return a rotor that spins the other way."""
-    return replace(rotor, spin="cw" if rotor.spin == "ccw" else "ccw")
 
 
 def _turned(rotor: Rotor, quarters: int) -> Rotor:

@@ -1,1 +1,0 @@
-"""What contradicts the declaration before any fit: axes, units, rotors, telemetry; refused."""
