@@ -248,7 +248,8 @@ def _thrust_message(found: Prospects) -> str:
         "not": "kt cannot be found",
     }[thrust.prospect]
     if not thrust.followed:
-        return f"thrust changes by {change:.0f} %: {verdict}, if at all. {_unexplained(found)}"
+        by_weight = "" if thrust.prospect == "not" else " by the weight"
+        return f"thrust changes by {change:.0f} %: {verdict}{by_weight}. {_unexplained(found)}"
     if thrust.agree or thrust.from_weight is None:
         sure = " well" if thrust.prospect == "well" else ": too few changes of thrust"
         return f"thrust changes by {change:.0f} %: {verdict}{sure}"
