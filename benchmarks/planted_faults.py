@@ -194,6 +194,20 @@ ROOMS: Final[dict[str, Room]] = {
             "path[-3] + <<2.0 * leap * first>>",
         ),
     ),
+    "estimation/dispersion.py": Room(
+        tests=("tests/estimation/test_dispersion.py",),
+        scaled=(
+            "Dispersion(ratio=<<shown / stated>>, degrees",
+            "degrees=<<stated**2 / spread>>)",
+            "<<blocks * shown>> + self.degrees",
+            "<<self.degrees * self.ratio * stated>>) / degrees",
+        ),
+        changed=(
+            ("own = Y - squares", "own = Y"),
+            ("(own**2).sum()) + max(across, 0.0)", "(own**2).sum())"),
+            ("degrees = blocks + self.degrees", "degrees = self.degrees"),
+        ),
+    ),
     "estimation/reweighted.py": Room(
         tests=("tests/estimation/test_scatter.py", "tests/estimation/test_reweighted.py"),
         scaled=(
@@ -350,7 +364,8 @@ ROOMS: Final[dict[str, Room]] = {
             "FEWEST_FLIGHTS = <<3>>",
             "FEWEST_PHASES = <<3>>",
             "MOST_LEVERAGE = <<4.0>>",
-            "stats.t.ppf(0.975, degrees) * <<np.sqrt(scatter * blocks / free)>>",
+            "own = <<np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)>>",
+            "<<stats.t.ppf(0.975, degrees) * np.sqrt(variance)>>",
             "        <<half_width_between_phases(fit, jacobian)>>,",
             "        <<_between_flights(fit, jacobian)>>,",
             "np.vstack([<<np.abs(response_shifts).sum(axis=0)>>, 1.96 * late, 1.96 * pushed])",

@@ -14,6 +14,7 @@ from rotorfit.estimation.banded import (
     covariance_with_noise_uncertainty,
     response_sensitivity,
 )
+from rotorfit.estimation.dispersion import Dispersion
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.experiment.payload import PointMass, added_moments
@@ -41,6 +42,13 @@ T_10, T_4 = 2.228, 2.776
 """Two-sided 95 % of Student's t, from the printed tables."""
 LEFT = np.sqrt(12 / 10)
 """Of 12 blocks, 10 are left."""
+
+
+@pytest.fixture(autouse=True)
+def _without_dispersion(monkeypatch):
+    """Leave each number its own scatter: made fits have no scores that go with it."""
+    none = Dispersion(ratio=1.0, degrees=0.0)
+    monkeypatch.setattr(module, "dispersion", lambda fit, parts: none)
 
 
 def half_width(fit, configurations, name="kt", mass_std=0.0):
@@ -82,6 +90,30 @@ def test_scatter_of_a_few_telling_blocks_has_their_t():
     body = made_fit.configuration(factors=replace(factors, R=factors.R * size[:, None, None]))
     fit = made_fit.fit_of([body], std={"kt": 1e-12}, influence={"kt": 1e-8 * EVEN})
     assert half_width(fit, [body]) == pytest.approx(8.83e-8 * 4.303 / T_10, rel=0.01)
+
+
+@pytest.mark.parametrize(("phases", "parts"), [(1, 12), (2, 12), (3, 3), (4, 4)])
+def test_the_scatter_of_all_numbers_is_pooled_with_its_own(monkeypatch, phases, parts):
+    """By phases from three on, else by blocks: (10 own + 30 times 4 stated) / 40, t of 40."""
+    moving_as_they_pull(monkeypatch)
+    found = []
+    pooled = Dispersion(ratio=4.0, degrees=30.0)
+    monkeypatch.setattr(module, "dispersion", lambda fit, own: found.append(own) or pooled)
+    factors = made_fit.blocks([(1.0, 2.0)] * 12)
+    segment = np.repeat(np.arange(phases), 12 // phases)
+    body = made_fit.configuration(factors=replace(factors, segment=segment))
+    fit = made_fit.fit_of([body], std={"kt": 3e-8})
+    pulls = fit.influence.copy()
+    pulls[:, fit.estimate.names.index("kt")] = 1e-8 * EVEN
+    jacobian = np.eye(FREE)[[fit.estimate.names.index("kt")]]
+    half = module.random_half_width(
+        replace(fit, influence=pulls), jacobian, np.array([[(3e-8) ** 2]])
+    )
+    own = 12 * 12 / 11 * 12 / 10 * 1e-16
+    variance = (10 * own + 30 * 4 * 9e-16) / 40
+    assert half[0] == pytest.approx(2.021 * np.sqrt(variance), rel=1e-3)
+    assert {len(own) for own in found} == {parts}
+    assert all(np.sum(own, axis=0).tolist() == [1] * 12 for own in found)
 
 
 def test_the_wider_of_covariance_and_scatter_counts_alone():

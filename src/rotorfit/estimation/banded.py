@@ -280,9 +280,15 @@ def part_equations(
     The prior is in neither of the former.
     """
     equations = corrected_equations(fit.problem, _state_of(fit))
-    information = part_information(fit.problem, _state_of(fit), parts)
     scores = np.array([equations.scores[part].sum(axis=0) for part in parts])
-    return information, scores, equations.prior_score
+    return information_of_parts(fit, parts), scores, equations.prior_score
+
+
+def information_of_parts(
+    fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]
+) -> Float[np.ndarray, "p f f"]:
+    """Compute the information of each part of the blocks, without the prior's."""
+    return part_information(fit.problem, _state_of(fit), parts)
 
 
 def steps_without(

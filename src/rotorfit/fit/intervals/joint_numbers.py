@@ -1,11 +1,10 @@
 """From the joint estimate to physical numbers with intervals.
 
 Half-width^2 = (the largest of formal and scatter)^2 + answer^2 + push^2 + tolerances^2.
-Formal: the covariance of the fit. Scatter: the one-step jackknife over stretches and bands, with
-the t of those that tell the number (`effective_blocks`); over phases; over flights. Answer:
-how far the estimate depends on what is assumed of the autopilot, which answers disturbances
-(`banded.response_sensitivity`). Push: what is open of where gusts and drag push
-(`error_correlation_shifts`). What a change of settings shifts is added by the recipe.
+Formal: the covariance of the fit. Scatter: over stretches and bands, of the number and of all
+together (`dispersion`); over phases; over flights. Answer: how far the estimate depends on what is
+assumed of the autopilot (`banded.response_sensitivity`). Push: what is open of where gusts and drag
+push (`error_correlation_shifts`). What a change of settings shifts is added by the recipe.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,6 +22,7 @@ from rotorfit.estimation.banded import (
     square_root,
     steps_without,
 )
+from rotorfit.estimation.dispersion import dispersion
 from rotorfit.estimation.effective_blocks import effective_blocks
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import numerical_jacobian
@@ -153,7 +153,7 @@ def random_half_width(
     stated = float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(formal) * blocks / free)
     shown = (
         stated,
-        _between_blocks(fit, jacobian),
+        half_width_between_blocks(fit, jacobian, formal),
         half_width_between_phases(fit, jacobian),
         _between_flights(fit, jacobian),
     )
@@ -161,21 +161,21 @@ def random_half_width(
 
 
 def _free_blocks(fit: BandedEstimate) -> float:
-    """Return how many blocks the parameters leave.
-
-    A block holds an equation for each noisy signal: that many parameters cost one block.
-    """
+    """Return how many blocks are left: as many parameters as noisy signals cost one block."""
     return max(len(fit.influence) - len(fit.estimate.names) / fit.variance.shape[1], 1.0)
 
 
-def _between_blocks(
-    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+def half_width_between_blocks(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width that the scatter of the blocks shows, with the t of those that tell."""
+    """Return the half-width by the scatter of the blocks: each number's own, and that of all."""
     blocks, free = len(fit.influence), _free_blocks(fit)
-    scatter = np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)
-    degrees = np.minimum(effective_blocks(fit, jacobian), free)
-    found: Float[np.ndarray, " q"] = stats.t.ppf(0.975, degrees) * np.sqrt(scatter * blocks / free)
+    own = np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T) * blocks / free
+    own_blocks = np.minimum(effective_blocks(fit, jacobian), free)
+    phases = _phases(fit)
+    parts = phases if len(phases) >= FEWEST_PHASES else list(np.eye(blocks, dtype=bool))
+    variance, degrees = dispersion(fit, parts).pooled(np.diagonal(formal), own, own_blocks)
+    found: Float[np.ndarray, " q"] = stats.t.ppf(0.975, degrees) * np.sqrt(variance)
     return found
 
 
