@@ -95,11 +95,6 @@ LONG = {
     "autopilot-sitl/arducopter-exported.BIN": (1.4, of_layout(0.25, "ardupilot"), COMMANDED),
     "autopilot-sitl/ap-heavy-recommended.BIN": (3.2, HEAVY, COMMANDED),
     "autopilot-sitl/ap-heavy-raw.BIN": (3.2, HEAVY, COMMANDED),
-    "crazypad/motor_data__normal_flight__E9_log01": (
-        0.033,
-        of_layout(0.046, "crazyflie"),
-        COMMANDED,
-    ),
 }
 LESS = {
     ("tudelft-indiflight/LOG00230.BFL", "kd_over_Izz"),

@@ -91,8 +91,12 @@ def sections(report: LogReport) -> list[tuple[str, list[str]]]:
 
 def recording_messages(report: LogReport) -> list[str]:
     """Report on the samples as they were recorded."""
-    words = [text for channel in report.channels for text in _channel_messages(channel)]
-    return [*words, *report.filters]
+    named: dict[str, list[str]] = {}
+    for channel in report.channels:
+        for text in _channel_messages(channel):
+            name, _, words = text.partition(": ")
+            named.setdefault(words, []).append(name)
+    return [*(f"{', '.join(names)}: {words}" for words, names in named.items()), *report.filters]
 
 
 def _channel_messages(c: ChannelReport) -> list[str]:
