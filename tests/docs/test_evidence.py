@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from benchmarks.evidence import holds, replaced
+from benchmarks.stopwatch import CASES
 
 ROOT = Path(__file__).parents[2]
 POWERS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
@@ -79,3 +80,14 @@ def test_only_the_marked_part_of_a_page_is_replaced():
     assert replaced(new, "x", "| new |") == new
     with pytest.raises(SystemExit, match="markers"):
         replaced(page, "y", "")
+
+
+def test_the_stopwatch_has_the_logs_of_its_table():
+    """Log, questions answered, seconds: rows of `python -m benchmarks.stopwatch`, in its order."""
+    page = (ROOT / "docs" / "first-parameters.md").read_text(encoding="utf-8")
+    shown = [row for row in cells(page.split("## What made one stop")[0]) if row[0] != "log"]
+    assert [re.search(r"`(.*?)`", row[0])[1] for row in shown] == [
+        Path(case.log).name for case in CASES.values()
+    ]
+    assert [int(row[1][0]) for row in shown] == [len(case.answers) for case in CASES.values()]
+    assert all(re.fullmatch(r"[\d.]+ \+ [\d.]+", row[3]) for row in shown)

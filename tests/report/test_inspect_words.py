@@ -55,7 +55,7 @@ def said(thrust=THRUST, axis=YAW, *, commanded=False):
         ),
         (
             replace(THRUST, followed=False),
-            "can be found roughly, if at all. Neither roll nor pitch",
+            "can be found by the weight. Neither roll nor pitch",
         ),
     ],
     ids=["well", "calm", "roughly", "not", "two values", "unfollowed"],

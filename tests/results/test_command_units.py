@@ -166,7 +166,7 @@ def test_the_weight_reveals_thrust_not_quadratic_in_the_command(tmp_path, flight
     doubts = [
         words
         for words in result.warnings
-        if "the result has the latter, and the intervals of inertia" in words
+        if "the result has that of the weight, and the intervals of inertia" in words
     ]
     assert len(doubts) == 1
     assert re.search(r"the power of (1\.[0-3])\b", doubts[0])

@@ -22,7 +22,7 @@ from rotorfit.validation.replay import (
     replay,
     window_starts,
 )
-from rotorfit.validation.replay_vehicle import hover_centre, replay_vehicle
+from rotorfit.validation.replay_vehicle import hover_centre, replay_vehicle, unknown_body
 
 sys.path.append(str(Path(__file__).parents[1] / "export"))
 from export_material import (
@@ -240,6 +240,14 @@ def test_per_kilogram_becomes_absolute_with_an_assumed_mass():
     again = replay_vehicle(light, "A", assumed={"mass": MASS})
     for field in ("com", "inertia", "torque", "thrust"):
         np.testing.assert_allclose(getattr(again, field), getattr(whole, field), rtol=1e-9)
+
+
+def test_an_unknown_product_is_that_of_a_symmetric_frame():
+    lost = changed(a_result(), Ixy={"value": None}, Ixy_com={"value": None})
+    assert unknown_body(a_result(), "A") == {}
+    assert unknown_body(lost, "A") == {"Ixy_com": 0.0}
+    assert unknown_body(lost, "A", {"Ixy_com": 1e-4}) == {}
+    assert replay_vehicle(lost, "A").inertia[0, 0, 1] == 0.0
 
 
 def test_an_unknown_centre_is_that_of_the_rotors():

@@ -230,7 +230,7 @@ def _side(
     from rotorfit.export.targets import BODY, ROTORS
     from rotorfit.export.vehicle_model import vehicle_model
     from rotorfit.validation.replay import Timed
-    from rotorfit.validation.replay_vehicle import hover_centre, replay_vehicle
+    from rotorfit.validation.replay_vehicle import replay_vehicle, unknown_body
     from rotorfit.validation.validate import fitted_response
 
     _refuse_units(result, assumed)
@@ -238,7 +238,7 @@ def _side(
         result,
         configuration=owner,
         needs=(*BODY, *ROTORS),
-        assumed=hover_centre(result, owner, assumed) | dict(assumed),
+        assumed=unknown_body(result, owner, assumed) | dict(assumed),
         speed="full-command",
     )
     # What was assumed, and what followed from it by a ratio, is not drawn.

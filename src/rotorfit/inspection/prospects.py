@@ -113,8 +113,7 @@ class Thrust:
     @property
     def prospect(self) -> Prospect:
         """How well kt can be found."""
-        found = _prospect(self.width, axis="force")
-        return "roughly" if found == "well" and not self.followed else found
+        return _prospect(self.width, axis="force")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

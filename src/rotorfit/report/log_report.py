@@ -91,8 +91,12 @@ def sections(report: LogReport) -> list[tuple[str, list[str]]]:
 
 def recording_messages(report: LogReport) -> list[str]:
     """Report on the samples as they were recorded."""
-    words = [text for channel in report.channels for text in _channel_messages(channel)]
-    return [*words, *report.filters]
+    named: dict[str, list[str]] = {}
+    for channel in report.channels:
+        for text in _channel_messages(channel):
+            name, _, words = text.partition(": ")
+            named.setdefault(words, []).append(name)
+    return [*(f"{', '.join(names)}: {words}" for words, names in named.items()), *report.filters]
 
 
 def _channel_messages(c: ChannelReport) -> list[str]:
@@ -248,7 +252,8 @@ def _thrust_message(found: Prospects) -> str:
         "not": "kt cannot be found",
     }[thrust.prospect]
     if not thrust.followed:
-        return f"thrust changes by {change:.0f} %: {verdict}, if at all. {_unexplained(found)}"
+        by_weight = "" if thrust.prospect == "not" else " by the weight"
+        return f"thrust changes by {change:.0f} %: {verdict}{by_weight}. {_unexplained(found)}"
     if thrust.agree or thrust.from_weight is None:
         sure = " well" if thrust.prospect == "well" else ": too few changes of thrust"
         return f"thrust changes by {change:.0f} %: {verdict}{sure}"

@@ -67,6 +67,23 @@ class ReplayVehicle:
     imu: Float[np.ndarray, " 3"]
 
 
+def unknown_body(
+    result: IdentificationResult, owner: str, assumed: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """Supply what a replay can do without: places of a hover, and no products of inertia [SI].
+
+    A product that the flights do not show is taken as 0, as of a symmetric frame.
+    """
+    removed = {p.name for p in result.parameters if p.verdict == "removed"}
+    products = {
+        d.name: 0.0
+        for d in result.derived
+        if d.configuration == owner and d.name in INERTIA_COM[3:] and d.value is None
+        if not {d.name, d.name.removesuffix("_com")} & (removed | set(assumed or {}))
+    }
+    return hover_centre(result, owner, assumed) | products
+
+
 def hover_centre(
     result: IdentificationResult, owner: str, assumed: Mapping[str, float] | None = None
 ) -> dict[str, float]:
@@ -114,10 +131,10 @@ def replay_vehicle(
     `assumed` numbers by name, SI, replace the result's: inertia and CoM as ``Ixx_com``, ``com_x``,
     or at the origin as ``Ixx``; a ``kt`` is that of all rotors. Draws that are no body (inertia
     that is not positive, thrust that pulls down) are left out. Raises `ExperimentError` where a
-    needed number is neither known nor assumed, or no body has such inertia. An unknown place of the
-    centre of mass or of the rotors is that of `hover_centre`.
+    needed number is neither known nor assumed, or no body has such inertia. What it can do
+    without is that of `unknown_body`.
     """
-    given = hover_centre(result, owner, assumed) | dict(assumed or {})
+    given = unknown_body(result, owner, assumed) | dict(assumed or {})
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     values = about_com(_with(_drawn(result, owner, SPARE * draws, seed), given, result, owner))
