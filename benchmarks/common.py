@@ -349,12 +349,12 @@ def filtered(log: FlightLog, *, name: str, cutoff: float) -> FlightLog:
     return _changed(log, name, values=signal.lfilter(b, a, channel.values, axis=0, zi=start)[0])
 
 
-def interpolated(log: FlightLog, *, rate: float) -> FlightLog:
+def interpolated(log: FlightLog, *, rate: float, name: str = "rotor_speed") -> FlightLog:
     """Return a log whose rotor speeds come at a rate [Hz], with lines drawn between them."""
-    channel = log.channels["rotor_speed"]
+    channel = log.channels[name]
     t = np.arange(channel.time[0], channel.time[-1], 1.0 / rate)
     columns = [np.interp(channel.time, t, np.interp(t, channel.time, x)) for x in channel.values.T]
-    return _changed(log, "rotor_speed", values=np.column_stack(columns))
+    return _changed(log, name, values=np.column_stack(columns))
 
 
 def soft_mounted(log: FlightLog, *, frequency: float, damping: float = 0.15) -> FlightLog:

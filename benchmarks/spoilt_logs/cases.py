@@ -204,6 +204,8 @@ CASES: Final[tuple[Spoilt, ...]] = (
           r"lines are drawn", partial(common.interpolated, rate=10.0)),
     _case("speeds from 10 Hz", "LOG00340", "rotor speeds drawn as lines between samples at 10 Hz",
           r"lines are drawn", partial(common.interpolated, rate=10.0)),
+    _case("commands from 10 Hz", "log15", "commands drawn as lines between samples at 10 Hz",
+          r"lines are drawn", partial(common.interpolated, rate=10.0, name="command")),
     _case("speeds filtered 15 Hz", "LOG00267", "rotor speeds behind a low-pass of 15 Hz",
           RESPONSE, partial(common.filtered, name=SPEED, cutoff=15.0)),
     _case("speeds filtered 15 Hz", "LOG00271", "rotor speeds behind a low-pass of 15 Hz",

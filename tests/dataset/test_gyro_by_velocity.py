@@ -54,7 +54,7 @@ def test_a_sound_gyro_is_sound() -> None:
     found = gyro_scale([_flight(np.zeros(3), noise=0.03)], np.zeros(3))
     assert found is not None
     assert max(found.probability(axis) for axis in range(3)) < 0.03
-    assert found.half_widths(np.eye(3)).max() < 0.007
+    assert found.half_widths(np.eye(3)).max() == 0.0
 
 
 def test_slow_errors_of_the_velocity_are_in_the_deviation() -> None:
@@ -81,7 +81,7 @@ def test_what_no_flight_shows_is_the_prior() -> None:
     """Three of a hundred gyros are off by 4 % (a deviation)."""
     unknown = GyroScale(value=np.full(3, 0.02), std=np.full(3, 0.5), degrees=8)
     assert unknown.probability(0) == pytest.approx(0.03, abs=0.002)
-    assert unknown.half_widths(np.eye(3))[0] == pytest.approx(0.0068, abs=0.001)
+    assert unknown.half_widths(np.eye(3))[0] == 0.0
     clear = GyroScale(value=np.array([0.04, 0.0, 0.0]), std=np.full(3, 0.004), degrees=8)
     assert clear.probability(0) > 0.95
     assert 0.04 < clear.half_widths(np.eye(3))[0] < 0.055

@@ -18,7 +18,7 @@ TIME = np.arange(round(SECONDS * RATE)) / RATE
 MIXER = np.array([[-1, -1, 1], [1, 1, 1], [1, -1, -1], [-1, 1, -1]])
 
 
-def fit_of(*, shaken=0.0, ringing=0.0):
+def fit_of(*, shaken=0.0, ringing=0.0, felt=0.0):
     """Fit 40 s of rolls and nods; at 21.2 Hz the body is shaken, and its rotors ring in pitch."""
     rng = np.random.default_rng(3)
     waves = [np.cos(2 * np.pi * f * TIME) for f in (0.83, 0.71, 0.29, 1.13)]
@@ -41,7 +41,7 @@ def fit_of(*, shaken=0.0, ringing=0.0):
     data = FlightData(
         sample_rate=RATE,
         time=TIME,
-        specific_force=np.stack([0 * TIME, 0 * TIME, KT * squares.sum(axis=1) / MASS], axis=1)
+        specific_force=np.stack([felt * at_peak, 0 * TIME, KT * squares.sum(axis=1) / MASS], axis=1)
         + rng.normal(scale=0.05, size=(len(TIME), 3)),
         angular_velocity=rates,
         angular_acceleration=turned,
@@ -77,3 +77,15 @@ def test_a_peak_that_rotors_have_too_is_that_of_the_loop(ringing, words):
 def test_without_a_shaken_body_there_is_no_peak():
     [found] = residual_peaks(fit_of(ringing=0.01))
     assert (found.severity, found.sentence) == ("passed", "")
+
+
+def test_a_swing_that_is_felt_as_a_force_is_the_loops():
+    """Rotors that ring in pitch, and an IMU that feels it as a forward force."""
+    (peak,) = highest_peaks(fit_of(ringing=0.01, felt=0.5))
+    assert peak.axis == "forward force"
+    assert peak.of_loop
+    assert peak.coherence > 0.9
+    (found,) = residual_peaks(fit_of(ringing=0.01, felt=0.5))
+    assert "the rate loop oscillates there" in found.sentence
+    (alone,) = residual_peaks(fit_of(felt=0.5))
+    assert "look for a loose part" in alone.sentence

@@ -460,6 +460,15 @@ def test_motors_that_lean_move_the_centre_of_mass():
     assert half["msx@A"] == pytest.approx(made_fit.configuration().mass * half["com_x@A"])
 
 
+def test_motors_that_lean_as_one_twist_beside_the_centre_of_mass():
+    """By a quarter of a degree: the centre of mass 5 mm beside the rotors' centre."""
+    at = {"com_x@A": (0.003, 0.0), "com_y@A": (0.004, 0.0), "com_z@A": (0.0, 0.0)}
+    half = widened({**at, "kd_over_kt": (0.0, 0.0), "twist@A": (1e-4, 1e-5)})
+    assert half["twist@A"] == pytest.approx(np.hypot(1e-5, 1.96 * np.radians(0.25) * 0.005))
+    half = widened({"twist@A": (1e-4, 1e-5)})
+    assert half["twist@A"] == pytest.approx(1e-5)
+
+
 def test_a_shared_number_depends_on_the_least_known_mass():
     bodies = [made_fit.configuration("A", mass=1.0), made_fit.configuration("B", mass=2.0)]
     half = widened({"kt": (1.0, 0.0)}, mass_std={"A": 0.01, "B": 0.06}, bodies=bodies)

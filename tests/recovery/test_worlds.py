@@ -143,6 +143,15 @@ def _drawn(world: World) -> str:
     return repr(dataclasses.replace(world, hazards=frozenset()))
 
 
+def test_a_scale_of_the_gyro_is_seen_by_a_velocity_alone() -> None:
+    row = {"hazards": ["gyro_scale"], "has": ["gyro", "accel", "rotor"], "numbers": {}}
+    assert kind_of(row | {"gyro": []}) == "invisible"
+    row["has"] = [*row["has"], "vel"]
+    assert kind_of(row | {"gyro": [(0.02, 0.05), (-0.01, 0.01), (-0.01, 0.02)]}) == "ruin"
+    assert kind_of(row | {"gyro": [(0.02, 0.05), (-0.01, 0.01), (-0.09, 0.02)]}) == "invisible"
+    assert kind_of({"hazards": ["gyro_scale"], "has": ["vel"], "refused": "flight"}) == "ruin"
+
+
 def test_causes_are_hazards() -> None:
     assert {name for causes in CAUSES.values() for name in causes} <= set(NAMED)
     assert 3.5 < sum(chances(None).values()) < 6.0

@@ -51,7 +51,7 @@ SHARE: Final = 0.03
 """Of the gyros that are not."""
 DRAWS: Final = 4000
 TINY: Final = 1e-8
-_GRID: Final = np.linspace(-0.3, 0.3, 2401)
+_GRID: Final = np.arange(-1200, 1201) / 4000.0
 
 
 Normal = tuple[Float[np.ndarray, "p p"], Float[np.ndarray, " p"]]
@@ -94,9 +94,13 @@ class GyroScale:
         return float(np.sum(self._posterior(axis)[1]))
 
     def draws(self) -> Float[np.ndarray, "n 3"]:
-        """Draw scales of the three axes from the posterior."""
+        """Draw scales of the three axes from the posterior; that of a sound gyro is none.
+
+        What sound ones differ by is among the assumptions, whether a log has a velocity or not.
+        """
         rng = np.random.default_rng(0)
-        weights = (np.sum(self._posterior(axis), axis=0) for axis in range(3))
+        off = (self._posterior(axis)[1] for axis in range(3))
+        weights = [part + (1.0 - float(np.sum(part))) * (_GRID == 0.0) for part in off]
         return np.column_stack([rng.choice(_GRID, DRAWS, p=weight) for weight in weights])
 
     def half_widths(self, slopes: Float[np.ndarray, "3 q"]) -> Float[np.ndarray, " q"]:

@@ -2,7 +2,8 @@
 
 The errors of the six accelerations, stretch by stretch as in the fit, each band over its variance:
 their mean power at one frequency, over all stretches, beside that at the frequencies around it.
-Where the push of the rotors has the same peak, coherent with that of the errors, the loop rings.
+Where the push of the rotors along any axis has the same peak, coherent with that of the errors, the
+loop rings: an IMU beside the centre of mass feels a swing in pitch as a forward force.
 """
 
 import dataclasses
@@ -55,9 +56,10 @@ class Peak:
     probability
         Of chance alone making the highest of all bins that high.
     push_ratio
-        Power of the rotors' push along that axis, at the peak over that around it.
+        Power of the rotors' push at the peak over that around it, along the axis that has the peak,
+        too, and goes with the errors most.
     coherence
-        Of errors and push at the peak.
+        Of errors and that push at the peak.
     lines
         Of spectra in it.
     """
@@ -74,17 +76,17 @@ class Peak:
     @property
     def of_loop(self) -> bool:
         """Whether the rotors swing at the peak, too, and with the errors for certain."""
-        by_chance = 1.0 - UNLIKELY ** (1.0 / max(self.lines - 1.0, 1.0))
+        by_chance = 1.0 - (UNLIKELY / len(AXES)) ** (1.0 / max(self.lines - 1.0, 1.0))
         return self.push_ratio > LOOP_RATIO and self.coherence > by_chance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spectra:
-    """Power of errors and of the rotors' push, and both together, per bin and axis."""
+    """Power of errors and of the rotors' push, per bin and axis, and of each with each."""
 
     errors: Float[np.ndarray, "f k"]
     push: Float[np.ndarray, "f k"]
-    cross: Complex[np.ndarray, "f k"]
+    cross: Complex[np.ndarray, "f k k"]
     lines: Float[np.ndarray, " f"]
 
 
@@ -134,7 +136,8 @@ def _binned(
     """Sum the power per bin, every stretch over its own mean power, and count the lines per bin."""
     count = int(EDGES[-1] / BIN)
     errors, push = np.zeros((2, count, len(AXES)))
-    cross, lines = np.zeros((count, len(AXES)), dtype=complex), np.zeros(count)
+    cross = np.zeros((count, len(AXES), len(AXES)), dtype=complex)
+    lines = np.zeros(count)
     for left, pushed, rate in stretches:
         place = (np.fft.rfftfreq(len(left), 1.0 / rate) / BIN).astype(int)
         inside = (place > 0) & (place < count)
@@ -144,7 +147,7 @@ def _binned(
         one, other = (x / np.sqrt((np.abs(x) ** 2).mean(axis=0) + TINY) for x in (one, other))
         np.add.at(errors, place[inside], np.abs(one) ** 2)
         np.add.at(push, place[inside], np.abs(other) ** 2)
-        np.add.at(cross, place[inside], one.conj() * other)
+        np.add.at(cross, place[inside], one.conj()[:, :, None] * other[:, None, :])
         np.add.at(lines, place[inside], 1.0)
     return Spectra(errors=errors, push=push, cross=cross, lines=lines)
 
@@ -169,18 +172,27 @@ def _highest(spectra: Spectra, configuration: str) -> Peak | None:
         k = int(np.argmax(ratio))
         if best is None or ratio[k] > best.ratio:
             tail = float(stats.f.sf(float(ratio[k]), 2.0 * float(lines[f]), 2.0 * float(around)))
-            both = float(spectra.errors[f, k] * spectra.push[f, k])
+            push_ratio, coherence = _with_push(spectra, f, k)
             best = Peak(
                 configuration=configuration,
                 axis=AXES[k],
                 frequency=(f + 0.5) * BIN,
                 ratio=float(ratio[k]),
                 probability=min(tail * len(bins) * len(AXES), 1.0),
-                push_ratio=float(_over_surroundings(spectra.push, lines, f)[k]),
-                coherence=float(np.abs(spectra.cross[f, k])) ** 2 / both if both > 0.0 else 0.0,
+                push_ratio=push_ratio,
+                coherence=coherence,
                 lines=float(lines[f]),
             )
     return best
+
+
+def _with_push(spectra: Spectra, f: int, k: int) -> tuple[float, float]:
+    """Return the ratio and coherence of the push that goes with the errors of an axis most."""
+    ratio = _over_surroundings(spectra.push, spectra.lines, f)
+    both = np.maximum(spectra.errors[f, k] * spectra.push[f], TINY)
+    coherence = np.abs(spectra.cross[f, k]) ** 2 / both * (ratio > LOOP_RATIO)
+    j = int(np.argmax(coherence))
+    return float(ratio[j]), float(coherence[j])
 
 
 def _over_surroundings(

@@ -40,6 +40,7 @@ from rotorfit.fit.intervals.numbers import (
     Numbers,
     attenuation_allowance,
     com_from_imu,
+    com_from_rotors,
     common_share,
     correlation_of,
     drag_lever,
@@ -53,6 +54,7 @@ from rotorfit.fit.intervals.numbers import (
     quadrature,
     relevant_size,
     scale_stretch,
+    twist_shift,
 )
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
@@ -414,6 +416,8 @@ def systematic_uncertainty(
             c = by_name[owner]
             com, lever = com_from_imu(numbers, owner, c.vehicle), drag_lever(numbers, c.vehicle)
             parts.append(lean_shift(base, com, c.mass, lever))
+        if base == "twist" and f"com_x@{owner}" in numbers.names:
+            parts.append(twist_shift(com_from_rotors(numbers, owner, by_name[owner].vehicle)))
         if EVERY[base].mass_power:
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)

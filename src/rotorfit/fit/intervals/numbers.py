@@ -151,6 +151,15 @@ def lean_shift(name: str, com: tuple[float, float, float], mass: float, lever: f
     return 1.96 * ROTORS_LEAN * across * (mass if name in FIRST_MOMENTS else 1.0)
 
 
+def twist_shift(com: tuple[float, float]) -> float:
+    """Return the half-width that the same lean adds to the twist [m].
+
+    Thrust beside the centre of mass rolls and pitches, and about an axis that leans it yaws; `com`
+    is counted from the rotors' centre.
+    """
+    return 1.96 * ROTORS_LEAN * math.hypot(*com)
+
+
 def scale_stretch(value: float, half_width: float) -> float:
     """Return by how much more a half-width must be to hold the inverse of the number, too.
 
@@ -247,6 +256,14 @@ def com_from_imu(numbers: Numbers, owner: str, vehicle: Vehicle) -> tuple[float,
         for axis, place in zip("xyz", imu, strict=True)
     )
     return x, y, z
+
+
+def com_from_rotors(numbers: Numbers, owner: str, vehicle: Vehicle) -> tuple[float, float]:
+    """Return where the centre of mass is sideways, counted from the rotors' centre [m]."""
+    x, y = vehicle.positions[:, :2].mean(axis=0).tolist()
+    centre = {f"rotor_center_x@{owner}": x, f"rotor_center_y@{owner}": y}
+    x, y = (numbers.number(n)[0] if n in numbers.names else at for n, at in centre.items())
+    return numbers.number(f"com_x@{owner}")[0] - x, numbers.number(f"com_y@{owner}")[0] - y
 
 
 def drag_lever(numbers: Numbers, vehicle: Vehicle) -> float:
