@@ -31,9 +31,8 @@ from benchmarks.common import real_data_folder
 from benchmarks.real_flights import cases
 
 from rotorfit.dataset.load import load_dataset
+from rotorfit.diagnostics.diagnose import STEPS
 from rotorfit.diagnostics.kt_from_weight import weigh_thrust
-from rotorfit.diagnostics.sensors.imu_tilt import correct_imu_tilt
-from rotorfit.diagnostics.steps import STEPS
 from rotorfit.errors import RotorfitError
 from rotorfit.estimation.banded import response_sensitivity
 from rotorfit.estimation.effective_blocks import effective_blocks
@@ -43,6 +42,7 @@ from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.fit import Fit, numbers_of
 from rotorfit.fit.fit_flights import fit_flights
+from rotorfit.fit.imu_tilt import correct_imu_tilt
 from rotorfit.fit.intervals import joint_numbers as intervals
 from rotorfit.fit.noise_levels import fit_by_noise
 from rotorfit.fit.timing.timed_dataset import TimedDataset
