@@ -132,6 +132,7 @@ CAUSES: Final[Mapping[str, set[str]]] = {
     "thrust-misses-weight": _THRUST,
     "thrust-against-weight": _THRUST,
     "thrust-sags": {"sag", "ground_effect", "changed_rotor"},
+    "gyro-scale": {"gyro_scale"},
     "force-by-height": {"tether", "ground_effect", "wall"},
     "accelerometer-against-gravity": {"accel_bias", "accel_scale", "tether", "ground_effect"},
     "imu-leans": {"tilted_imu", "misaligned", "accel_bias", "tilted_motors"},

@@ -32,6 +32,7 @@ BATCH: Final = 50
 """Worlds that advance together: more cost little more, but 9 MB each."""
 FLYING: Final = 5.0
 """That one world of a batch may fly [s of a processor]."""
+TURNS: Final = ("roll", "pitch", "yaw")
 Row = dict[str, Any]
 
 
@@ -148,6 +149,7 @@ def _found(path: Path, known: Mapping[str, float]) -> Row:
     return {
         "numbers": _numbers(result, known),
         "sides": next((e.interval for e in _evidence(result, "lever_ratio")), None),
+        "gyro": [e.interval for a in TURNS for e in _evidence(result, f"gyro_scale_{a}")],
         "findings": [
             (one.kind, one.severity, one.sentence)
             for one in result.findings

@@ -25,6 +25,8 @@ ENOUGH: Final = 8
 """Intervals, of which a share says something."""
 SIDES_WRONG: Final = 1.25
 """Ratio of a frame's sides over the true one, with the hazard."""
+GYRO_WRONG: Final = 0.02
+"""Least error of a gyro's scale, with the hazard."""
 SPOILT: Final = {kind: {h.name for h in HAZARDS if h.kind == kind} for kind in ("ruin", "wrong")}
 SPOILT["invisible"] = {h.name for h in HAZARDS if h.kind == "invisible"}
 
@@ -54,6 +56,8 @@ class Held:
 
 def kind_of(row: Row) -> str:
     """Say whether a world is sound, its log spoilt, wrongly declared or wrong unseen."""
+    if "gyro_scale" in row["hazards"] and not _gyro_is_seen(row):
+        return "invisible"
     for kind in ("invisible", "wrong", "ruin"):
         if SPOILT[kind].intersection(row["hazards"]):
             return kind
@@ -317,6 +321,17 @@ def is_seen(row: Row) -> bool:
         return True
     low, high = row.get("sides") or (0.0, np.inf)
     return low > 0.0 and high / low < SIDES_WRONG**2
+
+
+def _gyro_is_seen(row: Row) -> bool:
+    """Return whether a log can show a scale of the gyro.
+
+    It takes a velocity, and turns: whether by these its interval is narrower than the least error.
+    """
+    if "numbers" not in row:
+        return "vel" in row["has"]
+    reach = [0.5 * (high - low) for low, high in row.get("gyro", ())]
+    return bool(reach) and max(reach) < GYRO_WRONG
 
 
 def is_doubted(row: Row, hazard: str) -> bool:

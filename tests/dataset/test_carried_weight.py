@@ -12,6 +12,7 @@ from rotorfit.dataset.carried_weight import (
     carrying_stretches,
     climb_drag,
     height_force_of,
+    variance_of_sum,
     vertical_acceleration,
     vertical_motions,
     weighed,
@@ -146,7 +147,7 @@ def test_half_a_flight_in_ground_effect_is_open():
     factor = np.where(np.arange(4000) < 2000, 1.0 / 1.1, 1.0)
     (held,) = kts(flown(np.zeros(4000), factor=factor))
     assert 0.9 * KT < KT < held.ratio + 1.96 * held.std
-    assert 0.01 < held.std / held.ratio < 0.03
+    assert 0.01 < held.std / held.ratio < 0.035
 
 
 def test_batches_scatter_as_their_mean_does(rng=None):
@@ -208,3 +209,11 @@ def test_a_short_stretch_tells_no_tether():
     short = hanging(0.25, noise=0.0)
     short = replace(short, read=short.read[:140], push=short.push[:140])
     assert height_force_of(short) is None
+
+
+def test_a_push_that_lasts_makes_batches_go_together() -> None:
+    """A wall in the middle third of a flight: what it makes of the sum is within its deviation."""
+    independent = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    together = np.array([-3.0, -3.0, -3.0, 7.0, 7.0, 7.0, -3.0, -3.0, -3.0, -3.0])
+    assert variance_of_sum(independent) == pytest.approx(10.0)
+    assert variance_of_sum(together) == pytest.approx(210.0 + 2.0 * 101.0)

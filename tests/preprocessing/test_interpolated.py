@@ -5,8 +5,11 @@ import pytest
 from scipy import signal
 
 from rotorfit.errors import FlightError
-from rotorfit.preprocessing.clocks import source_rate
-from rotorfit.preprocessing.flight_checks import refuse_interpolated_speeds
+from rotorfit.preprocessing.flight_checks import (
+    refuse_interpolated_commands,
+    refuse_interpolated_speeds,
+)
+from rotorfit.preprocessing.interpolated import likeliest_source, source_rate
 
 RATE = 250.0
 TIME = np.arange(round(30.0 * RATE)) / RATE
@@ -62,3 +65,32 @@ def test_motors_that_swing_between_their_limits_have_no_source(rate):
     values = speeds(4) + wide
     assert source_rate(values, RATE) is None
     assert source_rate(drawn(values, 16.3), RATE) is not None
+
+
+def test_rounding_of_a_calm_flight_hides_no_source():
+    """Speeds that move by 20 rad/s, in steps of 2: one bend of 8 ms is within a step."""
+    values = 400.0 + 0.1 * (speeds(6, noise=0.0) - 800.0)
+    found = likeliest_source(np.round(drawn(values, 10.0) / 2.0) * 2.0, RATE)
+    assert found is not None
+    assert found.rate == pytest.approx(10.0, abs=0.2)
+    assert found.chance < -50.0
+    assert found.share > 0.2
+    assert source_rate(np.round(values / 2.0) * 2.0, RATE) is None
+
+
+def test_a_rhythm_of_the_autopilot_is_no_source():
+    """Steps of ten times a second in commands, small beside what else moves them."""
+    steps = np.floor(10.0 * TIME) % 2.0
+    values = speeds(7) / 1600.0 + 0.006 * steps[:, None]
+    found = likeliest_source(values, RATE)
+    assert found is None or not found.clear
+
+
+def test_commands_that_come_slowly_are_refused():
+    command = drawn(speeds(8), 10.0) / 1600.0
+    with pytest.raises(FlightError, match="the motors' commands come at 10 Hz"):
+        refuse_interpolated_commands(command, RATE, RATE)
+    refuse_interpolated_commands(command, RATE, 10.0)  # as the log has them
+    refuse_interpolated_commands(speeds(8) / 1600.0, RATE, RATE)
+    held = np.repeat(np.random.default_rng(9).uniform(0.3, 0.9, (300, 4)), 25, axis=0)
+    refuse_interpolated_commands(held, RATE, RATE)  # so the motors were told

@@ -300,11 +300,23 @@ def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
     rest = weights * (left + brake * swing)
     batches = np.array([float(batch.sum()) for batch in np.array_split(rest, count)])
     few = float(stats.t.ppf(0.975, count - 1)) / 1.96
-    std = few * float(np.sqrt(batches @ batches * count / (count - 1)))
+    std = few * float(np.sqrt(variance_of_sum(batches) * count / (count - 1)))
     mean = brake * float(weights @ velocity) if known else 0.0
     found = height_force_of(motion)
     by_height = 0.0 if found is None else found.mean_std
     return mean, float(np.linalg.norm([std, LINEAR * mean, by_height]))
+
+
+def variance_of_sum(batches: Float[np.ndarray, " b"]) -> float:
+    """Estimate the variance of a sum of batches that may go on as they began (Geyer 1992).
+
+    A wall or the ground pushes for several of them: covariances at growing distances count for as
+    long as they are positive.
+    """
+    every = np.correlate(batches, batches, mode="full")[len(batches) - 1 :]
+    ends = np.flatnonzero(every <= 0.0)
+    last = int(ends[0]) if len(ends) else len(every)
+    return float(every[0] + 2.0 * every[1:last].sum()) if last else 0.0
 
 
 def height_force_of(motion: VerticalMotion) -> HeightForce | None:

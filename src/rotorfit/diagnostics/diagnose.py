@@ -28,6 +28,7 @@ from rotorfit.diagnostics.motors.motor_limits import allow_for_motor_limits
 from rotorfit.diagnostics.motors.motor_time_split import allow_for_noise_feedback
 from rotorfit.diagnostics.motors.thrust_change import allow_for_thrust_change
 from rotorfit.diagnostics.sensors import clocks, log_settings, sensor_faults
+from rotorfit.diagnostics.sensors.gyro_scale import allow_for_gyro_scale
 from rotorfit.diagnostics.sensors.sensor_faults import (
     allow_for_gyro_lowpass,
     allow_for_velocity_errors,
@@ -49,6 +50,7 @@ STEPS: Final[tuple[Step, ...]] = (
     allow_for_law,
     allow_for_velocity_errors,
     allow_for_gyro_lowpass,
+    allow_for_gyro_scale,
     allow_for_thrust_change,
     allow_for_sensor_response,
     allow_for_noise_feedback,

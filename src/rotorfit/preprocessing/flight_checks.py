@@ -12,8 +12,9 @@ from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
 from rotorfit.preprocessing.airborne import GRAVITY, Motion, fast_rows
-from rotorfit.preprocessing.clocks import UniformChannels, source_rate
+from rotorfit.preprocessing.clocks import UniformChannels
 from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.interpolated import source_rate
 from rotorfit.preprocessing.signals import true_runs, whole_samples
 
 LONGEST_CONSTANT: Final = 1.0
@@ -134,6 +135,9 @@ TURN_AXES = "rotate its axes in a columns map before you use the log"
 
 SLOWEST_MOTORS = 25.0
 """Slower motor data do not show what the force follows [Hz]."""
+IN_STEPS: Final = 0.5
+"""Share of the changes of commands in as many rows as a source has samples, from which they are
+steps, and no lines were drawn."""
 
 LEAST_WHOLE = 2.0
 """Length of the longest stretch of flight without a gap, below which many gaps are refused [s]."""
@@ -298,6 +302,33 @@ def refuse_interpolated_speeds(speed: Float[np.ndarray, "n N"], sample_rate: flo
         "ESC telemetry faster (100 Hz and more are good), or take the commands instead "
         '([motors] speed = "commanded")'
     )
+
+
+def refuse_interpolated_commands(
+    command: Float[np.ndarray, "n N"], sample_rate: float, motor_rate: float
+) -> None:
+    """Raise where a recorder drew lines between commands; `motor_rate`: of its rows [Hz].
+
+    Where the rows themselves come so slowly, the lines are those of `on_one_clock`; commands in
+    steps may be what the motors were told.
+    """
+    rate = source_rate(command, sample_rate)
+    if rate is None or rate >= SLOWEST_MOTORS or motor_rate < 2.0 * rate:
+        return
+    if _in_steps(command, samples=rate / sample_rate):
+        return
+    raise FlightError(
+        f"the motors' commands come at {rate:.0f} Hz, and lines are drawn between them: the peaks "
+        "of quick motion are missing, and kt and inertia would come out wrong; log the motor "
+        "outputs faster (100 Hz and more are good)"
+    )
+
+
+def _in_steps(command: Float[np.ndarray, "n N"], *, samples: float) -> bool:
+    """Return whether as many rows as a source has `samples` (a share) make most of the changes."""
+    changes = np.sort(np.abs(np.diff(command, axis=0)).sum(axis=1))[::-1]
+    count = max(round(samples * len(changes)), 1)
+    return float(changes[:count].sum()) > IN_STEPS * float(changes.sum())
 
 
 def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:

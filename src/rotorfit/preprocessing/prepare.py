@@ -39,6 +39,7 @@ from rotorfit.preprocessing.flight_checks import (
     refuse_blows,
     refuse_empty_window,
     refuse_idle_motors,
+    refuse_interpolated_commands,
     refuse_interpolated_speeds,
     refuse_missing_battery,
     refuse_missing_channels,
@@ -206,10 +207,12 @@ def prepared_from(
     """Prepare the airborne part from `on_one_clock`: the second half of `prepare`."""
     uniform = recorded.uniform
     speed = uniform.values["motor"]
+    # In gaps the lines are this module's own.
+    a, b = max(uniform.stretches, key=lambda whole: whole[1] - whole[0])
     if motors.speed == "measured":
-        # In gaps the lines are this module's own.
-        a, b = max(uniform.stretches, key=lambda whole: whole[1] - whole[0])
         refuse_interpolated_speeds(speed[a:b], uniform.sample_rate)
+    else:
+        refuse_interpolated_commands(speed[a:b], uniform.sample_rate, uniform.rates["motor"])
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
     motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)

@@ -1,0 +1,171 @@
+"""The rate from which a recorder drew its samples: lines or steps between them bend regularly.
+
+The bend of a signal, :math:`|x_{n+m} - 2 x_n + x_{n-m}|`, of motion and noise has no rhythm of its
+own. Where a recorder draws lines between samples of a slower source, or repeats them, it has: a
+line in its spectrum at the rate of the source, which rounding does not hide.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy import ndimage, stats
+
+TINY: Final = 1e-300
+
+SPANS: Final = (0.008, 0.02, 0.04)
+"""Between the samples of a bend [s]: the longer, the less rounding hides it, and the slower the
+source must be."""
+LEVEL: Final = 0.5
+"""Over which the usual bend is taken [s]."""
+WINDOW: Final = 8.0
+"""Of one spectrum [s]."""
+LOWEST, HIGHEST = 4.0, 60.0
+"""Rates that are looked for [Hz], up to a quarter of the recorder's."""
+HARMONICS: Final = 4
+"""Of a source, all of which must stand out: of lines or steps they are alike."""
+AROUND: Final = 40
+NEAR: Final = 4
+"""Lines on each side with which one is compared, but for the nearest."""
+OVERLAP: Final = 0.6
+"""Of a window's worth that each further window adds, which overlaps by half (Welch 1967)."""
+CHANCE: Final = -25.0
+"""Log of the chance of such lines in motion without a rhythm, under which there is a source. On
+random worlds and real logs motion comes to -14, of slow sources nine in ten to less than -50."""
+LEAST_SHARE: Final = 0.2
+"""Of the bends, that a source makes: rhythms of autopilots and limit cycles made up to .12."""
+CLEAR: Final = -4.0
+"""The same of a single line, from which it is looked at."""
+OWN_LINE: Final = 5.0
+"""Ratio of a line of the signals themselves, which bend by swinging."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BendSource:
+    """The likeliest source of a signal.
+
+    Attributes
+    ----------
+    rate
+        Of its samples [Hz].
+    chance
+        Log of the chance that motion without a rhythm bends so regularly.
+    share
+        Of the bends that come at that rate: one where lines are drawn and nothing is rounded.
+    """
+
+    rate: float
+    chance: float
+    share: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether lines were drawn: neither chance nor a rhythm of the motion bends so."""
+        return self.chance < CHANCE and self.share > LEAST_SHARE
+
+
+def source_rate(values: Float[np.ndarray, "n k"], sample_rate: float) -> float | None:
+    """Estimate the rate of the samples that a recorder drew lines between [Hz].
+
+    None where it drew none. `values`: on a uniform clock.
+    """
+    found = likeliest_source(values, sample_rate)
+    return found.rate if found is not None and found.clear else None
+
+
+def likeliest_source(values: Float[np.ndarray, "n k"], sample_rate: float) -> BendSource | None:
+    """Find the rate at which a signal bends with least chance; None where it is too short."""
+    every = [_of_span(values, sample_rate, span) for span in SPANS]
+    return min((one for one in every if one is not None), key=lambda one: one.chance, default=None)
+
+
+def _of_span(
+    values: Float[np.ndarray, "n k"], sample_rate: float, span: float
+) -> BendSource | None:
+    """Find the rate at which bends over a span come with least chance."""
+    rows = min(round(WINDOW * sample_rate), len(values) - 1)
+    bend = _bend(values, max(round(span * sample_rate), 1))
+    if len(bend) < rows or sample_rate < 4.0 * LOWEST or rows < 2 * AROUND:
+        return None
+    frequency = np.fft.rfftfreq(rows, 1.0 / sample_rate)
+    top = min(HIGHEST, 0.25 * sample_rate, 0.5 / span)
+    bend /= np.maximum(ndimage.uniform_filter1d(bend, round(LEVEL * sample_rate)), 1e-9)
+    own = sum((_power(column, rows) for column in values.T), np.zeros(rows // 2 + 1))
+    windows = 1.0 + OVERLAP * ((len(bend) - rows) // max(rows // 2, 1))
+    power = _power(bend, rows)
+    chance = _chance(power, windows)
+    looked = np.flatnonzero((frequency >= LOWEST) & (frequency <= top)).tolist()
+    clear = [i for i in looked if chance[i] < CLEAR]
+    swings = [i for i in clear if _swings(own, i)]
+    drawn = [i for i in clear if not any(_is_multiple(i, k) for k in swings)]
+    last = int(np.searchsorted(frequency, top, "right")) - 1
+    best = min(((_together(chance, i, last), i) for i in drawn), default=None)
+    if best is None:
+        return None
+    rate = float(frequency[best[1]])
+    share = _share(power, best[1], rows) / float(bend.mean())
+    lines = 2.0 * float(np.sinc(rate * max(round(span * sample_rate), 1) / sample_rate)) ** 2
+    return BendSource(rate=rate, chance=best[0], share=share / lines)
+
+
+def _share(power: Float[np.ndarray, " f"], i: int, rows: int) -> float:
+    """Compute the amplitude of a line over that of those around it."""
+    level = float(np.median(power[max(i - AROUND, 1) : i + AROUND]))
+    above = max(float(power[i - 1 : i + 2].max()) - level, 0.0)
+    return 2.0 * above**0.5 / float(np.hanning(rows).sum())
+
+
+def _chance(power: Float[np.ndarray, " f"], windows: float) -> Float[np.ndarray, " f"]:
+    """Compute the log of the chance of each line among those around it (a chi-square)."""
+    ratio = np.array([_ratio(power, i) for i in range(len(power))])
+    size: Float[np.ndarray, " f"] = np.log(2.0) * windows * ratio
+    tail = np.array(stats.gamma.sf(size, windows), dtype=float)
+    return np.log(np.maximum(tail, TINY))
+
+
+def _together(chance: Float[np.ndarray, " f"], i: int, last: int) -> float:
+    """Compute the log of the chance that a line and its harmonics all stand out so far."""
+    count = int(np.clip(last // i, 1, HARMONICS))
+    each = [
+        float(chance[k * i - k // 2 : min(k * i + k // 2, last) + 1].min())
+        for k in range(1, count + 1)
+    ]
+    return count * max(each)
+
+
+def _swings(power: Float[np.ndarray, " f"], i: int) -> bool:
+    """Return whether signals themselves have a line at a rate or at half of it."""
+    return any(_ratio(power, k) > OWN_LINE for k in (i - 1, i, i + 1, i // 2, (i + 1) // 2))
+
+
+def _is_multiple(i: int, of: int) -> bool:
+    """Return whether a line is a harmonic of another, each to one place."""
+    times = max(round(i / of), 1)
+    return abs(i - times * of) <= times + 1
+
+
+def _bend(values: Float[np.ndarray, "n k"], m: int) -> Float[np.ndarray, " b"]:
+    """Compute by how much each sample is off the line through those `m` before and after."""
+    off: Float[np.ndarray, " b"] = np.zeros(max(len(values) - 2 * m, 0))
+    for column in values.T:
+        off += np.abs(column[2 * m :] - 2.0 * column[m:-m] + column[: -2 * m])
+    return off
+
+
+def _power(bend: Float[np.ndarray, " b"], rows: int) -> Float[np.ndarray, " f"]:
+    """Average the power spectrum of windows that overlap by half."""
+    window = np.hanning(rows)
+    firsts = range(0, len(bend) - rows + 1, max(rows // 2, 1))
+    spectra = (
+        np.abs(np.fft.rfft((bend[a : a + rows] - bend[a : a + rows].mean()) * window)) ** 2
+        for a in firsts
+    )
+    return sum(spectra, np.zeros(rows // 2 + 1)) / len(firsts)
+
+
+def _ratio(power: Float[np.ndarray, " f"], i: int) -> float:
+    """Compare a line with the median of those around it."""
+    near = np.r_[power[max(i - AROUND, 1) : i - NEAR], power[i + NEAR + 1 : i + AROUND + 1]]
+    level = float(np.median(near)) if len(near) else 0.0
+    return float(power[i]) / level if level > 0.0 else 0.0
