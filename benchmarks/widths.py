@@ -29,8 +29,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from benchmarks.common import real_data_folder
 from benchmarks.real_flights import cases
-from rotorfit.diagnostics.sensors.imu_tilt import correct_imu_tilt
-from rotorfit.diagnostics.steps import STEPS
 
 from rotorfit.dataset.load import load_dataset
 from rotorfit.diagnostics.diagnose import STEPS
