@@ -2,10 +2,12 @@
 
 import copy
 
+import numpy as np
 import pytest
 from served import FORM, dropped, quiet
 
 from rotorfit.app.engine import Engine
+from rotorfit.app.form import experiment_of
 from rotorfit.cli.main import main
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.inspection.inspect_log import inspect_log
@@ -109,6 +111,24 @@ def test_the_experiment_file_keeps_the_columns(engine, unknown_table, flight, tm
     told = dropped(again, "own.csv", unknown_table)
     assert told["table"]["reasons"] == ["as the experiment file names them"]
     assert told["findings"]["guess"]["speed"] == "measured"
+
+
+def test_a_table_of_poses_is_mapped_and_identified_by_them(engine):
+    """A camera's table has no IMU: the page takes the motion from the poses, unasked."""
+    time = 0.01 * np.arange(400)
+    lean = 0.1 * np.sin(2.0 * time)
+    x = -9.81 * 0.1 / 4.0 * np.sin(2.0 * time)
+    columns = [time, x, 0 * time, np.minimum(time, 1.0), np.cos(lean / 2), 0 * time]
+    columns += [np.sin(lean / 2), 0 * time, *(500 + 20 * np.sin(3 * time + i) for i in range(4))]
+    head = "t,px,py,pz,qw,qx,qy,qz,m1_rpm,m2_rpm,m3_rpm,m4_rpm"
+    rows = [",".join(f"{value:.9g}" for value in row) for row in np.array(columns).T]
+    told = dropped(engine, "own.csv", "\n".join([head, *rows]).encode())
+    assert told["table"]["refused"] is None
+    assert told["table"]["doubts"] == []
+    form = copy.deepcopy(FORM)
+    form["configuration"][0]["flights"] = [{"file": "own.csv"}]
+    form["table"] = told["table"]["map"]
+    assert experiment_of(engine.folder, form).identification.source == "mocap"
 
 
 def test_a_table_of_own_names_needs_no_map(engine, flight, tmp_path, unknown_table):

@@ -18,6 +18,9 @@ from rotorfit.experiment.airframe_table import AirframeEntry
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.model.vehicle import layout_rotors, spaced_rotors
 
+POSED = {"t", "px", "py", "pz", "qx", "qy", "qz", "qw", *(f"motor_motor_m{i}" for i in range(1, 5))}
+"""Of NanoBench's table, what a camera and the radio see."""
+
 
 @pytest.fixture
 def answered(run, monkeypatch):
@@ -220,6 +223,33 @@ def test_an_unknown_table_is_mapped_once_and_read_ever_after(answered, run, unkn
     mapped, direct = ({p["name"]: p["value"] for p in r["parameters"]} for r in (own, plain))
     assert mapped["kt"] == pytest.approx(direct["kt"], rel=1e-3)
     assert mapped["Ixx"] == pytest.approx(direct["Ixx"], rel=1e-2)
+
+
+def test_poses_and_motors_need_no_imu(run, flight_data_dir, tmp_path, monkeypatch):
+    """NanoBench's table without its IMU: proposed, written down, and identified by its poses."""
+    recording = flight_data_dir / "nanobench-crazyflie" / "B8_star_fast_rep1.csv"
+    if not recording.is_file():
+        pytest.skip(f"no {recording}")
+    monkeypatch.chdir(tmp_path)
+    rows = [line.split(",") for line in recording.read_text(encoding="utf-8").split()]
+    kept = [i for i, name in enumerate(rows[0]) if name in POSED]
+    lines = [",".join(row[i] for i in kept) for row in rows]
+    Path("own.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    shape = ("--layout", "quad-x", "--order", "crazyflie", "--spacing", "65,65")
+    ended = run("airframe", "own.csv", "--unit", "motors=counts", *shape, "-o", "own.toml")
+    assert ended.code == 0, ended
+    assert "accelerates to where the attitude leans, in m, axes FLU" in ended.err
+    assert "CHECK" not in ended.err
+    found = run("identify", "own.csv", "--mass", "0.033", "--airframe", "own.toml", "--json")
+    assert found.code == 0, found.err
+    result = json.loads(found.out)
+    assert result["settings"]["identification"]["source"] == "mocap"
+    kt = next(p for p in result["parameters"] if p["name"] == "kt")
+    assert kt["value"] == pytest.approx(0.108, rel=0.01)
+    refused = run(
+        "identify", "own.csv", "--mass", "0.033", "--airframe", "own.toml", "--source", "imu"
+    )
+    assert (refused.code, "--source mocap" in refused.err) == (1, True)
 
 
 def test_a_wrong_proposal_is_put_right_by_options(run, unknown):

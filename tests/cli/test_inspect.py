@@ -247,7 +247,10 @@ def test_poses_beside_motors_are_for_motion_capture(run, here):
     (here / "posed.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     [report] = run("inspect", "posed.csv", "--json").json
     cure = 'identify with source = "mocap" if position and attitude are those of motion capture'
-    assert f"no gyro channel (rotation rates): {cure}" in report["trouble"]
+    words = f"no gyro channel (rotation rates) and no accel channel (specific force): {cure}"
+    assert words in report["trouble"]
+    shown = run("inspect", "posed.csv").out
+    assert "airborne: not looked for, as the log has no IMU" in shown
 
 
 def with_commands(order=(0, 1, 2, 3)):

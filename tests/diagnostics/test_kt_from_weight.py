@@ -12,8 +12,8 @@ from rotorfit.diagnostics.kt_from_weight import (
     Balance,
     agreement,
     bias_at_rest,
-    is_without_law,
     kt_from_weight,
+    law_mistaken,
     pooled_weight,
     thrust_shares,
 )
@@ -158,12 +158,10 @@ def test_a_law_that_the_weight_contradicts_leaves_inertia_open():
     assert np.diff(many).max() < 0.02
 
 
-def test_rotor_speeds_as_commands_need_no_law():
-    commanded = made_fit.dataset(
-        made_fit.prepared(), motors=MotorsEntry(speed="commanded", law=None)
-    )
-    assert is_without_law(commanded)
-    assert not is_without_law(made_fit.dataset(made_fit.prepared()))
+@pytest.mark.parametrize("law_given", [False, True])
+def test_a_law_is_in_question_only_between_commands_and_speeds(law_given):
+    assert law_mistaken(commanded=False, law_given=law_given) == 0.0
+    assert law_mistaken(commanded=True, law_given=law_given) == (0.05 if law_given else 1.0)
 
 
 @pytest.mark.parametrize(("changes", "doubted"), [(1.025, False), (0.95, False), (0.93, True)])

@@ -233,6 +233,8 @@ def test_a_rotor_unlike_the_others_is_named():
         assert excess.value == pytest.approx(factor - 1.0)
         return unlike_sentence(rotor, excess) or ""
 
+    below = {f"kt_{i}": (-1e-8 * i, 1e-6) for i in range(1, 5)}
+    assert most_unlike(numbers(**below), vehicle) is None  # nothing to compare a rotor with
     off = 1.0 - 1.2 * LEAST_UNLIKE
     assert "rotor 2 makes 12 +- 0 % less thrust" in said(off, 1e-8)
     assert said(0.94, 1e-8) == ""

@@ -1,11 +1,14 @@
 """The site of every release beside the others: which are built, and where their pages lead."""
 
 import importlib.util
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+
+import rotorfit
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "versions.py"
 
@@ -16,6 +19,17 @@ def versions():
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def test_version_changelog_and_citation_are_of_one_release():
+    root = SCRIPT.parents[1]
+    changes = (root / "CHANGELOG.md").read_text(encoding="utf-8")
+    citation = (root / "CITATION.cff").read_text(encoding="utf-8")
+    heads = re.findall(r"^## (\S+) \((\d{4}-\d{2}-\d{2})\)$", changes, flags=re.MULTILINE)
+    cited = re.search(r"^version: (\S+)\ndate-released: \"(\S+)\"$", citation, flags=re.MULTILINE)
+    assert cited is not None
+    assert heads[0] == cited.groups()
+    assert heads[0][0] == rotorfit.__version__
 
 
 def git(folder: Path, *arguments: str) -> None:

@@ -34,10 +34,11 @@ from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import OutputError
 from rotorfit.export import file_format
-from rotorfit.export.result_numbers import numbers_of
+from rotorfit.export.result_numbers import number_warnings, numbers_of
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import inertia_at_origin
 from rotorfit.export.vehicle_model import vehicle_model
+from rotorfit.export.write import export
 from rotorfit.findings import doubt
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import INERTIA
@@ -301,15 +302,14 @@ def test_every_target_refuses_an_izz_that_is_not_identified(target):
 def test_every_target_marks_what_is_weak(target):
     weak = {"verdict": "weak", "reason": "known only to +-30 %"}
     text = text_of(changed(a_result(), kd=weak, msx=weak), target)
-    assert "[WEAK: known only to +-30 %]" in text
-    assert "kd = 5.11e-08" in text
+    assert "kd = 5.11e-08 (5.0588e-08 to 5.1612e-08) N m s^2/rad^2 [WEAK]" in text
     comx = next(line for line in text.splitlines() if "com_x = " in line)
     assert "WEAK" in comx
 
 
 def test_a_wide_interval_about_the_com_alone_is_marked():
     wide = changed(a_result(), Ixx_com={"interval": (0.01, 0.03)})
-    assert "[WEAK: known only to +-55 %]" in text_of(wide, "px4")
+    assert "Ixx_com = 0.0182 (0.01 to 0.03) kg m^2 [WEAK]" in text_of(wide, "px4")
 
 
 @pytest.mark.parametrize("target", EVERY)
@@ -564,7 +564,7 @@ def test_what_is_about_the_com_is_weak_where_the_report_says_so(name, interval, 
     kin = {d.name: d for d in result.derived}
     assert body_verdict(kin[name], result.parameter(at_origin), kin) == origin
     if name == "Ixx_com" and origin == "weak":
-        assert number.remark == "known only to +-33 %"
+        assert number.remark is None  # the interval says so
 
 
 @pytest.mark.parametrize(
@@ -582,3 +582,23 @@ def test_a_product_with_a_lost_moment_is_weak_as_in_the_report(half, twin, origi
     assert found.origin == origin
     kin = {d.name: d for d in result.derived}
     assert body_verdict(kin["Ixz_com"], result.parameter("Ixz"), kin) == origin
+
+
+@pytest.mark.parametrize(
+    ("target", "held"),
+    [
+        ("mujoco", {"com_x", "Ixx_com", "kd"}),
+        ("px4-sih", {"com_x", "Ixx_com", "kd"}),
+        ("px4", {"com_x", "kd"}),
+        ("ardupilot", set()),
+        ("px4-gazebo", set()),
+    ],
+)
+def test_only_numbers_that_the_file_holds_are_warned_of(target, held):
+    weak = {"verdict": "weak", "reason": "known only to +-40 %"}
+    wide = {"interval": (0.012, 0.024)}
+    made = export(changed(a_result(), com_x=weak, msx=weak, Ixx_com=wide, kd=weak), target)
+    assert {n.name for n in made.unsure} == held
+    words = " ".join(number_warnings(made.unsure))
+    assert ("kd = (5.110 +- 0.051)e-08 N m s^2/rad^2 is weak" in words) is ("kd" in held)
+    assert "%" not in words

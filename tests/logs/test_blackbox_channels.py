@@ -57,8 +57,7 @@ def test_shapes_clock_and_words(tmp_path):
         "frames read: 3 I, 0 P, 0 S, 0 G, 0 H, 1 E",
         "no accel: the log has no field accUnfiltered or accADC or accSmooth: "
         "enable accelerometer logging",
-        "no rotor_speed: the log has neither omega nor eRPM: "
-        "enable bidirectional DSHOT and RPM logging",
+        "no rotor_speed: the log has neither omega nor eRPM",
     )
 
 

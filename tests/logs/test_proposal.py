@@ -268,3 +268,56 @@ def test_own_names_need_no_proposal(tmp_path):
     proposal = propose_columns(path, units={"motors": "rad/s"})
     bare = {name: replace(spec, unit=None) for name, spec in proposal.columns.items()}
     assert all(spec.name == name for name, spec in bare.items())
+
+
+def posed(*, unit=1.0, axes="FLU", attitude_axes=None) -> dict[str, np.ndarray]:
+    """The flight as a camera sees it: it accelerates by g where it leans, after it has climbed."""
+    time = FLIGHT["time"]
+    attitude = np.stack([FLIGHT[f"quat_{a}"] for a in "wxyz"], axis=1)
+    w, x, y, z = attitude.T
+    lean = G * np.stack([2 * (x * z + w * y), 2 * (y * z - w * x)], axis=1)
+    places = STEP**2 * np.cumsum(np.cumsum(lean, axis=0), axis=0)
+    height = 1.0 - np.exp(-(time - time[0]))
+    turned = {"FLU": np.ones(3), "FRD": np.array([1.0, -1.0, -1.0])}
+    places = unit * turned[axes] * np.column_stack([places, height])
+    attitude = attitude * np.concatenate([[1.0], turned[attitude_axes or axes]])
+    return {
+        "t": time,
+        **dict(zip(("px", "py", "pz"), places.T, strict=True)),
+        **dict(zip(("qw", "qx", "qy", "qz"), attitude.T, strict=True)),
+        **{f"m{i}_rpm": 30 / np.pi * FLIGHT[f"rotor_{i}"] for i in (1, 2, 3, 4)},
+    }
+
+
+@pytest.mark.parametrize(("name", "unit"), [("m", 1.0), ("cm", 100.0), ("mm", 1000.0)])
+@pytest.mark.parametrize("axes", ["FLU", "FRD"])
+def test_a_pose_and_motors_are_a_flight(tmp_path, name, unit, axes):
+    """Gravity tells the unit of the position and the axes: no IMU is needed for that."""
+    path = written(tmp_path / "own.csv", posed(unit=unit, axes=axes))
+    proposal = propose_columns(path)
+    assert (proposal.questions, proposal.doubts) == ((), ())
+    assert (proposal.columns["pos_x"].unit, proposal.axes) == (name, axes)
+    assert f"leans, in {name}, axes {axes}" in " ".join(proposal.reasons)
+    log = read_table(path, columns=proposal.columns, axes=proposal.axes)
+    for channel, stem, letters in (("attitude", "q", "wxyz"), ("position", "p", "xyz")):
+        expected = np.stack([posed()[f"{stem}{a}"] for a in letters], axis=1)
+        np.testing.assert_allclose(log.channels[channel].values, expected, atol=1e-9)
+
+
+def test_half_an_imu_beside_a_pose_is_left_out(tmp_path):
+    table = posed() | {f"gyro_{a}": FLIGHT[f"gyro_{a}"] for a in "xyz"}
+    proposal = propose_columns(written(tmp_path / "own.csv", table))
+    assert "gyro_x" in proposal.unused
+    assert any("no gyro or no accelerometer" in words for words in proposal.reasons)
+
+
+def test_poses_that_gravity_contradicts_are_doubted(tmp_path):
+    mixed = propose_columns(written(tmp_path / "mixed.csv", posed(attitude_axes="FRD")))
+    assert "it does not accelerate to where the attitude leans" in " ".join(mixed.doubts)
+    path = written(tmp_path / "own.csv", posed())
+    stated = propose_columns(path, units={"position": "mm"}, axes="FRD")
+    assert "position in mm makes gravity 0.00" in stated.doubts[0]
+    assert "against the lean of the attitude in axes FRD" in stated.doubts[1]
+    upside = posed() | {"pz": -posed()["pz"]}
+    below = propose_columns(written(tmp_path / "below.csv", upside), axes="FLU")
+    assert "the flight was below its start" in " ".join(below.doubts)

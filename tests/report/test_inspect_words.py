@@ -49,7 +49,8 @@ def said(thrust=THRUST, axis=YAW, *, commanded=False):
         (replace(THRUST, width=None), "kt cannot be found: too few changes of thrust"),
         (
             replace(THRUST, agree=False, width=0.15),
-            "can be found, but two estimates differ: changes of thrust give 6.6, the weight 7.4; "
+            "can be found, but two estimates differ: by changes of thrust kt is 11 % lower than "
+            "by the weight; "
             "thrust is not proportional to the square of the command",
         ),
         (

@@ -10,6 +10,7 @@ from rotorfit.diagnostics.impossible_inertia import (
     IMPOSSIBLE,
     SecondMoment,
     body_finding,
+    negative_moment,
     possible_sentence,
     second_moments,
     smallest_second_moment,
@@ -259,6 +260,22 @@ def test_a_body_that_may_exist_within_its_interval_is_noted():
     shown = [number(name, 0.01) for name in INERTIA]
     found = body_finding(moment, "A", shown, [p.full_name for p in shown])
     assert (found.severity, found.sentence) == ("note", words)
+
+
+def test_a_moment_below_nothing_withholds_the_body():
+    """Though the other moments are unknown: with its whole interval, and only where reported."""
+    numbers = numbers_of([-6e-4, 7e-4, 9e-4, 0.0, 0.0, 0.0], 4e-4)
+    numbers = replace(numbers, half_width=np.array([4e-4, np.inf, np.inf, 1.0, 1.0, 1.0]))
+    shown = [number("Ixx", -6e-4, std=2e-4)]
+    found = negative_moment(numbers, "A", shown)
+    assert found.numbers == tuple(f"{name}_com@A" for name in INERTIA)
+    assert "Ixx comes out negative (-0.0006 +- 0.0004): the vehicle rolls against" in found.sentence
+    assert found.evidence[0].interval == pytest.approx((-1e-3, -2e-4))
+    assert "[airframe]" in found.next_step
+    assert found.withheld_because == "it comes out negative, which no inertia is"
+    wide = replace(numbers, half_width=np.full(6, 7e-4))
+    assert negative_moment(wide, "A", shown) is None
+    assert negative_moment(numbers, "A", [replace(shown[0], value=None)]) is None
 
 
 def test_impossible_inertia_is_withheld_with_the_yaw_scale():

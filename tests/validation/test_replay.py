@@ -22,7 +22,7 @@ from rotorfit.validation.replay import (
     replay,
     window_starts,
 )
-from rotorfit.validation.replay_vehicle import replay_vehicle
+from rotorfit.validation.replay_vehicle import hover_centre, replay_vehicle
 
 sys.path.append(str(Path(__file__).parents[1] / "export"))
 from export_material import (
@@ -34,6 +34,7 @@ from export_material import (
     KT,
     LAG,
     MASS,
+    ROTORS,
     YAW_LOST,
     a_result,
     changed,
@@ -213,9 +214,9 @@ def test_flights_logged_at_different_rates_are_pooled(data):
 def test_what_is_not_known_is_not_flown():
     with pytest.raises(ExperimentError, match="kd, Izz_com of configuration A"):
         replay_vehicle(changed(a_result(), **YAW_LOST), "A")
-    # A CoM that is not known is not one at the origin.
-    with pytest.raises(ExperimentError, match="com_x of configuration A: not known"):
-        replay_vehicle(changed(a_result(), msx={"value": None}, com_x={"value": None}), "A")
+    # The height of a CoM that is not known is not that of the origin.
+    with pytest.raises(ExperimentError, match="com_z of configuration A: not known"):
+        replay_vehicle(changed(a_result(), msz={"value": None}, com_z={"value": None}), "A")
     light = changed(a_result(), Ixx={"value": 1e-6}, Ixx_com={"value": 1e-6})
     with pytest.raises(ExperimentError, match="no body has the inertia"):
         replay_vehicle(light, "A")
@@ -239,3 +240,24 @@ def test_per_kilogram_becomes_absolute_with_an_assumed_mass():
     again = replay_vehicle(light, "A", assumed={"mass": MASS})
     for field in ("com", "inertia", "torque", "thrust"):
         np.testing.assert_allclose(getattr(again, field), getattr(whole, field), rtol=1e-9)
+
+
+def test_an_unknown_centre_is_that_of_the_rotors():
+    """A hover of like rotors holds the CoM in their middle, wherever the IMU is."""
+    middle = np.mean([place for place, _ in ROTORS], axis=0)
+    lost = changed(a_result(), msx={"value": None}, com_x={"value": None})
+    assert hover_centre(a_result(), "A") == {}
+    assert hover_centre(lost, "A") == {"com_x": pytest.approx(middle[0])}
+    assert hover_centre(lost, "A", {"com_x": 0.02}) == {}
+    assert replay_vehicle(lost, "A").com[0].tolist() == pytest.approx([middle[0], *COM[1:]])
+    centers = (parameter("rotor_center_x", 0.02, "A"), parameter("rotor_center_y", 0.0, "A"))
+    own = a_result(imu=None)
+    own = replace(own, parameters=(*own.parameters, *centers))
+    without_y = changed(own, rotor_center_y={"value": None})
+    assert hover_centre(without_y, "A") == {"rotor_center_y": pytest.approx(COM[1] - middle[1])}
+    without_com = changed(own, msx={"value": None}, com_x={"value": None})
+    assert hover_centre(without_com, "A") == {"com_x": pytest.approx(middle[0] + 0.02)}
+    neither = changed(
+        own, msx={"value": None}, com_x={"value": None}, rotor_center_x={"value": None}
+    )
+    assert hover_centre(neither, "A") == {"com_x": pytest.approx(middle[0]), "rotor_center_x": 0.0}

@@ -266,7 +266,7 @@ def exported(folder: Path, argument: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": name,
         "text": made.text,
-        "notes": [*number_warnings(made.model.numbers), *made.model.notes],
+        "notes": [*number_warnings(made.unsure), *made.model.notes],
     }
 
 

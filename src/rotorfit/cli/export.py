@@ -232,7 +232,7 @@ def _write_vehicle(
     print_result(f"{written.output}: {written.target}, configuration {model.configuration}")
     if found is not None:
         print_result(_changes_text(found))
-    _print_remarks((*number_warnings(model.numbers), *model.notes))
+    _print_remarks((*number_warnings(exported.unsure), *model.notes))
 
 
 def _put_into(text: str, written: _Written) -> Patched | None:

@@ -230,7 +230,7 @@ def _side(
     from rotorfit.export.targets import BODY, ROTORS
     from rotorfit.export.vehicle_model import vehicle_model
     from rotorfit.validation.replay import Timed
-    from rotorfit.validation.replay_vehicle import replay_vehicle
+    from rotorfit.validation.replay_vehicle import hover_centre, replay_vehicle
     from rotorfit.validation.validate import fitted_response
 
     _refuse_units(result, assumed)
@@ -238,7 +238,7 @@ def _side(
         result,
         configuration=owner,
         needs=(*BODY, *ROTORS),
-        assumed=assumed,
+        assumed=hover_centre(result, owner, assumed) | dict(assumed),
         speed="full-command",
     )
     # What was assumed, and what followed from it by a ratio, is not drawn.
@@ -301,6 +301,18 @@ def _refuse_other_vehicle(identified: VehicleModel, other: VehicleModel, label: 
         )
 
 
+def _centred(result: IdentificationResult, model: VehicleModel) -> dict[str, float]:
+    """Select the places that neither the result nor the user gave, with the values they have."""
+    from rotorfit.validation.replay_vehicle import hover_centre
+
+    open_places = hover_centre(result, model.configuration)
+    return {
+        n.name: n.value
+        for n in model.numbers
+        if n.origin == "assumed" and open_places.get(n.name) == n.value
+    }
+
+
 def replay_notes(
     result: IdentificationResult, model: VehicleModel, bench: Mapping[str, float]
 ) -> list[str]:
@@ -308,7 +320,15 @@ def replay_notes(
     from rotorfit.export.result_numbers import number_warnings
     from rotorfit.export.vehicle_model import terms_left_out
 
-    notes = number_warnings(model.numbers)
+    centred = _centred(result, model)
+    notes = number_warnings(n for n in model.numbers if n.name not in centred)
+    if centred:
+        places = ", ".join(f"{name} = {1e3 * value:.2g} mm" for name, value in centred.items())
+        notes.append(
+            f"{places}: not known from these flights, and taken so that the middle of the rotors "
+            "is at the centre of mass, as a hover of like rotors has it; what that is wrong by is "
+            "not in the band"
+        )
     if bench:
         given = ", ".join(f"{name}={value:g}" for name, value in bench.items())
         notes.append(f"bench: {given}; all else as identified, which favours it")

@@ -15,6 +15,7 @@ from rotorfit.diagnostics import (
     payload,
     reference_test,
     residual_peaks,
+    rotor_order,
     spins,
     vehicle_size,
 )
@@ -82,6 +83,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     little_excitation,
     unknown_origin,
     of_steps,
+    *rotor_order.REFUSALS,
     *spins.REFUSALS,
     *vehicle_size.REFUSALS,
     *lever_arms.REFUSALS,

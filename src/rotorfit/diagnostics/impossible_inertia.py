@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.findings import Finding, doubt_or_passed
+from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import SCALED, Numbers
 from rotorfit.model.parameters import INERTIA, inertia_matrix
@@ -26,6 +26,11 @@ from rotorfit.verdicts.parameters import joint_parameters
 IMPOSSIBLE = "no body has these moments of inertia: one exceeds the sum of the two others"
 ESTIMATE = "impossible_"
 """Prefix of the diagnostics that keep withheld estimates."""
+NEGATIVE = "it comes out negative, which no inertia is"
+DECLARE = (
+    "compare order, places and spins of the rotors under [airframe] with the vehicle, and the axes "
+    "of the log"
+)
 FLY = "fly longer and livelier about all three axes, 20 s each, then identify all flights together"
 
 
@@ -109,8 +114,43 @@ def impossible_inertia(fit: Fit) -> Iterator[Finding]:
     for name in (c.name for c in fit.configurations):
         if fit.withheld & {f"{axis}@{name}" for axis in ("Ixx", "Iyy", "Izz")}:
             continue
+        negative = negative_moment(fit.numbers, name, parameters)
+        if negative is not None:
+            yield negative
+            continue
         moment = smallest_second_moment(fit.numbers, name)
         yield body_finding(moment, name, parameters, fit.numbers.names)
+
+
+def negative_moment(
+    numbers: Numbers, configuration: str, parameters: Sequence[Parameter]
+) -> Finding | None:
+    """Withhold the inertia of a body of which a reported moment's whole interval is negative.
+
+    No flight of rotors that are declared rightly is 2 deviations below nothing: the vehicle turns
+    against the torque of the declared ones.
+    """
+    reported = {p.full_name for p in parameters if p.value is not None}
+    for axis, motion in (("Ixx", "rolls"), ("Iyy", "pitches"), ("Izz", "yaws")):
+        value, half = numbers.number(f"{axis}_com@{configuration}")
+        if not value + half < 0.0 or f"{axis}@{configuration}" not in reported:
+            continue
+        ends = (value - half, value + half)
+        return Finding(
+            kind="impossible-inertia",
+            severity="doubt",
+            sentence=f"{configuration}: {axis} comes out negative ({value:.2g} +- {half:.1g}): the "
+            f"vehicle {motion} against the torque of the declared rotors; {DECLARE}",
+            numbers=tuple(name for name in numbers.names if _disproved(name, configuration)),
+            evidence=(
+                Evidence(
+                    name=f"negative_inertia@{configuration}", value=value, interval=ends, limit=0.0
+                ),
+            ),
+            next_step=DECLARE,
+            withheld_because=NEGATIVE,
+        )
+    return None
 
 
 def body_finding(

@@ -21,7 +21,7 @@ from scipy import stats
 
 from rotorfit.dataset.carried_weight import Measured, carrying_stretches
 from rotorfit.dataset.checks.plausible_units import gravity_seen
-from rotorfit.dataset.dataset import ConfigurationData, Dataset
+from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.dataset.weight_balance import Held
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR, is_estimate
 from rotorfit.errors import UnsettledError
@@ -160,25 +160,23 @@ def weigh_thrust(fit: Fit) -> Fit:
     )
     if weight is None:
         return widen_by_settings(fit)
-    balance = Balance(
-        changes=kt_from_changes(fit), weight=weight, law_mistaken=_law_mistaken(dataset)
-    )
+    motors = dataset.motors
+    commanded = motors.speed == "commanded" and not dataset.speeds_commanded
+    mistaken = law_mistaken(commanded=commanded, law_given=motors.law is not None)
+    balance = Balance(changes=kt_from_changes(fit), weight=weight, law_mistaken=mistaken)
     held = held_at(fit, balance.kt, law_reach=balance.law_reach)
     return held.found(agreement(balance, dataset.motors))
 
 
-def is_without_law(dataset: Dataset) -> bool:
-    """Return whether the rotor speed is a share of full command, without a law between the two."""
-    motors = dataset.motors
-    return motors.speed == "commanded" and motors.law is None and not dataset.speeds_commanded
+def law_mistaken(*, commanded: bool, law_given: bool) -> float:
+    """Return how likely the law from command to speed is wrong before the flight.
 
-
-def _law_mistaken(dataset: Dataset) -> float:
-    """Return how likely the law from command to speed is wrong; 1 where it is not given."""
-    if is_without_law(dataset):
-        return 1.0
-    by_law = dataset.motors.speed == "commanded" and not dataset.speeds_commanded
-    return LAW_MISTAKES if by_law else 0.0
+    `commanded`: the log has shares of full command, and no rotor speeds; where no law is given, it
+    is surely wrong that speed is proportional to the command.
+    """
+    if not commanded:
+        return 0.0
+    return LAW_MISTAKES if law_given else 1.0
 
 
 def kt_from_changes(fit: Fit) -> Measured | None:
@@ -325,10 +323,7 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
     kind, weight, changes = "thrust-against-weight", balance.weight, balance.changes
     if changes is None:
         return doubt_or_passed(kind, None, {"kt_of_weight": weight.value})
-    ratio = changes.value / weight.value
-    half = (
-        1.96 * abs(ratio) * float(np.hypot(changes.std / changes.value, weight.std / weight.value))
-    )
+    ratio, half = changes.value / weight.value, _half_of_ratio(changes, weight)
     evidence = (
         Evidence(name="thrust_over_weight", value=ratio, interval=(ratio - half, ratio + half)),
         Evidence(name="kt_of_weight", value=weight.value),
@@ -337,21 +332,28 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
     return replace(doubt_or_passed(kind, sentence, numbers=("kt",)), evidence=evidence)
 
 
+def _half_of_ratio(changes: Measured, weight: Measured) -> float:
+    """Compute half of the 95 % interval of one k_t over the other."""
+    relative = np.hypot(changes.std / changes.value, weight.std / weight.value)
+    return 1.96 * abs(changes.value / weight.value) * float(relative)
+
+
 def difference(balance: Balance, motors: MotorsEntry) -> str:
     """Explain that changes of thrust give another k_t than the weight."""
     changes, weight, kt = balance.changes, balance.weight, balance.kt
     assert changes is not None
+    off, half = changes.value / weight.value - 1.0, _half_of_ratio(changes, weight)
     seen = (
-        f"kt is {changes.value:.3g} +- {1.96 * changes.std:.2g} by changes of thrust with the "
-        f"squared {_SPEED[motors.speed]}, but {weight.value:.3g} +- {1.96 * weight.std:.2g} by the "
-        "weight"
+        f"by changes of thrust with the squared {_SPEED[motors.speed]} kt is "
+        f"{100 * abs(off):.0f} +- {100 * half:.0f} % {'higher' if off > 0 else 'lower'} than by "
+        "the weight"
     )
     if balance.law_mistaken == 1.0:
         power = 2.0 * changes.value / weight.value
         return (
-            f"{seen}: the result has the latter, and the intervals of inertia cover both; in hover "
-            f"thrust grows with the command to the power of {power:.1f}, not 2: measure thrust "
-            "over command on a stand and give the law under [motors], or log the rotor speed"
+            f"{seen}: the result has that of the weight, and the intervals of inertia cover both; "
+            f"in hover thrust grows with the command to the power of {power:.1f}, not 2: measure "
+            "thrust over command on a stand and give the law under [motors], or log the rotor speed"
         )
     cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"
     if motors.law is not None:

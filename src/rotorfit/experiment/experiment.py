@@ -35,6 +35,7 @@ from rotorfit.experiment.toml_files import (
     read_toml,
     with_known_motors,
 )
+from rotorfit.logs.columns import NAMES
 from rotorfit.logs.flight_log import LagOn
 from rotorfit.logs.formats import ReadOptions
 from rotorfit.logs.proposal import explains_itself
@@ -326,7 +327,7 @@ def experiment_of_tables(
     read = _checked(ExperimentFile, tables, source)
     parts = {name: getattr(read, name) for name in Experiment.model_fields}
     parts["configuration"] = tuple(_placed(c, place, read.table) for c in read.configuration)
-    return Experiment.model_construct(read.model_fields_set - {"table"}, **parts)
+    return _by_pose(Experiment.model_construct(read.model_fields_set - {"table"}, **parts))
 
 
 def airframe_of_tables(tables: Mapping[str, Any], *, source: Path) -> AirframeFile:
@@ -372,7 +373,23 @@ def single_flight_experiment(
         "motors": known.motors,
         "configuration": [{"mass": mass, "flights": [flight]}],
     }
-    return _checked(Experiment, described, source)
+    return _by_pose(_checked(Experiment, described, source))
+
+
+def _by_pose(experiment: Experiment) -> Experiment:
+    """Take the motion from poses where no flight's columns have more, and no source is stated."""
+    entry = experiment.identification
+    flights = [f for c in experiment.configuration for f in (*c.flights, *c.validation)]
+    if "source" in entry.model_fields_set or not all(_is_pose_alone(f.columns) for f in flights):
+        return experiment
+    by_pose = entry.model_copy(update={"source": "mocap"})
+    return experiment.model_copy(update={"identification": by_pose})
+
+
+def _is_pose_alone(columns: Mapping[str, object] | None) -> bool:
+    names = set(columns or {})
+    has_imu = names.issuperset((*NAMES["gyro"], *NAMES["accel"]))
+    return not has_imu and names.issuperset(NAMES["position"])
 
 
 def table_of_options(options: ReadOptions) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from rotorfit.formatting.digits import with_interval
 from rotorfit.model.parameters import (
     COM,
     DERIVED,
@@ -25,7 +26,7 @@ from rotorfit.model.parameters import (
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.results.command_units import effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.verdicts.judge import body_verdict, relative_width, twin_of
+from rotorfit.verdicts.judge import body_verdict, is_width, relative_width, twin_of
 
 Origin = Literal[
     "identified", "weak", "doubtful", "given", "removed", "assumed", "from-ratio", "law"
@@ -166,12 +167,18 @@ def _physical(name: str, text: str) -> float:
 def number_warnings(numbers: Iterable[Number]) -> list[str]:
     """List the numbers that are not simply identified, and why."""
     return [
-        # Assumed numbers with the user's digits.
-        f"{n.name} = {n.value:.{6 if n.origin == 'assumed' else 4}g} {n.unit} is {n.origin}"
+        f"{n.name} = {_with_margin(n)} {n.unit} is {n.origin}"
         + ("" if n.remark is None else f": {n.remark}")
         for n in numbers
         if n.origin in DOUBTFUL
     ]
+
+
+def _with_margin(number: Number) -> str:
+    """Write a number with half of its interval; an assumed one with the user's digits."""
+    if number.interval is None:
+        return f"{number.value:.{6 if number.origin == 'assumed' else 4}g}"
+    return with_interval(number.value, number.interval)
 
 
 def _of_parameter(p: Parameter) -> Number | Missing:
@@ -190,8 +197,13 @@ def _of_parameter(p: Parameter) -> Number | Missing:
         unit=p.unit,
         origin=origin,
         interval=p.interval,
-        remark=p.reason if origin in ("weak", "doubtful") else None,
+        remark=_remark(p) if origin in ("weak", "doubtful") else None,
     )
+
+
+def _remark(p: Parameter) -> str | None:
+    """Say why a number is weak or doubtful, where its interval does not."""
+    return None if p.interval is not None and is_width(p.reason) else p.reason
 
 
 def _why(p: Parameter) -> str:
@@ -239,10 +251,9 @@ def _marked(
         return replace(number, origin=verdict, remark=None if twin is None else twin.reason)
     if verdict != "weak":
         return number
-    relative = relative_width(of, kin)
-    if relative is None:
-        return replace(number, origin="weak", remark=None if twin is None else twin.reason)
-    return replace(number, origin="weak", remark=f"known only to +-{100.0 * relative:.0f} %")
+    if twin is None or relative_width(of, kin) is not None:
+        return replace(number, origin="weak", remark=None)
+    return replace(number, origin="weak", remark=_remark(twin))
 
 
 def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number | Missing:

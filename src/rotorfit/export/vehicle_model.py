@@ -36,6 +36,7 @@ from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.terms.registry import OPTIONAL
 from rotorfit.model.terms.rotors import ROTOR_INERTIA, ROTOR_SPREAD
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.planning.next_step import next_step
 from rotorfit.preprocessing.motors.motor_model import full_speed_of
 from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import IdentificationResult, owner_of
@@ -68,7 +69,7 @@ def vehicle_model(
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     if any(rotor.axis[2] != 1.0 for rotor in vehicle.rotors):
         needs = (*needs, *tilted_needs)
-    _refuse_missing(numbers, _needed(needs, numbers, vehicle))
+    _refuse_missing(numbers, _needed(needs, numbers, vehicle), result=result)
     model = _assembled(result, owner, numbers=numbers, vehicle=vehicle, law=law)
     refuse_signs(model)
     if is_possible(model):
@@ -149,7 +150,12 @@ def _needed(
     return needed
 
 
-def _refuse_missing(numbers: Mapping[str, Number | Missing], needed: Sequence[str]) -> None:
+def _refuse_missing(
+    numbers: Mapping[str, Number | Missing],
+    needed: Sequence[str],
+    *,
+    result: IdentificationResult,
+) -> None:
     """Raise if a needed number is not known: which, why, and what would allow the export."""
     gaps = [
         gap for name in needed if isinstance(gap := numbers.get(name) or _absent(name), Missing)
@@ -165,7 +171,8 @@ def _refuse_missing(numbers: Mapping[str, Number | Missing], needed: Sequence[st
     )
     cures = list(dict.fromkeys(gap.cure or gap.name for gap in gaps))
     flown = any(verdict != ABSENT for verdict, _ in reasons)
-    advice = "fly what the report advises, or " if flown else ""
+    then = next_step(result) if flown else None
+    advice = f"{then.action}; or " if then is not None and then.kind != "done" else ""
     if "mass" in cures:
         advice = "identify again with the weighed mass (--mass KG), or "
     needed = "and is needed" if len(gaps) == 1 else "and all of these are needed"

@@ -8,7 +8,7 @@ slash for PlotJuggler's tree.
 """
 
 import datetime
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +20,7 @@ from jaxtyping import Float
 from rotorfit import version
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.experiment.experiment import experiment_of_settings
-from rotorfit.export.result_numbers import Number
+from rotorfit.export.result_numbers import DOUBTFUL, Number
 from rotorfit.export.targets import RANDOM_TARGETS, TARGETS, RandomTargetName, TargetName, writer_of
 from rotorfit.export.variants import Variants, refuse_suffix, variants, write_samples
 from rotorfit.export.vehicle import VehicleModel
@@ -122,10 +122,14 @@ COUNT: Final = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Export:
-    """The text of a file, and the vehicle it describes."""
+    """The text of a file, and the vehicle it describes.
+
+    `unsure`: numbers that the file holds and that are not simply identified.
+    """
 
     text: str
     model: VehicleModel
+    unsure: tuple[Number, ...] = ()
 
 
 def write_export(
@@ -205,7 +209,54 @@ def export(
             model = with_note(model, f"without intervals: {error}")
     head = header_lines(model, result, target=target, date=date)
     arguments = (model, head, drawn) if chosen.intervals else (model, head)
-    return Export(text=writer_of(target)(*arguments), model=model)
+    given = dict(assumed or {})
+    return Export(
+        text=writer_of(target)(*arguments),
+        model=model,
+        unsure=_unsure(result, model, target, assumed=given, project=project),
+    )
+
+
+MOVED: Final = 0.05
+"""Share of itself by which a number is moved to see whether a file holds it."""
+
+
+def _unsure(
+    result: IdentificationResult,
+    model: VehicleModel,
+    target: TargetName,
+    *,
+    assumed: Mapping[str, float],
+    project: bool,
+) -> tuple[Number, ...]:
+    """Select the numbers that are not simply identified, and of which the file's text depends."""
+    chosen = TARGETS[target]
+
+    def written(given: Mapping[str, float]) -> str:
+        other = vehicle_model(
+            result,
+            configuration=model.configuration,
+            needs=chosen.needs,
+            assumed={**assumed, **given},
+            speed=chosen.speed,
+            tilted_needs=chosen.tilted_needs,
+            project=project,
+        )
+        write, head = writer_of(target), list[str]()
+        return str(write(other, head, ()) if chosen.intervals else write(other, head))
+
+    plain = written({})
+    return tuple(n for n in model.numbers if n.origin in DOUBTFUL and _is_held(n, written, plain))
+
+
+def _is_held(number: Number, written: Callable[[Mapping[str, float]], str], plain: str) -> bool:
+    """Test whether a file is another one with another value of a number."""
+    low, high = number.interval or (number.value, number.value)
+    step = max(0.5 * (high - low), MOVED * abs(number.value), np.finfo(float).tiny)
+    try:
+        return written({number.name: number.value + step}) != plain
+    except OutputError:
+        return True  # as the vehicle cannot be written so, the number counts
 
 
 def randomised(

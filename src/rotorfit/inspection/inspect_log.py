@@ -39,7 +39,7 @@ from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, Filter, Lack, Setting
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.model.vehicle import LAYOUTS
-from rotorfit.planning.next_step import NextStep, next_step
+from rotorfit.planning.next_step import NextStep, next_step, with_best_manoeuvre
 from rotorfit.preprocessing.mocap.camera import camera_clock
 from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry, telemetry
@@ -263,7 +263,7 @@ def _identified(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return identify(experiment), None
+            return with_best_manoeuvre(identify(experiment)), None
     except (LogError, FlightError) as error:
         return None, str(error)
 
@@ -285,9 +285,11 @@ def _missing_channels(look: _Look) -> Iterator[Finding]:
         if {"position", "attitude"} <= present and has_motors
         else "nothing can be identified from this log"
     )
-    for name, quantity in (("gyro", "rotation rates"), ("accel", "specific force")):
-        if name not in present:
-            yield _refusal("missing-channel", f"no {name} channel ({quantity}): {loss}")
+    measured = (("gyro", "rotation rates"), ("accel", "specific force"))
+    lacking = [f"no {name} channel ({what})" for name, what in measured if name not in present]
+    # By its poses the flight may have been identified all the same.
+    if lacking and look.result is None:
+        yield _refusal("missing-channel", f"{' and '.join(lacking)}: {loss}")
     if not has_motors:
         yield _refusal("missing-motors", "no motor data: log ESC telemetry or motor outputs")
     elif "rotor_speed" not in present:

@@ -14,6 +14,7 @@ from rotorfit.diagnostics.kt_from_weight import (
     DOUBTED,
     Balance,
     bias_at_rest,
+    law_mistaken,
     pooled_weight,
 )
 from rotorfit.diagnostics.sensors.log_settings import (
@@ -223,7 +224,7 @@ def prospects(
         vehicle,
         fits,
         followed=followed or not commanded,
-        lawless=commanded and not law_known,
+        mistaken=law_mistaken(commanded=commanded, law_given=law_known),
     )
     return Prospects(
         excitation=tuple(
@@ -299,16 +300,18 @@ def _likelihood(
 
 
 def _thrust(
-    data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool, lawless: bool
+    data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool, mistaken: float
 ) -> Thrust:
-    """Estimate kt from changes of thrust and from the weight; `lawless`: by commands alone."""
+    """Estimate kt from changes of thrust and from the weight.
+
+    `mistaken`: how likely the law from command to speed is wrong.
+    """
     squares = (data.rotor_speed[data.used_rows] ** 2).sum(axis=1)
     kt, random = _with_width(fits, "force.kt")
     changes = Measured(value=kt, std=float(np.hypot(random / 1.96, CHANGES_STD * kt)))
     weighed = kt_by_weight(data, vehicle)
     agree, width, reach = True, _relative(random, kt), 0.0
     if weighed is not None:
-        mistaken = 1.0 if lawless else 0.0
         balance = Balance(changes=changes, weight=weighed, law_mistaken=mistaken)
         agree = abs(balance.deviations) <= DOUBTED
         reach = balance.law_reach / weighed.value

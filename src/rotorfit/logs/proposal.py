@@ -18,18 +18,21 @@ from rotorfit.logs.proposed_channels import (
     MOTOR_UNITS,
     MOTORS,
     STATED,
+    Found,
     Numbers,
     Question,
     accelerometer_found,
     attitude_found,
     attitude_rate,
     attitude_signed,
+    battery_found,
     chosen_of,
     clock_found,
     gyro_found,
     motors_found,
     others_found,
 )
+from rotorfit.logs.proposed_poses import pose_found
 from rotorfit.logs.table import Source, open_table
 from rotorfit.logs.units import UNITS, Axes
 
@@ -127,15 +130,17 @@ def _proposal(
     chosen = {kind: chosen_of(kind, candidates, numbers) for kind in NAMES}
     motors = motors_found(candidates, numbers, units)
     lacking = [kind for kind in ("gyro", "accel") if chosen[kind] is None]
-    if lacking or not motors.columns:
+    attitude = attitude_found(chosen, numbers, units.get("angle"))
+    by_pose = bool(lacking) and chosen["position"] is not None and bool(attitude.columns)
+    if not motors.columns or (lacking and not by_pose):
         lacking = [*lacking, *([] if motors.columns else ["motors"])]
         raise LogError(_lacking_words(lacking, candidates, source))
-    accel, axes = accelerometer_found(chosen["accel"], numbers, units.get("accel"), axes)
-    attitude = attitude_found(chosen, numbers, units.get("angle"))
-    rate = attitude_rate(attitude, founds[0].columns[TIME], numbers)
-    gyro = gyro_found(chosen["gyro"], rate, numbers, units.get("gyro"))
-    founds += [gyro, accel, motors, attitude_signed(attitude, gyro, rate, numbers)]
-    founds += [others_found(chosen, gyro, numbers, units)]
+    clock = founds[0].columns[TIME]
+    found_by = _poses if by_pose else _sensors
+    moving, others, axes = found_by(
+        chosen, numbers, attitude=attitude, clock=clock, units=units, axes=axes
+    )
+    founds += [*moving, motors, *others]
     columns = {name: spec for one in founds for name, spec in one.columns.items()}
     used = {spec.name for spec in columns.values()}
     left_texts = [f"{', '.join(texts)}: holds text, left out"] if texts else []
@@ -152,6 +157,40 @@ def _proposal(
             for name, spec in columns.items()
         },
     )
+
+
+def _sensors(
+    chosen: Mapping[str, Candidate | None],
+    numbers: Numbers,
+    *,
+    attitude: Found,
+    clock: ColumnSpec,
+    units: Mapping[str, str],
+    axes: Axes | None,
+) -> tuple[list[Found], list[Found], Axes]:
+    """Find gyro and accelerometer, and what goes with them."""
+    accel, axes = accelerometer_found(chosen["accel"], numbers, units.get("accel"), axes)
+    rate = attitude_rate(attitude, clock, numbers)
+    gyro = gyro_found(chosen["gyro"], rate, numbers, units.get("gyro"))
+    signed = attitude_signed(attitude, gyro, rate, numbers)
+    others = [signed, battery_found(chosen, numbers), others_found(chosen, gyro, units)]
+    return [gyro, accel], others, axes
+
+
+def _poses(
+    chosen: Mapping[str, Candidate | None],
+    numbers: Numbers,
+    *,
+    attitude: Found,
+    clock: ColumnSpec,
+    units: Mapping[str, str],
+    axes: Axes | None,
+) -> tuple[list[Found], list[Found], Axes]:
+    """Find the position beside an attitude, where gyro or accelerometer are not there."""
+    position = chosen["position"]
+    assert position is not None
+    pose, axes = pose_found(position, attitude, numbers, clock=clock, units=units, axes=axes)
+    return [attitude, pose], [battery_found(chosen, numbers)], axes
 
 
 def _check_given(source: Source, named: Mapping[str, str], units: Mapping[str, str]) -> None:

@@ -73,7 +73,8 @@ class Found:
     questions: tuple[Question, ...] = ()
 
 
-def _stacked(names: Iterable[str], numbers: Numbers) -> Float[np.ndarray, "n k"]:
+def stacked(names: Iterable[str], numbers: Numbers) -> Float[np.ndarray, "n k"]:
+    """Stack columns side by side."""
     return np.stack([numbers[name] for name in names], axis=1)
 
 
@@ -86,7 +87,7 @@ def chosen_of(kind: str, candidates: Sequence[Candidate], numbers: Numbers) -> C
     wanted = len(NAMES[kind])
     for one in candidates:
         held = {i: n for i, n in sorted(one.by_index.items()) if n in numbers}
-        whole = len(held) >= wanted and len(_known(_stacked(held.values(), numbers))) > 1
+        whole = len(held) >= wanted and len(_known(stacked(held.values(), numbers))) > 1
         if one.kind == kind and whole:
             return replace(one, by_index=dict(enumerate(list(held.values())[:wanted])))
     return None
@@ -170,7 +171,7 @@ def accelerometer_found(
 ) -> tuple[Found, Axes]:
     """Find the accelerometer's unit by gravity, and the axes by its sign; both may be stated."""
     assert chosen is not None
-    values = _known(_stacked(chosen.by_index.values(), numbers))
+    values = _known(stacked(chosen.by_index.values(), numbers))
     length = float(np.median(np.linalg.norm(values, axis=1)))
     along = np.median(values, axis=0)
     if stated is not None or stated_axes is not None:
@@ -245,12 +246,12 @@ def attitude_found(
     """Find the attitude: a quaternion of length 1, else Euler angles; their unit may be stated."""
     quaternion, angles = chosen["quaternion"], chosen["angle"]
     if quaternion is not None:
-        values = _known(_stacked(quaternion.by_index.values(), numbers))
+        values = _known(stacked(quaternion.by_index.values(), numbers))
         if abs(np.median(np.linalg.norm(values, axis=1)) - 1.0) < 0.05:
             return Found(columns=_specs("quaternion", _ordered(quaternion, values), None))
     if angles is None:
         return Found(columns={})
-    values = _known(_stacked(angles.by_index.values(), numbers))
+    values = _known(stacked(angles.by_index.values(), numbers))
     by_value = "deg" if float(np.abs(values).max()) > 2 * np.pi else "rad"
     unit = stated or (angles.unit if angles.unit in UNITS["angle"] else by_value)
     return Found(columns=_specs("angle", angles, unit))
@@ -272,7 +273,7 @@ def attitude_rate(
     """Differentiate the attitude: body rates in its own axes [rad/s]; None where there is none."""
     if not attitude.columns:
         return None
-    values = _stacked((spec.name for spec in attitude.columns.values()), numbers)
+    values = stacked((spec.name for spec in attitude.columns.values()), numbers)
     if "roll" in attitude.columns:
         unit = unit_of("roll", attitude.columns["roll"])
         values = attitude_from_euler(values * UNITS["angle"][unit])
@@ -293,7 +294,7 @@ def gyro_found(
 ) -> Found:
     """Find the gyro's unit: by the attitude, else by name, else by its peaks, else ask."""
     assert chosen is not None
-    values = _stacked(chosen.by_index.values(), numbers)
+    values = stacked(chosen.by_index.values(), numbers)
     named = chosen.unit if chosen.unit in UNITS["angular velocity"] else None
     slopes = None if rate is None else _slopes(values, rate)
     found = slopes if slopes is not None and np.isfinite(slopes).any() else None
@@ -356,7 +357,7 @@ def attitude_signed(
     """Turn the attitude into the gyro's axes where it has the other ones; doubt other signs."""
     if rate is None:
         return attitude
-    values = _stacked((spec.name for spec in gyro.columns.values()), numbers)
+    values = stacked((spec.name for spec in gyro.columns.values()), numbers)
     signs = np.nan_to_num(np.sign(_slopes(values, rate)))
     seen = signs != 0
     if not seen.any():
@@ -387,7 +388,7 @@ def motors_found(
     questions: list[Question] = []
     for one in candidates:
         held = [n for _, n in sorted(one.by_index.items()) if n in numbers]
-        values = _known(_stacked(held, numbers)) if held else np.empty((0, 0))
+        values = _known(stacked(held, numbers)) if held else np.empty((0, 0))
         if one.kind != "motor" or len(held) < 3 or len(values) < 2 or float(np.ptp(values)) == 0:
             continue
         unit, why, choices = _motor_unit(one, values)
@@ -447,23 +448,27 @@ def _motor_unit(
     return None, "", speeds
 
 
+def battery_found(chosen: Mapping[str, Candidate | None], numbers: Numbers) -> Found:
+    """Find the battery's voltage, in V, hundredths or thousandths."""
+    battery = chosen["battery"]
+    if battery is None:
+        return Found(columns={})
+    high = float(np.nanmedian(numbers[battery.by_index[0]]))
+    scale = 1.0 if 2.5 < high < 100 else 1e-3 if 2500 < high < 100_000 else 1e-2
+    if not 2.5 < high * scale < 100:
+        return Found(columns={})
+    words = f"battery: {high * scale:.3g} V in the median"
+    return Found(columns=_specs("battery", battery, "V", scale=scale), reasons=(words,))
+
+
 def others_found(
-    chosen: Mapping[str, Candidate | None],
-    gyro: Found,
-    numbers: Numbers,
-    units: Mapping[str, str],
+    chosen: Mapping[str, Candidate | None], gyro: Found, units: Mapping[str, str]
 ) -> Found:
-    """Find battery, reference and position; a velocity only where its name says body axes."""
+    """Find reference and position; a velocity only where its name says body axes."""
     columns: dict[str, ColumnSpec] = {}
     reasons: list[str] = []
     doubts: list[str] = []
-    battery, reference = chosen["battery"], chosen["reference"]
-    if battery is not None:
-        high = float(np.nanmedian(numbers[battery.by_index[0]]))
-        scale = 1.0 if 2.5 < high < 100 else 1e-3 if 2500 < high < 100_000 else 1e-2
-        if 2.5 < high * scale < 100:
-            columns |= _specs("battery", battery, "V", scale=scale)
-            reasons.append(f"battery: {high * scale:.3g} V in the median")
+    reference = chosen["reference"]
     if reference is not None:
         unit = reference.unit if reference.unit in UNITS["angular velocity"] else None
         unit = units.get("reference") or unit or gyro.columns["gyro_x"].unit

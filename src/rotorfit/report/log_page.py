@@ -38,7 +38,7 @@ from rotorfit.report.chart import (
     logarithms,
     time_axis,
 )
-from rotorfit.report.log_report import KNOW, sections, spans_phrase
+from rotorfit.report.log_report import KNOW, airborne_phrase, sections
 from rotorfit.report.pages import render_page
 from rotorfit.report.parameters import unit_words
 
@@ -106,7 +106,7 @@ def _article(report: LogReport) -> LogArticle:
     return LogArticle(
         report=report,
         title=Path(report.file).name,
-        airborne=spans_phrase(report.airborne),
+        airborne=airborne_phrase(report),
         trouble=report.trouble,
         figures=log_figures(report),
         left_out=() if report.pictures is None else report.pictures.left_out,

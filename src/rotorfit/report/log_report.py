@@ -63,7 +63,7 @@ def report_text(report: LogReport, *, width: int = WIDTH) -> str:
     lines = [*wrapped(title, width), "", f"{head}{source}".rstrip()]
     lines += [line for channel in report.channels for line in _channel_lines(channel, width)]
     facts = [name for name in ("Craft name", "Firmware revision") if name in report.metadata]
-    notes = [f"airborne: {spans_phrase(report.airborne)}"]
+    notes = [f"airborne: {airborne_phrase(report)}"]
     notes += [*(f"{name}: {report.metadata[name]}" for name in facts), *report.notes]
     lines += ["", *(line for note in notes for line in wrapped(note, width, "  ", "    "))]
     for title, words in sections(report):
@@ -139,8 +139,8 @@ def flight_messages(report: LogReport) -> list[str]:
     words += [*telemetry_messages(report.telemetry), *gravity_messages(report.gravity)]
     if report.prospects is not None and report.prospects.motors is not None:
         words.append(
-            f"the motors turn the vehicle as those of {report.prospects.motors}: this shows order "
-            "and spins, but neither the length of the arms nor the shape of the frame; measure them"
+            f"the motors turn the vehicle as those of {report.prospects.motors}: measure the arms "
+            "and the shape of the frame, which no flight shows"
         )
     return words
 
@@ -256,9 +256,11 @@ def _thrust_message(found: Prospects) -> str:
     if found.commanded and not (found.commands is not None and found.commands.law_known):
         why = "thrust is not proportional to the square of the command: give its law under "
         why += "[motors], or log the rotor speed"
+    off = thrust.from_changes / thrust.from_weight - 1.0
     return (
-        f"thrust changes by {change:.0f} %: {verdict}, but two estimates differ: changes of "
-        f"thrust give {thrust.from_changes:.3g}, the weight {thrust.from_weight:.3g}; {why}"
+        f"thrust changes by {change:.0f} %: {verdict}, but two estimates differ: by changes of "
+        f"thrust kt is {100 * abs(off):.0f} % {'higher' if off > 0 else 'lower'} than by the "
+        f"weight; {why}"
     )
 
 
@@ -334,6 +336,14 @@ def _channel_lines(c: ChannelReport, width: int) -> list[str]:
     if width < len(start) + LEAST_SOURCE:  # below it
         return [start.rstrip(), *wrapped(c.source, width, "      ")]
     return wrapped(c.source, width, start) or [start.rstrip()]
+
+
+def airborne_phrase(report: LogReport) -> str:
+    """Describe the airborne part, or why it was not looked for."""
+    channels = {channel.name for channel in report.channels}
+    if not report.airborne and not channels & {"gyro", "accel"}:
+        return "not looked for, as the log has no IMU"
+    return spans_phrase(report.airborne)
 
 
 def spans_phrase(spans: tuple[tuple[float, float], ...]) -> str:

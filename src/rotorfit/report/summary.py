@@ -149,7 +149,8 @@ def summary_text(result: IdentificationResult, *, width: int) -> str:
         lines += wrapped(words, width, "Note:  ")
     if summary.next_step:
         lines += wrapped(summary.next_step, width, "Next:  ")
-    more = f", {summary.more} more remarks" if summary.more else ""
+    count = f"{summary.more} more remark{'' if summary.more == 1 else 's'}"
+    more = f", {count}" if summary.more else ""
     lines += wrapped(REST.format(more=more), width)
     return "\n".join(lines) + "\n"
 

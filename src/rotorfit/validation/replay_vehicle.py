@@ -67,6 +67,40 @@ class ReplayVehicle:
     imu: Float[np.ndarray, " 3"]
 
 
+def hover_centre(
+    result: IdentificationResult, owner: str, assumed: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """Place centre of mass and rotors over each other along x and y where one is not known [m].
+
+    A hover of rotors that are alike holds the two together, though it may tell neither from the
+    IMU; where both are unknown, the rotors stand as declared. Empty where both are known.
+    """
+    given = _known_places(result, owner) | dict(assumed or {})
+    listed = {p.name for p in result.parameters if p.configuration == owner}
+    unknown = {"com_x", "com_y", *listed.intersection(ROTOR_CENTER)} - given.keys()
+    if not unknown:
+        return {}
+    experiment = experiment_of_settings(result.settings)
+    vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
+    places = dict(given)
+    for axis, middle in zip("xy", vehicle.positions.mean(axis=0)[:2].tolist(), strict=True):
+        com, center = f"com_{axis}", f"rotor_center_{axis}"
+        offset = places.get(com, middle) - middle if center in listed else 0.0
+        places.setdefault(com, middle + places.setdefault(center, offset))
+    return {name: places[name] for name in sorted(unknown)}
+
+
+def _known_places(result: IdentificationResult, owner: str) -> dict[str, float]:
+    """Collect where centre of mass and rotor centre are known to be [m]."""
+    own = [one for one in (*result.parameters, *result.derived) if one.configuration == owner]
+    values = {one.name: one.value for one in own if one.value is not None}
+    values |= {p.name: 0.0 for p in result.parameters if p in own and p.verdict == "removed"}
+    mass = values.get("mass") or 1.0
+    moments = {f"com_{a}": values[f"ms{a}"] / mass for a in "xy" if f"ms{a}" in values}
+    places = {n: v for n, v in values.items() if n in (*ROTOR_CENTER, "com_x", "com_y")}
+    return moments | places
+
+
 def replay_vehicle(
     result: IdentificationResult,
     owner: str,
@@ -80,9 +114,10 @@ def replay_vehicle(
     `assumed` numbers by name, SI, replace the result's: inertia and CoM as ``Ixx_com``, ``com_x``,
     or at the origin as ``Ixx``; a ``kt`` is that of all rotors. Draws that are no body (inertia
     that is not positive, thrust that pulls down) are left out. Raises `ExperimentError` where a
-    needed number is neither known nor assumed, or no body has such inertia.
+    needed number is neither known nor assumed, or no body has such inertia. An unknown place of the
+    centre of mass or of the rotors is that of `hover_centre`.
     """
-    given = dict(assumed or {})
+    given = hover_centre(result, owner, assumed) | dict(assumed or {})
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     values = about_com(_with(_drawn(result, owner, SPARE * draws, seed), given, result, owner))

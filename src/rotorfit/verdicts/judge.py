@@ -185,6 +185,14 @@ def judge(
     )
 
 
+WIDTHS: Final = ("known only to", "near zero, with an interval")
+
+
+def is_width(reason: str | None) -> bool:
+    """Return whether a reason of `judge` says no more than the interval does."""
+    return reason is not None and reason.startswith(WIDTHS)
+
+
 def twin_of(name: str) -> str:
     """Return the parameter at the origin whose verdict speaks for a number about the CoM."""
     return name.replace("com_", "ms") if name.startswith("com_") else name.removesuffix("_com")

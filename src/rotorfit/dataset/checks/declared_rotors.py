@@ -332,13 +332,19 @@ def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsE
     lagging = motors.speed == "measured" or motors.lag is not None
     tried = [MotorResponse(lag=lag, delay=motors.delay or 0.0) for lag in LAGS_TRIED]
     for flight in flights:
-        _check_flight(flight, vehicle, [None] if lagging else tried)
+        check_flight(flight, vehicle, [None] if lagging else tried)
 
 
-def _check_flight(
+def check_flight(
     flight: LoadedFlight, vehicle: Vehicle, tried: Sequence[MotorResponse | None]
 ) -> None:
-    """Refuse the declared rotors if a flight contradicts them with every response of the motors."""
+    """Refuse the declared rotors if a flight contradicts them with every response of the motors.
+
+    Raises
+    ------
+    FrameError
+        With what the first response that was tried shows.
+    """
     refused: FrameError | None = None
     for response in tried:
         try:

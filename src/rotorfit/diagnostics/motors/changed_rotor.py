@@ -94,13 +94,16 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
 def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | None:
     """Estimate by how much more thrust than the others one rotor makes: the one furthest off.
 
-    None where they are not identifiable; rotors of declared groups are expected to differ.
+    None where they are not identifiable, or most pull down; rotors of declared groups are expected
+    to differ.
     """
     names = [f"kt_{i}" for i in range(1, len(vehicle.rotors) + 1)]
     if any(r.group is not None for r in vehicle.rotors) or not set(names) <= set(numbers.names):
         return None
     own = np.array([numbers.number(name)[0] for name in names])
     usual = float(np.median(own))
+    if usual <= 0.0:
+        return None
     rotor = int(np.argmax(np.abs(own / usual - 1.0)))
     value = float(own[rotor]) / usual - 1.0
     slopes = np.full(len(own), -(1.0 + value) / (len(own) - 1.0))

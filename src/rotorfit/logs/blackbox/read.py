@@ -172,7 +172,7 @@ def _rotor_speed(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | s
     if erpm is None and log.header.entries.get("Firmware revision", "").startswith("INAV"):
         return "INAV to 9 has no bidirectional DSHOT, and escRPM of a telemetry wire is not read"
     if erpm is None:
-        return "the log has neither omega nor eRPM: enable bidirectional DSHOT and RPM logging"
+        return "the log has neither omega nor eRPM"
     raw = erpm[1]
     poles = (log.header.numbers("motor_poles") or (0,))[0]
     if poles < 2:

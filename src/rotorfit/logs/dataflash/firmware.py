@@ -177,8 +177,8 @@ def _slow(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:
         slow.append("there are no motor outputs")
     elif "rotor_speed" not in channels and (rate := rate_of(command.time)) < ENOUGH_RATE:
         slow.append(
-            f"commands come at {rate:.0f} Hz only (from firmware 3.5 on they are mixed again from "
-            "fast attitude's messages RATE)"
+            f"commands come at {rate:.0f} Hz only (from firmware 3.5 on, fast attitude logs "
+            "the controller's outputs, from which rotorfit computes quicker ones)"
         )
     return slow, raw
 
