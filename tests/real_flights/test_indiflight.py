@@ -128,8 +128,9 @@ def test_every_log_gives_thrust_and_roll_and_pitch_inertia(joint, name):
     assert abs(kt.value - 2.66e-7) < 1.96 * kt.std + 0.01 * 2.66e-7  # the bench: three digits
     assert beside(Ixx, "Ixx_com")
     assert beside(Iyy, "Iyy_com")
-    # The bench's Ixx is not that of flight (theory, 2.11); its Iyy is in reach of single logs.
-    assert name in ("all", SHORT) or inside(Iyy, 7.757e-4)
+    # The bench's Ixx is not that of flight (theory, 2.11); its Iyy, 7 % above that of 26 flights,
+    # is in reach of the calm log, which knows it to 8 %, and no more of the lively one (3.3 %).
+    assert name != CALM or inside(Iyy, 7.757e-4)
 
 
 def test_three_logs_together_give_yaw(joint):
