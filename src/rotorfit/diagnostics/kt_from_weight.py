@@ -29,6 +29,7 @@ from rotorfit.experiment.experiment import MotorsEntry, Source
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import widen_by_settings
+from rotorfit.fit.intervals.joint_numbers import half_width_of_parameter
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std
@@ -182,7 +183,9 @@ def law_mistaken(*, commanded: bool, law_given: bool) -> float:
 def kt_from_changes(fit: Fit) -> Measured | None:
     """Estimate k_t with the accelerometer's bias free, so that the mean thrust tells nothing of it.
 
-    None where the flights do not tell it so.
+    None where the flights do not tell it so. Inflow and an altitude hold act on thrust alone, so
+    that what the turns scatter says nothing of how well changes of thrust are told: its own blocks
+    do.
     """
     names = [n for n in fit.estimate.estimate.names if n.startswith("accel_bias_z@")]
     begin = fit.estimate.estimate.by_name
@@ -191,6 +194,7 @@ def kt_from_changes(fit: Fit) -> Measured | None:
     except UnsettledError:
         return None
     value, std = kt_of(free.numbers)
+    std = max(std, half_width_of_parameter(free.estimate, "kt") / 1.96)
     return Measured(value=value, std=float(np.hypot(std, CHANGES_STD * value)))
 
 

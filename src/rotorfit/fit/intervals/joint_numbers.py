@@ -171,14 +171,28 @@ def half_width_between_blocks(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width by the scatter of the blocks: each number's own, and that of all."""
-    blocks, free = len(fit.influence), _free_blocks(fit)
-    own = np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T) * blocks / free
-    own_blocks = np.minimum(effective_blocks(fit, jacobian), free)
+    own, own_blocks = _own_scatter(fit, jacobian)
     phases = _phases(fit)
-    parts = phases if len(phases) >= FEWEST_PHASES else list(np.eye(blocks, dtype=bool))
+    parts = phases if len(phases) >= FEWEST_PHASES else list(np.eye(len(fit.influence), dtype=bool))
     variance, degrees = dispersion(fit, parts).pooled(np.diagonal(formal), own, own_blocks)
     found: Float[np.ndarray, " q"] = stats.t.ppf(0.975, degrees) * np.sqrt(variance)
     return found
+
+
+def half_width_of_parameter(fit: BandedEstimate, name: str) -> float:
+    """Return the half-width of one parameter by the scatter of the blocks that tell it, alone."""
+    one = np.eye(len(fit.estimate.names))[[fit.estimate.names.index(name)]]
+    variance, degrees = _own_scatter(fit, one)
+    return float(stats.t.ppf(0.975, degrees[0]) * np.sqrt(variance[0]))
+
+
+def _own_scatter(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
+    """Return each number's variance by the scatter of its blocks, and how many tell it."""
+    blocks, free = len(fit.influence), _free_blocks(fit)
+    variance = np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)
+    return variance * blocks / free, np.minimum(effective_blocks(fit, jacobian), free)
 
 
 def _between_flights(
