@@ -25,11 +25,11 @@ from rotorfit.dataset.plausible_units import gravity_seen
 from rotorfit.dataset.weight_balance import Held
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR, is_estimate
 from rotorfit.errors import UnsettledError
+from rotorfit.estimation.effective_blocks import half_width_of_parameter
 from rotorfit.experiment.experiment import MotorsEntry, Source
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import widen_by_settings
-from rotorfit.fit.intervals.joint_numbers import half_width_of_parameter
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std

@@ -10,10 +10,12 @@ freedom (Satterthwaite, Biometrics Bulletin 2, 1946; Bell and McCaffrey, Survey 
 
 import numpy as np
 from jaxtyping import Float
+from scipy import stats
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.banded_equations import decorrelated_solutions, lifted_slopes
 from rotorfit.estimation.banded_problem import solutions
+from rotorfit.estimation.reweighted import scatter_covariance
 
 
 def effective_blocks(
@@ -49,3 +51,24 @@ def variance_shares(
             power = np.einsum("bmq,bmq->bq", rows, rows)
             shares[part.blocks] += power / fit.variance[part.blocks, error, None]
     return shares
+
+
+def free_blocks(fit: BandedEstimate) -> float:
+    """Return how many blocks are left: as many parameters as noisy signals cost one block."""
+    return max(len(fit.influence) - len(fit.estimate.names) / fit.variance.shape[1], 1.0)
+
+
+def half_width_of_parameter(fit: BandedEstimate, name: str) -> float:
+    """Return the half-width of one parameter by the scatter of the blocks that tell it, alone."""
+    one = np.eye(len(fit.estimate.names))[[fit.estimate.names.index(name)]]
+    variance, degrees = own_scatter(fit, one)
+    return float(stats.t.ppf(0.975, degrees[0]) * np.sqrt(variance[0]))
+
+
+def own_scatter(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
+    """Return each number's variance by the scatter of its blocks, and how many tell it."""
+    blocks, free = len(fit.influence), free_blocks(fit)
+    variance = np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)
+    return variance * blocks / free, np.minimum(effective_blocks(fit, jacobian), free)

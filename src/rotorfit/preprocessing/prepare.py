@@ -207,12 +207,7 @@ def prepared_from(
     """Prepare the airborne part from `on_one_clock`: the second half of `prepare`."""
     uniform = recorded.uniform
     speed = uniform.values["motor"]
-    # In gaps the lines are this module's own.
-    a, b = max(uniform.stretches, key=lambda whole: whole[1] - whole[0])
-    if motors.speed == "measured":
-        refuse_interpolated_speeds(speed[a:b], uniform.sample_rate)
-    else:
-        refuse_interpolated_commands(speed[a:b], uniform.sample_rate, uniform.rates["motor"])
+    _refuse_interpolated(uniform, measured=motors.speed == "measured")
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
     motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)
@@ -264,6 +259,17 @@ def prepared_from(
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
     )
+
+
+def _refuse_interpolated(uniform: UniformChannels, *, measured: bool) -> None:
+    """Refuse motor data made by interpolation from slower ones."""
+    # In gaps the lines are this module's own.
+    a, b = max(uniform.stretches, key=lambda whole: whole[1] - whole[0])
+    motor = uniform.values["motor"][a:b]
+    if measured:
+        refuse_interpolated_speeds(motor, uniform.sample_rate)
+    else:
+        refuse_interpolated_commands(motor, uniform.sample_rate, uniform.rates["motor"])
 
 
 def _turned(

@@ -23,12 +23,11 @@ from rotorfit.estimation.banded import (
     steps_without,
 )
 from rotorfit.estimation.dispersion import dispersion
-from rotorfit.estimation.effective_blocks import effective_blocks
+from rotorfit.estimation.effective_blocks import free_blocks, own_scatter
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.payload import MOMENTS, added_moments
 from rotorfit.fit.intervals.numbers import (
     AXES,
@@ -151,7 +150,7 @@ def random_half_width(
     formal
         `formal_covariance` of the numbers.
     """
-    blocks, free = len(fit.influence), _free_blocks(fit)
+    blocks, free = len(fit.influence), free_blocks(fit)
     stated = float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(formal) * blocks / free)
     shown = (
         stated,
@@ -162,37 +161,16 @@ def random_half_width(
     return np.maximum.reduce(shown)
 
 
-def _free_blocks(fit: BandedEstimate) -> float:
-    """Return how many blocks are left: as many parameters as noisy signals cost one block."""
-    return max(len(fit.influence) - len(fit.estimate.names) / fit.variance.shape[1], 1.0)
-
-
 def half_width_between_blocks(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width by the scatter of the blocks: each number's own, and that of all."""
-    own, own_blocks = _own_scatter(fit, jacobian)
+    own, own_blocks = own_scatter(fit, jacobian)
     phases = _phases(fit)
     parts = phases if len(phases) >= FEWEST_PHASES else list(np.eye(len(fit.influence), dtype=bool))
     variance, degrees = dispersion(fit, parts).pooled(np.diagonal(formal), own, own_blocks)
     found: Float[np.ndarray, " q"] = stats.t.ppf(0.975, degrees) * np.sqrt(variance)
     return found
-
-
-def half_width_of_parameter(fit: BandedEstimate, name: str) -> float:
-    """Return the half-width of one parameter by the scatter of the blocks that tell it, alone."""
-    one = np.eye(len(fit.estimate.names))[[fit.estimate.names.index(name)]]
-    variance, degrees = _own_scatter(fit, one)
-    return float(stats.t.ppf(0.975, degrees[0]) * np.sqrt(variance[0]))
-
-
-def _own_scatter(
-    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
-) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
-    """Return each number's variance by the scatter of its blocks, and how many tell it."""
-    blocks, free = len(fit.influence), _free_blocks(fit)
-    variance = np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)
-    return variance * blocks / free, np.minimum(effective_blocks(fit, jacobian), free)
 
 
 def _between_flights(
