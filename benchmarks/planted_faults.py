@@ -354,6 +354,12 @@ ROOMS: Final[dict[str, Room]] = {
             ("vehicle.axes)[:, :2].T\n    alike", "vehicle.axes)[:, 1::-1].T\n    alike"),
         ),
     ),
+    "estimation/effective_blocks.py": Room(
+        tests=("tests/fit/test_joint_intervals.py",),
+        scaled=(
+            "variance = <<np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)>>",
+        ),
+    ),
     "fit/intervals/joint_numbers.py": Room(
         tests=(
             "tests/fit/test_joint_intervals.py",
@@ -364,7 +370,6 @@ ROOMS: Final[dict[str, Room]] = {
             "FEWEST_FLIGHTS = <<3>>",
             "FEWEST_PHASES = <<3>>",
             "MOST_LEVERAGE = <<4.0>>",
-            "own = <<np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)>>",
             "<<stats.t.ppf(0.975, degrees) * np.sqrt(variance)>>",
             "        <<half_width_between_phases(fit, jacobian)>>,",
             "        <<_between_flights(fit, jacobian)>>,",
