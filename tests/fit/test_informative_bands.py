@@ -1,5 +1,7 @@
 """Which bands count, and in which the autopilot answers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from rotorfit.fit.joint.informative_bands import (
 )
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import NOISY, TURN_ERRORS
+from rotorfit.fit.row_fits import turned_flights
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.reduction.frequency_bands import (
     EDGES,
@@ -127,7 +130,7 @@ def test_what_counts():
 
 
 def test_bands_that_are_flown_have_a_response_and_count():
-    """Roll and yaw are flown from 1 to 4 Hz, pitch nowhere."""
+    """Roll and yaw are flown from 1 to 4 Hz, pitch nowhere; gusts are answered beside the mean."""
     bands = [(0.0, 0.3), (1.0, 1.5), (2.0, 2.9), (3.0, 4.0), (11.0, 15.0)]
     rows = [2, 9, 11, 13, 15]
     body = made_fit.configuration(factors=made_fit.blocks(bands, rows=rows))
@@ -135,7 +138,7 @@ def test_bands_that_are_flown_have_a_response_and_count():
     signal[1:4, [ROLL, YAW]] = 1.0 + LEAST_RATIO + 0.1
     steered = with_counted_bands(body, signal, residual, commanded=False)
     assert TURN_ERRORS == ("dwx", "dwy", "dwz")
-    roll = yaw = [False, True, True, True, False]
+    roll = yaw = [True, True, True, True, False]
     assert steered.with_response.T.tolist() == [roll, [False] * 5, yaw]
     assert steered.counted[:, ROLL].tolist() == [True, True, True, True, False]
     assert steered.counted[:, PITCH].all()
@@ -192,3 +195,30 @@ def test_an_axis_that_is_not_flown_counts_but_has_no_response(rolled):
     with_response = rolled.with_response[:, TURN_ERRORS.index("dwx")]
     assert with_response.any()
     assert (with_response <= rolled.counted[:, ROLL]).all()
+
+
+def test_a_first_fit_leaves_out_flights_that_do_not_move_the_axis(tmp_path):
+    """Roll of the flight that rolls alone; pitch, which nobody moves, of both."""
+    still = Stick(band=(0.1, 0.5), rms=0.0)
+    rolls = Sticks(pitch=still, yaw=still)
+    flights = [
+        flown.simulated("A", "disturbed", seed=seed, seconds=20.0, sticks=sticks)
+        for seed, sticks in ((2, rolls), (3, replace(rolls, roll=still)))
+    ]
+    names = [f"flight{k}.csv" for k in range(len(flights))]
+    for name, flight in zip(names, flights, strict=True):
+        write_flight_table(flight, tmp_path / name)
+    path = flown.experiment_file(
+        tmp_path / "experiment.toml", flights[0].vehicle, names, mass=flights[0].truth.mass
+    )
+    dataset = TimedDataset.of(load_dataset(load_experiment(path), lambda words: None))
+    factors = dataset.timed_bands[0]
+    turned = turned_flights(factors, dataset.model, mass=flights[0].truth.mass)
+    assert turned[:, 0].tolist() == (factors.source == 0).tolist()
+    assert not turned[:, 1].any()
+    body = made_fit.configuration(factors=factors)
+    body = replace(body, model=dataset.model, mass=flights[0].truth.mass)
+    counted = select_slow_bands(body).counted
+    slow = factors.band[:, 0] < PILOT_BAND[1]
+    assert counted[:, ROLL].tolist() == (slow & (factors.source == 0)).tolist()
+    assert counted[:, PITCH].tolist() == slow.tolist()

@@ -480,7 +480,9 @@ def test_a_timing_that_is_given_or_unknown_is_not_moved():
 
 
 def costs(monkeypatch, cost):
-    monkeypatch.setattr(timing_search, "pilot_band_cost", lambda dataset, response: cost(response))
+    monkeypatch.setattr(
+        timing_search, "pilot_band_costs", lambda dataset, trials: [cost(one) for one in trials]
+    )
 
 
 @pytest.mark.parametrize(("bottom", "found"), [(0.045, 0.04), (0.001, 0.005), (0.13, None)])

@@ -29,7 +29,8 @@ from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.additional_parameters import Added, Additional, estimate_additional, gained
 from rotorfit.fit.fit import Fit, refit
-from rotorfit.fit.intervals.joint_numbers import physical, weighed_excitation
+from rotorfit.fit.intervals.excitation import weighed_excitation
+from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, NO_EXCITATION, inertia_bias
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.logs.flight_log import SITL

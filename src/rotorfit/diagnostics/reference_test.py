@@ -35,8 +35,7 @@ from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.estimation.banded_problem import solved
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.joint_numbers import AXES
-from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.intervals.numbers import AXES, Numbers
 from rotorfit.fit.joint.joint_problem import NOISY, TURN_ERRORS, JointConfiguration, theta_of
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.signals import signal_matrix

@@ -43,7 +43,7 @@ from rotorfit.fit.additional_parameters import (
     surprise,
 )
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.joint_numbers import excitation
+from rotorfit.fit.intervals.excitation import excitation
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, SCALED, Numbers
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration

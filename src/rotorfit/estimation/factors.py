@@ -200,6 +200,14 @@ def stack_recordings(parts: Sequence[Factors]) -> Factors:
     return replace(stack_factors(parts), source=source)
 
 
+def flights_of(factors: Factors) -> list[Bool[np.ndarray, " b"]]:
+    """Return which blocks are of each flight."""
+    numbers = np.unique(factors.recording)
+    if len(numbers) < 2:
+        return [np.ones(len(factors), dtype=bool)]
+    return [factors.recording == number for number in numbers]
+
+
 def borrowed_mean_square(
     power: Float[np.ndarray, "b k"], factors: Factors
 ) -> Float[np.ndarray, "b k"]:

@@ -13,12 +13,13 @@ from jaxtyping import Float
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.factors import flights_of
 from rotorfit.findings import Finding, doubt, note
 from rotorfit.fit.fit import Fit, numbers_of, shift_of
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import chosen
-from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, flights_of
+from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import timed_again
 from rotorfit.model.regressor import regressor

@@ -28,13 +28,15 @@ to c = 2.5 for roll and pitch, 1.5 for the ratios of yaw (`excitation.py` has it
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import LinearProblem, numerical_jacobian
-from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.factors import Factors, flights_of
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.reweighted import BandedFit, reweighted, scatter_covariance
 from rotorfit.fit.intervals.numbers import (
@@ -51,7 +53,7 @@ from rotorfit.model.regressor import Regressor
 from rotorfit.model.terms.body import ACCEL_BIAS_STD, MOUNTING_STD
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.frequency_bands import PILOT_BAND, excited_bands
+from rotorfit.reduction.frequency_bands import PILOT_BAND, excited_bands, slow_bands
 
 ROWS = ("force", "roll", "pitch", "yaw")
 EQUATIONS = {
@@ -161,6 +163,20 @@ def excited_turns(factors: Factors, model: Regressor, *, mass: float) -> Bool[np
     signal = np.column_stack([fit.known_power for fit in fits])
     residual = np.column_stack([fit.residual_power for fit in fits])
     return excited_bands(factors, signal, residual)
+
+
+def turned_flights(factors: Factors, model: Regressor, *, mass: float) -> Bool[np.ndarray, "b 3"]:
+    """Mark for roll, pitch and yaw the blocks of the flights in which a pilot moves that axis.
+
+    Each flight is judged by itself, in the pilot's band.
+    """
+    turned = np.zeros((len(factors), 3), dtype=bool)
+    for own in flights_of(factors):
+        one = factors.select(own)
+        with suppress(EstimationError):  # too short or too still a flight to judge by itself
+            pilots = slow_bands(one) & (one.band[:, :1] > 0.0)
+            turned[own] = (excited_turns(one, model, mass=mass) & pilots).any(axis=0)
+    return turned
 
 
 def turn_ratios(factors: Factors, model: Regressor, *, mass: float) -> Float[np.ndarray, " 3"]:

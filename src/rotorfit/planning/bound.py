@@ -20,8 +20,8 @@ from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.experiment.payload import MOMENTS, PointMass, tolerances
-from rotorfit.fit.intervals.joint_numbers import AXES, coupling_uncertainty, number_scale, physical
-from rotorfit.fit.intervals.numbers import Numbers, attenuation_allowance
+from rotorfit.fit.intervals.joint_numbers import coupling_uncertainty, number_scale, physical
+from rotorfit.fit.intervals.numbers import AXES, Numbers, attenuation_allowance
 from rotorfit.fit.joint.joint_map import joint_map
 from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior
 from rotorfit.model.parameters import EVERY, NO_NUMBERS, SHARED

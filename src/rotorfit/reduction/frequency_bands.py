@@ -80,7 +80,12 @@ def counted_bands(factors: Factors, flown: Bool[np.ndarray, "b k"]) -> Bool[np.n
 
     And the band with the mean: trim does not depend on who steers, and holds the centre of mass.
     """
-    return flown | ~flown.any(axis=0) | (factors.band[:, 0] == 0.0)[:, None]
+    return or_every(flown) | (factors.band[:, 0] == 0.0)[:, None]
+
+
+def or_every(marked: Bool[np.ndarray, "b k"]) -> Bool[np.ndarray, "b k"]:
+    """Mark every block of an axis of which none is marked."""
+    return marked | ~marked.any(axis=0)
 
 
 def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:

@@ -20,10 +20,11 @@ from rotorfit import version
 from rotorfit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.dataset.load import resolved_method
 from rotorfit.diagnostics.sensors.sensor_faults import lowpass_sentence
+from rotorfit.estimation.factors import flights_of
 from rotorfit.experiment.experiment import Experiment, MotorsEntry
 from rotorfit.findings import Finding, diagnostics_of, note
 from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, flights_of
+from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.logs.flight_log import SITL, simulated_sentence
 from rotorfit.preprocessing.motors.motor_model import ThrustCurve
 from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter

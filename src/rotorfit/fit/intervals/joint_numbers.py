@@ -7,11 +7,11 @@ assumed of the autopilot (`banded.response_sensitivity`). Push: what is open of 
 push (`error_correlation_shifts`). What a change of settings shifts is added by the recipe.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
@@ -26,11 +26,11 @@ from rotorfit.estimation.dispersion import dispersion
 from rotorfit.estimation.effective_blocks import free_blocks, own_scatter
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import numerical_jacobian
-from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.factors import flights_of
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.experiment.payload import MOMENTS, added_moments
+from rotorfit.fit.intervals.excitation import excitation, weighed_excitation
 from rotorfit.fit.intervals.numbers import (
-    AXES,
     HEIGHTS,
     LEAST_EXCITATION,
     PLACES,
@@ -57,7 +57,7 @@ from rotorfit.fit.intervals.numbers import (
 )
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
-from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, flights_of
+from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.model.parameters import (
     EVERY,
     FIRST_MOMENTS,
@@ -70,7 +70,6 @@ from rotorfit.model.parameters import (
 from rotorfit.model.terms.rotors import IMU_MOUNTING
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.frequency_bands import PILOT_BAND
 from rotorfit.reduction.motor_timing import FreeTiming
 
 FEWEST_PHASES = 3
@@ -311,72 +310,10 @@ def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> d
     return out
 
 
-def excitation(
-    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
-) -> dict[str, float]:
-    """Return explained over residual power of the angular accelerations, where a pilot flies.
-
-    Of several flights the mean, each for as long as it is: the fit gives every flight the weight
-    of its own noise, so that a calm one beside a lively one does no harm.
-    """
-    return _ratios(fit, configurations, lambda factors: factors.recording)
-
-
-def weighed_excitation(
-    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
-) -> dict[str, float]:
-    """Compute the mean excitation of single blocks, each with its weight in the fit.
-
-    A short lively phase of a long calm flight is what tells of the vehicle.
-    """
-    return _ratios(fit, configurations, lambda factors: np.arange(len(factors)))
-
-
 def _informative_excitation(numbers: Numbers, weighed: Mapping[str, float]) -> dict[str, float]:
     """Return the excitation by weight where that is enough, else over the whole flights."""
     plain = numbers.excitation
     return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
-
-
-def _ratios(
-    fit: BandedEstimate,
-    configurations: Sequence[JointConfiguration],
-    parts: Callable[[Factors], Int[np.ndarray, " b"]],
-) -> dict[str, float]:
-    rho: dict[str, float] = {}
-    first = 0
-    for configuration in configurations:
-        count = len(configuration.factors)
-        signal = fit.signal_power[first : first + count, 3:]
-        residual = fit.residual_power[first : first + count, 3:]
-        first += count
-        factors = configuration.factors
-        means = _mean_ratios(factors, signal, residual, parts(factors))
-        rho |= {
-            f"{axis}@{configuration.name}": float(mean)
-            for axis, mean in zip(AXES, means, strict=True)
-        }
-    return rho
-
-
-def _mean_ratios(
-    factors: Factors,
-    signal: Float[np.ndarray, "b 3"],
-    residual: Float[np.ndarray, "b 3"],
-    parts: Int[np.ndarray, " b"],
-) -> Float[np.ndarray, " 3"]:
-    """Return the mean over parts of explained over residual power in the pilot's band."""
-    low, high = PILOT_BAND
-    inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
-    total, weight = np.zeros(3), 0.0
-    for number in np.unique(parts):
-        own = inside & (parts == number)
-        left = residual[own].sum(axis=0)
-        explained = np.maximum(signal[own].sum(axis=0) - left, 0.0)
-        rows = float(factors.rows[own].sum())
-        total += rows * explained / np.maximum(left, np.finfo(float).tiny)
-        weight += rows
-    return total / max(weight, 1.0)
 
 
 def systematic_uncertainty(

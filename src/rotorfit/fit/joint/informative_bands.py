@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float, Int
 
 from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
+from rotorfit.estimation.factors import flights_of
 from rotorfit.fit.joint.joint_problem import (
     NOISY,
     TURN_ERRORS,
@@ -27,6 +28,7 @@ from rotorfit.fit.joint.joint_problem import (
     error_correlation_std,
     joint_problem,
 )
+from rotorfit.fit.row_fits import turned_flights
 from rotorfit.model.terms.registry import DEFAULT_TERMS
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.frequency_bands import (
@@ -34,6 +36,7 @@ from rotorfit.reduction.frequency_bands import (
     counted_bands,
     excited_bands,
     followed_bands,
+    or_every,
     slow_bands,
 )
 
@@ -48,10 +51,18 @@ _TINY: Final = float(np.finfo(float).tiny)
 
 
 def select_slow_bands(configuration: JointConfiguration) -> JointConfiguration:
-    """Return the configuration with turns that count in the pilot's band alone."""
-    counted = np.ones((len(configuration.factors), len(NOISY)), dtype=bool)
-    counted[:, list(TURNS)] = slow_bands(configuration.factors)
-    return replace(configuration, counted=counted)
+    """Count turns in the pilot's band alone, each axis of the flights that move it.
+
+    A flight in which an axis is calm holds the autopilot's response to gusts, which would pull the
+    first fit of that axis; where no flight moves it, all count.
+    """
+    c = configuration
+    counted = np.ones((len(c.factors), len(NOISY)), dtype=bool)
+    counted[:, list(TURNS)] = slow_bands(c.factors)
+    if len(flights_of(c.factors)) > 1:
+        turned = turned_flights(c.factors, c.model, mass=c.mass)
+        counted[:, list(TURNS)] &= or_every(turned)
+    return replace(c, counted=counted)
 
 
 def select_informative_bands(
@@ -111,10 +122,9 @@ def with_counted_bands(
     flown[:, turns] = excited_bands(
         factors, signal[:, turns], residual[:, turns], least_ratio=least_ratio
     )
-    with_response = flown[:, [NOISY.index(name) for name in TURN_ERRORS]]
-    return replace(
-        configuration, counted=counted_bands(factors, flown), with_response=with_response
-    )
+    counted = counted_bands(factors, flown)
+    with_response = (counted & flown.any(axis=0))[:, [NOISY.index(n) for n in TURN_ERRORS]]
+    return replace(configuration, counted=counted, with_response=with_response)
 
 
 def _followed(configuration: JointConfiguration) -> Bool[np.ndarray, " b"]:

@@ -9,10 +9,11 @@ import numpy as np
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import SMALLEST_STEP, BandedEstimate
+from rotorfit.estimation.factors import flights_of
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse, estimated_response
 from rotorfit.fit.joint.informative_bands import select_informative_bands, select_slow_bands
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, separate_flights
-from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, flights_of, scatters
+from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, scatters
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import INERTIA

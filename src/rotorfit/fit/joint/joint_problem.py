@@ -21,13 +21,13 @@ from rotorfit.estimation.banded import (
     banded,
     log_likelihood,
 )
-from rotorfit.estimation.factors import of_even_rows
+from rotorfit.estimation.factors import flights_of, of_even_rows
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.experiment.payload import tolerances
 from rotorfit.fit.joint.joint_map import JointConfiguration as JointConfiguration
 from rotorfit.fit.joint.joint_map import joint_map
-from rotorfit.fit.joint.trims import configuration_theta, flights_of, trim_prior, with_trims
+from rotorfit.fit.joint.trims import configuration_theta, trim_prior, with_trims
 from rotorfit.fit.row_fits import RowFits, fit_rows
 from rotorfit.model.terms.registry import DEFAULT_TERMS, TERMS
 from rotorfit.model.terms.rotors import spread_std

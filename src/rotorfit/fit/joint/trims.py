@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from rotorfit.estimation.estimate import Estimate
-from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, Product
 from rotorfit.model.parameters import INERTIA, PARAMETERS, inertia_about
 
@@ -50,14 +49,6 @@ class Scatter:
 
 UNSEEN: Final = Scatter()
 """Before the flights."""
-
-
-def flights_of(factors: Factors) -> list[Bool[np.ndarray, " b"]]:
-    """Return which blocks are of each flight."""
-    numbers = np.unique(factors.recording)
-    if len(numbers) < 2:
-        return [np.ones(len(factors), dtype=bool)]
-    return [factors.recording == number for number in numbers]
 
 
 def with_trims(

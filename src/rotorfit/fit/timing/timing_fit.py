@@ -143,7 +143,7 @@ def fitted_timing(
     late = total > 0.0 and (response.mean_lag > LEAST_LAG or bias == 0.0)
     if "motor_lag" in names and (bias > UNIDENTIFIABLE_BIAS or not late):
         return unidentifiable_timing(dataset, delay_free="motor_delay" in names)
-    found = timing_with_deviations(dataset, free, fit)
+    found = timing_with_deviations(dataset, free, fit, gusts=bias)
     return replace(found, bands=timed.found_with()) if _near(free, fit) else found
 
 
@@ -263,9 +263,12 @@ def unidentifiable_timing(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
 
 
 def timing_with_deviations(
-    dataset: TimedDataset, free: FreeTiming, fit: BandedEstimate
+    dataset: TimedDataset, free: FreeTiming, fit: BandedEstimate, *, gusts: float = 0.0
 ) -> MotorTiming:
-    """Add the deviations: of chance, of the autopilot's answer and of faults."""
+    """Add the deviations: of chance, of the autopilot's answer and of faults.
+
+    `gusts`: of the sum of the times, where nobody steers (`gust_bias`) [s].
+    """
     names = fit.estimate.names
     each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}
     std = _stds(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
@@ -273,14 +276,14 @@ def timing_with_deviations(
     hold, shape, response = hold_fault(dataset), shape_fault(dataset), _moved(free, fit)
     split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
     # With a delay that is given, what a command held too long or too short is taken for lag.
-    held = hold if delay is None else 0.0
+    held, late = (hold, gusts) if delay is None else (0.0, 0.0)
     return MotorTiming(
         response=response,
         lag_std=None
         if lag is None
-        else dataset.lag_std(response.mean_lag, _norm(lag, split, held, shape)),
-        delay_std=None if delay is None else _norm(delay, split, hold, shape),
-        total_std=_norm(std["total"], SUM_FAULT, hold, shape),
+        else dataset.lag_std(response.mean_lag, _norm(lag, split, held, shape, late)),
+        delay_std=None if delay is None else _norm(delay, split, hold, shape, gusts),
+        total_std=_norm(std["total"], SUM_FAULT, hold, shape, gusts),
         free=free.names,
         reached=free.without_times(fit.estimate.by_name),
     )

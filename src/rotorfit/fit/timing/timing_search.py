@@ -6,17 +6,17 @@ answer to gusts and to the noise of its own gyro, which comes later than they do
 for a delay (8 ms in simulation, where there was none).
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from rotorfit.dataset.dataset import ConfigurationData, Dataset
-from rotorfit.fit.row_fits import angular_log_likelihood, excited_turns, turn_ratios
+from rotorfit.fit.row_fits import angular_log_likelihood, excited_turns, turn_ratios, turned_flights
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.frequency_bands import PILOT_BAND, slow_bands
+from rotorfit.reduction.frequency_bands import PILOT_BAND, or_every, slow_bands
 
 DELAYS_TRIED: Final[Mapping[str, tuple[float, float, int]]] = {
     "imu": (-0.012, 0.012, 7),
@@ -89,10 +89,9 @@ def _coarse(dataset: TimedDataset, unknown: Collection[str]) -> MotorResponse | 
     one = replace(dataset, configurations=dataset.configurations[:1], body=body)
     mean, std = dataset.lag_prior
     delay = dataset.declared.delay
-    values = [
-        pilot_band_cost(one, MotorResponse(lag=lag, delay=delay)) + 0.5 * ((lag - mean) / std) ** 2
-        for lag in LAGS_TRIED
-    ]
+    trials = [MotorResponse(lag=lag, delay=delay) for lag in LAGS_TRIED]
+    costs = zip(LAGS_TRIED, pilot_band_costs(one, trials), strict=True)
+    values = [cost + 0.5 * ((lag - mean) / std) ** 2 for lag, cost in costs]
     best = int(np.argmin(values))
     if best == len(LAGS_TRIED) - 1:
         # In the pilot's band damping that the model lacks may look like lag without end.
@@ -119,31 +118,39 @@ def _coarse_delay(dataset: TimedDataset) -> MotorResponse | None:
         return replace(dataset.declared, delay=float(delay))
 
     grid = np.linspace(low, high, trials)
-    values = [pilot_band_cost(dataset, at(delay)) for delay in grid]
+    values = pilot_band_costs(dataset, [at(delay) for delay in grid])
     best = int(np.argmin(values))
     if best in (0, trials - 1):
         # Speeds stamped late or early by more than usual: further out on that side.
         stride = float(grid[1] - grid[0]) * (1.0 if best else -1.0)
-        edge, first = float(grid[best]), values[best]
+        edge = float(grid[best])
         grid = edge + stride * np.arange(round(FURTHEST / abs(stride)))
-        values = [first, *(pilot_band_cost(dataset, at(delay)) for delay in grid[1:])]
+        values = pilot_band_costs(dataset, [at(delay) for delay in grid])
         best = int(np.argmin(values))
         if best == len(grid) - 1:
             return None
-        if first - values[best] < LEAST_GAIN:
+        if values[0] - values[best] < LEAST_GAIN:
             # About there, where the end is clearly worse: nothing it is not, and the fit goes on.
             return at(edge) if values[-1] - values[best] > LEAST_GAIN else None
     return at(grid[best])
 
 
-def pilot_band_cost(dataset: TimedDataset, response: MotorResponse) -> float:
-    """Compute minus the log-likelihood of the angular accelerations in the pilot's band."""
-    return -sum(
-        angular_log_likelihood(f, dataset.model, mass=configured.mass, counted=slow_bands(f))
-        for f, configured in zip(
-            dataset.bands(response, top=PILOT_BAND[1]), dataset.configurations, strict=True
-        )
-    )
+def pilot_band_costs(dataset: TimedDataset, trials: Sequence[MotorResponse]) -> list[float]:
+    """Compute minus the log-likelihood of the turns in the pilot's band at each timing.
+
+    Each axis of the flights that move it at any of the timings: at a wrong one a quick turn no
+    longer follows the rotors.
+    """
+    bands = [dataset.bands(response, top=PILOT_BAND[1]) for response in trials]
+    total = np.zeros(len(trials))
+    for configured, own in zip(dataset.configurations, zip(*bands, strict=True), strict=True):
+        mass = configured.mass
+        counted = slow_bands(own[0])
+        if len(configured.flights) > 1:
+            turned = [turned_flights(f, dataset.model, mass=mass) for f in own]
+            counted &= or_every(np.logical_or.reduce(turned))
+        total -= [angular_log_likelihood(f, dataset.model, mass=mass, counted=counted) for f in own]
+    return total.tolist()
 
 
 def _every_cost(dataset: TimedDataset, response: MotorResponse) -> float:

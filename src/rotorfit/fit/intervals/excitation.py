@@ -1,0 +1,96 @@
+"""How far a pilot moves roll, pitch and yaw beyond what the fit leaves unexplained.
+
+Disturbances, which an autopilot works against, pull every estimate of an axis by about one over
+this ratio.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.factors import Factors
+from rotorfit.fit.intervals.numbers import AXES
+from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.reduction.frequency_bands import PILOT_BAND
+
+
+def excitation(
+    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
+) -> dict[str, float]:
+    """Return explained over residual power of the angular accelerations, where a pilot flies.
+
+    Of several flights the mean, each for as long as it is: the fit gives every flight the weight
+    of its own noise, so that a calm one beside a lively one does no harm.
+    """
+    return _ratios(fit, configurations, lambda c: c.factors.recording, _every_turn)
+
+
+def weighed_excitation(
+    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
+) -> dict[str, float]:
+    """Compute the mean excitation of the blocks that are fitted, each with its weight in the fit.
+
+    A short lively phase of a long calm flight is what tells of the vehicle; and of blocks that the
+    fit leaves out no response of the autopilot moves it.
+    """
+    return _ratios(fit, configurations, lambda c: np.arange(len(c.factors)), _counted_turns)
+
+
+def _every_turn(configuration: JointConfiguration) -> Bool[np.ndarray, "b 3"]:
+    return np.ones((len(configuration.factors), 3), dtype=bool)
+
+
+def _counted_turns(configuration: JointConfiguration) -> Bool[np.ndarray, "b 3"]:
+    """Mark the blocks of roll, pitch and yaw that the fit counts."""
+    counted = configuration.counted
+    return _every_turn(configuration) if counted is None else counted[:, 3:]
+
+
+def _ratios(
+    fit: BandedEstimate,
+    configurations: Sequence[JointConfiguration],
+    parts: Callable[[JointConfiguration], Int[np.ndarray, " b"]],
+    kept: Callable[[JointConfiguration], Bool[np.ndarray, "b 3"]],
+) -> dict[str, float]:
+    rho: dict[str, float] = {}
+    first = 0
+    for c in configurations:
+        last = first + len(c.factors)
+        power = (fit.signal_power[first:last, 3:], fit.residual_power[first:last, 3:])
+        first = last
+        means = _mean_ratios(c.factors, power, parts(c), kept(c))
+        rho |= {f"{axis}@{c.name}": float(m) for axis, m in zip(AXES, means, strict=True)}
+    return rho
+
+
+def _mean_ratios(
+    factors: Factors,
+    power: tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 3"]],
+    parts: Int[np.ndarray, " b"],
+    kept: Bool[np.ndarray, "b 3"],
+) -> Float[np.ndarray, " 3"]:
+    """Return the mean over parts of explained over residual power in the pilot's band.
+
+    Parameters
+    ----------
+    factors
+        Of one configuration.
+    power
+        Sums of squares of its angular accelerations, and of what the fit leaves of them.
+    parts
+        Number of the part to which each block belongs.
+    kept
+        Blocks that are averaged, axis by axis.
+    """
+    low, high = PILOT_BAND
+    inside = kept & ((factors.band[:, 1] > low) & (factors.band[:, 0] < high))[:, None]
+    rows = factors.rows[:, None] * inside
+    total = np.zeros(3)
+    for number in np.unique(parts):
+        own = parts == number
+        signal, left = ((one[own] * inside[own]).sum(axis=0) for one in power)
+        explained = np.maximum(signal - left, 0.0)
+        total += rows[own].sum(axis=0) * explained / np.maximum(left, np.finfo(float).tiny)
+    return total / np.maximum(rows.sum(axis=0), 1.0)
