@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.factors import Factors, flights_of
 from rotorfit.fit.intervals.numbers import AXES
 from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.reduction.frequency_bands import PILOT_BAND
+from rotorfit.reduction.frequency_bands import PILOT_BAND, or_every
 
 
 def excitation(
@@ -30,22 +30,33 @@ def excitation(
 def weighed_excitation(
     fit: BandedEstimate, configurations: Sequence[JointConfiguration]
 ) -> dict[str, float]:
-    """Compute the mean excitation of the blocks that are fitted, each with its weight in the fit.
+    """Compute the mean excitation of single blocks, each with its weight in the fit.
 
-    A short lively phase of a long calm flight is what tells of the vehicle; and of blocks that the
-    fit leaves out no response of the autopilot moves it.
+    A short lively phase of a long calm flight is what tells of the vehicle. A flight of which the
+    fit counts nothing of an axis, but its mean, is left out of that axis.
     """
-    return _ratios(fit, configurations, lambda c: np.arange(len(c.factors)), _counted_turns)
+    return _ratios(fit, configurations, lambda c: np.arange(len(c.factors)), _fitted_flights)
 
 
 def _every_turn(configuration: JointConfiguration) -> Bool[np.ndarray, "b 3"]:
     return np.ones((len(configuration.factors), 3), dtype=bool)
 
 
-def _counted_turns(configuration: JointConfiguration) -> Bool[np.ndarray, "b 3"]:
-    """Mark the blocks of roll, pitch and yaw that the fit counts."""
+def _fitted_flights(configuration: JointConfiguration) -> Bool[np.ndarray, "b 3"]:
+    """Mark roll, pitch and yaw of the flights of which the fit counts any motion of that axis."""
+    kept = np.zeros((len(configuration.factors), 3), dtype=bool)
+    moving = (configuration.factors.band[:, 0] > 0.0) & _is_pilots(configuration.factors)
     counted = configuration.counted
-    return _every_turn(configuration) if counted is None else counted[:, 3:]
+    turns = kept | True if counted is None else counted[:, 3:]
+    for own in flights_of(configuration.factors):
+        kept[own] = turns[own & moving].any(axis=0)
+    return or_every(kept)
+
+
+def _is_pilots(factors: Factors) -> Bool[np.ndarray, " b"]:
+    """Mark the blocks that reach into the pilot's band."""
+    low, high = PILOT_BAND
+    return (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
 
 
 def _ratios(
@@ -84,8 +95,7 @@ def _mean_ratios(
     kept
         Blocks that are averaged, axis by axis.
     """
-    low, high = PILOT_BAND
-    inside = kept & ((factors.band[:, 1] > low) & (factors.band[:, 0] < high))[:, None]
+    inside = kept & _is_pilots(factors)[:, None]
     rows = factors.rows[:, None] * inside
     total = np.zeros(3)
     for number in np.unique(parts):
