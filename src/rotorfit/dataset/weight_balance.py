@@ -1,4 +1,4 @@
-"""Gravity as a witness: over a whole flight, what holds a vehicle up is its weight.
+"""Gravity as a reference: over a whole flight, the mean vertical force is the weight.
 
 Turned by the gyro into axes that do not rotate, the mean of the specific force over T seconds is
 minus gravity plus (change of velocity) / T. Nothing of a fit is in that, and no attitude need be

@@ -1,4 +1,4 @@
-"""The gyroscopic coupling of a rigid body: whether a flight shows it.
+"""Check whether the flights show the gyroscopic coupling of a rigid body.
 
 A body that turns about two axes at once turns about the third: w x I w. Nothing else tells the
 scale of the yaw equation, and with it I_zz, k_d and J_r. A simulator that turns its vehicle by
@@ -83,7 +83,7 @@ def drop_absent_coupling(fit: Fit) -> Fit:
 
 
 def _hidden_by_sides(fit: Fit, uncoupled: Fit) -> bool:
-    """Return whether other sides of the frame bring the coupling back, and a multirotor's I_zz."""
+    """Test whether other sides of the frame give back the coupling, and a multirotor's I_zz."""
     moved = likeliest_sides(fit)
     if moved is None or _suspicious(moved):
         return False
@@ -104,7 +104,7 @@ def _absent_coupling(numbers: Numbers, gain: float, least: float) -> Finding:
 
 
 def _suspicious(fit: Fit) -> bool:
-    """Return whether a configuration's I_zz is known, and is that of no multirotor."""
+    """Test whether a configuration's I_zz is known, and too large or small for a multirotor."""
     return any(_no_multirotor(fit.numbers, c.name) for c in fit.configurations)
 
 

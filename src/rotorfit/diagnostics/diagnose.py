@@ -1,4 +1,4 @@
-"""Diagnose a fit: what the likelihood does not know of sensors, motors and vehicle, in two lists.
+"""Diagnose a fit: errors of sensors, motors and vehicle outside the likelihood, in two lists.
 
 A step is a function from a `Fit` to a `Fit`: it fits again, or widens intervals by what the
 likelihood does not know, and says so as a finding. A diagnostic is a function from the `Fit` of the

@@ -125,7 +125,7 @@ flight hold no better."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PayloadCheck:
-    """A payload beside what the flights say that it adds.
+    """A declared payload, and the payload that the flights show.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Compare what does not change with gravity: what holds a vehicle up is its weight, and no more."""
+"""Compare thrust and accelerometer with gravity: in hover the thrust is the weight."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ LEAST_SAG = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoverThrust:
-    """What the thrust of the estimate makes of the weight in one flight.
+    """The estimated thrust over the weight in one flight.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ def _air_force(
 
 
 def thrust_sag(data: FlightData, force: Float[np.ndarray, "n 3"]) -> Measured | None:
-    """Measure by how much more a force is late in a flight than early, for what is felt, less one.
+    """Measure the change of a force, over the felt one, from early to late in a flight.
 
     The accelerometer feels what lifts, whatever the vehicle does, and its bias is the same in both
     halves. Chance is what scatters among batches about a steady change over the flight: a battery
@@ -286,7 +286,7 @@ def _by_height(force: HeightForce) -> Evidence:
 
 
 def _height_force_sentence(force: HeightForce) -> str:
-    """Say what hangs on the vehicle, or carries it."""
+    """Explain a force that grows with height: a tether below, or a line above."""
     return (
         f"with every metre of height the vehicle needs {100 * force.value / GRAVITY:.1f} +- "
         f"{196 * force.std / GRAVITY:.1f} % of its weight more thrust: a tether or cable hangs on "
@@ -303,7 +303,7 @@ def _of_flight(one: HoverThrust, found: Sequence[HoverThrust]) -> str:
 
 
 def unlikely_deviations() -> float:
-    """Return the number of deviations that chance alone does not reach."""
+    """Compute the number of deviations that chance alone does not reach."""
     return float(stats.norm.isf(0.5 * UNLIKELY))
 
 
@@ -422,7 +422,7 @@ def _yaw_trim(configured: ConfigurationData, vehicle: Vehicle) -> float:
 
 
 def _yaw_shift_without_mean(fit: Fit, c: JointConfiguration) -> Evidence | None:
-    """Measure by which share k_d / Izz moves without the means; None where there are none.
+    """Measure the shift of k_d / Izz without the means, as a share; None where there are none.
 
     In one step of the joint fit, which allows for what the autopilot answers: the yaw row alone
     calls 37 to 46 % too little of short flights a torque. The limit is what its interval leaves

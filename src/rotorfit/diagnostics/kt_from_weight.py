@@ -1,4 +1,4 @@
-r"""k_t from the weight and from changes of thrust, each by how sure it is.
+r"""k_t from the weight and from changes of thrust, weighted by their certainty.
 
 Changes of thrust against changes of specific force give one k_t (with the accelerometer's bias
 free), the thrust that carries the weight another (`carried_weight.py`). The two share next to
@@ -67,7 +67,7 @@ _SPEED = {"measured": "rotor speed", "commanded": "command"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThrustShares:
-    """What each rotor's own k_t is of their mean, and its covariance by the fit and before it."""
+    """Each rotor's k_t over their mean, with its covariance by the fit and before it."""
 
     values: Float[np.ndarray, " N"]
     covariance: Float[np.ndarray, "N N"]
@@ -80,7 +80,7 @@ class ThrustShares:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Balance:
-    """What changes of thrust and the weight say of k_t.
+    """k_t from changes of thrust and k_t from the weight.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Balance:
 
     @property
     def law_is_wrong(self) -> float:
-        """How likely it is after the flight: by how well their difference goes with either."""
+        """Posterior probability that the law is wrong, by their difference."""
         if self.changes is None or not 0.0 < self.law_mistaken < 1.0:
             return self.law_mistaken
         off = self.changes.value - self.weight.value
@@ -122,7 +122,7 @@ class Balance:
 
     @property
     def kt(self) -> Measured:
-        """Their mean; its deviation grows with their difference."""
+        """The weighted mean of both; its deviation grows with their difference."""
         if self.changes is None:
             return self.weight
         open_law = self.law_is_wrong**0.5 * self._law_std
@@ -133,7 +133,7 @@ class Balance:
 
     @property
     def law_reach(self) -> float:
-        """By how much k_t of changes differs from that of the weight for the law alone, at most.
+        """Largest difference of k_t from changes and from the weight by the law alone.
 
         With 95 % of the posterior: where the law is surely right that is nothing, and grows without
         a jump as it becomes likelier wrong.
@@ -170,7 +170,7 @@ def weigh_thrust(fit: Fit) -> Fit:
 
 
 def law_mistaken(*, commanded: bool, law_given: bool) -> float:
-    """Return how likely the law from command to speed is wrong before the flight.
+    """Return the prior probability that the law from command to speed is wrong.
 
     `commanded`: the log has shares of full command, and no rotor speeds; where no law is given, it
     is surely wrong that speed is proportional to the command.
@@ -181,7 +181,7 @@ def law_mistaken(*, commanded: bool, law_given: bool) -> float:
 
 
 def kt_from_changes(fit: Fit) -> Measured | None:
-    """Estimate k_t with the accelerometer's bias free, so that the mean thrust tells nothing of it.
+    """Estimate k_t with the accelerometer's bias free, so that the mean thrust does not count.
 
     None where the flights do not tell it so. Inflow and an altitude hold act on thrust alone, so
     that what the turns scatter says nothing of how well changes of thrust are told: its own blocks
@@ -218,7 +218,7 @@ def held_at(fit: Fit, kt: Measured, *, law_reach: float = 0.0) -> Fit:
 
 
 def with_common_shift(numbers: Numbers, moved: Float[np.ndarray, " q"]) -> Numbers:
-    """Add what moves all numbers together, by so much in one deviation."""
+    """Add the variance of a shift common to all numbers, given for one deviation."""
     half_width = np.hypot(numbers.half_width, 1.96 * moved)
     known = np.flatnonzero(np.isfinite(half_width))
     own = numbers.covariance([numbers.names[i] for i in known])
@@ -242,7 +242,7 @@ def kt_from_weight(
     timing: MotorResponse | None = None,
     shares: ThrustShares | None = None,
 ) -> Measured | None:
-    """Return the thrust coefficient that carries the weight; None if no flight is long enough.
+    """Estimate the thrust coefficient that carries the weight; None if no flight is long enough.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ def thrust_shares(numbers: Numbers, vehicle: Vehicle) -> ThrustShares | None:
 
 
 def pooled_weight(found: Sequence[Held]) -> Measured | None:
-    """Return the mean of stretches that differ by chance, and by a random effect where by more.
+    """Average stretches that differ by chance, and by a random effect where they differ more.
 
     Batteries, air and propellers are not the same in every flight: then each counts alike.
 

@@ -1,4 +1,4 @@
-r"""The response of an axis by what was asked for: an instrumental variable, and its test.
+r"""The response of an axis by the reference as instrumental variable, and its test.
 
 The rotors make the angular acceleration u by the model, and y = beta u + e is measured, with beta =
 1 where the model is right. An autopilot answers the disturbances e by the rotors, so that u holds
@@ -84,13 +84,13 @@ class Instrumented:
     degrees: float = np.inf
 
     def _reach(self, unlikely: float) -> float:
-        """Return how many deviations chance reaches with this probability."""
+        """Compute the deviations that chance reaches with this probability."""
         by_lines = float(stats.norm.isf(0.5 * unlikely))
         return max(by_lines, self.of_blocks * float(stats.t.isf(0.5 * unlikely, self.degrees)))
 
     @property
     def passed_on(self) -> float:
-        """How much of the pull an attitude loop may have put into the reference."""
+        """The largest share of the bias that an attitude loop puts into the reference."""
         return PASSED_ON * abs(self.plain - self.ratio)
 
     @property
@@ -156,20 +156,20 @@ def instrumented(
 
 
 def _sums(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:
-    """Return for every line the sum over its block."""
+    """Sum over the block of every line."""
     total = np.zeros(int(block.max(initial=-1)) + 1, dtype=values.dtype)
     np.add.at(total, block, values)
     return total[block]
 
 
 def _effective(information: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> float:
-    """Count the blocks that tell as much, by what each line tells."""
+    """Count the effective blocks, by the information of each line."""
     shares = np.bincount(block, weights=information)
     return float(shares.sum() ** 2 / (shares**2).sum())
 
 
 def _of_blocks(asked: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> float:
-    """Return the variance by the scatter of whole blocks: what their lines have in common."""
+    """Compute the variance by the scatter of whole blocks, whose lines are correlated."""
     sums = np.bincount(block, weights=asked)
     count = len(np.unique(block))
     return float((sums**2).sum()) * count / max(count - 1, 1)
@@ -177,7 +177,7 @@ def _of_blocks(asked: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceLines:
-    """Lines about x, y and z, those of all bands that a fit has, one after the other.
+    """Lines about x, y and z, of all bands of a fit in order.
 
     Attributes
     ----------
@@ -272,7 +272,7 @@ RESPONSES: Final = {"roll": "Ixx_over_kt", "pitch": "Iyy_over_kt", "yaw": "kd_ov
 
 
 def compare_with_reference(fit: Fit) -> Iterator[Finding]:
-    """Compare the response of every axis with that to the pilot's or the mission's reference."""
+    """Compare every axis' response to the rotors with its response to the reference."""
     for name, lines in reference_lines(fit):
         found = {} if lines is None else axis_responses(lines)
         yield from response_findings(name, found, fit.numbers)
@@ -281,7 +281,7 @@ def compare_with_reference(fit: Fit) -> Iterator[Finding]:
 def response_findings(
     configuration: str, found: Mapping[str, Instrumented], numbers: Numbers
 ) -> Iterator[Finding]:
-    """Yield what the responses of a configuration say of its numbers, by axis."""
+    """Yield the findings of a configuration's responses on its numbers, by axis."""
     informative = {axis: one for axis, one in found.items() if one.half_width < INFORMATIVE}
     count = Evidence(name=f"reference_axes@{configuration}", value=float(len(informative)))
     yield Finding(kind="reference", severity="passed", evidence=(count,))

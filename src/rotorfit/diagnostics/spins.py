@@ -1,4 +1,4 @@
-"""Do the propellers turn as declared? Yaw tells, where a pilot flies it, whatever else it tells.
+"""Check the declared spins by yaw, where a pilot flies it.
 
 Before the fit `declared_rotors` looks at one flight with the timing that was declared, and at all
 axes together: one wrong spin changes little there. After it each rotor gets a drag torque of its
@@ -142,7 +142,7 @@ def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
 
 
 def _contradiction(fit: Fit) -> Finding:
-    """Find what the drag torques of single rotors say of the declared spins."""
+    """Compare the declared spins with the drag torques of single rotors."""
     declared = np.ones(len(fit.dataset.vehicle.rotors))
     drags = _drags_or_none(fit.estimate, fit.configurations)
     seen = () if drags is None else _evidence(drags, declared)
@@ -176,7 +176,7 @@ Judged = tuple[float, Pattern, RotorDrags]
 
 
 def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Pattern]] | None:
-    """Find the suspected spins that gain most over the declared ones, and hold; None if none do.
+    """Find the suspected spins that gain most over the declared ones, and hold; None if no such.
 
     With them all others of as many rotors that gain as much: of two on one axis at one speed no
     flight tells which it is.
@@ -207,7 +207,7 @@ def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Patt
 
 
 def rotor_drags(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> RotorDrags:
-    """Estimate a drag torque of each rotor's own, beside all that a fit knows of yaw.
+    """Estimate a drag torque of each rotor, additional to the yaw of a fit.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def _drags_or_none(
 
 
 def _surely(drags: RotorDrags, declared: Pattern) -> bool:
-    """Return whether rotors alike that spin as declared are surely likelier than any other."""
+    """Test whether equal rotors that spin as declared are far likelier than any other pattern."""
     own = drags.against(declared)
     others = (drags.against(p) for p in other_patterns(len(declared)))
     return drags.holds(declared) and min(others) - own > REFUSED
@@ -300,7 +300,7 @@ def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags
 
 
 def _yaw_is_flown(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> bool:
-    """Return whether a pilot turns about z: else yaw is the autopilot's answer to gusts."""
+    """Test whether a pilot turns about z: else yaw is the autopilot's response to gusts."""
     rho = excitation(fit, configurations)
     return any(rho[f"yaw@{c.name}"] > LEAST_EXCITATION for c in configurations)
 
@@ -374,7 +374,7 @@ REFUSALS: Final = (refuse_wrong_spins,)
 
 
 def refuse_at_found_lag(fit: Fit) -> Iterable[Finding]:
-    """Refuse rotors that a flight contradicts at every lag in the interval that the fit found."""
+    """Refuse rotors that a flight contradicts at every lag in the estimated interval."""
     tried = found_lags(fit)
     if tried and fit.dataset.timing_identifiable:
         for configuration in fit.dataset.configurations:

@@ -66,7 +66,7 @@ def largest_radius(vehicle: Vehicle) -> float:
 
 
 def impossible_rotors(dataset: Dataset, numbers: Numbers) -> str | None:
-    """Explain what rotors that fit between one another cannot do; None where they can."""
+    """Explain a load that no rotors fitting between one another can carry; None where they can."""
     R, vehicle = largest_radius(dataset.vehicle), dataset.vehicle
     heaviest, loading = _heaviest(dataset)
     fit = f"with rotors of {1e3 * R:.0f} mm radius, the largest that fit between one another,"
@@ -85,7 +85,7 @@ def impossible_rotors(dataset: Dataset, numbers: Numbers) -> str | None:
 
 
 def _heaviest(dataset: Dataset) -> tuple[float, float]:
-    """Return the largest mass [kg], and its weight over the area of rotors that fit [N/m^2]."""
+    """Find the largest mass [kg], and its weight over the area of rotors that fit [N/m^2]."""
     places = dataset.vehicle.positions[:, :2].round(4).tolist()
     area = len({tuple(place) for place in places}) * np.pi * largest_radius(dataset.vehicle) ** 2
     heaviest = max(c.mass for c in dataset.configurations)

@@ -1,4 +1,4 @@
-"""Which spins would leave less of yaw by themselves: a search without the rest of the model.
+"""Search the spins that leave the least residual of yaw, without the rest of the model.
 
 Only the yaw row is looked at, band by band; what it suspects is fitted with the whole model
 (`spins.py`).
@@ -39,7 +39,7 @@ class _Yaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Fit:
-    """What one pattern of spins leaves of yaw: log of the power per row and band.
+    """The residual of yaw with one pattern of spins: log of the power per row and band.
 
     `log_left_by_drag` is the same without the spin-up of the rotors.
     """
@@ -165,7 +165,7 @@ def _left(yaw: _Yaw, weight: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]
 
 
 def _gain(plain: Sequence[_Fit], other: Sequence[_Fit], *, by_drag: bool = False) -> float:
-    """Compute the log of how many times less another pattern leaves, over rows of excited bands.
+    """Compute the gain of log-likelihood of another pattern, over rows of excited bands.
 
     A band is excited where either pattern explains it.
     """

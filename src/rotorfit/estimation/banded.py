@@ -65,7 +65,7 @@ UNKNOWN = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandedEstimate:
-    """An estimate, and what each block had to say to it.
+    """An estimate, and the influence of each block on it.
 
     Attributes
     ----------
@@ -213,7 +213,7 @@ def _corrected_step(
     damped: Float[np.ndarray, "f f"],
     score: Float[np.ndarray, " f"],
 ) -> Float[np.ndarray, " f"]:
-    """Solve (information - noise) step = score, at rest where the information is mostly noise."""
+    """Solve (information - noise) step = score, zero where the information is mostly noise."""
     scale = 1.0 / np.sqrt(np.diagonal(plain))
     strength, Q = np.linalg.eigh(plain * np.outer(scale, scale))
     strength = np.maximum(strength, np.finfo(float).eps * strength[-1])
@@ -382,7 +382,7 @@ UNDETERMINED = 1e-10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
-    """By how much numbers move, and how much of that chance explains.
+    """Shifts of numbers, and their covariance by chance.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ SMALLEST_SHARE: Final = 1e-15
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """A damped step, the deviations of what it moves, and what it should win of the cost."""
+    """A damped step, the deviations of its parameters, and the predicted gain of the cost."""
 
     step: Float[np.ndarray, " f"]
     std: Float[np.ndarray, " f"]
@@ -42,7 +42,7 @@ def damped_step(
 
 
 def reduced_damping(damping: float, won: float, predicted_gain: float) -> float:
-    """Reduce the damping after a step that won so much of the predicted gain.
+    """Reduce the damping after a step, by the achieved share of the predicted gain.
 
     References
     ----------

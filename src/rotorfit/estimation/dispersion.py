@@ -1,4 +1,4 @@
-r"""How far the parts of a fit scatter, over what the fit states: of all that it tells, at once.
+r"""Scatter of the parts of a fit over its formal covariance, of all parameters together.
 
 Two or three parts of a flight tell one number, and their scatter tells its variance to a factor of
 three. What the model lacks shows in all numbers, so that their scatters together tell how much
@@ -31,7 +31,7 @@ LEAST: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dispersion:
-    """Variances that parts of a fit show, over those that it states; and how well they tell it.
+    """Variances between parts of a fit over the formal ones, and their degrees of freedom.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Dispersion:
         shown: Float[np.ndarray, " q"],
         blocks: Float[np.ndarray, " q"],
     ) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
-        """Pool it with the scatter of single numbers: their variances, and degrees of freedom.
+        """Pool variances and degrees of freedom of single numbers with the dispersion.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-r"""Covariance of an estimate that comes from estimating the correlation between its errors, too.
+r"""Added covariance of an estimate from estimating the correlation between its errors.
 
 The shares C of `BandedProblem.error_correlation` are found beforehand and then held. Error t
 without its correlated part is :math:`e_t - C_{ts} e_s`, linear in C: each share is one parameter

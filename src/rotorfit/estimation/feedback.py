@@ -1,4 +1,4 @@
-r"""What a controller that responds to the errors adds to the likelihood.
+r"""The likelihood of the inputs of a controller that responds to the errors.
 
 The inputs u of a vehicle that is steered are not given beforehand: its controller sees the errors
 v of the accelerations and works against them. With what the pilot asks for and the errors as the

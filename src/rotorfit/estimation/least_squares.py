@@ -52,7 +52,7 @@ def ordinary(problem: LinearProblem) -> Estimate:
 def block_scores(
     problem: LinearProblem, phi: Float[np.ndarray, " f"]
 ) -> tuple[Float[np.ndarray, "b f"], Float[np.ndarray, "b f f"]]:
-    """Return each block's gradient J^T e and its information J^T J at `phi`.
+    """Compute each block's gradient J^T e and information J^T J at `phi`.
 
     Blocks of all configurations, one after the other; both weighted.
     """
@@ -74,7 +74,7 @@ def block_scores(
 
 
 def block_covariance(problem: LinearProblem, estimate: Estimate) -> Estimate:
-    r"""Return the estimate with a covariance that needs no independence within a block.
+    r"""Give an estimate a covariance that needs no independence within a block.
 
     The sandwich :math:`H^{-1} (\sum_b g_b g_b^T) H^{-1} b/(b-1)` over the blocks of the factors:
     errors may be coloured and correlated between equations as long as blocks are longer than
@@ -93,7 +93,7 @@ def block_covariance(problem: LinearProblem, estimate: Estimate) -> Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EssentialEstimate:
-    """What is left after the unessential parameters were taken out, in the order they went."""
+    """The essential parameters, and the removed ones in the order of their removal."""
 
     estimate: Estimate
     removed: tuple[str, ...]
@@ -101,7 +101,7 @@ class EssentialEstimate:
 
 
 def total(problem: LinearProblem) -> Estimate:
-    """Return the total least-squares solution (Six et al. 2020, eq. 14-22).
+    """Solve by total least squares (Six et al. 2020, eq. 14-22).
 
     The right singular vector of the smallest singular value of [d/d phi | constant], divided by
     its last entry. In the units it is given: total least squares is not invariant to them.
@@ -159,7 +159,7 @@ def _covariance(
     chi: Float[np.ndarray, " f"],
     svd: tuple[Float[np.ndarray, "m g"], Float[np.ndarray, " g"], Float[np.ndarray, "g g"]],
 ) -> Float[np.ndarray, "f f"]:
-    """Return the covariance of Six et al. 2020, eq. 19 and 20."""
+    """Compute the covariance of Six et al. 2020, eq. 19 and 20."""
     U, s, Vt = svd
     n_t = len(s)
     sigma_W = s[-1] / np.sqrt(max(rows - n_t, 1))

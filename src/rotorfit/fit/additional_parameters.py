@@ -1,4 +1,4 @@
-"""Estimate what a declaration may have wrong, beside the parameters of a fit.
+"""Estimate errors of a declaration, additional to the parameters of a fit.
 
 A check that compares the declared vehicle with another one is an estimate: how far along the way
 from the one to the other the flights are, and with what deviation. Whatever else moves the residual
@@ -35,7 +35,7 @@ FEWEST_BLOCKS: Final = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Added:
-    """A parameter beside those of a fit.
+    """A parameter additional to the parameters of a fit.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Added:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Additional:
-    """Parameters that were estimated beside those of a fit.
+    """Estimates of parameters additional to the parameters of a fit.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ def estimate_additional(
     *,
     instead_of: Sequence[str] = (),
 ) -> Additional:
-    """Estimate parameters beside those of a fit, from where it ended.
+    """Estimate additional parameters of a fit, linearised at its estimate.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def _covariance(
 
 
 def _effective_blocks(influence: Float[np.ndarray, "b a"]) -> float:
-    """Count the blocks that tell some parameters: as many alike would scatter as much.
+    """Count the effective blocks of some parameters: as many equal blocks would scatter as much.
 
     Satterthwaite's (sum v)^2 / sum v^2 of their shares v of the variance. The squared size of an
     influence is v times a chi-square of as many degrees as there are parameters, n, whose mean
@@ -195,7 +195,7 @@ def _effective_blocks(influence: Float[np.ndarray, "b a"]) -> float:
 
 
 def surprise(square: float, blocks: float, dimensions: int = 1) -> float:
-    """Compute how much less likely (its log) a squared distance is than none.
+    """Compute the log-likelihood that a squared distance costs.
 
     Of Student's t: where few blocks tell the covariance, a large distance is no great surprise.
     """
@@ -203,12 +203,12 @@ def surprise(square: float, blocks: float, dimensions: int = 1) -> float:
 
 
 def inside(square: float, blocks: float, dimensions: int) -> bool:
-    """Return whether a squared distance is one that chance makes, but for one time in a hundred."""
+    """Test whether chance explains a squared distance, at 1 %."""
     return square <= dimensions * float(stats.f.ppf(0.99, dimensions, blocks))
 
 
 def gained(one: BandedEstimate, other: BandedEstimate) -> float:
-    """Compute the log of how many times likelier another fit of the same blocks is.
+    """Compute the gain of log-likelihood of another fit of the same blocks.
 
     Over the errors that count in either, each with the variance that it has there.
     """

@@ -1,4 +1,4 @@
-"""Fit the flights: the terms of the model, and intervals by settings that could as well be others.
+"""Fit the flights: the terms of the model, and intervals widened by equally plausible settings.
 
 The settings are the timing of the motors, the range of the frequencies, and the geometry, which is
 measured with a tape before the flight and taken for exact by the fit: what an error of each shifts,
@@ -34,7 +34,7 @@ that begin under an edge [Hz]."""
 def widened(
     half_width: Float[np.ndarray, " q"], dataset: TimedDataset, shift: Shift, *, timed: bool
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width with twice the rms shift of every group of trials.
+    """Add twice the rms shift of every group of trials to the half-widths.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def moved_imu(vehicle: Vehicle, axis: int, length: float) -> Vehicle:
 def fit_flights(
     dataset: TimedDataset, wanted: Sequence[str] | None, *, begin: Mapping[str, float] | None = None
 ) -> Fit:
-    """Fit the flights with the terms that the user wants, or those that they ask for (None).
+    """Fit the flights with the terms of the user, or (None) with those that the likelihood selects.
 
     `begin`: values of free parameters to begin with; None: where the timing of the motors ended.
     """
@@ -176,7 +176,7 @@ def _left_out(dropped: tuple[str, ...]) -> Finding:
 
 
 def widen_by_settings(fit: Fit) -> Fit:
-    """Widen the intervals by what settings shift that could as well be others."""
+    """Widen the intervals by the shifts with equally plausible settings."""
 
     def shift(other: TimedDataset, top: float) -> Float[np.ndarray, " q"]:
         return shift_of(fit, other, top=top)
@@ -187,7 +187,7 @@ def widen_by_settings(fit: Fit) -> Fit:
 
 
 def _by_other_bands(fit: Fit) -> Float[np.ndarray, " q"]:
-    """Compute the half-width by where the line is drawn between bands that count and others.
+    """Compute the half-width by the limit between informative bands and the others.
 
     What a flight tells may hang on one band near that line. Of many flights their scatter shows it.
     """

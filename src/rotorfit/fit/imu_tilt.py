@@ -1,4 +1,4 @@
-"""Is the IMU tilted against the rotors? Its readings are turned back before the fit where it is.
+"""Estimate the tilt of the IMU against the rotors, and correct its readings before the fit.
 
 A mean specific force that leans away from z is a turned IMU, a biased one, or the drag of fast
 flight. Turned readings mix roll and pitch torques into yaw, which drag does not undo: where the
@@ -34,7 +34,7 @@ Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
 def estimate_imu_tilt(
     dataset: TimedDataset, fitted: Callable[[TimedDataset], Fitted]
 ) -> ImuTilt | None:
-    """Estimate how the IMU is mounted, where the flights are far likelier so; else None.
+    """Estimate the tilt of the IMU; None where the flights are not far likelier with it.
 
     `fitted` fits a dataset, and gives its configurations with their informative bands.
     """
@@ -92,7 +92,7 @@ def mounting_sentence(tilt: ImuTilt) -> str:
 
 
 def lean_evidence(dataset: TimedDataset) -> tuple[Evidence, ...]:
-    """Return how far the thrust leans in the IMU's axes, by the scatter of the flights' parts."""
+    """Estimate the lean of the thrust in the IMU's axes, by the scatter of the flights' parts."""
     flights = [f.prepared.data for c in dataset.configurations for f in c.flights]
     parts = np.array([part for data in flights for part in _mean_forces(data)])
     half = np.inf
@@ -136,7 +136,7 @@ def lean_sentence(dataset: TimedDataset) -> str | None:
 
 
 def _leans(sentence: str, lean: tuple[Evidence, ...]) -> Finding:
-    """Doubt what goes with the rotors' axis where the thrust leans."""
+    """Doubt the numbers that depend on the rotors' axis where the thrust leans."""
     return doubt(
         "imu-leans",
         sentence,

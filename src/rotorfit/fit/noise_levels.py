@@ -1,4 +1,4 @@
-r"""When within a phase a flight is noisy, by the errors of its fit.
+r"""The noise level of every row within a phase of a flight, by the errors of its fit.
 
 A vehicle may fall through its own wake and be out of it half a second later: its errors are
 :math:`\sigma(t)` times a stationary process. A fit that takes them for equally noisy lets the worst
@@ -46,7 +46,7 @@ FLAT: Final = 10
 
 
 def fit_by_noise(fit: Fit, wanted: Sequence[str] | None) -> Fit:
-    """Fit the flights once more where their noise changes within a phase, each row by its own.
+    """Fit the flights once more where their noise changes within a phase, rows weighted by it.
 
     `wanted`: terms of the model, as for `fit_flights`. What does not settle so stays as it was.
     """
@@ -60,7 +60,7 @@ def fit_by_noise(fit: Fit, wanted: Sequence[str] | None) -> Fit:
 
 
 def allow_for_noise_levels(fit: Fit) -> Fit:
-    """Widen the numbers by what they move as rows are weighed, beyond what chance makes of it.
+    """Widen the numbers by their shift with the rows' weights, beyond the shift by chance.
 
     Both weightings are right where the errors are as the fit takes them: their estimates then
     differ by no more than the difference of their variances allows (Hausman, Econometrica 46(6),
@@ -95,7 +95,7 @@ def _with_even_noise(fit: Fit) -> TimedDataset | None:
 
 
 def with_noise_levels(fit: Fit) -> TimedDataset | None:
-    """Return the flights of a fit with the noise of their rows; None where that is steady."""
+    """Weight the rows of a fit's flights by their noise; None where the noise is steady."""
     theta = theta_of(fit.estimate.problem.map, fit.estimate.estimate.values, fit.configurations)
     each = solved(fit.dataset.model.tensor, theta, fit.estimate.problem.noisy)[0]
     configurations = tuple(
@@ -152,7 +152,7 @@ def _stretches(data: FlightData, longest: float) -> Iterator[Segment]:
 
 
 def noise_levels(errors: Float[np.ndarray, "n k"], sample_rate: float) -> Float[np.ndarray, " n"]:
-    """Compute how large the errors of a stretch are, row by row, beside their geometric mean.
+    """Compute the size of a stretch's errors, row by row, over its geometric mean.
 
     One where the stretch is too short to tell, or without errors.
     """
@@ -168,7 +168,7 @@ def noise_levels(errors: Float[np.ndarray, "n k"], sample_rate: float) -> Float[
 def _whitened(
     errors: Float[np.ndarray, "n k"], sample_rate: float
 ) -> Float[np.ndarray, "n k"] | None:
-    """Return the errors of the motion with flat spectra and equal sizes; None of too few lines."""
+    """Whiten the errors of the motion: flat spectra, equal sizes; None of too few lines."""
     frequency = np.fft.rfftfreq(len(errors), 1.0 / sample_rate)
     motion = np.flatnonzero(
         (frequency >= LOWEST) & (frequency < min(MOTION_CUTOFF, 0.4 * sample_rate))

@@ -1,4 +1,4 @@
-"""What an autopilot's rate controller was asked, heard and put out, with its parameters."""
+"""Reference, measured rates and outputs of an autopilot's rate controller, with its parameters."""
 
 import re
 from collections.abc import Mapping

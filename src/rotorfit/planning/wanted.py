@@ -1,4 +1,4 @@
-"""What accuracy is wanted of each number, and what one way to fly gives of it."""
+"""The accuracy wanted of each number, and the accuracy that one way to fly gives."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -36,7 +36,7 @@ class LawNumber:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawPoint:
-    """What was measured about one command: the median speed, and where 90 % of the speeds are.
+    """Measured speeds about one command: their median, and the range of 90 % of them.
 
     Attributes
     ----------

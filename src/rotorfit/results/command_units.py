@@ -1,4 +1,4 @@
-"""What commands make of a result: its units where no law gives rotor speeds, and a pilot's numbers.
+"""Results in the units of commands where no law gives rotor speeds, and a pilot's numbers.
 
 These are the throttle in hover, the thrust over the weight and of a motor, and how equally the
 motors pull.

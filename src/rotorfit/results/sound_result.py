@@ -1,4 +1,4 @@
-"""Whether a saved result is whole: what a hand, a disk or another program may have done to it.
+"""Check that a saved result is whole and consistent.
 
 Files that `rotorfit identify -o` wrote always are. Every command that takes a result takes
 whole ones only.
@@ -24,7 +24,7 @@ ABOVE_ZERO: Final = ("mass", "kt", "kd")
 
 
 def load_sound(path: Path) -> IdentificationResult:
-    """Return a saved result, refused where it is not whole.
+    """Load a saved result; refuse it where it is not whole.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def _structure(result: IdentificationResult) -> str | None:
 
 
 def _doubled(result: IdentificationResult) -> str | None:
-    """Return which number is there twice."""
+    """Describe the first number that is there twice."""
     for entries in (result.parameters, result.derived):
         counted = Counter((e.name, e.configuration) for e in entries)
         twice = next((name for (name, _), count in counted.items() if count > 1), None)

@@ -1,4 +1,4 @@
-"""Did a rotor change? In flight, from one half of it to the other, or against all the others."""
+"""Check whether a rotor changed: between halves of a flight, or against all the others."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -92,7 +92,7 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
 
 
 def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | None:
-    """Estimate by how much more thrust than the others one rotor makes: the one furthest off.
+    """Estimate the additional thrust of the most outlying rotor over the others.
 
     None where they are not identifiable, or most pull down; rotors of declared groups are expected
     to differ.
@@ -115,7 +115,7 @@ def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | No
 
 
 def others_differ(numbers: Numbers, rotor: int) -> float:
-    """Return by which share the other rotors' coefficients differ from their median at most."""
+    """Compute the largest share by which other rotors' coefficients differ from their median."""
     own = [float(v) for n, v in zip(numbers.names, numbers.values, strict=True) if n[:3] == "kt_"]
     others = np.delete(own, rotor)
     return float(np.abs(others / np.median(others) - 1.0).max())

@@ -1,4 +1,4 @@
-r"""Do accelerometer and gyro tell of the same moment? Both answer the same rotors.
+r"""Compare the clocks of accelerometer, gyro and rotor speeds: all respond to the same rotors.
 
 The thrust of all rotors together shows in the accelerometer, their differences in the gyro, both
 at once. Where one comes later than the other, its samples are stamped late or stand behind a
@@ -47,7 +47,7 @@ DRAGGED: Final = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lateness:
-    """By how much a sensor comes after another, or after the rotors, and its deviation [s]."""
+    """The delay of a sensor after another, or after the rotors, and its deviation [s]."""
 
     seconds: float
     std: float
@@ -59,7 +59,7 @@ class Lateness:
 
     @property
     def least(self) -> float:
-        """What the interval leaves at least, with its sign; 0 where it holds 0 [s]."""
+        """The end of the interval nearest to 0; 0 where it holds 0 [s]."""
         low, high = self.interval
         return max(low, 0.0) + min(high, 0.0)
 
@@ -73,7 +73,7 @@ class BandDelay(NamedTuple):
 
 
 def accelerometer_lateness(fit: Fit) -> Iterator[tuple[LoadedFlight, Lateness]]:
-    """Estimate by how much the accelerometer comes after the gyro, in every flight that tells."""
+    """Estimate the delay of the accelerometer after the gyro, in every informative flight."""
     for flight, spectra in flight_spectra(fit):
         force, turns = (lateness(spectra, axes) for axes in (LIFT, TURNS))
         if force is not None and turns is not None:
@@ -82,7 +82,7 @@ def accelerometer_lateness(fit: Fit) -> Iterator[tuple[LoadedFlight, Lateness]]:
 
 
 def lateness(spectra: Spectra, axes: Sequence[int]) -> Lateness | None:
-    """Weigh all bands of a sensor's axes, with a drag for each axis; None where none tells."""
+    """Weigh all bands of a sensor's axes, with a drag for each axis; None if no band counts."""
     rows: list[Float[np.ndarray, " p"]] = []
     found: list[BandDelay] = []
     for k, axis in enumerate(axes):

@@ -1,4 +1,4 @@
-"""Widen intervals by the scale of the gyro, as far as a velocity of another source leaves it open.
+"""Widen intervals by the uncertainty of the gyro's scale, by a velocity of another source.
 
 Inertia goes with the inverse of the gyro's scale. An autopilot's estimate of its velocity is made
 with that gyro and no witness; where the log has none of another source, the scale is one of the
@@ -28,7 +28,7 @@ AXES: Final = ("roll", "pitch", "yaw")
 
 
 def allow_for_gyro_scale(fit: Fit) -> Fit:
-    """Widen the intervals by what the velocity leaves open of the gyro's scale, and say it."""
+    """Widen the intervals by the uncertainty of the gyro's scale, and report a wrong scale."""
     found = None if fit.dataset.source != "imu" else _gyro_scale(fit)
     if found is None:
         return fit
@@ -50,7 +50,7 @@ def _gyro_scale(fit: Fit) -> GyroScale | None:
 
 
 def _shift(fit: Fit, axis: int) -> Float[np.ndarray, " q"]:
-    """Compute how far the numbers move where the gyro reads `STEP` too much about an axis."""
+    """Compute the shift of the numbers where the gyro reads `STEP` too much about an axis."""
     factor: Float[np.ndarray, 3] = np.ones(3)
     factor[axis] -= STEP
     scaled = with_prepared(fit.dataset, lambda prepared: _scaled(prepared, factor))

@@ -115,7 +115,7 @@ def velocity_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray,
 
 
 def vertical_partner(numbers: Numbers, name: str, *, rotors: int) -> float:
-    """Return how much of a coefficient may be the other one's: drag along z and inflow.
+    """Compute the share of a coefficient that may be the other one's: drag along z and inflow.
 
     Both are a force against climb; only what they do to roll and pitch, where damping of the frame
     does the same, tells them apart.

@@ -1,4 +1,4 @@
-r"""Tell gyro and rotor speeds behind a filter, or an IMU on a soft mount, from sound ones.
+r"""Detect gyro or rotor speeds behind a filter, or an IMU on a soft mount.
 
 The fit predicts the turns from the rotors; the ratio H of the measured ones to these is one at all
 frequencies, but for a factor of each axis and a delay. A low-pass of the rotor speeds makes it
@@ -50,7 +50,7 @@ Shape = Callable[[Float[np.ndarray, " b"]], Complex[np.ndarray, " b"]]
 
 
 def _second_order(damping: float) -> Shape:
-    """Return ln of the denominator of a filter of second order, by frequency over its own."""
+    """Compute ln of the denominator of a second-order filter, by frequency over its own."""
 
     def shape(u: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]:
         return np.log(1.0 - u**2 + 2j * damping * u)
@@ -85,7 +85,7 @@ class BandRatio(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFilter:
-    """The filter that fits best.
+    """The filter or mount that fits best.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class FoundFilter:
 
 
 def allow_for_sensor_response(fit: Fit) -> Fit:
-    """Widen what a filter or a soft mount moves, by as much as the best one does; and name it."""
+    """Widen the numbers by the shift with the best filter or soft mount, and name it."""
     if fit.dataset.source != "imu" or lowpass_of(fit.dataset) is not None:
         return fit
     found = found_filter(fit)
@@ -164,7 +164,7 @@ def found_filter(fit: Fit) -> FoundFilter | None:
 
 
 def best_filter(ratios: Sequence[BandRatio], *, lagging: bool = False) -> FoundFilter | None:
-    """Find the same among ratios of bands; with `lagging`, the motors' lag is open, too."""
+    """Find that filter by ratios of bands; with `lagging`, the motors' lag is free, too."""
     flights = {one.flight for one in ratios}
     if len(ratios) < FEWEST * len(flights) or not ratios:
         return None

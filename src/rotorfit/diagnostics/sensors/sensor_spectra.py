@@ -1,4 +1,4 @@
-"""Spectra of the accelerations that sensors measure, and of those that the fit predicts."""
+"""Spectra of the measured and of the predicted accelerations."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
@@ -85,7 +85,7 @@ def _lines(
 def deviation_by_chance(
     score: Float[np.ndarray, " w"], information: Float[np.ndarray, " w"]
 ) -> float:
-    """Compute the deviation of a number that windows tell, with their effective degrees of freedom.
+    """Compute the deviation of a number by windows, with their effective degrees of freedom.
 
     `score`: how each window pulls at it; `information`: how much each tells.
     """

@@ -90,7 +90,7 @@ def joint_numbers(
     configurations: Sequence[JointConfiguration],
     mass_std: Mapping[str, float],
 ) -> Numbers:
-    """Return the physical numbers of a joint estimate."""
+    """Compute the physical numbers of a joint estimate, with their intervals."""
     estimate = fit.estimate
     mapped = fit.problem.map
     at_estimate = physical(estimate.values, mapped, configurations)
@@ -130,7 +130,7 @@ def joint_numbers(
 def formal_covariance(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, "q q"]:
-    """Return the covariance that the fit states, of numbers with these slopes by its parameters."""
+    """Propagate the formal covariance of a fit to numbers with these slopes by its parameters."""
     spread = jacobian @ square_root(covariance_with_noise_uncertainty(fit))
     formal: Float[np.ndarray, "q q"] = spread @ spread.T
     return formal
@@ -139,7 +139,7 @@ def formal_covariance(
 def random_half_width(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width by chance: what the fit states, or blocks, phases and flights show.
+    """Compute the half-width by chance: formal, or by the scatter of blocks, phases and flights.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def random_half_width(
 def half_width_between_blocks(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width by the scatter of the blocks: each number's own, and that of all."""
+    """Compute the half-width by the scatter of the blocks: of each number, and pooled."""
     own, own_blocks = own_scatter(fit, jacobian)
     phases = _phases(fit)
     parts = phases if len(phases) >= FEWEST_PHASES else list(np.eye(len(fit.influence), dtype=bool))
@@ -176,7 +176,7 @@ def half_width_between_blocks(
 def _between_flights(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width that the pull of each flight as a whole shows; zeros for one or two.
+    """Compute the half-width by the influence of whole flights; zeros for one or two flights.
 
     Real flights differ by more than any one of them can know. As the jackknife over blocks, with a
     flight for a block (the cluster-robust variance, and its few degrees of freedom).
@@ -215,7 +215,7 @@ def timing_shifts(fit: BandedEstimate, timing: FreeTiming | None) -> list[Float[
 def half_width_between_phases(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, " q"]:
-    """Compute the half-width that the phases of the flights show, all bands of one together.
+    """Compute the half-width by the scatter of the flights' phases, all bands of a phase together.
 
     What a phase has to itself (the wind in its propellers, say) is common to its bands, so that
     their scatter does not show it. Each phase pulls the estimate by p, and without it the estimate
@@ -234,7 +234,7 @@ def half_width_between_phases(
 
 
 def _phases(fit: BandedEstimate) -> list[Bool[np.ndarray, " b"]]:
-    """Return which blocks are of each phase of each configuration's flights."""
+    """Mark the blocks of each phase of each configuration's flights."""
     factors = fit.problem.factors
     configuration = np.repeat(np.arange(len(factors)), [len(f) for f in factors])
     labels = np.column_stack([configuration, np.concatenate([f.segment for f in factors])])
@@ -246,7 +246,7 @@ def physical(
     mapped: ParameterMap,
     configurations: Sequence[JointConfiguration],
 ) -> dict[str, float]:
-    """Return every physical number at the free parameters `phi`."""
+    """Compute every physical number at the free parameters `phi`."""
     p = dict(zip(mapped.names, phi.tolist(), strict=True))
     out = {name: p[name] for name in SHARED_FREE if name in p}
     out["kd_over_kt"] = p["kd"] / p["kt"]
@@ -294,7 +294,7 @@ def turned_moments(
 
 
 def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> dict[str, float]:
-    """Return the numbers of one configuration: its own parameters and what follows from them."""
+    """Compute the numbers of one configuration: its own parameters, and those derived from them."""
     mass = configuration.mass
     com = np.array([p["msx"], p["msy"], p["msz"]]) / mass
     elements = np.array([p[name] for name in INERTIA])
@@ -314,7 +314,7 @@ def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> d
 def excitation(
     fit: BandedEstimate, configurations: Sequence[JointConfiguration]
 ) -> dict[str, float]:
-    """Return explained over residual power of the angular accelerations, where a pilot flies.
+    """Compute explained over residual power of the angular accelerations, where a pilot flies.
 
     Of several flights the mean, each for as long as it is: the fit gives every flight the weight
     of its own noise, so that a calm one beside a lively one does no harm.
@@ -333,7 +333,7 @@ def weighed_excitation(
 
 
 def _informative_excitation(numbers: Numbers, weighed: Mapping[str, float]) -> dict[str, float]:
-    """Return the excitation by weight where that is enough, else over the whole flights."""
+    """Compute the excitation of the weighted blocks where that is enough, else of whole flights."""
     plain = numbers.excitation
     return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
 
@@ -365,7 +365,7 @@ def _mean_ratios(
     residual: Float[np.ndarray, "b 3"],
     parts: Int[np.ndarray, " b"],
 ) -> Float[np.ndarray, " 3"]:
-    """Return the mean over parts of explained over residual power in the pilot's band."""
+    """Average explained over residual power in the pilot's band over the parts."""
     low, high = PILOT_BAND
     inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
     total, weight = np.zeros(3), 0.0
@@ -385,7 +385,7 @@ def systematic_uncertainty(
     mass_std: Mapping[str, float],
     shifts: Float[np.ndarray, " q"],
 ) -> Numbers:
-    """Widen the numbers by what no scatter within the flights shows.
+    """Widen the numbers by the systematic errors that no scatter within the flights shows.
 
     `shifts`: of what is assumed of autopilot and motors.
     """
@@ -448,7 +448,7 @@ def inertia_uncertainty(
 
 
 def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfiguration]) -> Numbers:
-    """Return the numbers with what too little roll and pitch leaves open.
+    """Widen the numbers on the scale of yaw where roll and pitch are too little excited.
 
     The height of the centre of mass, and the scale of the yaw equation, which a known payload gives
     as well.
@@ -465,7 +465,7 @@ def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfigu
 
 
 def _stretches(numbers: Numbers, half: Float[np.ndarray, " q"]) -> Float[np.ndarray, " q"]:
-    """Return the factor of each half-width for the inverse of the scale, as `half` gives it."""
+    """Compute the factor of each half-width for the inverse of the scale of half-width `half`."""
     stretch = np.ones(len(half))
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")

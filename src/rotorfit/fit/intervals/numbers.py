@@ -1,4 +1,4 @@
-"""Physical numbers with their intervals, whichever way they were estimated.
+"""Physical numbers with their intervals, of every estimator.
 
 And the sizes below which a relative error of them does not matter.
 
@@ -66,7 +66,7 @@ vehicles: k_t and kd_over_Izz .2 to .5 and 1 % too small."""
 
 
 def attenuation_allowance(name: str, size: float, rho: float, *, with_response: bool) -> float:
-    """Return the half-width that lack of excitation adds, infinite where it bounds nothing.
+    """Compute the half-width that lack of excitation adds, infinite where it bounds nothing.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def attenuation_allowance(name: str, size: float, rho: float, *, with_response: 
 
 
 def inertia_bias(size: float, rho: float) -> float:
-    """Return by how much gusts may pull a roll or pitch inertia of a size, at a rho of its axis."""
+    """Compute the largest bias by gusts of a roll or pitch inertia, at a rho of its axis."""
     return INERTIA_BIAS / (max(float(rho), 0.0) + INERTIA_BIAS) * abs(size)
 
 
@@ -141,7 +141,7 @@ def lean_allowance(first: float, second: float) -> float:
 
 
 def lean_shift(name: str, com: tuple[float, float, float], mass: float, lever: float) -> float:
-    """Return the half-width that the same lean adds to a place [m] or first moment [kg m].
+    """Return the half-width that the rotors' mean lean adds to a place [m] or first moment [kg m].
 
     The centre of mass stands in the rotors' axes, turned about the IMU: `com` is counted from it.
     Motors lean forward and left, and turn about no vertical; drag torque that leans with them rolls
@@ -152,7 +152,7 @@ def lean_shift(name: str, com: tuple[float, float, float], mass: float, lever: f
 
 
 def twist_shift(com: tuple[float, float]) -> float:
-    """Return the half-width that the same lean adds to the twist [m].
+    """Return the half-width that the rotors' mean lean adds to the twist [m].
 
     Thrust beside the centre of mass rolls and pitches, and about an axis that leans it yaws; `com`
     is counted from the rotors' centre.
@@ -161,7 +161,7 @@ def twist_shift(com: tuple[float, float]) -> float:
 
 
 def scale_stretch(value: float, half_width: float) -> float:
-    """Return by how much more a half-width must be to hold the inverse of the number, too.
+    """Compute the factor by which a half-width holds the inverse of the number, too.
 
     Small terms fix the scale of the yaw equation where it multiplies the rotors, its inverse where
     it divides the other torques. So +-r of the inverse is as good as +-r of the scale: from
@@ -259,7 +259,7 @@ def com_from_imu(numbers: Numbers, owner: str, vehicle: Vehicle) -> tuple[float,
 
 
 def com_from_rotors(numbers: Numbers, owner: str, vehicle: Vehicle) -> tuple[float, float]:
-    """Return where the centre of mass is sideways, counted from the rotors' centre [m]."""
+    """Return the sideways centre of mass of a configuration from the rotors' centre [m]."""
     x, y = vehicle.positions[:, :2].mean(axis=0).tolist()
     centre = {f"rotor_center_x@{owner}": x, f"rotor_center_y@{owner}": y}
     x, y = (numbers.number(n)[0] if n in numbers.names else at for n, at in centre.items())
@@ -274,7 +274,7 @@ def drag_lever(numbers: Numbers, vehicle: Vehicle) -> float:
 def t_half_width(
     formal: Float[np.ndarray, "q q"], scatter: Float[np.ndarray, "q q"], degrees: float
 ) -> Float[np.ndarray, " q"]:
-    """Return half of the 95 % interval by chance: t times the larger of formal and scatter.
+    """Compute half of the 95 % interval by chance: t times the larger of formal and scatter.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ def hover_speed(kt: float, *, mass: float, vehicle: Vehicle) -> float:
 
 
 def quadrature(parts: Iterable[float]) -> float:
-    """Return the half-width of independent parts together."""
+    """Add the half-widths of independent parts in squares."""
     return float(np.sqrt(sum(part**2 for part in parts)))
 
 

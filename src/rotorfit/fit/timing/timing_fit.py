@@ -1,4 +1,4 @@
-"""When the rotors do what the motor data say: lag and delay, found together with everything else.
+"""Lag and delay of the motors, estimated together with everything else.
 
 From a coarse start (`timing_search.py`) the joint fit moves the motors' times as it moves all other
 parameters: the signals' slopes by them are reduced beside the signals, and where the fit has moved
@@ -81,7 +81,7 @@ def time_motors(dataset: TimedDataset, *, lag: bool, report: Callable[[str], Non
 
 
 def find_timing(dataset: TimedDataset, *, lag: bool = True) -> MotorTiming | None:
-    """Return the timing that fits best; None where the flights do not determine it.
+    """Estimate the timing; None where the flights do not determine it.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def find_timing(dataset: TimedDataset, *, lag: bool = True) -> MotorTiming | Non
 
 
 def timed_again(dataset: TimedDataset, terms: Sequence[str]) -> TimedDataset:
-    """Return the flights at the timing that other terms of the model ask for.
+    """Estimate the timing of the flights again with other terms of the model.
 
     Damping of the turns that the model lacks makes the motors look quick. Where the fit does not
     settle with the terms, the timing stays.
@@ -206,7 +206,7 @@ def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
 def _additional_times(
     dataset: Dataset, at: MotorResponse, names: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Return the skew where rising and falling speed may get a lag each, and have none yet."""
+    """Return the skew where rising and falling speed may have a lag each, and share one yet."""
     # Low-passed beside motion capture, motor data rise and fall alike.
     lagging = "motor_lag" in names and at.mean_lag > LEAST_LAG
     may = lagging and "motor_skew" not in names and dataset.source == "imu"
@@ -214,7 +214,7 @@ def _additional_times(
 
 
 def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
-    """Return the timing that the fit has moved to, in its direction as far as its slopes reach."""
+    """Compute the timing of a fit, moved in its direction as far as its slopes hold."""
     by = {name: fit.estimate.value(name) for name in free.names}
     reach = {name: LARGEST_SKEW if name == "motor_skew" else LONGEST_MOVE for name in by}
     if by.get("motor_lag", 0.0) < 0.0 and free.at.mean_lag > LEAST_LAG:
@@ -226,7 +226,7 @@ def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
 def _with_skew(
     dataset: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
 ) -> tuple[TimedDataset, BandedEstimate]:
-    """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
+    """Fit a lag for rising and one for falling speed, and keep them if the gain is enough."""
     free, found = dataset.free_timing, dataset.motor_timing
     assert free is not None and found is not None
     names = (*free.names, "motor_skew")
@@ -242,7 +242,7 @@ def _with_skew(
 
 
 def _lost(dataset: TimedDataset, fit: BandedEstimate) -> bool:
-    """Return whether a fit that has ended would still move beyond what its slopes say, or did."""
+    """Test whether a fit that has ended moved, or would move, beyond where its slopes hold."""
     free = dataset.free_timing
     assert free is not None
     still = any(
@@ -252,7 +252,7 @@ def _lost(dataset: TimedDataset, fit: BandedEstimate) -> bool:
 
 
 def unidentifiable_timing(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
-    """Take lag and delay as they are known without the flights."""
+    """Set lag and delay to their values from before the flights."""
     lag, std = dataset.lag_prior
     return MotorTiming(
         response=MotorResponse(lag=lag, delay=dataset.declared.delay),
@@ -265,7 +265,7 @@ def unidentifiable_timing(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
 def timing_with_deviations(
     dataset: TimedDataset, free: FreeTiming, fit: BandedEstimate
 ) -> MotorTiming:
-    """Add the deviations: of chance, of the autopilot's answer and of faults."""
+    """Add the deviations of the times: by chance, by the autopilot's response and by faults."""
     names = fit.estimate.names
     each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}
     std = _stds(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
@@ -289,7 +289,7 @@ def timing_with_deviations(
 def _stds(
     fit: BandedEstimate, combinations: Mapping[str, Float[np.ndarray, " f"]]
 ) -> dict[str, float]:
-    """Return the deviations of combinations of parameters."""
+    """Compute the deviations of combinations of parameters."""
     rows = np.array(list(combinations.values()))
     chance = random_half_width(fit, rows, formal_covariance(fit, rows))
     by_response = np.abs(response_sensitivity(fit) @ rows.T).sum(axis=0)
