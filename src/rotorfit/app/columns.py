@@ -69,12 +69,8 @@ def described_columns(
 ) -> tuple[dict[str, Any], ReadOptions | None]:
     """Describe the columns of a table for the page, and how it is read where that is clear.
 
-    Parameters
-    ----------
-    replies
-        What the user said: ``named``, ``units``, ``axes``, ``poles``; None before.
-    known
-        A map from `known_map`; it counts until the user says something.
+    `replies`: what the user said: ``named``, ``units``, ``axes``, ``poles``; None before. `known`:
+    a map from `known_map`; it counts until the user says something.
     """
     names = list(open_table(path).names)
     if replies is None and known is not None:

@@ -314,14 +314,8 @@ def closed_loop_bands(
 ) -> list[Band]:
     """Compare the measured with the predicted closed loop, band by band.
 
-    Parameters
-    ----------
-    predicted
-        Rate over set point.
-    inner
-        The open rate loop, by which the closed one changes with gain and delay.
-    by_output
-        Rate over what is added to the output, in closed loop.
+    `predicted`: rate over set point. `inner`: the open rate loop, by which the closed one changes
+    with gain and delay. `by_output`: rate over what is added to the output, in closed loop.
     """
     m, bands = measured, list[Band]()
     for low, high in itertools.pairwise(EDGES):

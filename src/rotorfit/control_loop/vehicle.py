@@ -160,10 +160,7 @@ def plant(
 ) -> Plant:
     """Build one axis of the vehicle, and draws of it within the result's uncertainty.
 
-    Raises
-    ------
-    EstimationError
-        If the result does not know the axis.
+    Raises `EstimationError` if the result does not know the axis.
     """
     drawn = _drawn(result, owner, draws, seed)
     torque = _torque(result, owner, flight, axis)

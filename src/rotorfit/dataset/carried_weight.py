@@ -87,12 +87,8 @@ def height_force(
 ) -> HeightForce | None:
     """Estimate how a force that is no thrust grows with height; None of a short stretch.
 
-    Parameters
-    ----------
-    left
-        Specific force that thrust leaves unexplained [m/s^2].
-    velocity
-        Upwards [m/s], with the samples `step` apart [s].
+    `left`: specific force that thrust leaves unexplained [m/s^2]. `velocity`: upwards [m/s], with
+    the samples `step` apart [s].
     """
     n = len(left)
     count = min(int(n * step / BATCH), MOST)

@@ -209,11 +209,8 @@ def _over(
 def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     """Return the response of the declared rotors, or refuse their declaration.
 
-    Raises
-    ------
-    FrameError
-        If the data contradict it; the message says which declaration would fit, or that no body
-        on these arms can answer as the gyro says.
+    Raises `FrameError` if the data contradict it; the message says which declaration would fit, or
+    that no body on these arms can answer as the gyro says.
     """
     R = _inside_band(factors)
     products = _products(R, vehicle)
@@ -340,10 +337,7 @@ def check_flight(
 ) -> None:
     """Refuse the declared rotors if a flight contradicts them with every response of the motors.
 
-    Raises
-    ------
-    FrameError
-        With what the first response that was tried shows.
+    Raises `FrameError`: with what the first response that was tried shows.
     """
     refused: FrameError | None = None
     for response in tried:

@@ -270,17 +270,10 @@ def _refuse_mixed_commands(flights: list[LoadedFlight]) -> None:
 def load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     """Read and prepare one flight, its motion from the IMU or from motion capture.
 
-    Parameters
-    ----------
-    entry
-        The flight; it need not be one of the experiment's own.
-    experiment
-        Whose vehicle, motors and source of motion it has.
+    `entry`: the flight; it need not be one of the experiment's own. `experiment`: whose vehicle,
+    motors and source of motion it has.
 
-    Raises
-    ------
-    LogError, FlightError, FrameError
-        If it cannot be used; the message names the file.
+    Raises `LogError`, `FlightError`, `FrameError` if it cannot be used; the message names the file.
     """
     try:
         return _loaded(entry, experiment)

@@ -221,10 +221,8 @@ def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | No
 def refuse_implausible_size(factors: Factors, vehicle: Vehicle) -> None:
     """Raise where no body with these arms can answer its rotors as the gyro says.
 
-    Raises
-    ------
-    FrameError
-        With what would explain it: the gyro's unit, or that of the rotors' positions.
+    Raises `FrameError`: with what would explain it: the gyro's unit, or that of the rotors'
+    positions.
     """
     words = implausible_size(gyration(factors, vehicle), vehicle.arm)
     if words is not None:

@@ -107,9 +107,6 @@ named in the `CHECKS` of that module."""
 def diagnose(fit: Fit) -> tuple[Finding, ...]:
     """Run every diagnostic on a fit.
 
-    Raises
-    ------
-    FrameError
-        If the flights contradict the declared vehicle for certain.
+    Raises `FrameError` if the flights contradict the declared vehicle for certain.
     """
     return tuple(finding for diagnostic in DIAGNOSTICS for finding in diagnostic(fit))

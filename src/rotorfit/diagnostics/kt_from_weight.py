@@ -244,14 +244,10 @@ def kt_from_weight(
 ) -> Measured | None:
     """Estimate the thrust coefficient that carries the weight; None if no flight is long enough.
 
-    Parameters
-    ----------
-    timing
-        Of the motors, where it was found: commands that swing, as in a limit cycle, have larger
-        squares than the speeds that lag behind them.
-    shares
-        Of the rotors, where they were found: with the centre of mass off the centre, some rotors
-        carry more of the weight than others, and it is their k_t.
+    `timing`: of the motors, where it was found: commands that swing, as in a limit cycle, have
+    larger squares than the speeds that lag behind them. `shares`: of the rotors, where they were
+    found: with the centre of mass off the centre, some rotors carry more of the weight than others,
+    and it is their k_t.
     """
     found: list[Held] = []
     squares = np.zeros(len(vehicle.rotors))

@@ -101,10 +101,7 @@ class Instrumented:
     def contradicts(self, unlikely: float) -> bool:
         """Return whether the ratio differs from 1 beyond chance (Durbin, Wu, Hausman).
 
-        Parameters
-        ----------
-        unlikely
-            Probability by chance, under which it does.
+        `unlikely`: probability by chance, under which it does.
         """
         beyond = abs(self.ratio - 1.0) - self.passed_on
         return beyond > self._reach(unlikely) * self.difference_std

@@ -209,10 +209,7 @@ def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Patt
 def rotor_drags(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> RotorDrags:
     """Estimate a drag torque of each rotor, additional to the yaw of a fit.
 
-    Raises
-    ------
-    EstimationError
-        If the flights do not determine them.
+    Raises `EstimationError` if the flights do not determine them.
     """
     vehicle, layout = configurations[0].vehicle, configurations[0].model.layout
     at = fit.estimate.by_name

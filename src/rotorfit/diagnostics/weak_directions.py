@@ -140,17 +140,10 @@ def weak_sentence(
 ) -> str | None:
     """Explain which parameters the flights do not separate; None where they separate all.
 
-    Parameters
-    ----------
-    directions
-        Of the estimate, the weakest first.
-    doubtful
-        Full names of parameters whose verdict is not ``identified``: a weak combination that harms
-        no verdict needs no words.
-    lost
-        Full names of parameters without a number: of fewer than two others nothing is to be said.
-    several
-        Whether the vehicle has several configurations, of which one is to be named.
+    `directions`: of the estimate, the weakest first. `doubtful`: full names of parameters whose
+    verdict is not ``identified``: a weak combination that harms no verdict needs no words. `lost`:
+    full names of parameters without a number: of fewer than two others nothing is to be said.
+    `several`: whether the vehicle has several configurations, of which one is to be named.
     """
     weakest, condition = directions[0], condition_number(directions)
     if condition <= FAIR or not doubtful & weakest.parts.keys():

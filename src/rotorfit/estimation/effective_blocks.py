@@ -23,12 +23,7 @@ def effective_blocks(
 ) -> Float[np.ndarray, " q"]:
     """Count the effective blocks of each number; all blocks where none is informative.
 
-    Parameters
-    ----------
-    fit
-        Of all flights.
-    jacobian
-        Of the numbers by the free parameters.
+    `fit`: of all flights. `jacobian`: of the numbers by the free parameters.
     """
     shares = variance_shares(fit, jacobian)
     total, squares = shares.sum(axis=0), (shares**2).sum(axis=0)

@@ -93,10 +93,8 @@ TERM_NAMES: Final = tuple(term.name for term in OPTIONAL)
 def known_terms(given: object, info: Any) -> object:
     """Check the terms that a file names; each is named once.
 
-    Raises
-    ------
-    ValueError
-        If a name is no term, with the nearest one; or if the method has terms of its own.
+    Raises `ValueError` if a name is no term, with the nearest one; or if the method has terms of
+    its own.
     """
     if given is None or not isinstance(given, list | tuple):
         return given

@@ -90,21 +90,10 @@ def estimate_additional(
 ) -> Additional:
     """Estimate additional parameters of a fit, linearised at its estimate.
 
-    Parameters
-    ----------
-    fit
-        Of the configurations.
-    configurations
-        With what counts of them.
-    added
-        The parameters.
-    instead_of
-        Free parameters that are left out for them.
+    `fit`: of the configurations. `configurations`: with what counts of them. `added`: the
+    parameters. `instead_of`: free parameters that are left out for them.
 
-    Raises
-    ------
-    EstimationError
-        If the flights do not determine them.
+    Raises `EstimationError` if the flights do not determine them.
     """
     problem = _with_added(fit.problem, added, instead_of)
     known = fit.estimate.by_name | {one.name: one.begin for one in added}

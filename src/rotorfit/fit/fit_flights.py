@@ -36,16 +36,9 @@ def widened(
 ) -> Float[np.ndarray, " q"]:
     """Add twice the rms shift of every group of trials to the half-widths.
 
-    Parameters
-    ----------
-    half_width
-        Of each number, of chance and of what is always allowed for.
-    dataset
-        What was fitted.
-    shift
-        How far each number moves.
-    timed
-        Whether what the flights leave open of the motors' timing is in the half-width already.
+    `half_width`: of each number, of chance and of what is always allowed for. `dataset`: what was
+    fitted. `shift`: how far each number moves. `timed`: whether what the flights leave open of the
+    motors' timing is in the half-width already.
     """
     groups = [[(dataset, 0.5 * EDGES[-1])]]
     groups += [] if timed else [[(other, np.inf) for other in g] for g in _other_timings(dataset)]
@@ -75,10 +68,7 @@ def _other_timings(dataset: TimedDataset) -> list[list[TimedDataset]]:
 def other_geometries(dataset: TimedDataset) -> Iterator[TimedDataset]:
     """Yield the flights with each measured length off by its standard deviation, if it has one.
 
-    Parameters
-    ----------
-    dataset
-        With the deviations in its vehicle.
+    `dataset`: with the deviations in its vehicle.
     """
     vehicle = dataset.vehicle
     others: list[Vehicle] = []

@@ -111,14 +111,8 @@ class RowFits:
 def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
     """Fit the four rows of one configuration.
 
-    Parameters
-    ----------
-    factors
-        Of its flights, per stretch and frequency band.
-    model
-        The tensor of the vehicle with all effects.
-    mass
-        [kg]; 1 for an unknown mass, and every result is then per kilogram.
+    `factors`: of its flights, per stretch and frequency band. `model`: the tensor of the vehicle
+    with all effects. `mass`: [kg]; 1 for an unknown mass, and every result is then per kilogram.
     """
     first = {row: _fit_row(factors, model, row, mass) for row in ROWS[1:]}
     predicted = _rotor_made(model, first)
@@ -142,12 +136,7 @@ def angular_log_likelihood(
 
     Of the first pass: the second changes what is small, and costs as much again.
 
-    Parameters
-    ----------
-    factors, model, mass
-        As for `fit_rows`.
-    counted
-        Which blocks count for each of them.
+    `factors`, `model`, `mass`: as for `fit_rows`. `counted`: which blocks count for each of them.
     """
     return sum(
         _fit_row(factors.select(own), model, row, mass).log_likelihood
@@ -318,14 +307,8 @@ along tilted axes from that of thrust."""
 def row_numbers(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: float) -> Numbers:
     """Compute the physical numbers of one configuration.
 
-    Parameters
-    ----------
-    fits
-        From `fit_rows`.
-    vehicle
-        Its geometry; without a known IMU position the origin is the IMU.
-    mass, mass_std
-        [kg]
+    `fits`: from `fit_rows`. `vehicle`: its geometry; without a known IMU position the origin is the
+    IMU. `mass`, `mass_std`: [kg].
     """
     at = fits.values
     names, values = _physical(at, fits.names, vehicle, mass)

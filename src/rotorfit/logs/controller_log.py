@@ -62,10 +62,7 @@ class ControllerLog:
     def number(self, name: str) -> float:
         """Read a parameter.
 
-        Raises
-        ------
-        LogError
-            If the log does not have it.
+        Raises `LogError` if the log does not have it.
         """
         if name not in self.parameters:
             raise LogError(
@@ -78,10 +75,7 @@ class ControllerLog:
 def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
     """Read the flight in a log and what its rate controller did, in one pass.
 
-    Raises
-    ------
-    LogError
-        If the file is no log, or rotorfit does not know the controller that flew.
+    Raises `LogError` if the file is no log, or rotorfit does not know the controller that flew.
     """
     form = format_of(path)
     if form is None:

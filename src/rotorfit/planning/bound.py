@@ -163,10 +163,7 @@ def planned_problem(
 def fly(problem: Problem, manoeuvre: Manoeuvre, configuration: str) -> FlightData:
     """Simulate a manoeuvre of the bare or loaded vehicle, exact.
 
-    Raises
-    ------
-    ExperimentError
-        If the simulated autopilot loses this vehicle.
+    Raises `ExperimentError` if the simulated autopilot loses this vehicle.
     """
     body = problem.bodies[configuration]
     vehicle = problem.configurations[0].vehicle

@@ -122,10 +122,7 @@ def law_to_plain(law: CommandLaw | None) -> dict[str, Any] | None:
 def law_from_plain(entry: Mapping[str, Any] | None) -> CommandLaw | None:
     """Return the law of a result's file.
 
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        If it is not one.
+    Raises `KeyError`, `TypeError`, `ValueError` if it is not one.
     """
     if entry is None:
         return None

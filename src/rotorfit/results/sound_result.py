@@ -26,10 +26,7 @@ ABOVE_ZERO: Final = ("mass", "kt", "kd")
 def load_sound(path: Path) -> IdentificationResult:
     """Load a saved result; refuse it where it is not whole.
 
-    Raises
-    ------
-    OutputError
-        If the file is no rotorfit result, or was damaged since.
+    Raises `OutputError` if the file is no rotorfit result, or was damaged since.
     """
     try:
         result = IdentificationResult.load(path)
@@ -48,10 +45,7 @@ def load_sound(path: Path) -> IdentificationResult:
 def refuse_unsound(result: IdentificationResult) -> None:
     """Raise if a result holds what no identification gives.
 
-    Raises
-    ------
-    OutputError
-        Naming the number, and what is wrong with it.
+    Raises `OutputError`: naming the number, and what is wrong with it.
     """
     found = _structure(result)
     if found is None:

@@ -141,14 +141,8 @@ def random_half_width(
 ) -> Float[np.ndarray, " q"]:
     """Compute the half-width by chance: formal, or by the scatter of blocks, phases and flights.
 
-    Parameters
-    ----------
-    fit
-        Of all flights.
-    jacobian
-        Of the numbers by the free parameters.
-    formal
-        `formal_covariance` of the numbers.
+    `fit`: of all flights. `jacobian`: of the numbers by the free parameters. `formal`:
+    `formal_covariance` of the numbers.
     """
     blocks, free = len(fit.influence), free_blocks(fit)
     stated = float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(formal) * blocks / free)
@@ -428,10 +422,7 @@ def inertia_uncertainty(
     What yaw does to roll is in proportion to I_zz less I_yy: where nobody pitches, an I_yy that
     gusts pull pulls I_zz with it, as far as the two go together in the fit.
 
-    Parameters
-    ----------
-    std
-        Deviations of the fit, of every number.
+    `std`: deviations of the fit, of every number.
     """
     squares = np.zeros(len(std))
     scaled = [i for i, n in enumerate(numbers.names) if n.partition("@")[0] in SCALED]

@@ -68,17 +68,11 @@ vehicles: k_t and kd_over_Izz .2 to .5 and 1 % too small."""
 def attenuation_allowance(name: str, size: float, rho: float, *, with_response: bool) -> float:
     """Compute the half-width that lack of excitation adds, infinite where it bounds nothing.
 
-    Parameters
-    ----------
-    name
-        Of the number, a key of `AXIS_OF`.
-    size
-        Of the number as found, or a size of it that matters where it is near zero.
-    rho
-        Explained over residual power of the axis' angular acceleration.
-    with_response
-        Of the joint fit, whose likelihood has a term for the autopilot's answer: about what the
-        fit itself finds (`banded.response_sensitivity`), for a flight that is not there to fit.
+    `name`: of the number, a key of `AXIS_OF`. `size`: of the number as found, or a size of it that
+    matters where it is near zero. `rho`: explained over residual power of the axis' angular
+    acceleration. `with_response`: of the joint fit, whose likelihood has a term for the autopilot's
+    answer: about what the fit itself finds (`banded.response_sensitivity`), for a flight that is
+    not there to fit.
     """
     size, rho = float(size), float(rho)
     if not rho > NO_EXCITATION:
@@ -106,12 +100,7 @@ def common_share(name: str) -> float:
 def link_allowance(size: float, link: float) -> float:
     """Return the half-width that too little roll and pitch adds to a number that depends on them.
 
-    Parameters
-    ----------
-    size
-        Of the number as found.
-    link
-        The larger rho of roll and pitch.
+    `size`: of the number as found. `link`: the larger rho of roll and pitch.
     """
     if not link > NO_EXCITATION:
         return float("inf")
@@ -121,12 +110,7 @@ def link_allowance(size: float, link: float) -> float:
 def product_allowance(size: float, rho: float) -> float:
     """Return the half-width that too little yaw adds to a number of `YAW_PRODUCTS`.
 
-    Parameters
-    ----------
-    size
-        Of the number as found.
-    rho
-        Of yaw.
+    `size`: of the number as found. `rho`: of yaw.
     """
     return SCALE_BIAS / (max(float(rho), 0.0) + SCALE_BIAS) * abs(size)
 
@@ -276,12 +260,8 @@ def t_half_width(
 ) -> Float[np.ndarray, " q"]:
     """Compute half of the 95 % interval by chance: t times the larger of formal and scatter.
 
-    Parameters
-    ----------
-    formal, scatter
-        Covariances: by the variances of the fit, and by the scatter between its blocks.
-    degrees
-        Of freedom of the scatter.
+    `formal`, `scatter`: covariances: by the variances of the fit, and by the scatter between its
+    blocks. `degrees`: of freedom of the scatter.
     """
     t = float(stats.t.ppf(0.975, degrees))
     return t * np.sqrt(np.maximum(np.diagonal(formal), np.diagonal(scatter)))

@@ -83,12 +83,8 @@ def time_motors(dataset: TimedDataset, *, lag: bool, report: Callable[[str], Non
 def find_timing(dataset: TimedDataset, *, lag: bool = True) -> MotorTiming | None:
     """Estimate the timing; None where the flights do not determine it.
 
-    Parameters
-    ----------
-    dataset
-        All flights.
-    lag
-        Look for the motors' lag, too, where it is unknown; else all lateness is delay.
+    `dataset`: all flights. `lag`: look for the motors' lag, too, where it is unknown; else all
+    lateness is delay.
     """
     unknown = tuple(name for name in dataset.unknown_times if lag or name != "lag")
     start = coarse_timing(dataset, unknown) if unknown else None

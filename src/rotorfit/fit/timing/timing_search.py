@@ -45,12 +45,8 @@ SMALLEST_RATIO: Final = 0.1
 def coarse_timing(dataset: TimedDataset, unknown: Collection[str]) -> MotorResponse | None:
     """Search lag and delay of the best trial; None where it is at the edge of the grid.
 
-    Parameters
-    ----------
-    dataset
-        All flights; the first configuration decides about a lag.
-    unknown
-        ``"lag"``, ``"delay"`` or both.
+    `dataset`: all flights; the first configuration decides about a lag. `unknown`: ``"lag"``,
+    ``"delay"`` or both.
     """
     few = liveliest(dataset)
     found = _coarse(few, unknown)

@@ -49,14 +49,9 @@ def terms_named(names: Collection[str]) -> tuple[Term, ...]:
 def considered_terms(asked: Collection[str] | None, *, velocity: bool, felt: bool) -> list[str]:
     """Return the optional terms whose signals a fit needs.
 
-    Parameters
-    ----------
-    asked
-        As the user chose; None for the default ones, and what the flights ask for.
-    velocity
-        Whether the velocity is known and wanted: all its terms share the same signals.
-    felt
-        Whether accelerometer and gyro feel the climb, and some flight knows no more.
+    `asked`: as the user chose; None for the default ones, and what the flights ask for. `velocity`:
+    whether the velocity is known and wanted: all its terms share the same signals. `felt`: whether
+    accelerometer and gyro feel the climb, and some flight knows no more.
     """
     usual = [t.name for t in DEFAULT] if asked is None else asked
     met: dict[str | None, bool] = {"velocity": velocity, "climb": felt}
