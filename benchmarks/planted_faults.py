@@ -170,14 +170,12 @@ ROOMS: Final[dict[str, Room]] = {
         tests=("tests/estimation/test_ordinary.py", "tests/estimation/test_total.py"),
         scaled=(
             "variance = <<float(residual @ residual) / max(problem.rows - f, 1)>>",
-            "covariance = <<spread @ spread.T * (b / (b - 1))>>",
             "return <<sigma_W**2 * (1.0 + float(chi @ chi)) * (root @ root.T)>>",
             "sigma_W = <<s[-1] / np.sqrt(max(rows - n_t, 1))>>",
             "return <<estimate.std / np.abs(estimate.values)>>",
         ),
         changed=(
             ("max(problem.rows - f, 1)", "problem.rows"),
-            ("* (b / (b - 1))", ""),
             ("max(rows - n_t, 1)", "rows"),
         ),
     ),

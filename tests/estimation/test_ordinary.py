@@ -5,6 +5,7 @@ import dataclasses
 import nist
 import numpy as np
 import pytest
+from benchmarks.accuracy.rivals import block_covariance, block_scores
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_problem import dense_rows, plain_problem, wrench_problem
@@ -12,7 +13,7 @@ from plain_problem import dense_rows, plain_problem, wrench_problem
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import problem_rows
 from rotorfit.estimation.factors import stack_factors
-from rotorfit.estimation.least_squares import block_covariance, block_scores, ordinary
+from rotorfit.estimation.least_squares import ordinary
 
 SEEDS = st.integers(0, 2**32 - 1)
 

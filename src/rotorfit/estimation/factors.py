@@ -225,9 +225,7 @@ def _with_neighbours(sums: Float[np.ndarray, "b k"], factors: Factors) -> Float[
     return total
 
 
-def time_block_factors(
-    Z: Float[np.ndarray, "n z"], *, block_rows: int, segment: int = 0
-) -> Factors:
+def time_block_factors(Z: Float[np.ndarray, "n z"], *, block_rows: int) -> Factors:
     """Factor each block of `block_rows` consecutive rows (the last may be shorter)."""
     n, width = Z.shape
     whole = n // block_rows
@@ -244,7 +242,7 @@ def time_block_factors(
     return Factors(
         R=R,
         rows=rows,
-        segment=np.full(len(R), segment, dtype=np.int64),
+        segment=np.zeros(len(R), dtype=np.int64),
         band=np.tile([0.0, np.inf], (len(R), 1)),
     )
 

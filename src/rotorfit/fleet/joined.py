@@ -67,7 +67,6 @@ class Joined:
     values: Float[np.ndarray, " q"]
     std: Float[np.ndarray, " q"]
     flights: int
-    passes: int
 
     def number(self, name: str) -> tuple[float, float] | None:
         """Return value and standard deviation of a number; None where it is not estimated."""
@@ -170,7 +169,7 @@ def joined(flights: Sequence[Load]) -> Joined:
     vehicle = _vehicle(flights)
     phi, differ = _initial(vehicle, flights), UNSEEN
     flights = _with_common_correlation(vehicle, flights, phi)
-    for passes in range(1, MOST_PASSES + 1):
+    for _ in range(MOST_PASSES):
         H, scores = np.diag(vehicle.precision), np.zeros((len(flights), len(phi)))
         trims: list[_Trims] = []
         for i, load in enumerate(flights):
@@ -182,7 +181,7 @@ def joined(flights: Sequence[Load]) -> Joined:
         phi = phi + step
         if (np.abs(step) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))).all():
             if differ is not UNSEEN or len(flights) == 1:
-                return _finished(vehicle, phi, covariance, scores, passes)
+                return _finished(vehicle, phi, covariance, scores)
             differ = _scatter(vehicle, trims)
     raise EstimationError(
         f"the joint fit of {len(flights)} flights did not settle in {MOST_PASSES} passes"
@@ -311,7 +310,6 @@ def _finished(
     phi: Float[np.ndarray, " f"],
     covariance: Float[np.ndarray, "f f"],
     scores: Float[np.ndarray, "m f"],
-    passes: int,
 ) -> Joined:
     """Convert the maximum to physical numbers with their deviations."""
 
@@ -333,5 +331,4 @@ def _finished(
         values=np.array(list(found.values())),
         std=np.sqrt(np.maximum(formal, scatter)),
         flights=m,
-        passes=passes,
     )

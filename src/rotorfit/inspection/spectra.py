@@ -112,8 +112,6 @@ class Spectrum:
         Amplitude of each axis, `unit` per root hertz.
     peaks
         The clearest, by frequency.
-    rotors_known
-        Whether the log has the rotor speed, by which peaks are named.
     """
 
     channel: str
@@ -124,7 +122,6 @@ class Spectrum:
     frequency: Float[np.ndarray, " f"]
     density: dict[str, Float[np.ndarray, " f"]]
     peaks: tuple[Peak, ...]
-    rotors_known: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,7 +197,6 @@ def spectrum(
             axis: np.sqrt(mean[shown, i]) for i, axis in enumerate(COMPONENTS[values.shape[1]])
         },
         peaks=peaks,
-        rotors_known=rotors is not None,
     )
 
 

@@ -63,8 +63,8 @@ class Alignment:
         From the tracked body's axes to the log's.
     correlation
         Of the two rates after alignment.
-    offset_std, drift_std, rotation_std
-        Standard deviations [s], [s/s], [rad]; of the least certain axis.
+    offset_std, rotation_std
+        Standard deviations [s], [rad]; of the least certain axis.
     """
 
     offset: float
@@ -73,7 +73,6 @@ class Alignment:
     rotation_marker_to_body: Float[np.ndarray, "3 3"]
     correlation: float
     offset_std: float
-    drift_std: float
     rotation_std: float
 
     def log_time(self, time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -308,7 +307,6 @@ def _refined(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> A
         rotation_marker_to_body=trial.rotation,
         correlation=float(np.sqrt(max(1.0 - unexplained, 0.0))),
         offset_std=float(std[0]),
-        drift_std=float(std[1]),
         rotation_std=float(std[2:5].max()),
     )
     _refuse_vague(found)
