@@ -357,6 +357,10 @@ ROOMS: Final[dict[str, Room]] = {
         scaled=(
             "variance = <<np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)>>",
         ),
+        changed=(
+            ("return max(len(fit.influence) - len(fit.estimate.names) / fit.variance.shape[1], 1.0)", "return float(len(fit.influence))"),
+            (" / fit.variance.shape[1], 1.0)", ", 1.0)"),
+        ),
     ),
     "fit/intervals/joint_numbers.py": Room(
         tests=(
@@ -393,8 +397,6 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         changed=(
             ("float(stats.t.ppf(0.975, degrees))", "1.96"),
-            ("return max(len(fit.influence) - len(fit.estimate.names) / fit.variance.shape[1], 1.0)", "return float(len(fit.influence))"),
-            (" / fit.variance.shape[1], 1.0)", ", 1.0)"),
             ("m / (m - 1.0) * ", ""),
             ("(influences - influences.mean(axis=0)) ** 2", "influences**2"),
             ("degrees = min(degrees, m - 1)", "degrees = min(degrees, m)"),

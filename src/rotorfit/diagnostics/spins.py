@@ -30,7 +30,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.dataset.declared_rotors import check_flight
 from rotorfit.diagnostics.coupling import without_coupling
-from rotorfit.diagnostics.yaw_residuals import Pattern, less_left, with_spins
+from rotorfit.diagnostics.yaw_residuals import Pattern, smaller_yaw_residuals, with_spins
 from rotorfit.errors import EstimationError, FrameError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.findings import Evidence, Finding, doubt
@@ -40,7 +40,7 @@ from rotorfit.fit.additional_parameters import (
     estimate_additional,
     gained,
     inside,
-    surprise,
+    log_likelihood_loss,
 )
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import excitation
@@ -106,7 +106,7 @@ class RotorDrags:
 
     def against(self, pattern: Pattern) -> float:
         """Compute the log of how much less likely a pattern is than one that fits exactly."""
-        return surprise(self.distance(pattern)[0], self.blocks, len(self.values))
+        return log_likelihood_loss(self.distance(pattern)[0], self.blocks, len(self.values))
 
     def holds(self, pattern: Pattern) -> bool:
         """Return whether rotors alike that spin so are as near as chance brings them."""
@@ -153,7 +153,7 @@ def _contradiction(fit: Fit) -> Finding:
     if found is None:
         return passed
     (gain, pattern, again), twins = found
-    gain = surprise(2.0 * gain, again.blocks) - float(np.log(len(declared)))
+    gain = log_likelihood_loss(2.0 * gain, again.blocks) - float(np.log(len(declared)))
     if gain < SUSPECTED:
         return passed
     sentence = _sentence(fit.dataset.vehicle, pattern, again, twins)
@@ -257,25 +257,20 @@ def other_patterns(rotors: int) -> list[Pattern]:
 
 
 def _suspects(fit: Fit, drags: RotorDrags | None) -> list[Pattern]:
-    """List patterns that may be the right one, the likeliest first.
+    """List patterns that may be the right one, each once, the likeliest first.
 
     Those that leave less of yaw by itself, and those that single drags do not speak against; every
     one of one or two rotors where the declared spins do not hold.
     """
     vehicle = fit.dataset.vehicle
-    suspects, others = less_left(vehicle, fit.dataset.yaw_bands())[::-1], []
+    suspects, others = smaller_yaw_residuals(vehicle, fit.dataset.yaw_bands())[::-1], []
     if drags is not None:
         others = sorted(other_patterns(len(vehicle.rotors)), key=drags.against)
         declared = np.ones(len(vehicle.rotors))
         if drags.holds(declared):
             least = drags.against(declared) + SUSPECTED
             others = [p for p in others[:FEW] if drags.against(p) < least]
-    return _distinct((*suspects, *others))
-
-
-def _distinct(patterns: Iterable[Pattern]) -> list[Pattern]:
-    """Return each pattern once."""
-    return list({tuple(pattern.tolist()): pattern for pattern in patterns}.values())
+    return list({tuple(pattern.tolist()): pattern for pattern in (*suspects, *others)}.values())
 
 
 def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags] | None:

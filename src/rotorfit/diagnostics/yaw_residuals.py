@@ -59,8 +59,8 @@ def with_spins(vehicle: Vehicle, pattern: Pattern) -> Vehicle:
     return replace(vehicle, rotors=tuple(rotors))
 
 
-def less_left(declared: Vehicle, bands: Sequence[Factors]) -> list[Pattern]:
-    """List the spins that leave less of yaw by themselves: one reversed after the other, or all.
+def smaller_yaw_residuals(declared: Vehicle, bands: Sequence[Factors]) -> list[Pattern]:
+    """List the spins that leave a smaller residual of yaw: one reversed after the other, or all.
 
     `bands`: factors of the signals of yaw (`model.signals.yaw_signals`) of each configuration.
     """

@@ -183,7 +183,7 @@ def _effective_blocks(influence: Float[np.ndarray, "b a"]) -> float:
     return float(np.clip(count, FEWEST_BLOCKS, max(len(influence), FEWEST_BLOCKS)))
 
 
-def surprise(square: float, blocks: float, dimensions: int = 1) -> float:
+def log_likelihood_loss(square: float, blocks: float, dimensions: int = 1) -> float:
     """Compute the log-likelihood that a squared distance costs.
 
     Of Student's t: where few blocks tell the covariance, a large distance is no great surprise.

@@ -20,7 +20,7 @@ from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
-from rotorfit.fit.timing.timed_dataset import TimedDataset, levelled_flights
+from rotorfit.fit.timing.timed_dataset import TimedDataset, tilt_corrected_flights
 from rotorfit.fit.timing.timing_fit import find_timing
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
@@ -41,7 +41,7 @@ def estimate_imu_tilt(
     tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
     if dataset.source != "imu" or tilt.angle < LEAST_TILT:
         return None
-    level = levelled_flights(dataset, tilt)
+    level = tilt_corrected_flights(dataset, tilt)
     first, second = fitted(dataset), fitted(level)
     # Likelihoods compare on the same blocks alone, so on those that count for either.
     gains = [
@@ -73,7 +73,7 @@ def correct_imu_tilt(
         sentence = lean_sentence(dataset)
         leans = () if sentence is None else (_leans(sentence, lean),)
         return experiment, dataset, leans
-    dataset = levelled_flights(dataset, tilt).reduced()
+    dataset = tilt_corrected_flights(dataset, tilt).reduced()
     if dataset.motor_timing is not None:
         dataset = replace(dataset, motor_timing=find_timing(dataset))
     found = doubt("imu-tilt", mounting_sentence(tilt), evidence=lean)

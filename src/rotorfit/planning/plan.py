@@ -282,6 +282,7 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
         known=None if request.after is None else knowledge_of(request.after, problem),
     )
     pieces, known = study.pieces, study.known
+    bare: dict[Manoeuvre, Evidence] = {manoeuvre: pieces[manoeuvre, BARE] for manoeuvre in PRACTICE}
     candidates = _candidates(study, pieces, request.seconds)
     good = [c for c in candidates if c.meets]
     shortest = min(good, key=lambda c: (*_effort(c), worst(c, request.wanted)), default=None)
@@ -296,13 +297,8 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
         enough=enough,
         best=min(candidates, key=lambda c: (worst(c, request.wanted), *_effort(c))),
         remedies=() if shortest or enough else tuple(_remedies(study, pieces)),
-        missing=() if known is None else missing_numbers(problem, _bare(pieces), known),
+        missing=() if known is None else missing_numbers(problem, bare, known),
     )
-
-
-def _bare(pieces: Pieces) -> dict[Manoeuvre, Evidence]:
-    """Select the evidence of the simple manoeuvres, flown without a payload."""
-    return {manoeuvre: pieces[manoeuvre, BARE] for manoeuvre in PRACTICE}
 
 
 def _payload_mass(request: PlanRequest) -> float:

@@ -170,7 +170,7 @@ class TimedDataset(Dataset):
         )
 
 
-def levelled_flights(dataset: TimedDataset, tilt: ImuTilt) -> TimedDataset:
+def tilt_corrected_flights(dataset: TimedDataset, tilt: ImuTilt) -> TimedDataset:
     """Rotate the IMU's readings of the flights into the rotors' axes."""
     turned = with_prepared(dataset, lambda prepared: levelled(prepared, tilt))
     return dataclasses.replace(turned, body=None)

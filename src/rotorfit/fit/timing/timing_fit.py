@@ -140,7 +140,7 @@ def fitted_timing(
     if "motor_lag" in names and (bias > UNIDENTIFIABLE_BIAS or not late):
         return unidentifiable_timing(dataset, delay_free="motor_delay" in names)
     found = timing_with_deviations(dataset, free, fit)
-    return replace(found, bands=timed.found_with()) if _near(free, fit) else found
+    return replace(found, bands=timed.found_with()) if _has_settled(free, fit) else found
 
 
 def first_fit(
@@ -183,7 +183,7 @@ def settled_fit(
     for _ in range(MOST_ROUNDS - 1):
         free = dataset.free_timing
         assert free is not None
-        if _near(free, fit):
+        if _has_settled(free, fit):
             break
         moved = _moved(free, fit)
         additional = _additional_times(dataset, moved, free.names) if skew else ()
@@ -192,7 +192,7 @@ def settled_fit(
     return dataset, fit
 
 
-def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
+def _has_settled(free: FreeTiming, fit: BandedEstimate) -> bool:
     """Return whether the fit has moved no time by more than a little of its deviation."""
     at = [fit.estimate.names.index(name) for name in free.names]
     enough = np.maximum(NEAR * fit.estimate.std[at], [ENOUGH[name] for name in free.names])
@@ -234,10 +234,10 @@ def _with_skew(
     except EstimationError:
         return dataset, fit
     # Motors too quick to tell their rising from their falling lose the motion, step by step.
-    return (dataset, fit) if _lost(*found) else found
+    return (dataset, fit) if _exceeds_slopes(*found) else found
 
 
-def _lost(dataset: TimedDataset, fit: BandedEstimate) -> bool:
+def _exceeds_slopes(dataset: TimedDataset, fit: BandedEstimate) -> bool:
     """Test whether a fit that has ended moved, or would move, beyond where its slopes hold."""
     free = dataset.free_timing
     assert free is not None
