@@ -1,7 +1,7 @@
 """The server of the page: bound to this computer alone, each long call in a process of its own.
 
 A page of another site may send requests here, and a name of another site may be made to lead here:
-the token in the address, the Host and the Origin tell them apart.
+the token in the address, the Host and the Origin distinguish them.
 """
 
 import asyncio

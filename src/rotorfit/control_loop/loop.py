@@ -314,7 +314,7 @@ def _step(
     harmonics: Float[np.ndarray, " f"],
     found: Margins,
 ) -> StepResponse:
-    """Compute the answer of the rate loop alone to a step of the rate asked for."""
+    """Compute the response of the rate loop alone to a step of the rate reference."""
     loops = _rate_loops(controller, vehicles, filtered=filtered, frequency=harmonics)
     return step_of(harmonics, closed_loop(controller, loops, harmonics), found.stable)
 

@@ -6,14 +6,14 @@ is the slope of the straight line through the velocity: the velocity at both end
 throw, a landing) does not enter, and where it stays within :math:`\sigma_v` and forgets itself in
 :math:`\tau`, the unknown mean acceleration is as small as
 :math:`\sigma_v \sqrt{12 \cdot 2 \tau / T} / T`. What the accelerometer reads over its bias, and the
-velocity where it is logged, tell of that acceleration; each counts by its deviation.
+velocity where it is logged, show that acceleration; each counts by its deviation.
 
 Upwards is where the mean force points in axes that the gyro carries. What the velocity gains
 sideways leans that mean and lengthens it; over thirty seconds a flight gains little, and where the
 velocity is logged, its gain is taken off.
 
 That thrust is not always the same at one rotor speed (inflow, the ground, a wall, a battery that
-sags) the scatter of ten batches of the stretch tells (batch means).
+sags) the scatter of ten batches of the stretch shows (batch means).
 
 A force that grows with height: a tether whose weight hangs on the vehicle, or the ground below.
 
@@ -45,7 +45,7 @@ USUAL: Final = 0.25
 SOUND: Final = 0.015
 """Deviation of what wakes and drag make in its place in sound flights [m/s^2 a metre]."""
 HEIGHT: Final = 3.0
-"""Mean height over the ground of a flight that has one, of which no log tells [m]."""
+"""Mean height over the ground of a flight that has one, which is in no log [m]."""
 BATCH: Final = 2.0
 """Length of a batch [s]."""
 FEWEST, MOST = 4, 10
@@ -273,7 +273,7 @@ def _felt_velocity(motion: VerticalMotion) -> Float[np.ndarray, " n"]:
 
 
 def _velocity_deviation(motion: VerticalMotion) -> float:
-    """Estimate the deviation of the vertical velocity; a short stretch tells little of it [m/s]."""
+    """Estimate the deviation of the vertical velocity; a short stretch shows little of it [m/s]."""
     seen = motion.seconds / FORGOTTEN
     squares = PRIOR_VELOCITIES * VELOCITY_CHANGE**2
     squares += seen * float(np.mean(_felt_velocity(motion) ** 2))
@@ -284,7 +284,7 @@ def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
     """Estimate the mean force over mass that is no thrust, and its standard deviation [m/s^2].
 
     What goes with the vertical velocity (drag, inflow) is taken off, and is the mean where that
-    velocity is logged; of the rest the batches of the stretch tell how it scatters. A force that
+    velocity is logged; of the rest the batches of the stretch show the scatter. A force that
     grows with height is open by what it makes of a usual height.
     """
     weights, known = motion.weights, motion.velocity is not None

@@ -9,7 +9,7 @@ there, and its integral leaves the logged velocity: with the turn :math:`\delta(
 
 in windows of some seconds, each with a velocity and a gravity of its own. The gyro's bias b, the
 accelerometer's, a tilt and a lateness of the velocity and the lever from its place to the IMU are
-estimated beside. The windows, each left out in turn (jackknife), tell the deviation.
+estimated beside. The windows, each left out in turn (jackknife), give the deviation.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,7 +26,7 @@ from rotorfit.preprocessing.kinematics import rotated, running_product, small_tu
 from rotorfit.reduction.reduce import split_segment
 
 WINDOW: Final = 15.0
-"""Of one velocity and gravity [s]: slow turns tell most."""
+"""Of one velocity and gravity [s]: slow turns show most."""
 SHORTEST: Final = 5.0
 BATCH: Final = 2.5
 """Of a jackknife [s]."""

@@ -1,6 +1,6 @@
 r"""Whether the sizes of gyro, arms and rotor speeds can be: units seen in the flight itself.
 
-Two witnesses. Over some seconds of flight the specific force, turned by the gyro into axes that do
+Two references. Over some seconds of flight the specific force, turned by the gyro into axes that do
 not rotate, has the mean of gravity (see `weight_balance`); with a gyro in deg/s that is taken for
 rad/s it averages out. And the angular acceleration that a difference of thrusts makes gives the
 radius of gyration over the arm, whatever the mass: with the thrust of a rotor :math:`k_t O^2`,
@@ -11,7 +11,7 @@ larger or smaller than their arms.
 The speed of hovering rotors has bounds, too: their radius is a quarter of the arm at the least and
 nine tenths at the most, and the tips of what hovers make 40 to 130 m/s.
 
-What gravity tells of the accelerometer without an airframe: at rest, and over a flight.
+What gravity shows of the accelerometer without an airframe: at rest, and over a flight.
 """
 
 import dataclasses
@@ -150,7 +150,7 @@ def gyration(factors: Factors, vehicle: Vehicle) -> float | None:
     """Estimate the radius of gyration over the arm, in roll or pitch, whichever is clearer.
 
     None where the rotors explain too little of the motion. `factors` are those of the band that
-    the vehicle answers in.
+    the vehicle responds in.
     """
     R, layout = factors.total, signal_layout(vehicle)
     squares = R[:, [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]]
@@ -215,7 +215,7 @@ def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | No
 
 
 def refuse_implausible_size(factors: Factors, vehicle: Vehicle) -> None:
-    """Raise where no body with these arms can answer its rotors as the gyro says.
+    """Raise where no body with these arms can respond to its rotors as the gyro says.
 
     Raises `FrameError`: with what would explain it: the gyro's unit, or that of the rotors'
     positions.

@@ -2,7 +2,7 @@
 
 The flights of a configuration are each held against the others. They differ by chance, by weather
 and by how they were flown; another propeller, load or vehicle makes more. A joint fit does not show
-it: the flight that is surer wins.
+it: the flight that is more certain wins.
 
 A known payload is held against what the flights say of both bodies. It is left out, both bodies are
 fitted freely, and what B's moments have beyond A's is compared with what the payload should add.
@@ -42,7 +42,7 @@ SURE: Final = 3.9
 """Deviations by which it must: once in ten thousand by chance. Sound real flights make up to 1.1,
 two vehicles 9 and more."""
 EQUATIONS_EACH: Final = 2.0
-"""Per free parameter, of a flight that tells anything by itself."""
+"""Per free parameter, of a flight that is informative by itself."""
 
 
 def odd_flight(fit: Fit) -> Iterator[Finding]:
@@ -83,7 +83,7 @@ def _alone(
             alone = joint_estimate([one], [], begin=begin, close=NEAR)
             yield k, joint_numbers(alone, [one], {c.name: 0.0})
         except EstimationError:
-            continue  # too short or too still a flight to tell anything by itself
+            continue  # too short or too still to be informative by itself
 
 
 def _is_of(name: str, configuration: str) -> bool:

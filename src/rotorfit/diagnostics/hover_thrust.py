@@ -29,14 +29,14 @@ from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.frequency_bands import retimed
 
 UNLIKELY = 1e-4
-"""Probability of chance alone below which two opinions differ."""
+"""Probability of chance alone below which two estimates differ."""
 LEAST_THRUST_ERROR = 0.01
 """Thrust that misses the weight by less than this share is not worth words: so much do tilt, wind
 and a propeller's inflow make."""
 BATCH = 2.0
 """Length of a batch [s]: gusts and climbs are forgotten from one to the next."""
 FEWEST_BATCHES = 4
-"""Of a half whose scatter tells anything."""
+"""Of a half whose scatter is informative."""
 LIKELY_FORCE = 0.99
 """Probability of a force that grows with height from which it is said: of 150 random sound flights
 .94 at most."""
@@ -317,7 +317,7 @@ LEAST_TRIM = 0.03
 
 MOST_UNCERTAIN = 10.0
 """Deviation of a number's shift without the means over its own, from which changes of motion alone
-do not tell it: on random worlds those that are wrong are thousands of times as uncertain."""
+do not show it: on random worlds those that are wrong are thousands of times as uncertain."""
 
 
 def missing_constant_wrench(fit: Fit) -> Iterator[Finding]:
@@ -335,7 +335,7 @@ def missing_constant_wrench(fit: Fit) -> Iterator[Finding]:
     chosen = [i for i, n in enumerate(names) if n.partition("@")[0] in ("kt", "kd", *MOMENTS)]
     size = np.abs(shift.values[chosen]) / shift.std[chosen]
     half = np.array([fit.numbers.half_width[fit.numbers.index(names[i])] for i in chosen])
-    # What only the means tell no change of motion contradicts.
+    # What only the means show no change of motion contradicts.
     shown = shift.std[chosen] < MOST_UNCERTAIN * half / 1.96
     outside = shown & (np.abs(shift.values[chosen]) > half)
     limit = float(stats.norm.isf(0.5 * UNLIKELY / len(chosen)))
@@ -424,7 +424,7 @@ def _yaw_trim(configured: ConfigurationData, vehicle: Vehicle) -> float:
 def _yaw_shift_without_mean(fit: Fit, c: JointConfiguration) -> Evidence | None:
     """Measure the shift of k_d / Izz without the means, as a share; None where there are none.
 
-    In one step of the joint fit, which allows for what the autopilot answers: the yaw row alone
+    In one step of the joint fit, which allows for the autopilot's response: the yaw row alone
     calls 37 to 46 % too little of short flights a torque. The limit is what its interval leaves
     open, or chance.
     """

@@ -51,7 +51,7 @@ REST_STD = 0.1
 """By which an accelerometer's bias in flight differs from that at rest: vibration, temperature
 [m/s^2]."""
 FREE_BIAS = 3.0
-"""Deviation of a bias that tells nothing of the mean thrust [m/s^2]."""
+"""Deviation of a bias that leaves the mean thrust open [m/s^2]."""
 CAMERA_VELOCITY = 0.05
 """Deviation of a velocity by motion capture [m/s]."""
 CAMERA_BIAS = Measured(value=0.0, std=0.01)
@@ -85,7 +85,7 @@ class Balance:
     Attributes
     ----------
     changes
-        By changes of thrust; None where they tell nothing.
+        By changes of thrust; None where they are not informative.
     weight
         By what carries the weight.
     law_mistaken
@@ -183,7 +183,7 @@ def law_mistaken(*, commanded: bool, law_given: bool) -> float:
 def kt_from_changes(fit: Fit) -> Measured | None:
     """Estimate k_t with the accelerometer's bias free, so that the mean thrust does not count.
 
-    None where the flights do not tell it so. Inflow and an altitude hold act on thrust alone, so
+    None where it is not identifiable so. Inflow and an altitude hold act on thrust alone, so
     that what the turns scatter says nothing of how well changes of thrust are told: its own blocks
     do.
     """
@@ -212,7 +212,7 @@ def held_at(fit: Fit, kt: Measured, *, law_reach: float = 0.0) -> Fit:
     moved = shift_of(held, held.dataset, begin=begin, known={"kt": (off, HELD_TO * off)})
     of_weight = np.array([name.startswith(OF_WEIGHT) for name in held.numbers.names])
     moved = moved * np.where(of_weight, kt.std, step) / (kt.value - off)
-    # How lively the flights are the fit tells that follows them best.
+    # The excitation is that of the fit that follows the flights best.
     numbers = replace(with_common_shift(held.numbers, moved), excitation=fit.numbers.excitation)
     return replace(held, numbers=numbers)
 

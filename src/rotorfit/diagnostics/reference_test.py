@@ -1,18 +1,18 @@
 r"""The response of an axis by the reference as instrumental variable, and its test.
 
 The rotors make the angular acceleration u by the model, and y = beta u + e is measured, with beta =
-1 where the model is right. An autopilot answers the disturbances e by the rotors, so that u holds
+1 where the model is right. An autopilot responds to disturbances e by the rotors, so that u holds
 some of them and least squares,
 
 .. math:: \beta_{LS} = 1 + \sum w \Re(\bar u e) \Big/ \sum w |u|^2,
 
-is pulled. What pilot or mission asked for, r, knows nothing of e. In each block of lines
+is biased. What pilot or mission asked for, r, knows nothing of e. In each block of lines
 (frequency band of a stretch) u follows c r, with c a gain and a phase of the loop, and
 
 .. math:: \beta = 1 + \sum w \Re(\bar{\hat u} e) \Big/ \sum w \Re(\bar{\hat u} u), \qquad
     \hat u_i = c_{-i} r_i,
 
-has no pull: two-stage least squares (Soderstrom and Stoica, System Identification, 1989, chapter 8;
+has no bias: two-stage least squares (Soderstrom and Stoica, System Identification, 1989, chapter 8;
 IDIM-IV of Janot, Vandanjon and Gautier, IEEE Trans. Control Systems Technology 22(1), 2014). c_{-i}
 is found without the line i, or its own e would come back through it (JIVE1 of Angrist, Imbens and
 Krueger, J. Applied Econometrics 14, 1999): c_{-i} r_i = (c r_i - h_i u_i) / (1 - h_i) with h_i =
@@ -45,9 +45,9 @@ from rotorfit.reduction.frequency_bands import banded_data
 from rotorfit.reduction.reduce import banded_lines
 
 PASSED_ON: Final = 0.5
-"""Share of the pull of least squares that a reference may still have: the rates that an attitude
-loop asks for answer disturbances too. On simulated flights in gusts a fifth to a third is left, and
-nothing with the pilot's sticks themselves."""
+"""Share of the bias of least squares that a reference may still have: the rates that an attitude
+loop asks for respond to disturbances too. On simulated flights in gusts a fifth to a third is
+left, and nothing with the pilot's sticks themselves."""
 LEAST_FREE: Final = 0.25
 """Of the variance of a difference, as a share of the instrument's own (Hausman)."""
 FEWEST_LINES: Final = 20
@@ -67,13 +67,13 @@ class Instrumented:
     ratio
         By the instrument.
     plain
-        By least squares, pulled by what the autopilot answers.
+        By least squares, biased by the autopilot's response.
     std
         Of the ratio, by chance: the larger of what single lines and whole blocks show.
     difference_std
         Of what the ratio differs from that of an efficient estimate by chance.
     of_blocks, degrees
-        What whole blocks show of `std`, as a share of it, and how many of them tell the ratio.
+        What whole blocks show of `std`, as a share of it, and the effective number of them.
     """
 
     ratio: float

@@ -4,11 +4,11 @@ Before the fit `declared_rotors` looks at one flight with the timing that was de
 axes together: one wrong spin changes little there. After it each rotor gets a drag torque of its
 own beside the fit, whose model knows what else turns the body about z: products of inertia, a
 centre of mass that is off the centre, rotors with unlike thrust, the motors' timing, the
-autopilot's answer to gusts. Where all are as declared, these are alike; one that turns the other
-way has the other sign. Which patterns of them the flights tell, their covariance says: a
+autopilot's response to gusts. Where all are as declared, these are alike; one that turns the other
+way has the other sign. Which patterns of them are identifiable, their covariance says: a
 hexarotor's rotors fly four of the six.
 
-A fit with a wrong spin lacks the spin-up of that rotor, too, and may tell nothing. So before the
+A fit with a wrong spin lacks the spin-up of that rotor, too, and may show nothing. So before the
 declared spins are refused, the flights are fitted with others: in that fit the others must hold,
 and be likelier than the declared ones, and the flights must be far likelier with it, spin-up
 and products of inertia included. And what drags a rotor can only turn the body
@@ -85,7 +85,7 @@ class RotorDrags:
     values, covariance
         [N m s^2/rad^2]
     blocks
-        How many independent ones tell them.
+        The effective number of independent ones.
     """
 
     values: Float[np.ndarray, " N"]
@@ -131,7 +131,7 @@ class RotorDrags:
 def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
     """Refuse declared spins that yaw contradicts, or doubt them."""
     if not fit.dataset.timing_identifiable:
-        return  # nobody flies: what yaw does is the autopilot's answer to gusts and noise
+        return  # nobody flies: what yaw does is the autopilot's response to gusts and noise
     found = _contradiction(fit)
     if found.severity == "refusal":
         raise FrameError(found.sentence).about(kind=found.kind, evidence=found.evidence)
@@ -179,7 +179,7 @@ def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Patt
     """Find the suspected spins that gain most over the declared ones, and hold; None if no such.
 
     With them all others of as many rotors that gain as much: of two on one axis at one speed no
-    flight tells which it is.
+    flight shows which it is.
     """
     declared = np.ones(len(fit.dataset.vehicle.rotors))
     # Fitted the same way: every fit selects its bands anew.
@@ -346,7 +346,7 @@ def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None
         low, high = numbers.interval(f"kd_over_Izz@{name}")
         if high < 0.0:
             return _reversed_sentence("kd / Izz", name, low, high)
-        # Where nobody yaws, an autopilot's answer to gusts looks like reversed rotors' spin-up.
+        # Where nobody yaws, an autopilot's response to gusts looks like reversed rotors' spin-up.
         if low + high > 0.0 or not (numbers.rho(f"Jr_over_Izz@{name}") or 0.0) > LEAST_EXCITATION:
             continue
         low, high = numbers.interval(f"Jr_over_Izz@{name}")

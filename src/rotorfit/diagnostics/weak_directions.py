@@ -44,7 +44,7 @@ class WeakDirection:
     Attributes
     ----------
     strength
-        What the flights tell of it, relative to the best known combination.
+        Its information, relative to the best known combination.
     parts
         The parameters that make it up, the largest first, and by what share of its value each
         changes along it.

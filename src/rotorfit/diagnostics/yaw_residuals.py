@@ -76,7 +76,7 @@ def smaller_yaw_residuals(declared: Vehicle, bands: Sequence[Factors]) -> list[P
             break
         best, reached = tried[most], fits[most]
         suspects.append(best)
-    # An autopilot's answer to gusts looks like a spin-up of reversed rotors, not like drag.
+    # An autopilot's response to gusts looks like a spin-up of reversed rotors, not like drag.
     if _gain(plain, _fits(with_spins(declared, -ones), bands), by_drag=True) > WORTH:
         suspects.append(-ones)
     return suspects

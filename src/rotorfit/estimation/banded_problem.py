@@ -66,7 +66,7 @@ class BandedProblem:
     counted
         Which errors of each block count, one array per configuration; all where there is none.
     feedback
-        Where a controller answers the errors, by the same parts.
+        Where a controller responds to the errors, by the same parts.
     moving
         Free parameters that move the signals, in the order of the factors' slopes.
     error_correlation

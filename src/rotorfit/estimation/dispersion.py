@@ -1,7 +1,7 @@
 r"""Scatter of the parts of a fit over its formal covariance, of all parameters together.
 
-Two or three parts of a flight tell one number, and their scatter tells its variance to a factor of
-three. What the model lacks shows in all numbers, so that their scatters together tell how much
+Two or three parts of a flight show one number, and their scatter its variance to a factor of
+three. What the model lacks shows in all numbers, so that their scatters together show how much
 larger than stated variances are (the dispersion of a quasi-likelihood: Wedderburn, Biometrika 61,
 1974). At the estimate the score :math:`s_k` of part k has the covariance :math:`H_k - H_k C H_k`
 (H_k its information, C the covariance of the fit; its influence on the estimate is :math:`C s_k`),

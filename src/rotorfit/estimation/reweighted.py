@@ -3,7 +3,7 @@
 The equations must be normalised: the known column (the constant of the parameter map) is the
 signal that carries the noise, with a known coefficient, such as m times the specific force or one
 times an angular acceleration. Then the residual is that signal's own error, its variance per band
-can be estimated from the residuals, and weighting by it does not pull the estimate towards zero,
+can be estimated from the residuals, and weighting by it does not bias the estimate towards zero,
 as it does for homogeneous equations.
 """
 
@@ -34,7 +34,7 @@ class BandedFit:
     estimate
         Covariance from the bands' own variances.
     influence
-        How much each block pulls each parameter: the first-order change if it were counted twice.
+        Of each block on each parameter: the first-order change if it were counted twice.
     variance
         Of one residual in each block.
     known_power, residual_power

@@ -2,7 +2,7 @@
 
 A check that compares the declared vehicle with another one is an estimate: how far along the way
 from the one to the other the flights are, and with what deviation. Whatever else moves the residual
-(products of inertia, rotors that are unlike, the autopilot's answer to gusts) is in the model that
+(products of inertia, unlike rotors, the autopilot's response to gusts) is in the model that
 it is estimated with, and its deviation is that of every other number: the larger of what the fit
 states and what its blocks and phases show, with what is assumed of autopilot and motors.
 """
@@ -65,7 +65,7 @@ class Additional:
     values, covariance
         Of the added parameters.
     blocks
-        How many independent ones tell them: degrees of freedom of their covariance.
+        Effective number of independent ones: degrees of freedom of their covariance.
     estimate
         Of all parameters, the added ones last.
     """
@@ -154,7 +154,7 @@ def _covariance(
     """Compute the covariance of some parameters, by chance and by what is assumed.
 
     Along the axes of the fit's own covariance: what one direction scatters must not widen another,
-    of which the flights tell a thousand times more.
+    of which the flights have a thousand times more information.
     """
     strength, Q = np.linalg.eigh(formal_covariance(fit, chosen))
     axes = Q.T @ chosen
@@ -186,7 +186,7 @@ def _effective_blocks(influence: Float[np.ndarray, "b a"]) -> float:
 def log_likelihood_loss(square: float, blocks: float, dimensions: int = 1) -> float:
     """Compute the log-likelihood that a squared distance costs.
 
-    Of Student's t: where few blocks tell the covariance, a large distance is no great surprise.
+    Of Student's t: where few blocks show the covariance, a large distance costs little.
     """
     return 0.5 * (blocks + dimensions) * float(np.log1p(max(square, 0.0) / blocks))
 

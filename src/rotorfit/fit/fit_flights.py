@@ -50,7 +50,7 @@ def widened(
 def _other_timings(dataset: TimedDataset) -> list[list[TimedDataset]]:
     """Return the flights at other timings, in groups that are independent of each other.
 
-    The motors off both ways, by half a sample or by a deviation of what the flights tell of lag
+    The motors off both ways, by half a sample or by a deviation of what the flights show of lag
     plus delay; lag taken for delay, by a deviation of the split.
     """
     found = dataset.motor_timing
@@ -179,7 +179,7 @@ def widen_by_settings(fit: Fit) -> Fit:
 def _by_other_bands(fit: Fit) -> Float[np.ndarray, " q"]:
     """Compute the half-width by the limit between informative bands and the others.
 
-    What a flight tells may hang on one band near that line. Of many flights their scatter shows it.
+    One band near that limit may have the information of a flight; many flights scatter by it.
     """
     if max(len(flights_of(c.factors)) for c in fit.configurations) >= ENOUGH_FLIGHTS:
         return np.zeros(len(fit.numbers.names))

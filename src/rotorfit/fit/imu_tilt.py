@@ -27,7 +27,7 @@ from rotorfit.preprocessing.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt
 from rotorfit.reduction.frequency_bands import STRETCH
 
 FEWEST_PARTS: Final = 3
-"""Whose scatter tells anything."""
+"""Whose scatter is informative."""
 Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
 
 

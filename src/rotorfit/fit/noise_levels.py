@@ -154,7 +154,7 @@ def _stretches(data: FlightData, longest: float) -> Iterator[Segment]:
 def noise_levels(errors: Float[np.ndarray, "n k"], sample_rate: float) -> Float[np.ndarray, " n"]:
     """Compute the size of a stretch's errors, row by row, over its geometric mean.
 
-    One where the stretch is too short to tell, or without errors.
+    One where the stretch is too short to show it, or without errors.
     """
     white = _whitened(errors, sample_rate)
     if white is None:

@@ -52,7 +52,7 @@ NAMED_LAYOUT: Final = re.compile(
 )
 """How `prospects` names the motors that a flight confirms."""
 GUESSED_ARM: Final = 0.15
-"""Only a scale for telling flight from ground, where no airframe is given [m]."""
+"""Only a scale to separate flight from ground, where no airframe is given [m]."""
 NEEDED: Final = ("gyro", "accel")
 WITH_AIRFRAME: Final = (
     "give --airframe FILE to check motor order, spins and arm, and to get a verdict for each number"

@@ -202,7 +202,7 @@ def prospects(
     if commanded and motors is not None:
         seen = motors.lag
         best = _best_lag(prepared, vehicle, model, motors)
-        # A maximum at either end is none: there the autopilot answers the gyro's noise or gusts.
+        # A maximum at either end is none: there the autopilot responds to gyro noise or gusts.
         motors = best if LAGS[0] < best.lag < LAGS[-1] else motors
         timed = replace(prepared, data=retimed(prepared, motors))
         commands = Commands(
@@ -280,7 +280,7 @@ def _clearer_lag(
 
 
 def _followed(fits: RowFits) -> bool:
-    """Test whether roll or pitch tells more of the motors than of disturbances."""
+    """Test whether roll or pitch shows more of the motors than of disturbances."""
     return max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
 
 

@@ -34,7 +34,7 @@ class ControllerLog:
     time
         When the controller ran [s].
     set_point, rate
-        Rates that it used: asked for, and heard from the gyro behind the filters on board [rad/s].
+        Rates that it used: the reference, and of the gyro behind the filters on board [rad/s].
     output
         Torque that it asked the mixer for, in parts of full output.
     set_point_std

@@ -74,7 +74,7 @@ class Format:
     suffixes
         Of files that are logs of this format by their names.
     certain
-        Whether the first bytes tell this format for sure.
+        Whether the first bytes identify this format for sure.
     names_fields
         Whether the file names its own fields, units and axes: no columns map of units is taken.
     map_refusal

@@ -20,7 +20,7 @@ SETTLING: Final = 0.5
 """After the beginning of a stretch, where the speed before it is not known, nothing counts [s]."""
 FASTEST: Final = 125.0
 """Of the measured speeds that count [Hz]: the error between two of them lasts longer than their
-distance, so that more of them tell no more (lags from 12 Hz are as sharp as from 500)."""
+distance, so that more of them add nothing (lags from 12 Hz are as sharp as from 500)."""
 MOST_ROUNDS: Final = 40
 SETTLED: Final = 1e-9
 FINE: Final = 1e-3

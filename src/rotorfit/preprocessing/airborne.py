@@ -35,7 +35,7 @@ SHORTEST_FLIGHT = 0.3
 LONGEST_TOUCH = 0.15
 HARDEST_TOUCH = 5.0
 DRIFT = 6.0
-"""Changes of thrust that are slower are no answer [s]."""
+"""Changes of thrust that are slower are no response [s]."""
 GUARD = 0.04
 """Taken off where flight meets the ground [s]: the low-pass sees a contact only from half."""
 ACTIVITY_RATIO: Final = 3.0
@@ -325,7 +325,7 @@ def phase_edges(
     """Cut a stretch into phases of one character: start and stop of each.
 
     Noise differs between them, and a short lively phase must not drown in a long calm one. Two
-    levels tell the character, logarithms of the angular acceleration's rms over 0.3 s: that of the
+    levels show the character, logarithms of the angular acceleration's rms over 0.3 s: that of the
     motion, under 20 Hz, and that of vibration and noise above. The cuts are those with which
     both are nearest to constant in each phase: they lie where a manoeuvre begins and ends, and
     none within it.

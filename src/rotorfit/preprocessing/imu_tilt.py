@@ -2,7 +2,7 @@ r"""How the IMU is mounted: turned by small angles about x and y against the pla
 
 In flight the thrust carries the vehicle, so that the mean specific force lies along the rotors'
 axis whatever the attitude: where it leans in the IMU's axes, the IMU leans in the vehicle. (Drag of
-a fast flight leans it, too, and so does a bias: who looks must tell them apart.)
+a fast flight leans it, too, and so does a bias: the caller must separate them.)
 """
 
 import dataclasses

@@ -160,7 +160,7 @@ def prepare(
     rotor_count
         How many motor columns the airframe expects.
     arm
-        Distance of the rotors from their centre [m]; only a scale for telling flight from ground.
+        Distance of the rotors from their centre [m]; only a scale to separate flight from ground.
     motors
         How the motor channel becomes rotor speed; measured, without delay, by default.
     window

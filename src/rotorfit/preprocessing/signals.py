@@ -34,7 +34,7 @@ SLACK = 1e-3
 SUDDEN = 1.5
 """Of the usual step beside it, by which a spike comes or goes."""
 AROUND = 6
-"""Steps on either side that tell the usual one: more than half of them are no spikes'."""
+"""Steps on either side that show the usual one: more than half of them are no spikes'."""
 
 
 def hampel(

@@ -1,4 +1,4 @@
-"""What is known of the motors' timing: lag, delay, and how far the flights tell them."""
+"""The timing of the motors: lag, delay, and how far they are identifiable."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -100,7 +100,7 @@ class TimedBands:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorTiming:
-    """What the flights tell of the motors' timing.
+    """The motors' timing by the flights.
 
     Attributes
     ----------

@@ -31,13 +31,13 @@ SHAKES: Final = ((10.0, "strong: balance the propellers"), (3.0, "moderate"), (0
 LEAST_LIMITED_COMMANDS: Final = 0.01
 """Share of the flight with a motor at its limit from which it is said."""
 SLOW_COMMANDS: Final = 50.0
-"""Below which commands tell nothing of turns [Hz]."""
+"""Below which commands show nothing of turns [Hz]."""
 MUCH_LAG: Final = 0.01
 """Difference of two lags that is said [s]."""
 LEAST_CHANGE: Final = 3.0
 """Change of thrust below which kt is found from the weight alone [%]."""
 WHAT: Final = {"roll": ("Ixx", ""), "pitch": ("Iyy", ""), "yaw": ("kd / Izz", "Izz, kd and Jr")}
-"""What an axis tells, and what it tells with all the others."""
+"""What an axis shows, and what it shows with all the others."""
 KNOW: Final = "To know"
 LEAST_SOURCE: Final = 16
 """Room for a channel's source beside its numbers [characters]."""

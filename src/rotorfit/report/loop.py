@@ -123,7 +123,7 @@ def proof(loop: AxisLoop) -> list[str]:
 
 
 def step_words(loop: AxisLoop) -> str:
-    """Say how soon and how far over the rate answers."""
+    """Describe how soon and how far over the rate responds."""
     step = loop.step
     if not math.isfinite(step.value[0]):
         return (
@@ -285,7 +285,7 @@ def bode_chart(loop: AxisLoop) -> Chart:
 
 
 def step_chart(loop: AxisLoop) -> Chart:
-    """Lay out the answer to a step of the rate asked for."""
+    """Lay out the response to a step of the rate reference."""
     step = loop.step
     axis = Axis(
         ends=(0.0, float(step.time[-1])), name="time since the step [s]", unit="s", least=0.1

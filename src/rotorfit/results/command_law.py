@@ -64,7 +64,7 @@ class CommandLaw:
     numbers
         Of the form, of the battery's voltage, of the curve of thrust.
     nominal_voltage
-        At which full_speed holds [V]; None where the flights tell nothing of the voltage.
+        At which full_speed holds [V]; None where the flights show nothing of the voltage.
     known
         Whether full speed is known well enough to be used.
     commands

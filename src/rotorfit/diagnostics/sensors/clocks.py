@@ -9,9 +9,9 @@ By how much accelerometer and gyro come after what the rotors do, each with its 
 The joint fit predicts each acceleration p from the rotors. In each band of frequencies the time
 :math:`d` by which the measured one, y, comes later is that at which
 :math:`|y - p e^{-i \omega d}|` is least. What is left there, r times p, is noise, gusts and what
-the model lacks, and the autopilot answers it: as far as the rotors go with it, the time moves by up
-to :math:`r / \omega`. Drag that the model lacks moves it by :math:`c / \omega^2`. A sensor that is
-late is so in all bands, so that bands and axes are weighed together.
+the model lacks, and the autopilot responds to it: as far as the rotors go with it, the time moves
+by up to :math:`r / \omega`. Drag that the model lacks moves it by :math:`c / \omega^2`. A sensor
+that is late is so in all bands, so that bands and axes are weighed together.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,7 @@
 """Widen intervals by the uncertainty of the gyro's scale, by a velocity of another source.
 
 Inertia goes with the inverse of the gyro's scale. An autopilot's estimate of its velocity is made
-with that gyro and no witness; where the log has none of another source, the scale is one of the
+with that gyro and no reference; where the log has none of another source, the scale is one of the
 assumptions.
 """
 

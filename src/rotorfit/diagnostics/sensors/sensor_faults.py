@@ -118,7 +118,7 @@ def vertical_partner(numbers: Numbers, name: str, *, rotors: int) -> float:
     """Compute the share of a coefficient that may be the other one's: drag along z and inflow.
 
     Both are a force against climb; only what they do to roll and pitch, where damping of the frame
-    does the same, tells them apart.
+    does the same, separates them.
     """
     base, _, owner = name.partition("@")
     values = dict(zip(numbers.names, numbers.values.tolist(), strict=True))

@@ -7,7 +7,7 @@ amplitude and phase together:
 
 .. math:: \ln H = -\ln(1 - u^2 + 2 j \zeta u), \quad u = f / f_0
 
-and its inverse. What is unexplained may be the autopilot's answer, as in `clocks`. The
+and its inverse. What is unexplained may be the autopilot's response, as in `clocks`. The
 factor of an axis is that of its inertia at low frequencies, so that the filter that fits best says
 by how much the fit's is off.
 """
@@ -36,7 +36,7 @@ BANDS: Final = (1.0, 2.0, 3.0, 4.5, 7.0, 10.0, 14.0, 19.0, 25.0, 30.0)
 MOST_UNEXPLAINED: Final = 0.8
 """Amplitude of what is left over that of the prediction, from which a band says nothing."""
 FEWEST: Final = 6
-"""Bands of all axes that tell a filter from a factor and a delay."""
+"""Bands of all axes that separate a filter from a factor and a delay."""
 CUTOFFS: Final = np.geomspace(6.0, 120.0, 40)
 """Of the filters that are tried [Hz]."""
 LEAST_SPREAD: Final = 0.25

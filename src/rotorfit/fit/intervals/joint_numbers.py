@@ -1,6 +1,6 @@
 """From the joint estimate to physical numbers with intervals.
 
-Half-width^2 = (the largest of formal and scatter)^2 + answer^2 + push^2 + tolerances^2.
+Half-width^2 = (the largest of formal and scatter)^2 + response^2 + push^2 + tolerances^2.
 Formal: the covariance of the fit. Scatter: over stretches and bands, of the number and of all
 together (`dispersion`); over phases; over flights. Answer: how far the estimate depends on what is
 assumed of the autopilot (`banded.response_sensitivity`). Push: what is open of where gusts and drag
@@ -74,11 +74,11 @@ from rotorfit.reduction.frequency_bands import PILOT_BAND
 from rotorfit.reduction.motor_timing import FreeTiming
 
 FEWEST_PHASES = 3
-"""Whose scatter tells anything."""
+"""Whose scatter is informative."""
 MOST_LEVERAGE = 4.0
 """Of a phase that has three quarters of the information."""
 FEWEST_FLIGHTS = 3
-"""Of one configuration, from which their scatter tells anything: its own size from
+"""Of one configuration, from which their scatter is informative: its own size from
 `ENOUGH_FLIGHTS` on, of fewer it can only be a lower limit."""
 OWN_NUMBERS = tuple(name for name in names_of("configuration") if name != "mass")
 SHARED_FREE = names_of("shared")
@@ -212,7 +212,7 @@ def half_width_between_phases(
     """Compute the half-width by the scatter of the flights' phases, all bands of a phase together.
 
     What a phase has to itself (the wind in its propellers, say) is common to its bands, so that
-    their scatter does not show it. Each phase pulls the estimate by p, and without it the estimate
+    their scatter does not show it. Each phase moves the estimate by p, and without it the estimate
     moves by d; p is too small where a phase has most of the information, and d too large: the
     variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2), d being no
     more than a few times p: without the one informative phase nothing is identifiable.
@@ -321,7 +321,7 @@ def weighed_excitation(
 ) -> dict[str, float]:
     """Compute the mean excitation of single blocks, each with its weight in the fit.
 
-    A short lively phase of a long calm flight is what tells of the vehicle.
+    A short lively phase of a long calm flight is what shows the vehicle.
     """
     return _ratios(fit, configurations, lambda factors: np.arange(len(factors)))
 
@@ -420,7 +420,7 @@ def inertia_uncertainty(
     """Widen the numbers on the scale of yaw by an inertia that is not identifiable.
 
     What yaw does to roll is in proportion to I_zz less I_yy: where nobody pitches, an I_yy that
-    gusts pull pulls I_zz with it, as far as the two go together in the fit.
+    gusts bias moves I_zz with it, as far as the two go together in the fit.
 
     `std`: deviations of the fit, of every number.
     """

@@ -2,17 +2,16 @@
 
 And the sizes below which a relative error of them does not matter.
 
-How far a number can be pulled by what the rotors do not explain, and whose motion helps.
+How far what the rotors do not explain can bias a number, and whose motion helps.
 
-The autopilot answers disturbances, so that rotor speeds are correlated with them, and an estimate
-of what the rotors do is pulled to one side: by a share of it that goes with 1 / rho, rho being
-explained over residual power of the axis' angular acceleration where a pilot moves the vehicle.
-The joint fit knows by how much on the very flights (`banded.response_sensitivity`): by about
-1 / rho. Row by row it is not known. There, measured on simulated flights (another rigid-body
-engine, gusts and
-sticks of many sizes) and on real ones: the roll and pitch inertia come out too large by up to
-2.5 / rho; k_d / I_zz and J_r / I_zz too small by up to 1.5 / rho; and the scale of I_zz and k_d,
-which depends on small terms, is off by up to 3 / rho either way.
+The autopilot responds to disturbances, so that rotor speeds are correlated with them, and the
+estimate of what the rotors do is biased to one side: by a share of it that goes with 1 / rho, rho
+being explained over residual power of the axis' angular acceleration where a pilot moves the
+vehicle. The joint fit knows by how much on the very flights (`banded.response_sensitivity`): by
+about 1 / rho. Row by row it is not known. There, measured on simulated flights (another rigid-body
+engine, gusts and sticks of many sizes) and on real ones: the roll and pitch inertia come out too
+large by up to 2.5 / rho; k_d / I_zz and J_r / I_zz too small by up to 1.5 / rho; and the scale of
+I_zz and k_d, which depends on small terms, is off by up to 3 / rho either way.
 
 The yaw equation holds I_zz, k_d and J_r only relative to one another. Their scale comes from what
 yaw does to roll and pitch (products of rates, gyroscopic torque of the rotors, known geometry).
@@ -38,9 +37,9 @@ INERTIA_BIAS: Final = 2.5
 CLOSED_LOOP_BIAS: Final = 1.0
 RATIO_BIAS: Final = 1.5
 SCALE_BIAS: Final = 3.0
-"""Largest pulls, as shares of the true value times rho."""
+"""Largest biases, as shares of the true value times rho."""
 NO_EXCITATION: Final = 1.5
-"""Below this rho an axis tells of the disturbances, not of the vehicle."""
+"""Below this rho an axis shows the disturbances, not the vehicle."""
 LEAST_EXCITATION: Final = 5.0
 """Below this, disturbances are no longer small against the pilot, and that is what limits."""
 
@@ -60,7 +59,7 @@ ROTORS_LEAN: Final = math.radians(0.25)
 """Deviation of the mean of four motors that each lean by half a degree [rad]."""
 COMMON: Final = 0.005
 COMMON_YAW: Final = 0.015
-"""Shares of k_t and of roll and pitch inertia, and of what yaw tells, by which many flights are off
+"""Shares of k_t and of roll and pitch inertia, and of what yaw shows, by which many flights are off
 alike: what the model lacks in all of them. Measured on 20 simulated flights with drag, of two
 vehicles: k_t and kd_over_Izz .2 to .5 and 1 % too small."""
 

@@ -52,7 +52,7 @@ ENOUGH: Final[Mapping[str, float]] = {
     "motor_lag": 0.1 * SUM_FAULT,
     "motor_skew": 1e-3,
 }
-"""Or so much of it [s, s, share], which no flight tells: simulators do, to microseconds."""
+"""Or so much of it [s, s, share], which no flight shows: simulators do, to microseconds."""
 LONGEST_LAG: Final = 0.2
 LONGEST_DELAY: Final = 0.16
 LEAST_GAIN: Final = 10.0
@@ -61,7 +61,7 @@ LEAST_LAG: Final = 1e-3
 """Of rotors whose rising and falling may differ [s]."""
 UNIDENTIFIABLE_BIAS: Final = 0.03
 """From here on [s], which is where the turns are explained less than five times over their
-residual, lag and delay of commanded motors are those of the autopilot's answer to gusts (70 ms
+residual, lag and delay of commanded motors are those of the autopilot's response to gusts (70 ms
 instead of 39 in a hover)."""
 STARTS: Final = (1.0, 0.5, 2.0)
 """Of the lag that the fit begins with, one after the other where it gets lost."""
@@ -94,7 +94,7 @@ def find_timing(dataset: TimedDataset, *, lag: bool = True) -> MotorTiming | Non
     for terms in (DEFAULT_TERMS, FEWEST_TERMS):
         with suppress(UnsettledError):
             return fitted_timing(dataset, start, names, terms)
-    # Neither settles: the flights do not tell the lag, and without one they would be fitted wrong.
+    # Neither settles: the flights do not show the lag, and without one they would be fitted wrong.
     return (
         unidentifiable_timing(dataset, delay_free="delay" in unknown) if "lag" in unknown else None
     )
@@ -134,8 +134,8 @@ def fitted_timing(
         return None  # the motion does not follow these commands at all
     bias = gust_bias(timed)
     total = response.mean_lag + response.delay
-    # Before the command no motor answers: there the autopilot answers the noise of its gyro. Of
-    # motors without lag, as simulators have them, the turns that are flown tell.
+    # Before the command no motor responds: there the autopilot responds to its gyro's noise. Of
+    # motors without lag, as simulators have them, the turns that are flown show it.
     late = total > 0.0 and (response.mean_lag > LEAST_LAG or bias == 0.0)
     if "motor_lag" in names and (bias > UNIDENTIFIABLE_BIAS or not late):
         return unidentifiable_timing(dataset, delay_free="motor_delay" in names)
@@ -233,7 +233,7 @@ def _with_skew(
         found = settled_fit(wide, terms, first) if gain > LEAST_GAIN else (dataset, fit)
     except EstimationError:
         return dataset, fit
-    # Motors too quick to tell their rising from their falling lose the motion, step by step.
+    # Motors too quick to separate their rising from their falling lose the motion, step by step.
     return (dataset, fit) if _exceeds_slopes(*found) else found
 
 

@@ -75,7 +75,7 @@ class Group:
 
 def index_bytes(data: bytes) -> ByteIndex:
     """Return the index of the bytes of one log."""
-    # The padding is made of terminators, so that every look-up of a truncated frame has an answer.
+    # The padding is made of terminators, so that every look-up of a truncated frame ends.
     padded = np.frombuffer(data + bytes(8), np.uint8)
     is_end = padded < 128
     rank = np.zeros(len(padded) + 1, np.int32)

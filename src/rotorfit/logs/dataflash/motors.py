@@ -36,7 +36,7 @@ ESC_LABELS: Final = ("TimeUS", "TimeMS", "Instance", "I", "RPM", "RawRPM")
 NAMES: Final = (*OUTPUT_MESSAGES, *ESC_NAMES)
 RPM: Final = 2.0 * math.pi / 60.0
 _FEW: Final = 4
-"""Outputs of an old log whose number of motors nothing tells."""
+"""Outputs of an old log that does not have its number of motors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

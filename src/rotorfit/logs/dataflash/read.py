@@ -28,7 +28,7 @@ from rotorfit.logs.files import read_blocks, read_head, sha256_of
 from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog, seconds_of, simulated_sentence
 
 CONTROLLER_NAMES: Final = ("RATE", *parameters.NAMES)
-"""Messages that tell of it."""
+"""Messages that have it."""
 ASKED: Final = ("RDes", "PDes", "YDes")
 MEASURED: Final = ("R", "P", "Y")
 OUTPUT: Final = ("ROut", "POut", "YOut")
@@ -72,7 +72,7 @@ CHOICE: Final = Wanted(
     names=frozenset((*sensors.CHOICE_NAMES, *parameters.NAMES)),
     glimpsed=frozenset(sensors.GLIMPSED),
 )
-"""Messages that tell which IMU to read."""
+"""Messages that name the IMU to read."""
 NAMES: Final = (
     *(*motors.NAMES, *parameters.NAMES, *sensors.NAMES, *frames.NAMES, *parameters.CIRCUMSTANCES),
     *("UNIT", "FMTU"),

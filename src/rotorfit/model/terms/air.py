@@ -109,7 +109,7 @@ INFLOW_OF_ROTORS: Final = AddedSignals(
 def climb_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Force -d v_z over the velocity along z that the IMU feels, and its torques: it acts anywhere.
 
-    Drag and inflow look the same. With its place at the origin, the flights would tell the centre
+    Drag and inflow look the same. With its place at the origin, the flights would show the centre
     of mass by the torque of a force that acts there in truth.
     """
     del vehicle
@@ -239,7 +239,7 @@ DRAG: Final = Term(
     entries=frame_drag,
     needs="velocity",
     signals=(VELOCITY,),
-    # To a side: a height controller that answers gusts looks like drag along z.
+    # To a side: a height controller that opposes gusts looks like drag along z.
     significance=Significance(parameters=DRAG_NAMES[:2], least=lambda s: s.trace_force),
 )
 TURN_DAMPING: Final = Term(

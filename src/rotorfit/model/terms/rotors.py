@@ -28,7 +28,7 @@ ROTOR_SPREAD_STD: Final = 0.04
 """Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or
 2 %, one rotor of a 3-inch quadrotor by 7 % in flight after flight."""
 GROUP_SPREAD_STD: Final = 0.1
-"""Thrust coefficients of groups that the user tells apart differ by about this share: lower rotors
+"""Thrust coefficients of groups that the user declares differ by about this share: lower rotors
 in the wake of upper ones, other propellers."""
 TWIST_STD: Final = np.radians(2.0)
 """Known of the motors' mean tilt about their arms before the flight [rad]."""
@@ -120,7 +120,7 @@ def rotor_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Yaw torque -c sum O_i (x_i (v_y + w_z x_i) - y_i (v_x - w_z y_i)) of rotors carried sideways.
 
     In proportion to a rotor's speed and to its velocity through the air (Faessler, Franchi and
-    Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018); where no position tells the
+    Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018); where no position shows the
     velocity of the body, that of the turn alone.
     """
     del vehicle
@@ -312,7 +312,7 @@ IMU_MOUNTING: Final = Term(
         for a in "xyz"
     ),
     dropped=0,
-    # It tells where the sensor sits, but motors that all lean alike look the same.
+    # It shows where the sensor sits, but motors that all lean alike look the same.
     reported=False,
 )
 ROTOR_DRAG: Final = Term(

@@ -78,7 +78,7 @@ class ParameterInfo:
     prior
         Deviation about zero before the flight.
     step
-        Size over which nothing bends, where its value does not tell (for the plan's bound).
+        Size over which nothing bends, where its value does not show it (for the plan's bound).
     between_flights
         What differs between flights of one configuration: it moves with the battery, or it is in
         proportion to the density of the air.
@@ -158,7 +158,7 @@ class Term:
     significance
         Of a term by likelihood (for a declared one: by which it may be judged).
     dropped
-        Its turn to be left out where a fit does not settle: what flights tell least first.
+        Its turn to be left out where a fit does not settle: what flights show least first.
     one_sided
         Parameters for which it is left out where they are surely below zero.
     reported

@@ -295,7 +295,7 @@ def _refined(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> A
     trial = _Trial(offset=start.offset, drift=0.0, rotation=start.rotation, bias=np.zeros(3))
     pair = _pair(body, marker, trial, cutoff=cutoff)
     trial = _solved(pair, trial)
-    # Which rows they share is seen anew: the start is off by a step, and a row more or less tells.
+    # Which rows they share is seen anew: the start is off by a step, and a row more or less counts.
     pair = _pair(body, marker, trial, cutoff=cutoff)
     trial = _solved(pair, trial)
     information, _, unexplained = _normal_equations(pair, trial)

@@ -13,7 +13,7 @@ and the vehicle's own attitude.
 
 The velocity that carries the rotors sideways, from rare positions and the IMU between them.
 
-Cameras tell the place rarely and with gaps, the accelerometer what happens between: turned by the
+Cameras show the place rarely and with gaps, the accelerometer what happens between: turned by the
 attitude and integrated it is a place but for a slow drift, which is the smoothest curve through
 what is left of the camera's (a natural cubic spline: De Boor, A Practical Guide to Splines, 1978,
 chapter XIV). The position need not be of the instants of the attitude: some logs have the cameras'

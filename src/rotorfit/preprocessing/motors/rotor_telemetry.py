@@ -35,7 +35,7 @@ TURNING: Final = 0.3
 EDGE: Final = 0.5
 """Left out after motors start and before they stop: the band-pass rings there [s]."""
 MOVES: Final = 0.01
-"""Deviation of a command below which it tells nothing of its speed."""
+"""Deviation of a command below which it shows nothing of its speed."""
 CLEAR: Final = 0.5
 """Correlation from which a command and a speed belong together."""
 CLEARER: Final = 0.7
