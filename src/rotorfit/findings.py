@@ -1,4 +1,4 @@
-"""What a check finds: one type for refusals, doubts, notes, and checks that passed."""
+"""Findings of checks: one type for refusals, doubts, notes, and checks that passed."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass

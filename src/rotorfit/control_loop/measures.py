@@ -1,4 +1,4 @@
-"""What is said of a loop: margins, bandwidth and step, each with its interval.
+"""Measures of a loop: margins, bandwidth and step response, each with its interval.
 
 How far an open loop is from oscillating.
 """

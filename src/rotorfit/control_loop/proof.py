@@ -1,4 +1,4 @@
-"""Is the predicted loop the one that flew? Replay of the controller, and the closed loop by bands.
+"""Compare the predicted loop with the one flown: controller replayed, closed loop by bands.
 
 The closed loop from set point r to rate y is measured with an instrument z that gusts do not move:
 what the outer loop asked for beyond its feedback, r' + K y (K: rate asked for per angle), so that

@@ -15,7 +15,7 @@ velocity is logged, its gain is taken off.
 That thrust is not always the same at one rotor speed (inflow, the ground, a wall, a battery that
 sags) the scatter of ten batches of the stretch shows (batch means).
 
-A force that grows with height: a tether whose weight hangs on the vehicle, or the ground below.
+A force that grows with height: a tether that the vehicle lifts, or the ground below.
 
 At one rotor speed the thrust lifts less the higher the vehicle is. Heights are integrals of the
 vertical velocity; what their unknown constants and a bias add is a parabola, which is fitted
@@ -39,7 +39,7 @@ from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.kinematics import product, rotated, small_turns
 
 SHARE: Final = 0.03
-"""Of the flights, before they are seen, in which some such force pulls."""
+"""Prior share of the flights in which some such force acts."""
 USUAL: Final = 0.25
 """Its deviation, over mass [m/s^2 a metre]: 2.5 % of the weight."""
 SOUND: Final = 0.015
@@ -128,7 +128,7 @@ def _by_gusts(
 ) -> float:
     """Estimate what gusts, or noise, make of the slope by the heights that are their own.
 
-    A force f that no thrust answers makes a height whose mean product with f is less than nothing:
+    A force f that no thrust balances makes a height whose mean product with f is less than nothing:
     minus the mean square of the velocity. Batches of the rest in another order are such a force.
     """
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-r"""Whether the sizes of gyro, arms and rotor speeds can be: units seen in the flight itself.
+r"""Check the units of gyro, arms and rotor speeds by the flight itself.
 
 Two references. Over some seconds of flight the specific force, turned by the gyro into axes that do
 not rotate, has the mean of gravity (see `weight_balance`); with a gyro in deg/s that is taken for

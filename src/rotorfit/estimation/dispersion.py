@@ -52,8 +52,8 @@ class Dispersion:
     ) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
         """Pool variances and degrees of freedom of single numbers with the dispersion.
 
-        `stated`, `shown`: variances: by the fit, and by the scatter of the blocks. `blocks`: that
-        tell each number.
+        `stated`, `shown`: variances by the fit, and by the scatter of the blocks. `blocks`: the
+        effective number of blocks of each number.
         """
         degrees = blocks + self.degrees
         return (blocks * shown + self.degrees * self.ratio * stated) / degrees, degrees

@@ -1,4 +1,4 @@
-r"""When a number of some vehicles changed: in one step, steadily from some moment on, or once only.
+r"""Detect changes of a number of some vehicles: a step, a drift from a moment on, or an outlier.
 
 A model says for every vehicle which shapes its flights follow beside their level (most often
 none), and one scatter between flights of all vehicles. Whole models are compared by

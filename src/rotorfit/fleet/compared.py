@@ -1,4 +1,4 @@
-"""Which numbers of a fleet's flights are compared, and what belongs to them."""
+"""The numbers of a fleet's flights that are compared, with their partners and scales."""
 
 import re
 from collections.abc import Sequence

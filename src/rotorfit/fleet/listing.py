@@ -1,4 +1,4 @@
-"""Which logs a fleet has: all of a folder, or those of a table."""
+"""List the logs of a fleet: all of a folder, or those of a table."""
 
 import csv
 import re

@@ -1,4 +1,4 @@
-"""What a fleet's flights say together: the type, each vehicle, changes, outliers.
+"""Statistics of a fleet's flights: the type, each vehicle, changes, outliers.
 
 Number by number: every flight's estimate with its own covariance, vehicles about the type's mean,
 flights about their vehicle. Nothing here looks into a log.

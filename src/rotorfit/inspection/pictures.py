@@ -1,4 +1,4 @@
-"""What a pilot looks at first in a log, as numbers to draw: curves, marks, spectra, filters."""
+"""Pictures of a log as numbers to draw: curves, marks, spectra, filters."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What one log can show, cheaply: kt, excitation of each axis, and whose motor order it has."""
+"""Predict cheaply what one log can show: kt, excitation of each axis, and the motor order."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

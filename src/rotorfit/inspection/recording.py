@@ -1,4 +1,4 @@
-"""How a log was recorded: true rates, clocks, limits, vibration, lateness of the motor data.
+"""Check how a log was recorded: true rates, clocks, limits, vibration, delay of the motor data.
 
 Which settings of an autopilot make its next log a better one: what its format advises.
 """

@@ -1,4 +1,4 @@
-"""What a flight and its log say of the airframe, where nobody has described it yet."""
+"""Estimate the airframe from a flight and its log, where nobody has described it yet."""
 
 import tomllib
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What the settings of a firmware mean: advice for a better log, and the filters on board."""
+"""Settings of a firmware: advice for a better log, and the filters on board."""
 
 import re
 from collections.abc import Iterable, Mapping, Set

@@ -393,7 +393,7 @@ def resolution_of(values: Float[np.ndarray, "n k"]) -> float | None:
     """Return the step of the grid on which recorded values lie, None if they lie on none.
 
     A column lies on a grid if the steps between its distinct values are whole multiples of the
-    smallest one (to a tenth, since converters round), and if the values are not too few to tell.
+    smallest one (to a tenth, since converters round), and if the values are not too few to show it.
     """
     thinned = values[:: max(1, len(values) // _SAMPLES_FOR_RESOLUTION)]
     steps = [_grid_step(column[np.isfinite(column)]) for column in thinned.T]

@@ -1,4 +1,4 @@
-"""Which part of a flight is in the air, where it rests, and where its character changes.
+"""Find the airborne part of a flight, its rests, and the changes of its character.
 
 In the air nothing but the rotors pushes: the specific force is the thrust, c sum O^2 along z, up
 to drag and the lever of the accelerometer. On the ground, in a hand or against a wall something

@@ -1,4 +1,4 @@
-r"""How the IMU is mounted: turned by small angles about x and y against the plane of the rotors.
+r"""The tilt of the IMU: turned by small angles about x and y against the plane of the rotors.
 
 In flight the thrust carries the vehicle, so that the mean specific force lies along the rotors'
 axis whatever the attitude: where it leans in the IMU's axes, the IMU leans in the vehicle. (Drag of

@@ -111,8 +111,8 @@ class MotorTiming:
     total_std
         Standard deviation of lag plus delay [s].
     free
-        Which times a fit finds again together with everything else (`FreeTiming.names`): those that
-        the flights tell.
+        Which times a fit finds again together with everything else (`FreeTiming.names`): the
+        identifiable ones.
     additional
         Times by which the signals' slopes are made, too: one may be set free later.
     reached

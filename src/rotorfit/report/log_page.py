@@ -1,4 +1,4 @@
-"""What inspect found in logs as one page: channels over time, spectra with the filters."""
+"""The page of inspected logs: channels over time, spectra with the filters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

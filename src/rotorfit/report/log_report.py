@@ -1,4 +1,4 @@
-"""What inspect says of one log: one screen of text, or JSON."""
+"""The report on one inspected log: one screen of text, or JSON."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -296,7 +296,7 @@ def _axis_message(axis: Excitation, found: Prospects) -> str:
     width = "" if axis.width is None else f" (to about +-{short(100.0 * axis.width)} %)"
     reason = _reason(axis, found)
     verdict = {
-        # The scale of Izz hangs on small terms of all equations, which only an estimate weighs.
+        # The scale of Izz depends on small terms of all equations, which only an estimate weighs.
         "well": f"{what} can be found well{width}{others and f'; {others} less well'}",
         "roughly": f"{what} roughly{width}{others and f', {others} less well'}: {reason}",
         "not": f"{what}{others and f', {others}'} cannot be found: {reason}",

@@ -1,4 +1,4 @@
-"""What `rotorfit loop` found, on one screen and as a page."""
+"""The outcome of `rotorfit loop`, on one screen and as a page."""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Does the vehicle fly as flown. One judgement, by wrenches and replay of the same flights.
+"""Judge whether the model flies as the vehicle did, by wrenches and replay of the same flights.
 
 The wrenches say how much of force and moments below 3 Hz the rotors do not explain; the replay, for
 how long rates are right where nothing corrects them. `validate` and `fly` say the same of a flight.

@@ -1,4 +1,4 @@
-"""Does the model predict flights it has not seen? Body wrench against rotor wrench (P16)."""
+"""Validate the model on flights kept apart: body wrench against rotor wrench (P16)."""
 
 import re
 from collections.abc import Mapping, Sequence

@@ -91,7 +91,7 @@ WEAK = 0.25
 HOPELESS = 1.0
 """The same, over which it is not identified."""
 HOPELESS_YAW = 0.5
-"""The same where little but disturbances moves yaw: their pull is one-sided."""
+"""The same where little but disturbances moves yaw: their bias is one-sided."""
 
 FLOWN: Final[Mapping[Manoeuvre, str]] = {
     "hover": "hover, hands off",
@@ -155,7 +155,7 @@ def judge(
     """Judge one number: its verdict, reason and advice.
 
     One of yaw is refused sooner below `LEAST_EXCITATION`: yaw is what the rotors move least, and
-    there the disturbances that the autopilot answers pull its ratios to zero.
+    there the autopilot's response to disturbances biases its ratios to zero.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def _of_parts(number: Derived, parameters: Sequence[Parameter]) -> Derived:
 def relative_width(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
     """Return the half-width of an inertia about the CoM over its relevant size.
 
-    None where only the twin's verdict tells. See `body_verdict`.
+    None where only the twin's verdict counts. See `body_verdict`.
     """
     value, interval = _known(derived.value), derived.interval
     if value is None or interval is None or derived.name not in INERTIA_COM:

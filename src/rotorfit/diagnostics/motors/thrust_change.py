@@ -1,7 +1,7 @@
 """Widen intervals by a thrust that changes during a flight: ground, a tether, a sagging battery.
 
 One rotor speed lifts more near the ground, and less on a tether. Which half of a flight is free air
-nothing tells; the scale of all that is in proportion to force is open by the change between the
+nothing shows; the scale of all that is in proportion to force is open by the change between the
 halves, as far as that is more than chance.
 """
 

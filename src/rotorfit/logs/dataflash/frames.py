@@ -132,7 +132,7 @@ def frame_of(parameters: Parameters, texts: list[str]) -> Frame | None:
     """Return the frame by a log's parameters and texts; None where it is not known.
 
     Before version 3.5 the parameter FRAME was the type, and the class was compiled in: a text
-    ``Frame: QUAD`` tells it.
+    ``Frame: QUAD`` has it.
     """
     kind = CLASSES.get(parameters.integer("FRAME_CLASS") or 0) or _class_of_texts(texts)
     number = parameters.integer("FRAME_TYPE")

@@ -1,4 +1,4 @@
-"""What a DataFlash log says of the vehicle: parameters, firmware, arming, when and in what air."""
+"""Read the vehicle of a DataFlash log: parameters, firmware, arming, when and in what air."""
 
 import re
 from collections.abc import Mapping, Sequence

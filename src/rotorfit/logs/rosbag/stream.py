@@ -1,4 +1,4 @@
-"""What every ROS recording yields: topics, then raw messages, then the numbers in them.
+"""The stream of a ROS recording: topics, then raw messages, then the numbers in them.
 
 A message says when its data were taken, the recorder when it arrived. The first is better, unless
 it is empty, jumps, or belongs to a clock that has nothing to do with the recorder's. A clock that

@@ -1,4 +1,4 @@
-"""What a PX4 log says of the vehicle: geometry, settings, simulator, and when it flew."""
+"""Read the vehicle of a PX4 log: geometry, settings, simulator, and when it flew."""
 
 import math
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""Whether the measured rotor speeds go with the motor commands: order, dead channels, ratios.
+"""Compare the measured rotor speeds with the motor commands: order, dead channels, ratios.
 
 The two are recorded by different devices on different wires, and each rotor has its own law from
 command to speed, so that a log contradicts itself where a plug is swapped, a wire is off or one
