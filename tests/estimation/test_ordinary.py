@@ -221,15 +221,6 @@ def test_an_equation_without_weight_is_not_there():
     np.testing.assert_array_equal(problem_rows(problem), problem_rows(alone))
 
 
-def test_weak_directions_are_named_by_their_vectors():
-    A, y = noisy(6)
-    A = np.column_stack([A, A[:, 1] * (1 + 1e-4 * np.arange(200))])
-    e = ordinary(plain_problem(A, y))
-    assert np.abs(e.weak_directions[0])[[1, 4]] == pytest.approx([2**-0.5] * 2, abs=1e-2)
-    assert e.weak_strengths[0] == pytest.approx(1.0 / e.condition_number)
-    assert (np.diff(e.weak_strengths) > 0).all()
-
-
 def test_a_parameter_that_nothing_moves_is_named():
     A, y = noisy(7)
     A[:, 2] = 0.0

@@ -239,8 +239,6 @@ def _finished(problem: BandedProblem, state: Evaluated, iterations: int) -> Band
             values=state.phi,
             covariance=covariance,
             condition_number=svd.condition_number,
-            weak_directions=svd.Vt[::-1][:3],
-            weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
         ),
         influence=equations.scores @ inverse,
         variance=state.variance,

@@ -50,18 +50,12 @@ class Estimate:
         Of the free parameters.
     condition_number
         Of the equations with every column scaled to unit length.
-    weak_directions
-        Right singular vectors of the column-scaled equations, weakest first.
-    weak_strengths
-        Their singular values, relative to the largest.
     """
 
     names: tuple[str, ...]
     values: Float[np.ndarray, " f"]
     covariance: Float[np.ndarray, "f f"]
     condition_number: float
-    weak_directions: Float[np.ndarray, "k f"]
-    weak_strengths: Float[np.ndarray, " k"]
 
     @property
     def std(self) -> Float[np.ndarray, " f"]:

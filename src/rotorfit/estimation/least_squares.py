@@ -43,8 +43,6 @@ def ordinary(problem: LinearProblem) -> Estimate:
         values=phi,
         covariance=variance * (svd.inverse_root @ svd.inverse_root.T),
         condition_number=svd.condition_number,
-        weak_directions=svd.Vt[::-1][:3],
-        weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
     )
 
 
@@ -85,8 +83,6 @@ def total(problem: LinearProblem) -> Estimate:
         values=chi,
         covariance=_covariance(problem.rows, chi, (U, s, Vt)),
         condition_number=svd.condition_number,
-        weak_directions=svd.Vt[::-1][:3],
-        weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
     )
 
 

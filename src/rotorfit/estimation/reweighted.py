@@ -96,8 +96,6 @@ def reweighted(
             values=phi,
             covariance=covariance,
             condition_number=svd.condition_number,
-            weak_directions=svd.Vt[::-1][:3],
-            weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
         ),
         influence=scores @ covariance,
         variance=variance,

@@ -251,8 +251,6 @@ def _scatter(vehicle: _Vehicle, trims: Sequence[_Trims]) -> Scatter:
         values=np.concatenate([one.values for one in trims]),
         covariance=np.asarray(scipy.linalg.block_diag(*(one.covariance for one in trims))),
         condition_number=1.0,
-        weak_directions=np.zeros((0, len(OWN) * len(trims))),
-        weak_strengths=np.zeros(0),
     )
     c = vehicle.configuration
     moment = c.mass * c.vehicle.arm

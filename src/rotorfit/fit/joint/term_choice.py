@@ -171,8 +171,6 @@ def expected_gain(
         values=values,
         covariance=np.zeros((len(names), len(names))),
         condition_number=1.0,
-        weak_directions=np.zeros((0, len(names))),
-        weak_strengths=np.zeros(0),
     )
     wide = dataclasses.replace(fit, problem=problem, estimate=at)
     every = np.ones(len(fit.influence), dtype=bool)
