@@ -86,7 +86,7 @@ def _speed_powers(numbers: Numbers) -> list[int]:
 
 
 def _slope_shift(fit: Fit, std: float) -> Float[np.ndarray, " q"]:
-    """Compute the shift of the numbers where speed over command is steeper by a share `std`."""
+    """Compute how far numbers go where the speed grows with the command by a share `std` more."""
 
     def steeper(speed: Speeds, flown: Float[np.ndarray, "m N"]) -> Speeds:
         hover = float(np.median(flown))

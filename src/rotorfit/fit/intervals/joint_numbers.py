@@ -308,7 +308,7 @@ def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> d
 def excitation(
     fit: BandedEstimate, configurations: Sequence[JointConfiguration]
 ) -> dict[str, float]:
-    """Compute explained over residual power of the angular accelerations, where a pilot flies.
+    """Return explained over residual power of the angular accelerations, where a pilot flies.
 
     Of several flights the mean, each for as long as it is: the fit gives every flight the weight
     of its own noise, so that a calm one beside a lively one does no harm.
@@ -321,13 +321,13 @@ def weighed_excitation(
 ) -> dict[str, float]:
     """Compute the mean excitation of single blocks, each with its weight in the fit.
 
-    A short lively phase of a long calm flight is what shows the vehicle.
+    A short lively phase of a long calm flight is what tells of the vehicle.
     """
     return _ratios(fit, configurations, lambda factors: np.arange(len(factors)))
 
 
 def _informative_excitation(numbers: Numbers, weighed: Mapping[str, float]) -> dict[str, float]:
-    """Compute the excitation of the weighted blocks where that is enough, else of whole flights."""
+    """Return the excitation by weight where that is enough, else over the whole flights."""
     plain = numbers.excitation
     return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
 
@@ -359,7 +359,7 @@ def _mean_ratios(
     residual: Float[np.ndarray, "b 3"],
     parts: Int[np.ndarray, " b"],
 ) -> Float[np.ndarray, " 3"]:
-    """Average explained over residual power in the pilot's band over the parts."""
+    """Return the mean over parts of explained over residual power in the pilot's band."""
     low, high = PILOT_BAND
     inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
     total, weight = np.zeros(3), 0.0

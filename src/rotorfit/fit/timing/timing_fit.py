@@ -140,7 +140,7 @@ def fitted_timing(
     if "motor_lag" in names and (bias > UNIDENTIFIABLE_BIAS or not late):
         return unidentifiable_timing(dataset, delay_free="motor_delay" in names)
     found = timing_with_deviations(dataset, free, fit)
-    return replace(found, bands=timed.found_with()) if _has_settled(free, fit) else found
+    return replace(found, bands=timed.found_with()) if _near(free, fit) else found
 
 
 def first_fit(
@@ -183,7 +183,7 @@ def settled_fit(
     for _ in range(MOST_ROUNDS - 1):
         free = dataset.free_timing
         assert free is not None
-        if _has_settled(free, fit):
+        if _near(free, fit):
             break
         moved = _moved(free, fit)
         additional = _additional_times(dataset, moved, free.names) if skew else ()
@@ -192,7 +192,7 @@ def settled_fit(
     return dataset, fit
 
 
-def _has_settled(free: FreeTiming, fit: BandedEstimate) -> bool:
+def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
     """Return whether the fit has moved no time by more than a little of its deviation."""
     at = [fit.estimate.names.index(name) for name in free.names]
     enough = np.maximum(NEAR * fit.estimate.std[at], [ENOUGH[name] for name in free.names])
@@ -261,7 +261,7 @@ def unidentifiable_timing(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
 def timing_with_deviations(
     dataset: TimedDataset, free: FreeTiming, fit: BandedEstimate
 ) -> MotorTiming:
-    """Add the deviations of the times: by chance, by the autopilot's response and by faults."""
+    """Add the deviations: of chance, of the autopilot's answer and of faults."""
     names = fit.estimate.names
     each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}
     std = _stds(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
