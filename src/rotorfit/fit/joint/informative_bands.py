@@ -1,10 +1,10 @@
-"""Which errors tell of the vehicle, which come together, and in which the autopilot answers.
+"""Select the informative bands, correlate the errors, mark where the autopilot responds.
 
 Bands in which no pilot moves an axis do not count for it (`frequency_bands.py`). In the others the
-autopilot still answers disturbances, and by how much is known well enough: wholly, up to the
+autopilot still responds to disturbances, and by how much is known well enough: wholly, up to the
 frequencies that a pilot uses (`rotorfit.estimation.feedback`). Where rotor speeds are commands,
 bands in which the thrust does not follow them do not count for it: motors are no first-order lag
-further up, and many quiet lines of no thrust at all would outvote those that tell of k_t.
+further up, and many quiet lines of no thrust at all would outvote those that show k_t.
 
 Gusts and drag push at one place and turn the vehicle about another, its centre of mass. What of the
 errors of the turns comes with those of the forces is therefore known, and is taken off them.
@@ -63,7 +63,7 @@ def select_informative_bands(
     terms: Collection[str] = DEFAULT_TERMS,
     least_ratio: float = LEAST_RATIO,
 ) -> list[JointConfiguration]:
-    """Return the configurations with what counts and what is answered.
+    """Select the informative bands, and mark those in which the autopilot responds.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def with_counted_bands(
     commanded: bool,
     least_ratio: float = LEAST_RATIO,
 ) -> JointConfiguration:
-    """Mark the bands that count, and those that the autopilot answers."""
+    """Mark the informative bands, and those in which the autopilot responds."""
     factors, turns = configuration.factors, list(TURNS)
     flown = np.zeros_like(signal, dtype=bool)
     if commanded:
@@ -150,7 +150,7 @@ class Pushes:
 def pushes(configuration: JointConfiguration, error: Float[np.ndarray, "b m 6"]) -> list[Pushes]:
     """Return the pushes on roll, pitch and yaw, of the blocks that count.
 
-    Of an axis that is flown in no band none: it tells nothing, and would tell k_t that by its ties.
+    Of an axis that is flown in no band none: it shows nothing, and would bias k_t.
     """
     counted, with_response = configuration.counted, configuration.with_response
     assert counted is not None and with_response is not None

@@ -32,7 +32,7 @@ Products = dict[tuple[int, str], list[tuple[float, str, str]]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointConfiguration:
-    """One configuration as the joint estimate sees it.
+    """One configuration of the joint estimate.
 
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
     no first moments and inertia of its own to estimate. `counted` and `with_response` are those of
@@ -110,7 +110,7 @@ def _body(c: int, configuration: JointConfiguration) -> Free:
 
 
 def _own_terms(used: Sequence[Term], configuration: JointConfiguration) -> list[Term]:
-    """Return the terms of which each configuration has its own parameters, besides its body."""
+    """Return the terms with own parameters of each configuration, besides its body."""
     centre = [ROTOR_CENTER] if configuration.vehicle.imu_position is None else []
     return centre + [t for t in used if t.owner == "configuration" and t.when != "always"]
 

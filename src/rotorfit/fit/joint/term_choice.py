@@ -1,4 +1,4 @@
-"""Which optional terms are in the model: what the user says, else what the flights ask for.
+"""Choose the optional terms of the model: those of the user, else by the likelihood.
 
 A term that most vehicles have little of (drag, a constant torque) enters where the log-likelihood
 rises by more than `LEAST_GAIN` with it. Whether a fit with it is worth its time is seen beforehand
@@ -22,7 +22,7 @@ from rotorfit.model.terms.term import Term
 LEAST_GAIN = 50.0
 """Of the log-likelihood, per configuration, for which a term enters. Of chance alone the three
 parameters of a torque gain 1.5 on average, and 8 once in a thousand, the nine of drag 4.5 and 14;
-gusts, which the autopilot answers, make up to 23 on simulated flights without the term, and throws
+the response to gusts makes up to 23 on simulated flights without the term, and throws
 and pulses up to 40 on real ones, where flights of the same vehicle contradict one another. Drag
 that spoils anything gains over 100."""
 SURE = 4.0
@@ -51,7 +51,7 @@ class Choice:
 
     @property
     def settings(self) -> dict[str, object]:
-        """What a result says of it."""
+        """Its entries among the settings of a result."""
         said: dict[str, object] = {"terms": list(self.terms)}
         if self.least_gain is None:
             return {**said, "terms_chosen": "by the experiment file"}
@@ -87,7 +87,7 @@ def chosen(
     refit: Refit,
     present: tuple[str, ...] = DEFAULT_TERMS,
 ) -> tuple[Choice, BandedEstimate]:
-    """Return the terms of the model and the fit with them.
+    """Choose the terms of the model, and fit with them.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def chosen(
         try:
             trial = refit(wider, fit)
         except UnsettledError:
-            continue  # the flights cannot tell it from the other terms
+            continue  # the flights do not separate it from the other terms
         gains[name] = trial.log_likelihood - fit.log_likelihood
         if gains[name] >= least and matters(name, trial, joint):
             present, fit = wider, trial
@@ -133,7 +133,7 @@ def chosen(
 
 
 def _drives(term: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
-    """Return whether what should brake surely drives in every configuration: no air does that."""
+    """Test whether a one-sided term surely drives in every configuration: no air does that."""
     names = [f"{name}@{c.name}" for c in joint for name in term.one_sided]
     if not set(names) <= set(fit.estimate.names):
         return False
@@ -161,7 +161,7 @@ def matters(name: str, fit: BandedEstimate, joint: Sequence[JointConfiguration])
 def expected_gain(
     fit: BandedEstimate, joint: Sequence[JointConfiguration], terms: Sequence[str]
 ) -> float:
-    """Return by how much the log-likelihood would rise with these terms, to second order."""
+    """Compute the gain of log-likelihood with these terms, to second order."""
     problem = joint_problem(joint, terms=terms)
     known = fit.estimate.by_name
     names = problem.map.names

@@ -1,4 +1,4 @@
-"""What changes from flight to flight of one configuration: where the battery sits, and the air.
+"""Trims of each flight of one configuration: where the battery sits, and the air.
 
 A centre of mass that is half a millimetre elsewhere turns thrust into a torque that looks like a
 gust, and a joint fit of flights that share one knows less of all the rest. Air that is 3 degrees
@@ -20,7 +20,7 @@ from rotorfit.estimation.parameter_map import ParameterMap, Product
 from rotorfit.model.parameters import INERTIA, PARAMETERS, inertia_about
 
 ENOUGH_FLIGHTS: Final = 5
-"""Of one configuration, from which their scatter tells its own size."""
+"""Of one configuration, from which their scatter is informative."""
 TRIM: Final = "trim_"
 MOVED: Final = tuple(n for n, info in PARAMETERS.items() if info.between_flights == "moves")
 """First moments that a flight has for itself: the height of the CoM hardly makes a torque."""
@@ -34,7 +34,7 @@ LEAST_MOVED: Final = 5e-4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scatter:
-    """By how much the flights of a configuration differ: deviations about what they share.
+    """Scatter of the flights of a configuration: deviations about their common values.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ def trim_prior(
 def scatters(
     estimate: Estimate, owners: Sequence[int], moments: Sequence[float]
 ) -> dict[int, Scatter]:
-    """Return by how much the flights of each configuration differ.
+    """Estimate the scatter of the flights of each configuration.
 
     A prior wider than that would leave what all flights share more open than they do. One step of
     expectation maximisation (Dempster, Laird and Rubin, J. Royal Statistical Society B 39, 1977),
@@ -191,7 +191,7 @@ def scatters(
         if len(own) > 1:
             variance = float(np.mean([_variance(estimate, moment, own) for moment in MOVED]))
             moved = float(np.sqrt(variance)) / moments[own[0]]
-            # Two flights of one day tell nothing of other days: one degree of freedom from before.
+            # Two flights of one day show nothing of other days: one degree of freedom from before.
             squares = UNSEEN.air**2 + (len(own) - 1) * _variance(estimate, "air", own)
             found[c] = Scatter(
                 moved=max(moved, LEAST_MOVED), air=float(np.sqrt(squares / len(own)))
