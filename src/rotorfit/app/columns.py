@@ -105,7 +105,7 @@ def described_columns(
 
 
 def on_page(path: Path, error: LogError) -> str:
-    """Say what is wrong with a table to somebody who names columns below, not by options."""
+    """Explain a fault of a table to somebody who names columns below, not by options."""
     words = str(error).removeprefix(f"{path}: ")
     return re.sub(r",? (with|as) --column( \w+=NAME)?", " below", words)
 

@@ -262,7 +262,7 @@ def _no_number(word: str) -> float:
 
 
 async def _pieces(request: Request) -> AsyncGenerator[bytes]:
-    """Yield what is sent; raise OutputError if nothing comes for too long."""
+    """Yield the pieces received; raise OutputError if nothing comes for too long."""
     pieces = aiter(request.stream())
     while True:
         try:

@@ -67,7 +67,7 @@ STEP: Final = (0.3, 5e-3)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisLoop:
-    """What is said of one axis.
+    """The judged loop of one axis.
 
     Attributes
     ----------

@@ -133,7 +133,7 @@ class Measure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopMeasures:
-    """How far a loop is from oscillating.
+    """Distances of a loop from oscillating.
 
     Attributes
     ----------

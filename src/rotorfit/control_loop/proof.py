@@ -58,7 +58,7 @@ SLOPE = 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayedOutput:
-    """How the logged output follows the replayed one: slope, and share that is left.
+    """The logged output over the replayed one: slope, and share that is left.
 
     `derivative`: the slope of the logged derivative of the rate, where the log has it.
     """
@@ -75,7 +75,7 @@ class ReplayedOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayedMixer:
-    """How the motors' commands follow the output of an axis.
+    """The motors' commands over the output of an axis.
 
     Attributes
     ----------
@@ -172,7 +172,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopError:
-    """How far the flown loop is from the predicted one, by its closed loop.
+    """The error of the predicted loop, by the closed loop as flown.
 
     Attributes
     ----------

@@ -59,7 +59,7 @@ LARGEST: Final = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeightForce:
-    """By how much a force over mass grows with height [m/s^2 a metre].
+    """The growth of a force over mass with height [m/s^2 a metre].
 
     Attributes
     ----------

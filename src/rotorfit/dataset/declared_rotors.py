@@ -72,7 +72,7 @@ class Response:
         return int((self.shares > CLEAR).sum()) >= 2
 
     def gain_over(self, other: "Response") -> float:
-        """Return how much less this leaves unexplained, see `BETTER`."""
+        """Compute the factor by which the unexplained part is smaller, see `BETTER`."""
         left = np.maximum(1.0 - np.array([other.shares, self.shares]), NEGLIGIBLE)
         return float(np.log(left[0] / left[1]).sum())
 
@@ -113,7 +113,7 @@ def _products(R: Float[np.ndarray, "z z"], declared: Vehicle) -> Float[np.ndarra
 def _response(
     products: Float[np.ndarray, "c c"], vehicle: Vehicle, *, declared: Vehicle
 ) -> Response:
-    """Return how rotors explain the response, from the products made for the declared ones."""
+    """Compute the response by these rotors, from the products made for the declared ones."""
     roll, pitch, yaw = _signed_shares(products, _drives(vehicle, declared)).tolist()
     return Response(roll=roll, pitch=pitch, yaw=yaw)
 

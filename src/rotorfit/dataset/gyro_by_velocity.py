@@ -90,7 +90,7 @@ class GyroScale:
         return parts / total
 
     def probability(self, axis: int) -> float:
-        """Return how likely the scale of an axis is off."""
+        """Return the probability that the scale of an axis is off."""
         return float(np.sum(self._posterior(axis)[1]))
 
     def draws(self) -> Float[np.ndarray, "n 3"]:
@@ -104,7 +104,7 @@ class GyroScale:
         return np.column_stack([rng.choice(_GRID, DRAWS, p=weight) for weight in weights])
 
     def half_widths(self, slopes: Float[np.ndarray, "3 q"]) -> Float[np.ndarray, " q"]:
-        """Return what holds 95 % of the posterior of numbers about no error of scale."""
+        """Compute the half-widths that hold 95 % of the posterior about no error of scale."""
         return np.quantile(np.abs(self.draws() @ slopes), 0.95, axis=0)
 
 
@@ -212,7 +212,7 @@ def _whitened(
 
 
 def _innovations(x: Float[np.ndarray, "m k"], share: float) -> Float[np.ndarray, "m k"]:
-    """Return what a sample has beyond an exponential mean of those before."""
+    """Subtract from each sample an exponential mean of the samples before."""
     first = np.concatenate([x[:1], np.diff(x, axis=0)])
     return np.asarray(signal.lfilter([1.0], [1.0, share - 1.0], first, axis=0))
 

@@ -48,7 +48,7 @@ ALLOWED: Final = ACCEL_BIAS_STD / GRAVITY
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GravitySeen:
-    """What the accelerometer reads where gravity is known.
+    """Readings of the accelerometer where gravity is known.
 
     Attributes
     ----------

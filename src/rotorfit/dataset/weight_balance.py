@@ -33,7 +33,7 @@ MOST_OUTSIDE = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Held:
-    """What held a vehicle up, over gravity: 1 where everything is right.
+    """The mean force that held a vehicle up, over gravity: 1 where everything is right.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Held:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turning:
-    """How the body axes turn within windows of a flight: it serves every force of that flight.
+    """The turn of the body axes within windows of a flight, for every force of that flight.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Turning:
 
 
 def turning(data: FlightData) -> Turning:
-    """Return how the axes of a flight turn by its gyro, in windows of its segments."""
+    """Integrate the turn of a flight's axes by its gyro, in windows of its segments."""
     group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
     windows = tuple(_windows(data))
     rates = [grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]

@@ -88,7 +88,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Activity:
-    """How much one axis moved, window by window.
+    """The motion of one axis, window by window.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class Activity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimePicture:
-    """What there is to draw of a log over time, in seconds since its first sample."""
+    """The picture of a log over time, in seconds since its first sample."""
 
     start: float
     end: float
@@ -316,7 +316,7 @@ def _activity(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogPictures:
-    """What there is to draw of one log; it does not grow with the log's length.
+    """The pictures of one log; their size does not grow with the log's length.
 
     Attributes
     ----------

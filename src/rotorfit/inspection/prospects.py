@@ -58,7 +58,7 @@ IDENTIFY: Final = "identify it: rotorfit identify LOG --mass KG --airframe AIRFR
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Excitation:
-    """How one axis was moved.
+    """The excitation of one axis, and the prospect of its number.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Excitation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thrust:
-    """How the thrust was moved, and what carries the weight.
+    """The excitation of thrust, and the coefficient that carries the weight.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Thrust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Commands:
-    """What may be wrong with commands in place of speeds.
+    """Possible faults of commands in place of speeds.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class Commands:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prospects:
-    """What a flight can show; `motors` names the layout and order that explain the motion.
+    """The prospects of a flight; `motors` names the layout and order that explain the motion.
 
     `useless_because`: why no other flight shows more in such a log; None where one does.
     """

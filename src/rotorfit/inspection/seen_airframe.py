@@ -12,7 +12,7 @@ from rotorfit.logs.formats import BY_NAME
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeenAirframe:
-    """What a log says of the airframe.
+    """The airframe as far as a log shows it.
 
     Attributes
     ----------

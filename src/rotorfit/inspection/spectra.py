@@ -46,7 +46,7 @@ STRONGER: Final = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorBand:
-    """Where the rotors turn at a multiple of their frequency, 10 % to 90 % of the time.
+    """The band of a multiple of the rotors' frequency, 10 % to 90 % of the time.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Spectrum:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorTimes:
-    """How fast each rotor turned, block by block [Hz]: mean and deviation."""
+    """The speed of each rotor, block by block [Hz]: mean and deviation."""
 
     mean: Float[np.ndarray, "b N"]
     std: Float[np.ndarray, "b N"]

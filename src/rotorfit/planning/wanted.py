@@ -153,6 +153,6 @@ def candidate_columns(candidates: Sequence[Candidate]) -> dict[str, list[Any]]:
 
 
 def candidate_title(candidate: Candidate) -> str:
-    """Say what is flown."""
+    """Describe the flights of a candidate."""
     twice = ", bare and with payload" if candidate.payload else ""
     return f"{candidate.schedule} {candidate.seconds:g} s{twice}"

@@ -54,7 +54,7 @@ LONGEST_LEVEL: Final = 1200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """What the search for flight looks at, on one uniform clock.
+    """The signals of the search for flight, on one uniform clock.
 
     Attributes
     ----------

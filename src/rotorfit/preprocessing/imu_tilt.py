@@ -24,7 +24,7 @@ LEAST_TILT: Final = float(np.radians(5.0))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImuTilt:
-    """How the IMU sits in the vehicle.
+    """The tilt of the IMU in the vehicle.
 
     Attributes
     ----------

@@ -123,7 +123,7 @@ class PreparedFlight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneClock:
-    """What `prepare` needs of a log, which itself need not be kept in memory any longer.
+    """The part of a log that `prepare` needs, so that the log need not stay in memory.
 
     Attributes
     ----------

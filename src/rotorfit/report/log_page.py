@@ -239,7 +239,7 @@ def _level_spans(axis: Activity, row: int) -> list[Span]:
 
 
 def time_sentences(picture: TimePicture, airborne: Sequence[tuple[float, float]]) -> list[str]:
-    """Describe what is to be seen over time."""
+    """Describe the pictures over time."""
     words = _mark_sentences([mark for mark in picture.marks if mark.kind != "cut"])
     if picture.activity:
         where = "In the air" if airborne else "In all of the log"
@@ -356,7 +356,7 @@ def _filter_marks(one: Filter, bands: Sequence[RotorBand]) -> tuple[list[Line], 
 
 
 def spectrum_sentences(pictures: LogPictures) -> list[str]:
-    """Describe what is to be seen in the spectra."""
+    """Describe the pictures of the spectra."""
     words = [_peak_sentence(found) for found in pictures.spectra]
     first = pictures.spectra[0]
     if pictures.bands:

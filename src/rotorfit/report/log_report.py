@@ -270,7 +270,7 @@ def _thrust_message(found: Prospects) -> str:
 
 
 def _unexplained(found: Prospects) -> str:
-    """Say what may be wrong where commands do not explain the turns that a pilot flies."""
+    """Explain possible faults where commands do not explain the turns that a pilot flies."""
     if found.motors is None:
         return "Neither roll nor pitch follows the commands"
     words = "The commands explain quick turns, but not the slow ones that a pilot flies"

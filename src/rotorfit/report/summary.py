@@ -200,7 +200,7 @@ def name_of(number: Parameter | Derived) -> str:
 
 
 def _in_short(finding: Finding) -> str:
-    """Return what was met, without remarks in brackets, consequence and advice."""
+    """Shorten a finding's sentence: no remarks in brackets, consequence or advice."""
     plain = re.sub(r" \([^()]*\)", "", finding.sentence)
     met = re.split(r"(?<=.{20})(?:: |; )", plain, maxsplit=1)[0]
     return f"{met} (the intervals cover this)" if "cover" in plain.removeprefix(met) else met

@@ -53,7 +53,7 @@ WORDS: Final[Mapping[Level, str]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisJudgement:
-    """What thrust or one axis of a model is worth.
+    """The judgement of thrust or one axis of a model.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class AxisJudgement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """What a model is worth on some flights; `doubtful` are numbers that it rests on."""
+    """The judgement of a model on some flights; `doubtful` are numbers that it rests on."""
 
     axes: tuple[AxisJudgement, ...]
     doubtful: tuple[str, ...] = ()

@@ -25,7 +25,7 @@ show what is of no account."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Size:
-    """How large a vehicle is, by which sizes and priors of its parameters are measured.
+    """The size of a vehicle, by which sizes and priors of its parameters are measured.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ Rule = Callable[[Size], float]
 
 @dataclass(frozen=True, slots=True)
 class ParameterInfo:
-    """What a number of a result is.
+    """A number of a result: unit, meaning, sizes and prior.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Significance:
-    """When a term that the likelihood asks for is more than a trace, in some configuration.
+    """The rule by which a term by likelihood is more than a trace, in some configuration.
 
     Attributes
     ----------

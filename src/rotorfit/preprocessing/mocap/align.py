@@ -49,7 +49,7 @@ ITERATIONS = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alignment:
-    """How a motion-capture recording lies on the clock and in the axes of a log.
+    """The alignment of a motion-capture recording with the clock and the axes of a log.
 
     Attributes
     ----------

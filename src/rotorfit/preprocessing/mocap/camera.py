@@ -118,7 +118,7 @@ JUMP_DEVIATIONS = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraClock:
-    """When the frames were taken, if the cameras ran regularly.
+    """The clock of the frames, if the cameras ran regularly.
 
     Attributes
     ----------

@@ -225,7 +225,7 @@ ALONGSIDE_STEPS: Final = 4.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorLimits:
-    """What of a flight the motors spend at the ends of their commands.
+    """The shares of a flight with motors at the ends of their commands.
 
     Attributes
     ----------

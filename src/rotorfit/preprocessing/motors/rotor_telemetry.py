@@ -57,7 +57,7 @@ State = Literal["follows", "swapped", "dead", "stuck", "apart", "unlike", "uncle
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorTelemetry:
-    """How the measured speed of one rotor goes with the commands.
+    """The measured speed of one rotor compared with the commands.
 
     Attributes
     ----------
