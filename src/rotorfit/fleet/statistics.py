@@ -119,6 +119,8 @@ class FleetStatistics:
         Their names.
     loadings
         Differences between the configurations of a vehicle.
+    alarm, rate
+        Chance of a false change in the whole fleet; expected share of false outliers.
     tests
         In how many series of flights a change was looked for.
     """
@@ -126,6 +128,8 @@ class FleetStatistics:
     vehicles: tuple[str, ...]
     numbers: tuple[NumberStatistics, ...]
     loadings: tuple[LoadingDifference, ...]
+    alarm: float
+    rate: float
     tests: int
 
     def number(self, name: str, configuration: str | None = None) -> NumberStatistics | None:
@@ -162,6 +166,8 @@ def fleet_statistics(records: Sequence[FlightRecord], *, alarm: float = ALARM) -
         vehicles=vehicles,
         numbers=tuple(numbers),
         loadings=tuple(_loadings(numbers, records)),
+        alarm=alarm,
+        rate=FALSE_DISCOVERY_RATE,
         tests=tests,
     )
 
