@@ -233,7 +233,7 @@ def _motor_lines(result: IdentificationResult) -> list[Line]:
 
 
 def _strong_and_weak(result: IdentificationResult) -> str:
-    """Name the motors that pull most and least, where the difference is seen."""
+    """Name the motors with the most and the least thrust, where the difference is clear."""
     rotors = [p for p in result.parameters if p.name.startswith("kt_") and p.value]
     found = next((d for d in result.derived if d.name == "motor_imbalance"), None)
     if len(rotors) < 2 or found is None or found.interval is None or found.interval[0] <= 0.0:
