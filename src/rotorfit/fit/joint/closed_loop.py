@@ -61,10 +61,7 @@ NOMINAL_RESPONSE: Final = ClosedLoopResponse()
 def estimated_response(fit: BandedEstimate) -> ClosedLoopResponse:
     """Estimate the response that the flights show together.
 
-    Parameters
-    ----------
-    fit
-        Of all flights, each with factors of its own, made with the nominal response.
+    `fit`: of all flights, each with factors of its own, made with the nominal response.
     """
     return response_from_scores(*_flight_scores(fit))
 
@@ -77,14 +74,8 @@ def response_from_scores(
 ) -> ClosedLoopResponse:
     """Estimate the response from the informations and scores of the flights.
 
-    Parameters
-    ----------
-    H, s
-        Information and score of each flight at the joint fit.
-    G
-        What a response to each error adds to the score.
-    prior
-        Information before the flights.
+    `H`, `s`: information and score of each flight at the joint fit. `G`: what a response to each
+    error adds to the score. `prior`: information before the flights.
     """
     flights, f, e = G.shape
     X = np.concatenate([H, -G], axis=2)

@@ -65,18 +65,10 @@ def select_informative_bands(
 ) -> list[JointConfiguration]:
     """Select the informative bands, and mark those in which the autopilot responds.
 
-    Parameters
-    ----------
-    configurations
-        With their factors per stretch and band.
-    values
-        Free parameters by name, near enough to tell the pilot's motion from disturbances.
-    commanded
-        Whether the rotor speeds are commands.
-    known, terms
-        As for `joint_estimate`.
-    least_ratio
-        Explained over residual power of an angular acceleration, from which a band counts.
+    `configurations`: with their factors per stretch and band. `values`: free parameters by name,
+    near enough to separate the pilot's motion from disturbances. `commanded`: whether the rotor
+    speeds are commands. `known`, `terms`: as for `joint_estimate`. `least_ratio`: explained over
+    residual power of an angular acceleration, from which a band counts.
     """
     problem = joint_problem(configurations, known=known, terms=terms)
     phi = at_values(problem, values, np.zeros(len(problem.map.names)))
@@ -176,14 +168,9 @@ def error_correlation(
     """Return how much of the errors of the turns comes with those of the forces.
 
     By regression, each block with the variance of what is left. Known before the flight: pushes are
-    within the vehicle (`joint_equations.PUSHED_STD`).
+    within the vehicle (`joint_problem.PUSHED_STD`).
 
-    Parameters
-    ----------
-    flights
-        Their pushes.
-    vehicle
-        For its size.
+    `flights`: their pushes. `vehicle`: for its size.
     """
     shares, std = np.zeros((len(NOISY), len(NOISY))), error_correlation_std(vehicle)
     for turn, parts in zip(TURNS, zip(*flights, strict=True), strict=True):

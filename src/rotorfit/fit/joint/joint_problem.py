@@ -236,7 +236,7 @@ def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopRespon
     assert with_response is not None and counted is not None
     turn = 2.0 * np.pi * factors.band.mean(axis=1)
     counted_errors = counted[:, [NOISY.index(name) for name in RESPONSE_ERRORS]]
-    moving = factors.rows - (factors.band[:, 0] == 0.0)  # trim is no response
+    moving = factors.rows - (factors.band[:, 0] == 0.0)  # trim is nobody's answer
     rate, climb = nominal_response(turn), first_order(turn, CLIMB_BANDWIDTH)
     slow_yaw = (turn < 2.0 * np.pi * SLOW_YAW) * first_order(turn, YAW_BANDWIDTH)
     usual = np.stack([rate, rate, rate, climb], axis=1)

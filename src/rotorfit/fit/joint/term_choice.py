@@ -89,18 +89,9 @@ def chosen(
 ) -> tuple[Choice, BandedEstimate]:
     """Choose the terms of the model, and fit with them.
 
-    Parameters
-    ----------
-    terms
-        As the user chose; None for what the flights ask for.
-    fit
-        With the user's terms, or the default ones.
-    joint
-        What was fitted.
-    refit
-        Fits again.
-    present
-        The terms of the fit, where the user chose none.
+    `terms`: as the user chose; None for what the flights ask for. `fit`: with the user's terms, or
+    the default ones. `joint`: what was fitted. `refit`: fits again. `present`: the terms of the
+    fit, where the user chose none.
     """
     if terms is not None:
         return Choice(terms=tuple(terms)), fit

@@ -70,18 +70,10 @@ def with_trims(
 ) -> ParameterMap:
     """Return the map to theta of every flight, with trims for each that is not alone.
 
-    Parameters
-    ----------
-    mapped
-        To theta of every configuration.
-    theta_names
-        Parameters of the model.
-    owners
-        Whose flight each is, in order; a configuration that is there once has no trims.
-    masses
-        Of each flight [kg].
-    of_many
-        Whether flights that are alone here are of many elsewhere, and have trims, too.
+    `mapped`: to theta of every configuration. `theta_names`: parameters of the model. `owners`:
+    whose flight each is, in order; a configuration that is there once has no trims. `masses`: of
+    each flight [kg]. `of_many`: whether flights that are alone here are of many elsewhere, and have
+    trims, too.
     """
     own = list(owners)
     split = [k for k, c in enumerate(own) if of_many or own.count(c) > 1]
@@ -149,14 +141,8 @@ def trim_prior(
 ) -> dict[str, float]:
     """Return the deviations of the trims before the flights.
 
-    Parameters
-    ----------
-    mapped
-        With the trims.
-    scatter
-        Of the flights of the configuration that each flight is of.
-    moments
-        Mass times arm of each flight [kg m].
+    `mapped`: with the trims. `scatter`: of the flights of the configuration that each flight is of.
+    `moments`: mass times arm of each flight [kg m].
     """
 
     def std(name: str) -> float:
@@ -176,14 +162,8 @@ def scatters(
     expectation maximisation (Dempster, Laird and Rubin, J. Royal Statistical Society B 39, 1977),
     from what the trims differ by and what is open of that.
 
-    Parameters
-    ----------
-    estimate
-        With trims for each flight that is not alone.
-    owners
-        Whose flight each is, in order.
-    moments
-        Mass times arm of each flight [kg m].
+    `estimate`: with trims for each flight that is not alone. `owners`: whose flight each is, in
+    order. `moments`: mass times arm of each flight [kg m].
     """
     found: dict[int, Scatter] = {}
     for c in set(owners):
