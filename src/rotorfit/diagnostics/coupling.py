@@ -28,7 +28,7 @@ than 1."""
 KNOWN_IZZ: Final = 0.5
 """Half-width of I_zz, as a share, from which on the flights do not show it by any coupling."""
 LEAST_GAIN: Final = 10.0
-"""Of the log-likelihood, by which flights must be likelier without coupling: sound real logs lose
+"""Gain of log-likelihood that flights must have without coupling: sound real logs lose
 more than that, or do not show I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 900."""
 LEAST_GAIN_SIMULATED: Final = -50.0
 """The same of a program whose own frames have none: coupling must show itself there as any other

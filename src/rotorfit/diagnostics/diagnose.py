@@ -54,7 +54,7 @@ STEPS: Final[tuple[Step, ...]] = (
     allow_for_noise_feedback,
     allow_for_sides,
 )
-"""In the order in which they are taken."""
+"""Steps in the order in which they are taken."""
 
 
 def every_step(fit: Fit) -> Fit:
@@ -100,7 +100,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *flights_agree.PAYLOAD_CHECKS,
     *reference_test.CHECKS,
 )
-"""In the order in which their findings are reported. A new one is a function of its topic's module,
+"""Diagnostics in the order of their findings. A new one is a function of its topic's module,
 named in the `CHECKS` of that module."""
 
 

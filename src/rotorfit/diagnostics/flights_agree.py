@@ -37,12 +37,12 @@ from rotorfit.model.parameters import PARAMETERS
 
 LOOKED_AT: Final = ("kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_Izz", "Jr_over_Izz")
 LEAST_SHARE: Final = 0.05
-"""Of a number, by which a flight must differ from the others."""
+"""Least share of a number by which a flight must differ from the others."""
 SURE: Final = 3.9
 """Deviations by which it must: once in ten thousand by chance. Sound real flights make up to 1.1,
 two vehicles 9 and more."""
 EQUATIONS_EACH: Final = 2.0
-"""Per free parameter, of a flight that is informative by itself."""
+"""Equations per free parameter of a flight that is informative by itself."""
 
 
 def odd_flight(fit: Fit) -> Iterator[Finding]:

@@ -36,7 +36,7 @@ and a propeller's inflow make."""
 BATCH = 2.0
 """Length of a batch [s]: gusts and climbs are forgotten from one to the next."""
 FEWEST_BATCHES = 4
-"""Of a half whose scatter is informative."""
+"""Fewest batches of a half whose scatter is informative."""
 LIKELY_FORCE = 0.99
 """Probability of a force that grows with height from which it is said: of 150 random sound flights
 .94 at most."""
@@ -313,7 +313,7 @@ CHECKS: Final = (accelerometer_against_gravity, thrust_consistency, force_by_hei
 LEAST_TILT = 0.5
 """Mean tilt of the motors about their arms that is worth words [degrees]."""
 LEAST_TRIM = 0.03
-"""By this share rotors of one direction may carry more: drag of unequal propellers makes 0.01."""
+"""Share by which rotors of one direction may carry more: drag of unequal propellers makes 0.01."""
 
 MOST_UNCERTAIN = 10.0
 """Deviation of a number's shift without the means over its own, from which changes of motion alone

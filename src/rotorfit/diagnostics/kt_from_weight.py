@@ -48,14 +48,14 @@ the law that is given is wrong."""
 LAW_MISTAKES = 0.05
 """Share of laws that are wrong: of another vehicle, or from command to thrust instead of speed."""
 REST_STD = 0.1
-"""By which an accelerometer's bias in flight differs from that at rest: vibration, temperature
+"""Deviation of an accelerometer's bias in flight from its bias at rest: vibration, temperature
 [m/s^2]."""
 FREE_BIAS = 3.0
 """Deviation of a bias that leaves the mean thrust open [m/s^2]."""
 CAMERA_VELOCITY = 0.05
 """Deviation of a velocity by motion capture [m/s]."""
 CAMERA_BIAS = Measured(value=0.0, std=0.01)
-"""Of an acceleration by motion capture, over seconds [m/s^2]."""
+"""Bias of an acceleration by motion capture, over seconds [m/s^2]."""
 HELD_TO = 1e-4
 """Share of itself to which k_t is held: what is open of it is in the interval."""
 OF_WEIGHT = ("kt", "hover_speed")

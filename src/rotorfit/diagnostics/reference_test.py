@@ -49,10 +49,10 @@ PASSED_ON: Final = 0.5
 loop asks for respond to disturbances too. On simulated flights in gusts a fifth to a third is
 left, and nothing with the pilot's sticks themselves."""
 LEAST_FREE: Final = 0.25
-"""Of the variance of a difference, as a share of the instrument's own (Hausman)."""
+"""Least variance of a difference, as a share of the instrument's own (Hausman)."""
 FEWEST_LINES: Final = 20
 MOST_LEVERAGE: Final = 0.9
-"""Of one line in its block, whose gain is unidentifiable without it."""
+"""Leverage of a line in its block, above which the gain is unidentifiable without it."""
 EXACT: Final = 1e-12
 """Least power of the errors, over that of the prediction: a simulation may have none."""
 _TINY: Final = 1e-200

@@ -54,10 +54,10 @@ from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 
 UNLIKE: Final = 0.15
-"""By which the drag torques of one vehicle's rotors differ, as a share of them: k_t differs by up
+"""Deviation of the drag torques of one vehicle's rotors, as a share of them: k_t differs by up
 to a tenth, and the drag of a worn propeller by more."""
 DRAG_STD: Final = 0.3
-"""Known of k_d before the flight, over k_t and the arm; vehicles have 0.03 to 0.2."""
+"""Prior deviation of k_d over k_t and the arm; vehicles have 0.03 to 0.2."""
 SUSPECTED: Final = float(np.log(100.0))
 REFUSED: Final = float(np.log(1e4))
 """Log of how many times likelier other spins must be than the declared ones, over the number of
@@ -71,7 +71,7 @@ CERTAIN: Final = 2.0
 """Half-widths by which J_r must be below zero: it may be about zero, and follows the timing."""
 REVERSED: Final = "reverse all spins (props out instead of in, or in instead of out)"
 ROUNDS: Final = 10
-"""Of the search for the mean drag torque of a pattern."""
+"""Rounds of the search for the mean drag torque of a pattern."""
 
 KIND: Final = "wrong-spin"
 

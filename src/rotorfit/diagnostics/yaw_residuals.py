@@ -20,10 +20,10 @@ from rotorfit.reduction.frequency_bands import EDGES, excited_bands
 WORTH: Final = 0.05
 """Log of how many times less of yaw other spins must leave by themselves to be looked at."""
 PASSES: Final = 4
-"""Of the reweighting by bands."""
+"""Passes of the reweighting by bands."""
 _TINY: Final = float(np.finfo(float).tiny)
 Pattern = Float[np.ndarray, " N"]
-"""For each rotor +1 where it spins as declared, -1 where it spins the other way."""
+"""A sign for each rotor: +1 where it spins as declared, -1 where it spins the other way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -46,13 +46,14 @@ from rotorfit.estimation.reweighted import scatter_covariance
 
 MOST_ITERATIONS = 400
 SMALLEST_STEP = 1e-3
-"""Of a parameter's deviation, at which the iteration ends."""
+"""Convergence tolerance, in standard deviations of a parameter."""
 LEAST_WIN = 0.02
-"""Of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the iteration is
-at the bottom, too, or goes round it; a parameter there is known to a tenth of its deviation."""
+"""Least gain of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the
+iteration is at the bottom, too, or goes round it; a parameter there is known to a tenth of its
+deviation."""
 PATIENCE = 15
 FEW_STEPS = 12
-"""After which crawling steps are extrapolated."""
+"""Steps after which crawling ones are extrapolated."""
 LARGEST_DAMPING = 1e9
 """Where the iteration ends, too: a step along the slope of which next to nothing is left."""
 MOST_NOISE = 0.7

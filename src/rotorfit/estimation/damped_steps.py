@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 LEAST_DAMPING: Final = 1e-9
 SMALLEST_SHARE: Final = 1e-15
-"""Of the largest singular value, under which a direction is not known at all."""
+"""Share of the largest singular value, under which a direction is not known at all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

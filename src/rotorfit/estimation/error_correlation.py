@@ -19,7 +19,7 @@ from rotorfit.estimation.banded_equations import decorrelated_solutions, lifted_
 from rotorfit.estimation.banded_problem import solutions
 
 LEAST_LEFT: Final = 1e-9
-"""Of the information on a share, below which the parameters explain all that it does."""
+"""Least information left on a share: below it the parameters explain all that it does."""
 
 
 def error_correlation_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:

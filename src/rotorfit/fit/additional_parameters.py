@@ -29,7 +29,7 @@ from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.model.terms.term import Block
 
 CLOSE: Final = 0.01
-"""Of a parameter's deviation, at which such an estimate ends."""
+"""Convergence tolerance of such an estimate, in standard deviations of a parameter."""
 FEWEST_BLOCKS: Final = 2.0
 
 

@@ -35,12 +35,12 @@ WINDOW: Final = 0.12
 """Deviation of the bell over which a level is averaged [s]: it holds some sixty degrees of freedom
 of four errors up to 20 Hz, so that chance makes a level of a tenth."""
 LEAST: Final = 0.1
-"""Of the largest level of a stretch: none is less."""
+"""Least level, as a share of the largest level of a stretch."""
 LEAST_SPREAD: Final = 0.2
 """Deviation of the logarithm of a stretch's levels, twice that of chance, under which all are left
 alone: weights would gain nothing."""
 LOWEST: Final = EDGES[1]
-"""Of the errors that are looked at [Hz]; the highest is that of the motion."""
+"""Lowest frequency of the errors that count [Hz]; the highest is that of the motion."""
 FLAT: Final = 10
 """Lines over which a spectrum is averaged to whiten it."""
 

@@ -50,7 +50,7 @@ LOADED: Final = "B"
 FARTHEST: Final = 100.0
 """A simulated vehicle further away than this has been lost [m]."""
 DELAY_STEP: Final = 1e-4
-"""For the derivative by the motors' delay [s]."""
+"""Step of the derivative by the motors' delay [s]."""
 VAGUE: Final = 10.0
 """Nothing is known beforehand: a deviation of this many times a parameter's size."""
 UNSURE_DELAY = 2e-4

@@ -49,7 +49,7 @@ UNHELPED: Final = (
     "(rotorfit plan AIRFRAME --after RESULT)"
 )
 NAMED: Final = 2
-"""Of the numbers that a manoeuvre sharpens."""
+"""How many of the numbers that a manoeuvre sharpens are named."""
 Kind = Literal["log", "declare", "fly", "done"]
 
 

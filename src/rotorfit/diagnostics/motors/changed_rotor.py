@@ -15,12 +15,12 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.vehicle import Vehicle
 
 LEAST_CHANGE: Final = 0.035
-"""Of a rotor's share of all squared speeds, between the halves of a flight: sound logs have up to
-0.013, one of fast outdoor flight 0.025."""
+"""Least change of a rotor's share of all squared speeds between a flight's halves: sound logs have
+up to 0.013, one of fast outdoor flight 0.025."""
 LEAST_UNLIKE: Final = 0.1
 USUAL: Final = 0.06
-"""Of a rotor's thrust coefficient from the others': sound vehicles have up to the second, with the
-whole interval; the first is what is worth a word."""
+"""Difference of a rotor's thrust coefficient from the others': sound vehicles have up to the
+second, with the whole interval; the first is what is worth a word."""
 ALONE: Final = 0.5
 """Share of a rotor's difference, up to which the others may differ from one another: more is a
 pattern over all rotors, which no single propeller makes."""

@@ -36,11 +36,11 @@ from rotorfit.fit.fit import Fit
 from rotorfit.model.parameters import INERTIA
 
 BANDS: Final = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.5), (4.5, 7.0), (7.0, 10.0))
-"""In which the times are compared [Hz]: further up their phases are ambiguous."""
+"""Bands in which the times are compared [Hz]: further up their phases are ambiguous."""
 REACH: Final = 0.1
 """How far a time is looked for [s]."""
 LEAST: Final = 1e-12
-"""Of the power of a measured acceleration, below which nothing is predicted."""
+"""Least share of a measured acceleration's power that is predicted."""
 DRAGGED: Final = 1.0
 """Deviation of a drag that the model lacks, over mass or inertia [1/s]."""
 
@@ -129,7 +129,7 @@ def _band_delay(band: Spectra, axis: int) -> BandDelay | None:
 
 
 LEAST_DELAY: Final = 0.005
-"""Between accelerometer and gyro, which matters [s]: 3 ms move kt and inertia by up to .3 %, a
+"""Relevant delay between accelerometer and gyro [s]: 3 ms move kt and inertia by up to .3 %, a
 tenth of their intervals, and the centre of mass by a fifth of its own (three flights)."""
 CERTAIN: Final = 3.0
 """Deviations of it within which chance and gusts stay, in the worst of several flights."""
@@ -183,7 +183,7 @@ def _delay_sentence(name: str, delay: float, half: float) -> str:
 EARLIEST: Final = -0.005
 """Delay of commanded motors that clocks and filters of a log still make [s]."""
 USUAL_DELAY: Final = 0.012
-"""Of measured speeds against the motion, by filters and buses [s]."""
+"""Usual delay of measured speeds against the motion, by filters and buses [s]."""
 
 
 def early_motors(fit: Fit) -> Iterator[Finding]:

@@ -23,7 +23,7 @@ KIND: Final = "gyro-scale"
 SAID: Final = 0.95
 """Probability of a scale that is off, from which it is said."""
 STEP: Final = 0.01
-"""Of a scale, by which the slopes of the numbers are taken."""
+"""Step of a scale, by which the slopes of the numbers are taken."""
 AXES: Final = ("roll", "pitch", "yaw")
 
 

@@ -41,7 +41,7 @@ OVER: Final = {
 LARGEST: Final = 0.9
 """Share of the errors, beyond which the velocity is nothing else."""
 LEAST_CUT_OFF: Final = 1e-3
-"""Of the flight that must be cut off: real flights without a fault have none."""
+"""Least share of the flight that must be cut off: real flights without a fault have none."""
 MOMENTS: Final = ("Ixx", "Iyy", "Izz")
 PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
 

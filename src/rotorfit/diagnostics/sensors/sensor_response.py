@@ -38,12 +38,12 @@ MOST_UNEXPLAINED: Final = 0.8
 FEWEST: Final = 6
 """Bands of all axes that separate a filter from a factor and a delay."""
 CUTOFFS: Final = np.geomspace(6.0, 120.0, 40)
-"""Of the filters that are tried [Hz]."""
+"""Cut-offs of the filters that are tried [Hz]."""
 LEAST_SPREAD: Final = 0.25
-"""Of what is left over what was allowed for (its mean square): on real flights .3 and more."""
+"""Least ratio of the residual to the allowed one (mean squares): on real flights .3 and more."""
 LEAST_GAIN: Final = 10.0
-"""Of chi-square over that spread, from which a filter is said: of 22 sound flights 5 at most, of
-filters at 15 Hz in brisk ones 12 to 32."""
+"""Gain of chi-square over that spread, from which a filter is reported: of 22 sound flights 5 at
+most, of filters at 15 Hz in brisk ones 12 to 32."""
 LAG: Final = 0.035
 """About that of motors, by which its slope is taken [s]."""
 Shape = Callable[[Float[np.ndarray, " b"]], Complex[np.ndarray, " b"]]

@@ -16,9 +16,9 @@ from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import EDGES, retimed
 
 LOWEST: Final = 1.0
-"""Below, the air responds with a phase of its own [Hz]."""
+"""Frequency below which the air responds with a phase of its own [Hz]."""
 WINDOW: Final = 2.0
-"""Of one spectrum, each overlapping the next by half: about a manoeuvre [s]."""
+"""Length of one window, each overlapping the next by half: about a manoeuvre [s]."""
 FED_BACK: Final = 0.6
 """Deviation of the share of the unexplained that goes with the rotors, because the autopilot
 responds: over all bands and axes of 13 real flights, of autopilots' and of simulated ones."""

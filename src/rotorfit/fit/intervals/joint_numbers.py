@@ -76,9 +76,9 @@ from rotorfit.reduction.motor_timing import FreeTiming
 FEWEST_PHASES = 3
 """Whose scatter is informative."""
 MOST_LEVERAGE = 4.0
-"""Of a phase that has three quarters of the information."""
+"""Leverage of a phase that has three quarters of the information."""
 FEWEST_FLIGHTS = 3
-"""Of one configuration, from which their scatter is informative: its own size from
+"""Flights of a configuration, from which their scatter is informative: its own size from
 `ENOUGH_FLIGHTS` on, of fewer it can only be a lower limit."""
 OWN_NUMBERS = tuple(name for name in names_of("configuration") if name != "mass")
 SHARED_FREE = names_of("shared")

@@ -39,9 +39,9 @@ RATIO_BIAS: Final = 1.5
 SCALE_BIAS: Final = 3.0
 """Largest biases, as shares of the true value times rho."""
 NO_EXCITATION: Final = 1.5
-"""Below this rho an axis shows the disturbances, not the vehicle."""
+"""Rho below which an axis shows the disturbances, not the vehicle."""
 LEAST_EXCITATION: Final = 5.0
-"""Below this, disturbances are no longer small against the pilot, and that is what limits."""
+"""Rho below which disturbances are no longer small against the pilot, and limit the fit."""
 
 AXES: Final = ("roll", "pitch", "yaw")
 AXIS_OF: Final[Mapping[str, str]] = {
@@ -156,7 +156,7 @@ def scale_stretch(value: float, half_width: float) -> float:
 
 
 PLACES = ("com_x", "com_y", "com_z", *FIRST_MOMENTS)
-"""Of the centre of mass."""
+"""Numbers of the centre of mass."""
 LONGEST_LEVER = 0.15
 """k_d / k_t over the arm: a propeller of radius r has some .1 r."""
 

@@ -55,7 +55,7 @@ class ClosedLoopResponse:
 
 
 NOMINAL_RESPONSE: Final = ClosedLoopResponse()
-"""Of few flights."""
+"""The response that is assumed of few flights."""
 
 
 def estimated_response(fit: BandedEstimate) -> ClosedLoopResponse:

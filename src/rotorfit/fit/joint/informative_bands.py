@@ -43,7 +43,7 @@ TURNS: Final = tuple(NOISY.index(name) for name in ("dwx", "dwy", "dwz"))
 REWEIGHTED: Final = 4
 """Passes of a regression whose variances are those of what it leaves."""
 FEWEST_ROWS: Final = 30
-"""Of fewer nothing is regressed."""
+"""Fewest rows of a regression."""
 _TINY: Final = float(np.finfo(float).tiny)
 
 

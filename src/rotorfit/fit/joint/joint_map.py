@@ -25,9 +25,9 @@ from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.motor_timing import FreeTiming
 
 Free = dict[str, dict[tuple[int, str], float]]
-"""For each free parameter the entries of theta that it moves."""
+"""The entries of theta that each free parameter moves."""
 Products = dict[tuple[int, str], list[tuple[float, str, str]]]
-"""For each entry of theta its bilinear terms."""
+"""The bilinear terms of each entry of theta."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

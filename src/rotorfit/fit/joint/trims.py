@@ -20,7 +20,7 @@ from rotorfit.estimation.parameter_map import ParameterMap, Product
 from rotorfit.model.parameters import INERTIA, PARAMETERS, inertia_about
 
 ENOUGH_FLIGHTS: Final = 5
-"""Of one configuration, from which their scatter is informative."""
+"""Flights of one configuration, from which their scatter is informative."""
 TRIM: Final = "trim_"
 MOVED: Final = tuple(n for n, info in PARAMETERS.items() if info.between_flights == "moves")
 """First moments that a flight has for itself: the height of the CoM hardly makes a torque."""

@@ -39,11 +39,12 @@ from rotorfit.reduction.motor_timing import (
 SUMMED: Final = ("motor_lag", "motor_delay")
 """Times whose sum is known better than each."""
 MOST_ROUNDS: Final = 10
-"""Of fitting, and of making the signals anew where the fit has moved to."""
+"""Rounds of fitting, and of making the signals anew where the fit has moved to."""
 LONGEST_MOVE: Final = 0.02
-"""Of a time in one round [s], beyond which its slope is none."""
+"""Longest move of a time in one round [s], within which its slope holds."""
 MOST_OF_A_LAG: Final = 0.75
-"""By which it falls in one round: without any lag, its slope says nothing of longer ones."""
+"""Largest share by which a lag falls in one round: without any lag, its slope says nothing of
+longer ones."""
 NEAR: Final = 0.3
 """Deviations by which the last round may still move a time, by the slopes of its signals: made anew
 there, they move it by a few hundredths more."""
@@ -56,19 +57,20 @@ ENOUGH: Final[Mapping[str, float]] = {
 LONGEST_LAG: Final = 0.2
 LONGEST_DELAY: Final = 0.16
 LEAST_GAIN: Final = 10.0
-"""Of the log-likelihood, for which rising and falling speed get a lag each."""
+"""Gain of log-likelihood for which rising and falling speed get a lag each."""
 LEAST_LAG: Final = 1e-3
-"""Of rotors whose rising and falling may differ [s]."""
+"""Least lag of rotors whose rising and falling may differ [s]."""
 UNIDENTIFIABLE_BIAS: Final = 0.03
 """From here on [s], which is where the turns are explained less than five times over their
 residual, lag and delay of commanded motors are those of the autopilot's response to gusts (70 ms
 instead of 39 in a hover)."""
 STARTS: Final = (1.0, 0.5, 2.0)
-"""Of the lag that the fit begins with, one after the other where it gets lost."""
+"""Factors of the lag that the fit begins with, one after the other where it gets lost."""
 LOST: Final = 1.0
 """A fit that moves a time further has lost the motion: its slopes hold for some 20 ms [s]."""
 HOLD_FAULT: Final = 0.25
-"""Of a sample: half of the half-sample that lies between the two ways a command may have held."""
+"""Fault of a hold, in samples: half of the half-sample that lies between the two ways a command may
+have held."""
 FEWEST_TERMS: Final = tuple(term.name for term in DEFAULT if term.dropped is None)
 
 
