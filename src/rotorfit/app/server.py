@@ -39,7 +39,8 @@ DOCUMENT_POLICY: Final = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'self'; sandbox allow-scripts"
 )
-"""Of a report: its own script and style, and no address at all that they could speak to."""
+"""The policy of a report: its own script and style, and no address at all that they could speak
+to."""
 HEADERS: Final = {
     "cache-control": "no-store",
     "content-security-policy": POLICY,
@@ -100,9 +101,9 @@ class Guard:
 
 STATIC: Final = Path(__file__).parent / "static"
 LONGEST_CALL: Final = 1_000_000
-"""Of the JSON of a call [bytes]."""
+"""Longest JSON of a call [bytes]."""
 SLOWEST: Final = 60.0
-"""Between two pieces of what is sent [s]."""
+"""Longest time between two pieces of what is sent [s]."""
 MOST_CONNECTIONS: Final = 40
 GONE: Final = "this page was closed: load it anew"
 TYPES: Final = {".js": "text/javascript", ".html": "text/html", ".css": "text/css"}

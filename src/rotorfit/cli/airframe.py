@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rotorfit.logs.proposal import Proposal
 
 SMALLEST, LARGEST = 15.0, 10_000.0
-"""Of a spacing [mm]."""
+"""Limits of a spacing [mm]."""
 Layout = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="quad-x, quad-plus, hexa-x, ...; asked for if not given."),

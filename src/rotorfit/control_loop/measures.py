@@ -107,9 +107,9 @@ def _between(at: Float[np.ndarray, " f"], values: Float[np.ndarray, " f"], i: in
 
 SIDES: Final = (0.025, 0.975)
 SETTLED: Final = 4.0
-"""By then the response to a step has come to rest [s]."""
+"""Time by which the response to a step has come to rest [s]."""
 STEP_TIMES: Final = np.linspace(0.0, 0.6, 121)
-"""At which it is shown [s]."""
+"""Times at which the step response is shown [s]."""
 HALF_POWER: Final = 0.5**0.5
 """Size of a closed loop at its bandwidth."""
 

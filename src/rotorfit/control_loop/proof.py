@@ -23,7 +23,7 @@ from rotorfit.control_loop.vehicle import Flown, cross_spectrum, withheld_output
 from rotorfit.logs.flight_log import FlightLog
 
 EDGES = 0.3 * 1.5 ** np.arange(13)
-"""Of the bands [Hz]."""
+"""Edges of the bands [Hz]."""
 LONGEST = 8.0
 """Length of a spectrum [s]."""
 WINDOWS = 0.8
@@ -45,15 +45,16 @@ not show them."""
 UNKNOWN = np.diag([1.0, 1.0])
 """Covariance where the closed loop shows nothing."""
 EXACT = 1e-5
-"""Of a set point's stamp [s]."""
+"""Tolerance of a set point's stamp [s]."""
 ABOVE = 3.0
 """Times the crossover up to which the closed loop is judged."""
 SMOOTH = 15.0
 """Frequency up to which derivatives are compared [Hz]: the log is slower than the gyro."""
 PIECES = 10
-"""Of a flight, to see how much an estimate differs among them."""
+"""Pieces of a flight, to see how much an estimate differs among them."""
 SLOPE = 0.03
-"""Of the replayed output from one, beyond which the controller was not read rightly."""
+"""Difference of the replayed output's slope from one, beyond which the controller was not read
+rightly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

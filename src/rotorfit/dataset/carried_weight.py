@@ -51,7 +51,7 @@ BATCH: Final = 2.0
 FEWEST, MOST = 4, 10
 """Batches of a stretch."""
 ORDERS: Final = 8
-"""In which the batches of a stretch are tried."""
+"""Orders in which the batches of a stretch are tried."""
 TINY: Final = 1e-12
 LARGEST: Final = 1.5
 """That is looked for [m/s^2 a metre]."""
@@ -160,7 +160,7 @@ def weighed(value: float, std: float, *, degrees: int) -> HeightForce:
 
 
 FORGOTTEN = 2.0
-"""In which a vehicle's vertical velocity becomes another one [s]."""
+"""Time in which a vehicle's vertical velocity becomes another one [s]."""
 PRIOR_VELOCITIES = 2.0
 """As many velocities of `VELOCITY_CHANGE` are taken to be seen before the flight."""
 LINEAR = 0.5

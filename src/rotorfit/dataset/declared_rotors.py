@@ -44,7 +44,7 @@ LAGS_TRIED = (LAG_PRIOR[0], 0.06, 0.1, 0.012)
 """Of motors whose lag is not known [s]: a refusal holds for all of them. At one that is too short
 a vehicle that circles in roll and pitch, as in a limit cycle, responds as if its IMU was turned."""
 PARALLEL = 1e-9
-"""Of two drives' product of squares, up to which they are one."""
+"""Share of two drives' product of squares, up to which they are one."""
 BAND = (0.3, 15.0)
 
 

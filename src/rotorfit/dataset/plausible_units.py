@@ -36,7 +36,7 @@ from rotorfit.preprocessing.flight_data import FlightData
 WINDOW: Final = 0.5
 """Length of the pieces that are or are not at rest [s]."""
 LEAST_REST: Final = 1.0
-"""Of rest in all, below which nothing is said [s]."""
+"""Least rest in all, below which nothing is reported [s]."""
 QUIET: Final = 0.03
 """Deviation of the gyro at rest at most [rad/s]."""
 STEADY: Final = 0.5

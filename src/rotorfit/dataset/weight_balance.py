@@ -21,7 +21,7 @@ from rotorfit.reduction.reduce import split_segment
 LONGEST_WINDOW = 10.0
 """A bias of the gyro of 0.01 rad/s turns the axes by 0.1 rad in this time [s]."""
 SHORTEST_WINDOW = 2.0
-"""In less, a change of velocity looks too much like gravity [s]."""
+"""Shortest window: in less, a change of velocity looks too much like gravity [s]."""
 VELOCITY_CHANGE = 1.5
 """Deviation of the vertical velocity at the end of a stretch from that at its beginning [m/s]."""
 STEPS_PER_SECOND = 100.0

@@ -87,7 +87,7 @@ def _place(location: tuple[int | str, ...]) -> str:
 
 
 TERM_NAMES: Final = tuple(term.name for term in OPTIONAL)
-"""Of the optional terms of the model, in the order of the documentation."""
+"""Names of the optional terms of the model, in the order of the documentation."""
 
 
 def known_terms(given: object, info: Any) -> object:

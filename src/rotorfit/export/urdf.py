@@ -26,7 +26,7 @@ from rotorfit.export.vehicle import VehicleModel
 from rotorfit.preprocessing.airborne import GRAVITY
 
 GYM_SEATS = ((1.0, -1.0, 1.0), (-1.0, -1.0, -1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0))
-"""Of prop0 to prop3, FLU: sign of x, sign of y, spin."""
+"""Seats of prop0 to prop3, FLU: sign of x, sign of y, spin."""
 GYM_SPEED = 30.0
 """max_speed_kmh of the package's own cf2x.urdf; it scales velocity commands only."""
 

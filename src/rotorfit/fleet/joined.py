@@ -42,7 +42,7 @@ LEAST_KT_STD: Final = 1e-3
 """Deviation to which k_t is held at the mean of the flights', at least, as a share of it: what an
 accelerometer's bias at rest leaves open is the same in all of them."""
 FLIGHT_STEPS: Final = 2
-"""Of a flight's own times, at given numbers of the vehicle."""
+"""Steps of a flight's own times, at given numbers of the vehicle."""
 FEWEST_FOR_SCATTER: Final = 3
 """Flights from which their scatter is taken into the deviations."""
 Load = Callable[[], FittedFactors]

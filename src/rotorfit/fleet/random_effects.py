@@ -25,15 +25,17 @@ from scipy import optimize
 from rotorfit.errors import EstimationError
 
 LEAST_GROUPS: Final = 5
-"""With fewer, the spread between groups is unknown, and nothing is drawn towards the mean."""
+"""Fewest groups: with fewer, the spread between groups is unknown, and nothing is drawn towards the
+mean."""
 LEAST_REPEATS: Final = 2
 """Repeats beyond the first of each group; with fewer, the scatter between them is unknown."""
 UNKNOWN_STD: Final = 1e4
 """Deviation where it is unknown, in units of the spread of all values."""
 LIMITS: Final = (-9.0, 3.0)
-"""Of the logarithm of a standard deviation in the same units."""
+"""Limits of the logarithm of a standard deviation in the same units."""
 LEAST_CURVATURE: Final = 0.5
-"""Of the likelihood in that logarithm: it is never less well known than to a factor of four."""
+"""Least curvature of the likelihood in that logarithm: it is never less well known than to a factor
+of four."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -47,7 +47,7 @@ COMPARED: Final = (
 )
 """Numbers by which flights are compared: a record has their covariance."""
 FORM: Final = 3
-"""Of the cache's entries: with another number all are made anew."""
+"""Form of the cache's entries: with another number all are made anew."""
 _ARRAYS: Final = ("values", "std", "low", "high", "covariance")
 _TUPLES: Final = ("names", "verdicts", "compared", "warnings")
 DAMAGE_ERRORS: Final = (

@@ -30,7 +30,7 @@ NAMES: Final = {
 POSE: Final = ("position",)
 """Drawn where none of those is there."""
 COLUMNS: Final = 4096
-"""Of time that a curve keeps, two numbers each."""
+"""Columns of time that a curve keeps, two numbers each."""
 FULL_COMMAND: Final = 0.995
 MOST_MARKS: Final = 400
 """Marks nearer to one another than the log's length over this become one."""

@@ -52,7 +52,7 @@ PROSPECT: Final[dict[Verdict, Prospect]] = {
     "not-identified": "not",
 }
 LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
-"""Of commanded motors, tried one by one [s]."""
+"""Lags of commanded motors, tried one by one [s]."""
 IDENTIFY: Final = "identify it: rotorfit identify LOG --mass KG --airframe AIRFRAME"
 
 

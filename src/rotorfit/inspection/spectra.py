@@ -26,11 +26,12 @@ SHORTEST_STRETCH: Final = 64
 """Rows without a gap, below which there is no spectrum."""
 BLOCK_SECONDS: Final = 2.0
 MOST_BLOCKS: Final = 400
-"""Of a flight: peaks are held against the rotor speed block by block."""
+"""Most blocks of a flight: peaks are held against the rotor speed block by block."""
 LOWEST_PEAK: Final = 10.0
 """Slower is what pilot and autopilot do [Hz]."""
 LEAST_RISE: Final = 0.4
-"""Of a peak over its surroundings, in powers of ten of the power; in short flights it is more."""
+"""Least rise of a peak over its surroundings, in powers of ten of the power; in short flights it is
+more."""
 LEAST_RISE_STDS: Final = 5.0
 """Standard deviations of an averaged spectrum that a peak must rise."""
 MOST_PEAKS: Final = 4
@@ -350,7 +351,7 @@ PURE: Final = 0.6
 """Least share of the power that is in the sine."""
 LEAST_SECONDS: Final = 4.0
 SWEEP_LEAST_RISE: Final = 3.0
-"""From the first frequency to the last."""
+"""Least rise of a sweep from the first frequency to the last."""
 STEADY: Final = 0.95
 """Least rank correlation of frequency and time."""
 AXES: Final = ("roll", "pitch", "yaw")

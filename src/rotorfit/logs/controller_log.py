@@ -16,7 +16,7 @@ from rotorfit.logs.formats import Format, load
 from rotorfit.logs.read import format_of
 
 TURNED: Final = np.array([1.0, -1.0, -1.0])
-"""From FRD to FLU."""
+"""Signs from FRD to FLU."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,4 +120,4 @@ MISSING: Final = {
     "crazyflie": "a Crazyflie's log has neither gains nor filters nor the outputs of the rate "
     "controllers: margins are not judged",
 }
-"""By firmware, what is missing to judge its rate loop."""
+"""The knowledge that is missing to judge a rate loop, by firmware."""

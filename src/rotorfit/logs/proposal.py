@@ -37,7 +37,7 @@ from rotorfit.logs.table import Source, open_table
 from rotorfit.logs.units import UNITS, Axes
 
 LARGEST_ROWS: Final = 200_000
-"""Of a table that are looked at, the first ones."""
+"""Most rows of a table that are read, the first ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

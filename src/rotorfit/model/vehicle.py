@@ -17,7 +17,7 @@ from rotorfit.errors import ExperimentError
 
 Spin = Literal["ccw", "cw"]
 UNIT: Final = 1e-3
-"""By which the length of an axis may differ from 1: it was rounded."""
+"""Tolerance of the length of an axis, which was rounded, from 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

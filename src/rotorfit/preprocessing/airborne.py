@@ -39,15 +39,15 @@ DRIFT = 6.0
 GUARD = 0.04
 """Taken off where flight meets the ground [s]: the low-pass sees a contact only from half."""
 ACTIVITY_RATIO: Final = 3.0
-"""Of the angular acceleration's rms between phases."""
+"""Ratio of the angular acceleration's rms between phases."""
 SHORTEST_PHASE: Final = 0.6
 LEVEL_WINDOW: Final = 0.3
 LEVEL_STEP: Final = 0.05
 """[s]: of a phase, of the rms, and between its values."""
 MOTION_CUTOFF: Final = 20.0
-"""Between motion and vibration [Hz]."""
+"""Limit between motion and vibration [Hz]."""
 LEAST_LEVEL: Final = 1e-3
-"""Of the largest: less is rest, or a recording without noise."""
+"""Least level, as a share of the largest: less is rest, or a recording without noise."""
 LONGEST_LEVEL: Final = 1200
 """Values of one part, for speed alone: parts as long that are alike are joined again."""
 
@@ -399,7 +399,7 @@ LITTLE_THRUST: Final = 0.4
 """Thrust over that of the flight, below which a calm vehicle does not fly: standing ones of the
 logs at hand have up to 0.2, a racer that glides at speed 0.55 and more."""
 FLYING_PERCENTILE: Final = 75.0
-"""Of the squared rotor speeds: that of the flight even where half of a window is not."""
+"""Percentile of the squared rotor speeds: that of the flight even where half of a window is not."""
 CARRIED: Final = 0.2
 """Share of gravity by which the specific force of what stands may differ from it; what falls with
 little thrust reads less."""
@@ -408,7 +408,7 @@ PIECE: Final = 0.5
 SHORT: Final = 0.1
 """Over which the rates are averaged [s]."""
 LEAST_PIECES: Final = 2
-"""In a row: in half a second of falling nobody stands still, but may seem to."""
+"""Least pieces in a row: in half a second of falling nobody stands still, but may seem to."""
 ON_THE_GROUND: Final = "stands on the ground"
 
 Rows = tuple[int, int]

@@ -19,7 +19,7 @@ from rotorfit.preprocessing.kinematics import climb_velocity
 from rotorfit.preprocessing.prepare import PreparedFlight
 
 LEAST_TILT: Final = float(np.radians(5.0))
-"""Below it a bias within the usual explains the lean (sound logs: up to 4.5 degrees)."""
+"""Tilt below which a usual bias explains the lean (sound logs: up to 4.5 degrees)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -99,7 +99,7 @@ def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
 
 
 STEPS: Final[Mapping[str, float]] = {"motor_delay": 1e-3, "motor_lag": 1e-3, "motor_skew": 0.02}
-"""To either side, for the slopes of the signals [s, s, share]."""
+"""Steps to either side, for the slopes of the signals [s, s, share]."""
 
 
 def flight_bands(

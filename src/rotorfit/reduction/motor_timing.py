@@ -17,7 +17,8 @@ without a velocity, and motors that are no first-order lag."""
 
 
 LARGEST_SKEW: Final = 0.8
-"""By which share rising is faster and falling slower than their mean, or the other way round."""
+"""Largest share by which rising is faster and falling slower than their mean, or the other way
+round."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -54,7 +54,7 @@ SPECTRUM_HEIGHT: Final = 210.0
 ROW_HEIGHT: Final = 20.0
 STYLES: Final = {"x": "axis-x", "y": "axis-y", "z": "axis-z"}
 COLORS: Final = 8
-"""Of rotors; the ninth has the first one's."""
+"""Colours of rotors; the ninth has the first one's."""
 MOST_LISTED: Final = 4
 MARK_STYLES: Final = {
     "flown": "airborne",
@@ -63,7 +63,7 @@ MARK_STYLES: Final = {
     "limit": "at its limit",
 }
 ROOM: Final = 0.15
-"""Above a spectrum for its labels, of its height."""
+"""Room above a spectrum for its labels, as a share of its height."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,7 +31,7 @@ SHAKES: Final = ((10.0, "strong: balance the propellers"), (3.0, "moderate"), (0
 LEAST_LIMITED_COMMANDS: Final = 0.01
 """Share of the flight with a motor at its limit from which it is said."""
 SLOW_COMMANDS: Final = 50.0
-"""Below which commands show nothing of turns [Hz]."""
+"""Rate below which commands show nothing of turns [Hz]."""
 MUCH_LAG: Final = 0.01
 """Difference of two lags that is said [s]."""
 LEAST_CHANGE: Final = 3.0
@@ -42,7 +42,7 @@ KNOW: Final = "To know"
 LEAST_SOURCE: Final = 16
 """Room for a channel's source beside its numbers [characters]."""
 WIDTH: Final = 100
-"""Of a line where nothing is known of the terminal."""
+"""Width of a line where nothing is known of the terminal."""
 
 
 def plain(report: LogReport) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from rotorfit.report.pages import render_page
 WIDTH = 80
 HEADS: Final = ("crossover [Hz]", "phase [deg]", "gain", "delay [ms]", "peak")
 HALF = 0.5
-"""Of a step."""
+"""Half of a step."""
 Row = Float[np.ndarray, " f"]
 CALM, LIVELY = 2.0, 3.0
 """Peaks of the sensitivity up to which a loop is calm, and beyond which it nearly oscillates."""
@@ -208,9 +208,9 @@ def peak_words(peak: float) -> str:
 
 
 HEIGHT: Final = 130.0
-"""Of a panel."""
+"""Height of a panel."""
 LOW_SIZE, HIGH_SIZE = 0.03, 30.0
-"""Of the open loop, as drawn."""
+"""Sizes of the open loop, as drawn."""
 HIGHEST: Final = 60.0
 """Frequency as drawn [Hz]."""
 SHOWN: Final = 0.5

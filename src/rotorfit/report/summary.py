@@ -31,7 +31,7 @@ DIRECTIONS: Final = {
     "com_z": ("up", "down"),
 }
 MOST_REMARKS: Final = 3
-"""In short; the others are counted."""
+"""Most remarks; the others are counted."""
 PILOT_NAMES: Final = {
     "kt": "thrust",
     "kd": "drag torque",

@@ -25,10 +25,10 @@ from rotorfit.validation.wrench_comparison import COMPONENTS, WrenchComparison
 
 AXES: Final = ("roll", "pitch", "yaw")
 GOOD_SHARE: Final = 0.2
-"""Of the flown rates, within which a prediction is called good."""
+"""Share of the flown rates, within which a prediction is called good."""
 Level = Literal["good", "with-feedback", "rough", "nothing", "unknown"]
 LEVELS: Final[tuple[Level, ...]] = ("good", "with-feedback", "rough", "unknown", "nothing")
-"""From the best to the worst."""
+"""Levels from the best to the worst."""
 COMPONENT_OF: Final = {"thrust": "Fz", "roll": "Mx", "pitch": "My", "yaw": "Mz"}
 GOOD_ERROR: Final = {"thrust": 0.05, "roll": 0.3, "pitch": 0.3, "yaw": 0.3}
 """Shares of the rotors' force or moment that may be left: the weight is in the thrust, and of a

@@ -78,7 +78,7 @@ NAMES: Final = (
     *("UNIT", "FMTU"),
 )
 LEAST_RESTART: Final = 1.0
-"""By which the clock goes back where a log begins anew [s]."""
+"""Least time by which the clock goes back where a log begins anew [s]."""
 LEAST_LEFT: Final = 0.01
 """Share of the messages left out from which that is said."""
 _LONGEST_TEXT: Final = 200

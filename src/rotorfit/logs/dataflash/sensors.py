@@ -33,7 +33,7 @@ FASTER: Final = 1.2
 GLIMPSED: Final = ("IMU", "GYR")
 """Messages of which some have the instances there are."""
 LABELS: Final = ("TimeUS", "TimeMS", "I", "SampleUS", *GYRO, *ACCEL)
-"""Of the fields that are used."""
+"""Labels of the fields that are used."""
 CHOICE_NAMES: Final = ("XKF4", "NKF4")
 
 

@@ -95,7 +95,7 @@ STAMPS: Final[Sequence[Sequence[str]]] = (
 """Paths of the stamp: of ROS in seconds and nanoseconds, of PX4 in microseconds."""
 
 AIMS: Final = ("setpoint", "set_point", "command", "cmd", "target", "desired", "reference", "goal")
-"""In the name of a topic: what should be, not what is."""
+"""Words in the name of a topic that is a set point, not a measurement."""
 CAMERAS: Final = ("mocap", "vicon", "vrpn", "optitrack", "natnet", "qualisys", "qtm", "motion_cap")
 ESTIMATES: Final = ("local_position", "estimat", "odom", "ekf", "fused", "slam", "vio", "gps")
 

@@ -32,8 +32,8 @@ TERMS: Final[tuple[Term, ...]] = (
 OPTIONAL: Final = tuple(term for term in TERMS if term.when != "always")
 DEFAULT: Final = tuple(term for term in OPTIONAL if term.when == "default")
 DEFAULT_TERMS: Final = tuple(term.name for term in DEFAULT)
-"""In the model unless the user says otherwise: every real vehicle has them, and they cost next to
-nothing where it has not."""
+"""Terms in the model unless the user says otherwise: every real vehicle has them, and they cost
+next to nothing where it has not."""
 BY_LIKELIHOOD: Final = tuple(term for term in OPTIONAL if term.when == "likelihood")
 DROPPED: Final = tuple(
     sorted((t for t in DEFAULT if t.dropped is not None), key=lambda t: t.dropped or 0)

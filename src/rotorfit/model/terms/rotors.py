@@ -31,15 +31,15 @@ GROUP_SPREAD_STD: Final = 0.1
 """Thrust coefficients of groups that the user declares differ by about this share: lower rotors
 in the wake of upper ones, other propellers."""
 TWIST_STD: Final = np.radians(2.0)
-"""Known of the motors' mean tilt about their arms before the flight [rad]."""
+"""Prior deviation of the motors' mean tilt about their arms [rad]."""
 MOUNTING_STD: Final = np.radians(0.5)
-"""Known of the turn of an IMU against the rotors about each axis before the flight [rad]."""
+"""Prior deviation of the turn of an IMU against the rotors about each axis [rad]."""
 ROTOR_DRAG_STD: Final = 0.3
 """The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
 
 LINEAR_TORQUE_STD: Final = 0.03
-"""Known of the drag torque in proportion to speed before the flight: all rotors in hover, as a
+"""Prior deviation of the drag torque in proportion to speed: all rotors in hover, as a
 share of the weight at the end of an arm. It is a third of a usual drag torque, which is a tenth of
 that. On 25 flights of a 3-inch quadrotor the torque went with the speed to the power of 1.7: a
 share of 0.3."""

@@ -19,8 +19,8 @@ FX, FY, FZ, MX, MY, MZ = range(6)
 Motion = Literal["roll", "pitch", "yaw", "force", "place", "height", "air"]
 """Which motion shows a number (`verdicts/judge.py` has what to fly for it)."""
 LEAST_SHARE: Final = 1e-3
-"""Of the weight, that a term must make, at 1 m/s or at the end of an arm: flights without noise
-show what is of no account."""
+"""Least share of the weight that a term must make, at 1 m/s or at the end of an arm: flights
+without noise show what is of no account."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

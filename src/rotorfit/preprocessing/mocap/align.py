@@ -26,20 +26,20 @@ from rotorfit.preprocessing.mocap.camera import camera_clock, poses
 from rotorfit.preprocessing.signals import low_pass, whole_samples
 
 CUTOFF = 8.0
-"""Of the low-pass on both rates [Hz], or a quarter of the slower rate."""
+"""Cut-off of the low-pass on both rates [Hz], or a quarter of the slower rate."""
 STEPS_PER_CUTOFF = 12.5
 """Samples of the common grid per period of the cut-off."""
 SHORTEST_OVERLAP = 5.0
 """Common time from which two recordings may belong together [s]."""
 CANDIDATES = 8
 SEPARATION = 0.3
-"""Between two candidates for the offset [s]."""
+"""Least separation of two candidates for the offset [s]."""
 WEAKEST_FIT = 0.8
 """Correlation of the two rates after alignment, below which they are not the same flight."""
 CLEAREST_RIVAL = 0.95
-"""Of the best fit that another offset may reach."""
+"""Largest share of the best fit that another offset may reach."""
 CLOCK_STD = 1e-4
-"""By which two clocks differ before anything is measured [s/s]."""
+"""Prior deviation of the drift between two clocks [s/s]."""
 LARGEST_DRIFT = 2e-3
 VAGUEST_MOUNTING = np.radians(2.0)
 SLOWEST_TURNS = 0.05

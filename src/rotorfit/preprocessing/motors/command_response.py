@@ -216,9 +216,10 @@ def _gap_free_responses(
 
 
 AT: Final = 1e-4
-"""Of the range of the commands: two that differ by less are the same."""
+"""Share of the range of the commands: two that differ by less are the same."""
 ALONGSIDE: Final = 0.03
-"""Of the range next to an end: where the end is a limit, more commands stand at it than there."""
+"""Share of the range next to an end: where the end is a limit, more commands stand at it than
+there."""
 ALONGSIDE_STEPS: Final = 4.0
 """The same of coarse commands, in steps of theirs."""
 

@@ -19,7 +19,7 @@ from rotorfit.preprocessing.signals import smooth, true_runs, whole_samples
 FASTEST: Final = 100.0
 """Rate of the common clock at most [Hz]."""
 BAND: Final = (0.3, 8.0)
-"""In which commands and speeds are compared [Hz]."""
+"""Band in which commands and speeds are compared [Hz]."""
 LATE: Final = (-0.1, 0.3)
 """How much later than the commands the speeds may be [s]."""
 SLOWEST: Final = 2.0
@@ -29,7 +29,7 @@ FEWEST: Final = 20
 MOST_HOLES: Final = 10.0
 """Length of the common clock over the samples: a longer one is no clock."""
 LEAST_SECONDS: Final = 3.0
-"""Of turning motors, below which nothing is said."""
+"""Least time of turning motors, below which nothing is reported [s]."""
 TURNING: Final = 0.3
 """Share of the largest command above which motors count as turning."""
 EDGE: Final = 0.5
@@ -47,7 +47,7 @@ LONGEST_CONSTANT: Final = 1.0
 LEAST_STUCK: Final = 0.02
 """Share of the time that a speed is stuck, from which it is said."""
 UNLIKE: Final = 0.1
-"""By which a rotor's speed may differ from the others' at the same command."""
+"""Share by which a rotor's speed may differ from the others' at the same command."""
 SURE: Final = 4.0
 """Deviations of the mean by which it must."""
 
