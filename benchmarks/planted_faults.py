@@ -170,14 +170,12 @@ ROOMS: Final[dict[str, Room]] = {
         tests=("tests/estimation/test_ordinary.py", "tests/estimation/test_total.py"),
         scaled=(
             "variance = <<float(residual @ residual) / max(problem.rows - f, 1)>>",
-            "covariance = <<spread @ spread.T * (b / (b - 1))>>",
             "return <<sigma_W**2 * (1.0 + float(chi @ chi)) * (root @ root.T)>>",
             "sigma_W = <<s[-1] / np.sqrt(max(rows - n_t, 1))>>",
             "return <<estimate.std / np.abs(estimate.values)>>",
         ),
         changed=(
             ("max(problem.rows - f, 1)", "problem.rows"),
-            ("* (b / (b - 1))", ""),
             ("max(rows - n_t, 1)", "rows"),
         ),
     ),
@@ -359,6 +357,10 @@ ROOMS: Final[dict[str, Room]] = {
         scaled=(
             "variance = <<np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)>>",
         ),
+        changed=(
+            ("return max(len(fit.influence) - len(fit.estimate.names) / fit.variance.shape[1], 1.0)", "return float(len(fit.influence))"),
+            (" / fit.variance.shape[1], 1.0)", ", 1.0)"),
+        ),
     ),
     "fit/intervals/joint_numbers.py": Room(
         tests=(
@@ -395,8 +397,6 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         changed=(
             ("float(stats.t.ppf(0.975, degrees))", "1.96"),
-            ("return max(len(fit.influence) - len(fit.estimate.names) / fit.variance.shape[1], 1.0)", "return float(len(fit.influence))"),
-            (" / fit.variance.shape[1], 1.0)", ", 1.0)"),
             ("m / (m - 1.0) * ", ""),
             ("(influences - influences.mean(axis=0)) ** 2", "influences**2"),
             ("degrees = min(degrees, m - 1)", "degrees = min(degrees, m)"),

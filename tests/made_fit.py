@@ -127,8 +127,6 @@ def fit_of(configurations, *, std, influence=None, terms=("rotor_inertia",), pow
             values=values,
             covariance=np.diag(deviations**2),
             condition_number=1.0,
-            weak_directions=np.zeros((0, len(names))),
-            weak_strengths=np.zeros(0),
         ),
         influence=pulls,
         variance=np.ones((count, 6)),

@@ -29,6 +29,11 @@ WORDS = {
     r"steered": "closed_loop, controlled",
 }
 """By the pattern of a word, or of several in a row, what to write in its place."""
+PHRASES = re.compile(
+    r"^(Return|Do) (what|the same|that of)\b"
+    r"|\b((un|fore)?told|(un)?heard|witness\w*|hang(s|ing)?|swallow\w*|surer|steered|opinions?)\b"
+)
+"""Of the first line of a docstring, which names its thing by the field's words."""
 ALLOWED: dict[str, str] = {}
 """By name the reason why it stays, such as a field that is the key of a JSON file."""
 
@@ -104,6 +109,39 @@ def test_names_of_the_source_are_words_of_the_field():
 )
 def test_every_kind_of_name_is_read(text):
     assert [name for _, name in names_in(text) if replacement(name)] != []
+
+
+def first_lines(text):
+    """Yield line and first line of every docstring of a module."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            docstring = ast.get_docstring(node)
+            if docstring is not None:
+                yield getattr(node, "lineno", 1), docstring.splitlines()[0]
+
+
+def test_first_lines_of_docstrings_name_their_thing():
+    found = [
+        f"{file.relative_to(ROOT)}:{line} {first}"
+        for file in sorted((ROOT / "src").rglob("*.py"))
+        for line, first in first_lines(file.read_text(encoding="utf-8"))
+        if PHRASES.search(first)
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        "Return what is open of the numbers.",
+        "Return the same where a fit moves the times.",
+        "Gravity as a witness.",
+        "Widen what hangs on the inertia.",
+    ],
+)
+def test_phrases_that_name_nothing_are_found(first):
+    [(_, read)] = first_lines(f"def f():\n    {first!r}")
+    assert PHRASES.search(read)
 
 
 @pytest.mark.parametrize("name", ["telltale", "apartment", "united", "pulley", "change", "teller"])

@@ -12,9 +12,15 @@ from benchmarks.accuracy.bound import flight_spectrum
 from jaxtyping import Float
 from scipy import signal
 
-from rotorfit.errors import RotorfitError
-from rotorfit.estimation.estimate import Estimate, LinearProblem
-from rotorfit.estimation.least_squares import block_covariance, component_weights, ordinary, total
+from rotorfit.errors import EstimationError, RotorfitError
+from rotorfit.estimation.estimate import (
+    Estimate,
+    LinearProblem,
+    equation_rows,
+    problem_rows,
+    scaled_singular,
+)
+from rotorfit.estimation.least_squares import component_weights, ordinary, total
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
 from rotorfit.model.regressor import regressor
@@ -127,3 +133,45 @@ def noise_scaled_total(problem: LinearProblem, noise: list[Float[np.ndarray, "z 
         values=estimate.values * back,
         covariance=estimate.covariance * np.outer(back, back),
     )
+
+
+def block_scores(
+    problem: LinearProblem, phi: Float[np.ndarray, " f"]
+) -> tuple[Float[np.ndarray, "b f"], Float[np.ndarray, "b f f"]]:
+    """Compute each block's gradient J^T e and information J^T J at `phi`.
+
+    Blocks of all configurations, one after the other; both weighted.
+    """
+    f = len(phi)
+    scores: list[Float[np.ndarray, "b f"]] = []
+    information: list[Float[np.ndarray, "b f f"]] = []
+    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
+        rows = equation_rows(
+            factors.R,
+            tensor,
+            (problem.map.constant[c], problem.map.matrix[c]),
+            problem.weights[c],
+        )
+        J = rows[:, :, :f]
+        e = rows[:, :, f] + J @ phi
+        scores.append(np.einsum("bmf,bm->bf", J, e))
+        information.append(np.matmul(J.transpose(0, 2, 1), J))
+    return np.concatenate(scores), np.concatenate(information)
+
+
+def block_covariance(problem: LinearProblem, estimate: Estimate) -> Estimate:
+    r"""Give an estimate a covariance that needs no independence within a block.
+
+    The sandwich :math:`H^{-1} (\sum_b g_b g_b^T) H^{-1} b/(b-1)` over the blocks of the factors:
+    errors may be coloured and correlated between equations as long as blocks are longer than
+    their memory.
+    """
+    scores, _ = block_scores(problem, estimate.values)
+    b = len(scores)
+    if b < 2:
+        raise EstimationError("one block has no scatter: give at least two blocks of data")
+    # H^-1 from the singular values of the equations: forming H would square their condition.
+    root = scaled_singular(problem_rows(problem)[:, :-1], problem.map.names).inverse_root
+    spread = root @ (root.T @ scores.T)
+    covariance = spread @ spread.T * (b / (b - 1))
+    return replace(estimate, covariance=covariance)

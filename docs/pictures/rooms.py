@@ -130,7 +130,7 @@ def picture() -> str:
 
 
 def _places(rows: Sequence[Sequence[str]]) -> dict[str, tuple[float, float]]:
-    """Return the middle of the upper edge of each box; the witness stands aside."""
+    """Return the middle of the upper edge of each box; the simulator stands aside."""
     places: dict[str, tuple[float, float]] = {}
     for i, row in enumerate(rows):
         y = TOP + i * (HEIGHT + GAP)

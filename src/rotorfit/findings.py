@@ -1,4 +1,4 @@
-"""What a check finds: one type for refusals, doubts, notes, and checks that passed."""
+"""Findings of checks: one type for refusals, doubts, notes, and checks that passed."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -109,16 +109,9 @@ def doubt_or_passed(
 ) -> Finding:
     """Return a doubt where there is a sentence, else that the check passed.
 
-    Parameters
-    ----------
-    kind
-        Of the check.
-    sentence
-        None where it objects to nothing.
-    measured
-        Quantities by name.
-    about
-        Further fields of `Finding`; what a doubt alone has (`DISOWNING`) is left out of a pass.
+    `kind`: of the check. `sentence`: None where it objects to nothing. `measured`: quantities by
+    name. `about`: further fields of `Finding`; what a doubt alone has (`DISOWNING`) is left out of
+    a pass.
     """
     if sentence is None:
         about = {name: value for name, value in about.items() if name not in DISOWNING}
@@ -149,10 +142,7 @@ def finding_to_plain(finding: Finding) -> dict[str, Any]:
 def finding_from_plain(entry: Mapping[str, Any]) -> Finding:
     """Return a finding of JSON.
 
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        If it is none.
+    Raises `KeyError`, `TypeError`, `ValueError` if it is none.
     """
     fields: dict[str, Any] = dict(entry)
     fields["evidence"] = tuple(_evidence_from_plain(one) for one in entry["evidence"])

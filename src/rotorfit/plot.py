@@ -23,7 +23,7 @@ from rotorfit.validation.validate import fitted_response
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
 Axes = Any
-"""Of matplotlib, which need not be installed."""
+"""Axes of matplotlib, which need not be installed."""
 MAIN: Final = ("kt", "kd", "com_x", "com_y", "com_z", "Ixx_com", "Iyy_com", "Izz_com", "motor_lag")
 COLOURS: Final = {"weak": "#b36200", "doubtful": "#a3242b", "given": "#777777"}
 BLUE, ORANGE, GREY = "#175fa0", "#be5408", "#999999"

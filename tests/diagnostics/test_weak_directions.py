@@ -18,14 +18,11 @@ from rotorfit.simulation import STILL, Scenario
 
 
 def estimate(names, values, information):
-    empty = np.zeros((0, len(names)))
     return Estimate(
         names=names,
         values=np.array(values),
         covariance=np.linalg.inv(information),
         condition_number=1.0,
-        weak_directions=empty,
-        weak_strengths=np.zeros(0),
     )
 
 

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation import factors as module
 from rotorfit.estimation.factors import (
     Factors,
     merge_triangular,
@@ -222,14 +221,19 @@ def test_merged_factors_are_one_block_of_all_rows():
     np.testing.assert_array_equal(one.total, F.total)
 
 
-def test_only_singular_blocks_are_factored_by_householder(monkeypatch):
-    seen = []
-    householder = module._householder
-    monkeypatch.setattr(module, "_householder", lambda b: (seen.append(len(b)), householder(b))[1])
+def test_singular_blocks_keep_their_digits_and_change_no_other():
+    """Their Gram matrices have lost them: these blocks alone are factored by Householder."""
     Z = np.random.default_rng(0).normal(size=(10, 50, 4))
-    triangular_factors(Z)
-    assert seen == []
     Z[2, :, 1] = 0.0
-    Z[7, :, 1] = Z[7, :, 0] * (1.0 + 1e-9 * np.arange(50))
-    triangular_factors(Z)
-    assert seen == [1, 1]
+    for i, share in ((5, 1e-8), (7, 1e-9)):
+        Z[i, :, 1] = Z[i, :, 0] * (1.0 + share * np.arange(50))
+    R = triangular_factors(Z)
+    for i in (2, 5, 7):
+        pivots = np.abs(np.diagonal(np.linalg.qr(Z[i], mode="r")))
+        np.testing.assert_allclose(np.diagonal(R[i]), pivots, rtol=1e-6)
+    for i in (0, 1, 3, 4, 6, 8, 9):
+        gram = Z[i].T @ Z[i]
+        scale = np.sqrt(np.diagonal(gram))
+        np.testing.assert_array_equal(
+            R[i], np.linalg.cholesky(gram / (scale[:, None] * scale)).T * scale
+        )

@@ -5,6 +5,7 @@ import dataclasses
 import nist
 import numpy as np
 import pytest
+from benchmarks.accuracy.rivals import block_covariance, block_scores
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_problem import dense_rows, plain_problem, wrench_problem
@@ -12,7 +13,7 @@ from plain_problem import dense_rows, plain_problem, wrench_problem
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import problem_rows
 from rotorfit.estimation.factors import stack_factors
-from rotorfit.estimation.least_squares import block_covariance, block_scores, ordinary
+from rotorfit.estimation.least_squares import ordinary
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -218,15 +219,6 @@ def test_an_equation_without_weight_is_not_there():
     alone = wrench_problem(Z, tensor[:, 1:], truth[-1], weights=[2.0])
     assert problem.rows == alone.rows == 300
     np.testing.assert_array_equal(problem_rows(problem), problem_rows(alone))
-
-
-def test_weak_directions_are_named_by_their_vectors():
-    A, y = noisy(6)
-    A = np.column_stack([A, A[:, 1] * (1 + 1e-4 * np.arange(200))])
-    e = ordinary(plain_problem(A, y))
-    assert np.abs(e.weak_directions[0])[[1, 4]] == pytest.approx([2**-0.5] * 2, abs=1e-2)
-    assert e.weak_strengths[0] == pytest.approx(1.0 / e.condition_number)
-    assert (np.diff(e.weak_strengths) > 0).all()
 
 
 def test_a_parameter_that_nothing_moves_is_named():

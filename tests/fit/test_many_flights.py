@@ -205,8 +205,6 @@ def test_flight_scatter_counts_individual_not_common_uncertainty():
         values=np.full(15, 3e-3),
         covariance=open_still + 1e-4 * common,
         condition_number=1.0,
-        weak_directions=np.eye(15),
-        weak_strengths=np.ones(15),
     )
     owners, moments = [0, 1, 1, 1, 1, 1], [0.2] * 6
     found = scatters(estimate, owners, moments)
@@ -224,8 +222,6 @@ def test_two_flights_of_one_day_barely_constrain_air_of_another():
         values=np.zeros(6),
         covariance=np.zeros((6, 6)),
         condition_number=1.0,
-        weak_directions=np.eye(6),
-        weak_strengths=np.ones(6),
     )
     assert scatters(estimate, [0, 0], [0.2] * 2)[0].air == pytest.approx(0.01 / 2**0.5)
 

@@ -44,8 +44,6 @@ def fits(*, formal=None, scatter=None, rho=RHO):
                 values=values,
                 covariance=np.zeros((f, f)),
                 condition_number=1.0,
-                weak_directions=np.zeros((0, f)),
-                weak_strengths=np.zeros(0),
             ),
             influence=np.zeros((BLOCKS, f)),
             variance=np.ones(BLOCKS),

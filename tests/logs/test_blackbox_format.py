@@ -449,7 +449,7 @@ def frames_without_change(encoding: int, fields: int, per_group: int) -> bytes:
 )
 def test_memory_grows_with_the_file_and_no_more(scratch, monkeypatch, data, ratio):
     monkeypatch.setattr(scan, "WINDOW", 1 << 14)  # what is worked on at a time is the constant part
-    monkeypatch.setattr(encodings, "_BLOCK_FRAMES", 1 << 10)
+    monkeypatch.setattr(encodings, "BLOCK_FRAMES", 1 << 10)
     scratch.write_bytes(data)
     tracemalloc.start()
     with contextlib.suppress(LogError):

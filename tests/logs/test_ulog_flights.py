@@ -3,7 +3,6 @@
 import contextlib
 import io
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -122,18 +121,17 @@ def test_a_slow_hover_is_distinguished_from_the_ground(folder):
     assert len(flight.data.used_rows) / flight.data.sample_rate > 70.0
 
 
-def run(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr(sys, "argv", ["rotorfit", *map(str, arguments)])
+def run(capsys, *arguments):
     with pytest.raises(SystemExit) as ended:
-        main()
+        main([str(word) for word in arguments])
     return ended.value.code, capsys.readouterr()
 
 
-def test_identify_gives_no_inertia_of_the_hover(folder, tmp_path, monkeypatch, capsys):
+def test_identify_gives_no_inertia_of_the_hover(folder, tmp_path, capsys):
     airframe = tmp_path / "quad.toml"
     airframe.write_text(AIRFRAME)
     request = ["identify", folder / HOVER, "--mass", "2", "--airframe", airframe, "--json"]
-    code, output = run(monkeypatch, capsys, *request)
+    code, output = run(capsys, *request)
     assert code in (0, None)
     result = json.loads(output.out)
     verdicts = {p["name"]: p["verdict"] for p in result["parameters"]}

@@ -15,8 +15,8 @@ from rotorfit.errors import EstimationError, FlightError
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.flight_data import Segment
-from rotorfit.reduction import reduce
 from rotorfit.reduction.reduce import (
+    CHUNK_ROWS,
     BandPlan,
     LowPass,
     band_factors,
@@ -56,17 +56,22 @@ def assert_no_residual(factors, *, tolerance):
         assert (residual[:, rows] <= tolerance * terms[:, rows].max(axis=1, keepdims=True)).all()
 
 
-@pytest.mark.parametrize("chunk_rows", [1, 64, 450, 1000, 16_384])
-def test_factors_do_not_depend_on_the_size_of_chunks(monkeypatch, chunk_rows):
-    data = flight(1530)
-    expected = time_factors(data, VEHICLE)
-    monkeypatch.setattr(reduce, "CHUNK_ROWS", chunk_rows)
-    F = time_factors(data, VEHICLE)
-    assert F.rows.tolist() == expected.rows.tolist() == [200] * 7 + [130]
-    np.testing.assert_allclose(F.R, expected.R, rtol=1e-11, atol=1e-9)
-    for i in range(8):
-        assert_same_gram(F.R[i], dense(data)[200 * i : 200 * (i + 1)])
-    assert_same_gram(F.total, dense(data))
+@pytest.fixture(scope="module")
+def long_flight():
+    """A flight of several chunks, the last of them not full."""
+    return flight(2 * CHUNK_ROWS + 1530)
+
+
+@pytest.mark.parametrize("block_rows", [200, 450, 16_000, 20_000])
+def test_chunks_of_a_long_flight_are_factored_as_a_whole(long_flight, block_rows):
+    """Of blocks that fill a chunk or not, and of one that is longer than a chunk."""
+    Z = dense(long_flight)
+    F = time_factors(long_flight, VEHICLE, block_seconds=block_rows / long_flight.sample_rate)
+    starts = range(0, len(Z), block_rows)
+    assert F.rows.tolist() == [min(block_rows, len(Z) - start) for start in starts]
+    for R, start in zip(F.R, starts, strict=True):
+        assert_same_gram(R, Z[start : start + block_rows])
+    assert_same_gram(F.total, Z)
 
 
 def test_segments_are_kept_separate_and_gaps_are_left_out():
@@ -98,7 +103,6 @@ def filtered_rows(data, lowpass):
     return rows * np.sign(rows[:, -1:])  # The last signal is 1, before the filter and after.
 
 
-@pytest.mark.parametrize("chunk_rows", [100, 333, 2048, 16_384])
 @pytest.mark.parametrize(
     "lowpass",
     [
@@ -107,13 +111,11 @@ def filtered_rows(data, lowpass):
         LowPass(cutoff=20.0, order=2),
     ],
 )
-def test_filtering_in_chunks_is_filtering_the_whole_flight(monkeypatch, chunk_rows, lowpass):
-    data = flight(4100)
-    Z = dense(data)
+def test_filtering_in_chunks_is_filtering_the_whole_flight(long_flight, lowpass):
+    Z = dense(long_flight)
     sos = lowpass.sos(200.0)
     whole = signal.sosfiltfilt(sos, Z, axis=0)[:: lowpass.step(200.0)]
-    monkeypatch.setattr(reduce, "CHUNK_ROWS", chunk_rows)
-    got = filtered_rows(data, lowpass)
+    got = filtered_rows(long_flight, lowpass)
     assert got.shape == whole.shape
     assert (np.abs(got - whole).max(axis=0) < 1e-10 * np.abs(Z).max(axis=0)).all()
 

@@ -92,8 +92,6 @@ def by_rows(rho=50.0):
         values=np.zeros(0),
         covariance=np.zeros((0, 0)),
         condition_number=1.0,
-        weak_directions=np.zeros((0, 0)),
-        weak_strengths=np.zeros(0),
     )
     fit = BandedFit(
         estimate=empty,
@@ -151,8 +149,6 @@ def paper(relative):
         values=np.array([2e-6]),
         covariance=np.array([[(relative * 2e-6) ** 2]]),
         condition_number=1.0,
-        weak_directions=np.zeros((0, 1)),
-        weak_strengths=np.zeros(0),
     )
     problem = LinearProblem(
         factors=(), tensors=(), map=parameter_map(("kt",), {}, {}), weights=np.zeros((0, 6))

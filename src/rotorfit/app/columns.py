@@ -69,12 +69,8 @@ def described_columns(
 ) -> tuple[dict[str, Any], ReadOptions | None]:
     """Describe the columns of a table for the page, and how it is read where that is clear.
 
-    Parameters
-    ----------
-    replies
-        What the user said: ``named``, ``units``, ``axes``, ``poles``; None before.
-    known
-        A map from `known_map`; it counts until the user says something.
+    `replies`: what the user said: ``named``, ``units``, ``axes``, ``poles``; None before. `known`:
+    a map from `known_map`; it counts until the user says something.
     """
     names = list(open_table(path).names)
     if replies is None and known is not None:
@@ -109,7 +105,7 @@ def described_columns(
 
 
 def on_page(path: Path, error: LogError) -> str:
-    """Say what is wrong with a table to somebody who names columns below, not by options."""
+    """Explain a fault of a table to somebody who names columns below, not by options."""
     words = str(error).removeprefix(f"{path}: ")
     return re.sub(r",? (with|as) --column( \w+=NAME)?", " below", words)
 

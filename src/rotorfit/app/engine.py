@@ -36,7 +36,7 @@ ACCEPTS: Final = (
     *(".log", ".txt", ".toml", ".json"),
 )
 MOST_BYTES: Final = 2_000_000_000
-"""Of all files of a page, where nobody says otherwise."""
+"""Most bytes of all files of a page, where nobody says otherwise."""
 DOCUMENTS: Final = {
     "report": "report.html",
     "result": "result.json",
@@ -202,7 +202,7 @@ class Engine:
 
 
 EXAMPLE_SECONDS: Final = 30.0
-"""Of each flight of the example, in the air [s]."""
+"""Length of each flight of the example, in the air [s]."""
 _CALLS: Final[Mapping[str, Callable[[Engine, Mapping[str, Any], Progress], JsonObject]]] = {
     "options": Engine.options,
     "restore": Engine.restore,

@@ -17,7 +17,7 @@ from rotorfit.logs.files import file_name, write_whole
 Progress = Callable[[str, float | None], None]
 """Receives the step and its share done, from 0 to 1; None where that is not known."""
 MOST_FILES: Final = 64
-"""On one page."""
+"""Most files on one page."""
 LONGEST_NAME: Final = 120
 NAMELESS: Final = "flight"
 _UNSEEN: Final = re.compile(

@@ -9,9 +9,9 @@ from rotorfit.app.files import Progress
 from rotorfit.errors import RotorfitError
 
 FOLDER: Final = Path("/tmp/rotorfit-page")
-"""In the memory of the browser's tab."""
+"""A folder in the memory of the browser's tab."""
 MOST_BYTES: Final = 500_000_000
-"""Of all files together: they are in memory, which is at most 4 GB there."""
+"""Most bytes of all files together: they are in memory, which is at most 4 GB there."""
 
 
 @runtime_checkable

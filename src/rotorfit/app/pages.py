@@ -20,7 +20,7 @@ MOST_WAITING: Final = 16
 AT_ONCE: Final = 2
 """Processes of all pages."""
 GRACE = 120.0
-"""For which a page that was closed is kept: it may only be loaded anew [s]."""
+"""Time for which a page that was closed is kept: it may only be loaded anew [s]."""
 LONGEST_RESPONSE: Final = 2**28
 LOOKS: Final = ("add_file", "look")
 STOPPED: Final[JsonObject] = {"refused": "stopped", "stopped": True}

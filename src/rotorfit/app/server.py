@@ -1,7 +1,7 @@
 """The server of the page: bound to this computer alone, each long call in a process of its own.
 
 A page of another site may send requests here, and a name of another site may be made to lead here:
-the token in the address, the Host and the Origin tell them apart.
+the token in the address, the Host and the Origin distinguish them.
 """
 
 import asyncio
@@ -39,7 +39,8 @@ DOCUMENT_POLICY: Final = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'self'; sandbox allow-scripts"
 )
-"""Of a report: its own script and style, and no address at all that they could speak to."""
+"""The policy of a report: its own script and style, and no address at all that they could speak
+to."""
 HEADERS: Final = {
     "cache-control": "no-store",
     "content-security-policy": POLICY,
@@ -100,9 +101,9 @@ class Guard:
 
 STATIC: Final = Path(__file__).parent / "static"
 LONGEST_CALL: Final = 1_000_000
-"""Of the JSON of a call [bytes]."""
+"""Longest JSON of a call [bytes]."""
 SLOWEST: Final = 60.0
-"""Between two pieces of what is sent [s]."""
+"""Longest time between two pieces of what is sent [s]."""
 MOST_CONNECTIONS: Final = 40
 GONE: Final = "this page was closed: load it anew"
 TYPES: Final = {".js": "text/javascript", ".html": "text/html", ".css": "text/css"}
@@ -262,7 +263,7 @@ def _no_number(word: str) -> float:
 
 
 async def _pieces(request: Request) -> AsyncGenerator[bytes]:
-    """Yield what is sent; raise OutputError if nothing comes for too long."""
+    """Yield the pieces received; raise OutputError if nothing comes for too long."""
     pieces = aiter(request.stream())
     while True:
         try:

@@ -1,4 +1,4 @@
-"""rotorfit airframe: questions that a ruler answers, and the file that comes of them."""
+"""rotorfit airframe: ask for lengths that a ruler measures, and write the file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rotorfit.logs.proposal import Proposal
 
 SMALLEST, LARGEST = 15.0, 10_000.0
-"""Of a spacing [mm]."""
+"""Limits of a spacing [mm]."""
 Layout = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="quad-x, quad-plus, hexa-x, ...; asked for if not given."),
@@ -355,21 +355,21 @@ def _parse_millimetres(text: str) -> float:
 
 
 def _ask_choice(choices: list[str], question: str, default: str, option: str) -> str:
-    """Ask a question until the answer is one of the choices."""
+    """Ask a question until the reply is one of the choices."""
     while (reply := _ask(question, default, option)) not in choices:
         print_status(f"{reply!r} is none of {', '.join(choices)}")
     return reply
 
 
 def _ask(question: str, default: str | None, option: str) -> str:
-    """Ask a question; an empty answer is its default."""
+    """Ask a question; an empty reply is its default."""
     shown = f" [{default}]" if default else ""
     sys.stderr.write(f"{question}{shown}: ")
     sys.stderr.flush()
     line = sys.stdin.readline()
     if not line:
         raise OutputError(f"no answer to {question.strip()!r}: answer it, or give {option}")
-    reply = line.strip() or default  # the empty answer is none of the choices
+    reply = line.strip() or default  # the empty reply is none of the choices
     if reply is None:
         raise OutputError(f"no answer to {question.strip()!r}: a number is needed")
     return reply

@@ -13,7 +13,7 @@ MISSING = (
     "pip install 'rotorfit[app]'"
 )
 BROWSER_DELAY = 0.3
-"""After which the server responds; a browser takes longer to start [s]."""
+"""Time after which the server responds; a browser takes longer to start [s]."""
 
 
 def page(

@@ -51,7 +51,7 @@ COMMANDS: Final[dict[str, tuple[Callable[..., None], str]]] = {
     "simulate": (simulate, "single -o flights --seconds 20"),
     "demo": (demo, "-o demo"),
 }
-"""In the order of ``--help``, each with its example."""
+"""Commands in the order of ``--help``, each with its example."""
 
 
 class Command(TyperCommand):

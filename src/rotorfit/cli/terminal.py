@@ -84,7 +84,7 @@ def json_file(what: str) -> Any:
 DEBUG = "ROTORFIT_DEBUG"
 WIDEST = 100
 NARROWEST = 60
-"""Of a line of prose [characters]: within these it follows the terminal."""
+"""Widths of a line of prose [characters]: within these it follows the terminal."""
 FALLBACK = 80
 """Where there is no terminal: a pipe, a file."""
 STOPPED = 130
@@ -140,7 +140,7 @@ COLOURS: Final = {
     "better": "32",
     "WORSE": "31",
 }
-"""Of verdicts: SGR codes of the terminal, green, yellow, red and faint."""
+"""Colours of verdicts: SGR codes of the terminal, green, yellow, red and faint."""
 Colour = Literal["auto", "always", "never"]
 COLOUR: ContextVar[Colour] = ContextVar("colour", default="auto")
 _VERDICT: Final = re.compile(
@@ -304,7 +304,7 @@ def _drop_stdout() -> None:
 
 BAR_WIDTH = 20
 EVERY = 5.0
-"""Between the plain lines [s]."""
+"""Time between the plain lines [s]."""
 WINDOW = 60.0
 """Over which a pace is taken [s]."""
 Clock = Callable[[], float]

@@ -205,7 +205,7 @@ def arducopter(log: ControllerLog, axis: int) -> RateController:
 
 
 def _px4_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
-    """Read low-pass and fixed notches of the gyro; of those that follow the rotors the log tells.
+    """Read low-pass and fixed notches of the gyro; those that follow the rotors are in the log.
 
     Their delay, that is: `controller_response` measures what these filters leave of it.
     """
@@ -257,7 +257,7 @@ SPLIT: Final = 0b10001
 
 
 def moving_filters(log: ControllerLog) -> tuple[str, ...]:
-    """Name the notches of the gyro whose places the parameters do not tell, as they are set.
+    """Name the notches of the gyro whose places are not among the parameters, as they are set.
 
     They are in the loop by what the two records of the gyro show of them (`controller_response`).
     """

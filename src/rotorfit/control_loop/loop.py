@@ -56,18 +56,18 @@ from rotorfit.results.result import IdentificationResult, owner_of
 DRAWS: Final = 200
 POINTS: Final = 400
 LOWEST: Final = 0.1
-"""Of the frequencies [Hz]."""
+"""Lowest of the frequencies [Hz]."""
 FACTORS: Final = (0.8, 1.0, 1.25, 1.5)
-"""Of the rate gains in the table of what a gain would do."""
+"""Factors of the rate gains in the table of what a gain would do."""
 STEPS: Final = 6
-"""Of finding how far the flown loop is from the predicted one."""
+"""Steps of finding how far the flown loop is from the predicted one."""
 STEP: Final = (0.3, 5e-3)
 """The longest of them: logarithm of the effectiveness, and delay [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisLoop:
-    """What is said of one axis.
+    """The judged loop of one axis.
 
     Attributes
     ----------
@@ -314,7 +314,7 @@ def _step(
     harmonics: Float[np.ndarray, " f"],
     found: Margins,
 ) -> StepResponse:
-    """Compute the answer of the rate loop alone to a step of the rate asked for."""
+    """Compute the response of the rate loop alone to a step of the rate reference."""
     loops = _rate_loops(controller, vehicles, filtered=filtered, frequency=harmonics)
     return step_of(harmonics, closed_loop(controller, loops, harmonics), found.stable)
 

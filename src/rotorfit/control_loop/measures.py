@@ -1,4 +1,4 @@
-"""What is said of a loop: margins, bandwidth and step, each with its interval.
+"""Measures of a loop: margins, bandwidth and step response, each with its interval.
 
 How far an open loop is from oscillating.
 """
@@ -107,9 +107,9 @@ def _between(at: Float[np.ndarray, " f"], values: Float[np.ndarray, " f"], i: in
 
 SIDES: Final = (0.025, 0.975)
 SETTLED: Final = 4.0
-"""By then the answer to a step has come to rest [s]."""
+"""Time by which the response to a step has come to rest [s]."""
 STEP_TIMES: Final = np.linspace(0.0, 0.6, 121)
-"""At which it is shown [s]."""
+"""Times at which the step response is shown [s]."""
 HALF_POWER: Final = 0.5**0.5
 """Size of a closed loop at its bandwidth."""
 
@@ -133,7 +133,7 @@ class Measure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopMeasures:
-    """How far a loop is from oscillating.
+    """Distances of a loop from oscillating.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ class LoopMeasures:
     sensitivity
         Peak of ``1 / |1 + L|``: by how much disturbances are amplified at worst.
     bandwidth
-        Frequency from which on the closed loop answers less than 1 / sqrt(2) of what is asked [Hz].
+        Frequency from which the closed loop's gain is below 1 / sqrt(2) [Hz].
     stable
         Share of the vehicles that the flights leave open in which the closed loop is stable.
     """
@@ -196,10 +196,10 @@ def step_response(
     closed: Complex[np.ndarray, "D f"],
     time: Float[np.ndarray, " t"],
 ) -> Float[np.ndarray, "D t"]:
-    """Compute the answer to a step, as that to one edge of a slow square wave from 0 to 1."""
+    """Compute the step response, as the response to one edge of a slow square wave from 0 to 1."""
     waves = np.exp(2j * np.pi * np.outer(harmonics, time))
     parts = 2.0 / np.pi * closed * harmonics[0] / harmonics
-    # Both sides at rest: the answer to the edge begins at none.
+    # Both sides at rest: the response to the edge begins at none.
     return np.imag(parts @ waves) - np.imag(parts.sum(axis=1, keepdims=True))
 
 
@@ -208,7 +208,7 @@ def step_of(
     closed: Complex[np.ndarray, "D f"],
     stable: Bool[np.ndarray, " D"],
 ) -> StepResponse:
-    """Compute the nominal answer to a step, which comes first, and the band of the stable ones."""
+    """Compute the nominal step response, which comes first, and the band of the stable ones."""
     if not stable[0]:
         nothing = np.full_like(STEP_TIMES, np.nan)
         return StepResponse(time=STEP_TIMES, value=nothing, low=nothing, high=nothing)
@@ -220,7 +220,7 @@ def step_of(
 def bandwidth(
     frequency: Float[np.ndarray, " f"], closed: Complex[np.ndarray, "D f"]
 ) -> Float[np.ndarray, " D"]:
-    """Find where closed loops first answer less than `HALF_POWER` of what is asked [Hz]."""
+    """Find where the gain of closed loops first falls below `HALF_POWER` [Hz]."""
     low: Bool[np.ndarray, "D f"] = np.abs(closed) < HALF_POWER
     first = np.argmax(low, axis=1)
     found = np.full(len(closed), np.nan)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 Response = Complex[np.ndarray, " f"]
-"""Of one filter at some frequencies."""
+"""The response of one filter at some frequencies."""
 
 
 def delays(frequency: Float[np.ndarray, " f"], period: float) -> Response:

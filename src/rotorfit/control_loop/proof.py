@@ -1,9 +1,9 @@
-"""Is the predicted loop the one that flew? Replay of the controller, and the closed loop by bands.
+"""Compare the predicted loop with the one flown: controller replayed, closed loop by bands.
 
 The closed loop from set point r to rate y is measured with an instrument z that gusts do not move:
 what the outer loop asked for beyond its feedback, r' + K y (K: rate asked for per angle), so that
 T = S_zy / S_zr (instrumental variables; Soderstrom and Stoica 1989). S_ry / S_rr would take the
-outer loop's answer to gusts for a response to the pilot.
+outer loop's response to gusts for one to the pilot.
 
 Why margins are withheld, and what they rest on, in words.
 """
@@ -23,7 +23,7 @@ from rotorfit.control_loop.vehicle import Flown, cross_spectrum, withheld_output
 from rotorfit.logs.flight_log import FlightLog
 
 EDGES = 0.3 * 1.5 ** np.arange(13)
-"""Of the bands [Hz]."""
+"""Edges of the bands [Hz]."""
 LONGEST = 8.0
 """Length of a spectrum [s]."""
 WINDOWS = 0.8
@@ -45,20 +45,21 @@ not show them."""
 UNKNOWN = np.diag([1.0, 1.0])
 """Covariance where the closed loop shows nothing."""
 EXACT = 1e-5
-"""Of a set point's stamp [s]."""
+"""Tolerance of a set point's stamp [s]."""
 ABOVE = 3.0
 """Times the crossover up to which the closed loop is judged."""
 SMOOTH = 15.0
 """Frequency up to which derivatives are compared [Hz]: the log is slower than the gyro."""
 PIECES = 10
-"""Of a flight, to see how much an estimate differs among them."""
+"""Pieces of a flight, to see how much an estimate differs among them."""
 SLOPE = 0.03
-"""Of the replayed output from one, beyond which the controller was not read rightly."""
+"""Difference of the replayed output's slope from one, beyond which the controller was not read
+rightly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayedOutput:
-    """How the logged output follows the replayed one: slope, and share that is left.
+    """The logged output over the replayed one: slope, and share that is left.
 
     `derivative`: the slope of the logged derivative of the rate, where the log has it.
     """
@@ -75,7 +76,7 @@ class ReplayedOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayedMixer:
-    """How the motors' commands follow the output of an axis.
+    """The motors' commands over the output of an axis.
 
     Attributes
     ----------
@@ -172,7 +173,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopError:
-    """How far the flown loop is from the predicted one, by its closed loop.
+    """The error of the predicted loop, by the closed loop as flown.
 
     Attributes
     ----------
@@ -314,14 +315,8 @@ def closed_loop_bands(
 ) -> list[Band]:
     """Compare the measured with the predicted closed loop, band by band.
 
-    Parameters
-    ----------
-    predicted
-        Rate over set point.
-    inner
-        The open rate loop, by which the closed one changes with gain and delay.
-    by_output
-        Rate over what is added to the output, in closed loop.
+    `predicted`: rate over set point. `inner`: the open rate loop, by which the closed one changes
+    with gain and delay. `by_output`: rate over what is added to the output, in closed loop.
     """
     m, bands = measured, list[Band]()
     for low, high in itertools.pairwise(EDGES):

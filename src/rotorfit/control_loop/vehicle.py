@@ -19,7 +19,7 @@ from rotorfit.results.result import Derived, IdentificationResult
 from rotorfit.results.samples import Values, about_com, normal_draws
 
 FLYING = 0.5
-"""Of the median squared speed, above which a vehicle flies."""
+"""Share of the median squared speed, above which a vehicle flies."""
 LEAST = 5.0
 """Length of flight by which anything can be proved [s]."""
 SEGMENT = 1024
@@ -29,7 +29,7 @@ HIGHEST = 40.0
 SAME = 0.9
 """Coherence above which they show the filter between them."""
 LEAST_VARIANCE = 1e-6
-"""Of their ratio in a bin."""
+"""Least variance of their ratio in a bin."""
 INERTIA = ("Ixx_over_kt", "Iyy_over_kt")
 TIMES = ("motor_lag", "motor_delay")
 
@@ -160,10 +160,7 @@ def plant(
 ) -> Plant:
     """Build one axis of the vehicle, and draws of it within the result's uncertainty.
 
-    Raises
-    ------
-    EstimationError
-        If the result does not know the axis.
+    Raises `EstimationError` if the result does not know the axis.
     """
     drawn = _drawn(result, owner, draws, seed)
     torque = _torque(result, owner, flight, axis)

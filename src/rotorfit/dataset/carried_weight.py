@@ -6,16 +6,16 @@ is the slope of the straight line through the velocity: the velocity at both end
 throw, a landing) does not enter, and where it stays within :math:`\sigma_v` and forgets itself in
 :math:`\tau`, the unknown mean acceleration is as small as
 :math:`\sigma_v \sqrt{12 \cdot 2 \tau / T} / T`. What the accelerometer reads over its bias, and the
-velocity where it is logged, tell of that acceleration; each counts by its deviation.
+velocity where it is logged, show that acceleration; each counts by its deviation.
 
 Upwards is where the mean force points in axes that the gyro carries. What the velocity gains
 sideways leans that mean and lengthens it; over thirty seconds a flight gains little, and where the
 velocity is logged, its gain is taken off.
 
 That thrust is not always the same at one rotor speed (inflow, the ground, a wall, a battery that
-sags) the scatter of ten batches of the stretch tells (batch means).
+sags) the scatter of ten batches of the stretch shows (batch means).
 
-A force that grows with height: a tether whose weight hangs on the vehicle, or the ground below.
+A force that grows with height: a tether that the vehicle lifts, or the ground below.
 
 At one rotor speed the thrust lifts less the higher the vehicle is. Heights are integrals of the
 vertical velocity; what their unknown constants and a bias add is a parabola, which is fitted
@@ -39,19 +39,19 @@ from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.kinematics import product, rotated, small_turns
 
 SHARE: Final = 0.03
-"""Of the flights, before they are seen, in which some such force pulls."""
+"""Prior share of the flights in which some such force acts."""
 USUAL: Final = 0.25
 """Its deviation, over mass [m/s^2 a metre]: 2.5 % of the weight."""
 SOUND: Final = 0.015
 """Deviation of what wakes and drag make in its place in sound flights [m/s^2 a metre]."""
 HEIGHT: Final = 3.0
-"""Mean height over the ground of a flight that has one, of which no log tells [m]."""
+"""Mean height over the ground of a flight that has one, which is in no log [m]."""
 BATCH: Final = 2.0
 """Length of a batch [s]."""
 FEWEST, MOST = 4, 10
 """Batches of a stretch."""
 ORDERS: Final = 8
-"""In which the batches of a stretch are tried."""
+"""Orders in which the batches of a stretch are tried."""
 TINY: Final = 1e-12
 LARGEST: Final = 1.5
 """That is looked for [m/s^2 a metre]."""
@@ -59,7 +59,7 @@ LARGEST: Final = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeightForce:
-    """By how much a force over mass grows with height [m/s^2 a metre].
+    """The growth of a force over mass with height [m/s^2 a metre].
 
     Attributes
     ----------
@@ -87,12 +87,8 @@ def height_force(
 ) -> HeightForce | None:
     """Estimate how a force that is no thrust grows with height; None of a short stretch.
 
-    Parameters
-    ----------
-    left
-        Specific force that thrust leaves unexplained [m/s^2].
-    velocity
-        Upwards [m/s], with the samples `step` apart [s].
+    `left`: specific force that thrust leaves unexplained [m/s^2]. `velocity`: upwards [m/s], with
+    the samples `step` apart [s].
     """
     n = len(left)
     count = min(int(n * step / BATCH), MOST)
@@ -132,7 +128,7 @@ def _by_gusts(
 ) -> float:
     """Estimate what gusts, or noise, make of the slope by the heights that are their own.
 
-    A force f that no thrust answers makes a height whose mean product with f is less than nothing:
+    A force f that no thrust balances makes a height whose mean product with f is less than nothing:
     minus the mean square of the velocity. Batches of the rest in another order are such a force.
     """
     rng = np.random.default_rng(0)
@@ -164,7 +160,7 @@ def weighed(value: float, std: float, *, degrees: int) -> HeightForce:
 
 
 FORGOTTEN = 2.0
-"""In which a vehicle's vertical velocity becomes another one [s]."""
+"""Time in which a vehicle's vertical velocity becomes another one [s]."""
 PRIOR_VELOCITIES = 2.0
 """As many velocities of `VELOCITY_CHANGE` are taken to be seen before the flight."""
 LINEAR = 0.5
@@ -277,7 +273,7 @@ def _felt_velocity(motion: VerticalMotion) -> Float[np.ndarray, " n"]:
 
 
 def _velocity_deviation(motion: VerticalMotion) -> float:
-    """Estimate the deviation of the vertical velocity; a short stretch tells little of it [m/s]."""
+    """Estimate the deviation of the vertical velocity; a short stretch shows little of it [m/s]."""
     seen = motion.seconds / FORGOTTEN
     squares = PRIOR_VELOCITIES * VELOCITY_CHANGE**2
     squares += seen * float(np.mean(_felt_velocity(motion) ** 2))
@@ -288,7 +284,7 @@ def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
     """Estimate the mean force over mass that is no thrust, and its standard deviation [m/s^2].
 
     What goes with the vertical velocity (drag, inflow) is taken off, and is the mean where that
-    velocity is logged; of the rest the batches of the stretch tell how it scatters. A force that
+    velocity is logged; of the rest the batches of the stretch show the scatter. A force that
     grows with height is open by what it makes of a usual height.
     """
     weights, known = motion.weights, motion.velocity is not None

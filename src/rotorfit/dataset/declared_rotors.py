@@ -42,9 +42,9 @@ TURNED = float(np.radians(12.0))
 """Angle about z between IMU and rotors from which it is no tolerance: sound logs have up to 3.5."""
 LAGS_TRIED = (LAG_PRIOR[0], 0.06, 0.1, 0.012)
 """Of motors whose lag is not known [s]: a refusal holds for all of them. At one that is too short
-a vehicle that circles in roll and pitch, as in a limit cycle, answers as if its IMU were turned."""
+a vehicle that circles in roll and pitch, as in a limit cycle, responds as if its IMU was turned."""
 PARALLEL = 1e-9
-"""Of two drives' product of squares, up to which they are one."""
+"""Share of two drives' product of squares, up to which they are one."""
 BAND = (0.3, 15.0)
 
 
@@ -72,7 +72,7 @@ class Response:
         return int((self.shares > CLEAR).sum()) >= 2
 
     def gain_over(self, other: "Response") -> float:
-        """Return how much less this leaves unexplained, see `BETTER`."""
+        """Compute the factor by which the unexplained part is smaller, see `BETTER`."""
         left = np.maximum(1.0 - np.array([other.shares, self.shares]), NEGLIGIBLE)
         return float(np.log(left[0] / left[1]).sum())
 
@@ -113,7 +113,7 @@ def _products(R: Float[np.ndarray, "z z"], declared: Vehicle) -> Float[np.ndarra
 def _response(
     products: Float[np.ndarray, "c c"], vehicle: Vehicle, *, declared: Vehicle
 ) -> Response:
-    """Return how rotors explain the response, from the products made for the declared ones."""
+    """Compute the response by these rotors, from the products made for the declared ones."""
     roll, pitch, yaw = _signed_shares(products, _drives(vehicle, declared)).tolist()
     return Response(roll=roll, pitch=pitch, yaw=yaw)
 
@@ -151,7 +151,7 @@ def _inside_band(factors: Factors) -> Float[np.ndarray, "z z"]:
 
 
 def _inside(factors: Factors) -> Factors:
-    """Return the factors of the band that a vehicle answers its rotors in."""
+    """Return the factors of the band in which a vehicle responds to its rotors."""
     inside = (factors.band[:, 1] > BAND[0]) & (factors.band[:, 0] < BAND[1])
     return factors.select(inside) if inside.any() else factors
 
@@ -209,11 +209,8 @@ def _over(
 def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     """Return the response of the declared rotors, or refuse their declaration.
 
-    Raises
-    ------
-    FrameError
-        If the data contradict it; the message says which declaration would fit, or that no body
-        on these arms can answer as the gyro says.
+    Raises `FrameError` if the data contradict it; the message says which declaration would fit, or
+    that no body on these arms can respond as the gyro says.
     """
     R = _inside_band(factors)
     products = _products(R, vehicle)
@@ -249,9 +246,9 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
 def _is_sure(best: Response, declared: Response, R: np.ndarray, vehicle: Vehicle) -> bool:
     """Return whether another declaration may be taken for right before the fit.
 
-    Where it changes yaw alone, yaw must answer the drag of the declared rotors reversed whatever
+    Where it changes yaw alone, yaw must follow the drag of the declared rotors reversed whatever
     roll and pitch torques do to it: by products of inertia or tilted motors they turn about z, and
-    an autopilot that holds yaw answers that by drag of either sign.
+    an autopilot that holds yaw opposes that by drag of either sign.
     """
     others = np.abs(best.shares - declared.shares)[:2]
     return bool(others.max() > ALIKE) or yaw_by_drag(R, vehicle) < -CLEAR
@@ -284,7 +281,7 @@ def yaw_by_drag(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> float:
 
 
 def _refuse_turned(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> None:
-    """Raise where roll and pitch answer as if the IMU were turned about z against the rotors."""
+    """Raise where roll and pitch respond as if the IMU were turned about z against the rotors."""
     angle, shares = turn_about_z(R, vehicle)
     if abs(angle) > TURNED and min(shares) > CLEAR:
         raise FrameError(
@@ -301,7 +298,7 @@ def turn_about_z(
 ) -> tuple[float, tuple[float, float]]:
     """Estimate the least angle [rad] by which the IMU is turned about z against the rotors.
 
-    The answer of roll and pitch to the torques of the rotors is a turn times a symmetric matrix,
+    The response of roll and pitch to the rotors' torques is a turn times a symmetric matrix,
     the inverse inertia (polar decomposition); and the shares of roll and pitch that it explains.
     `R`: factor of the signals.
     """
@@ -316,7 +313,7 @@ def turn_about_z(
     roll, pitch = (1.0 - left / total).tolist()
     # A vector reads turned back in axes that are turned.
     angle = np.arctan2(response[1, 0] - response[0, 1], response[0, 0] + response[1, 1])
-    # Each torque by itself turns its answer as far; of an axis that nobody flies only one does.
+    # Each torque by itself turns its response as far; of an axis that nobody flies only one does.
     alone = np.arctan2([-response[0, 1], response[1, 0]], np.diagonal(response))
     agreed = np.abs([angle, *alone]).min() if (alone * angle > 0.0).all() else 0.0
     return float(np.copysign(agreed, angle)), (roll, pitch)
@@ -326,7 +323,7 @@ def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsE
     """Refuse the declared rotors if a flight contradicts them: with the declaration that would fit.
 
     Commands are looked at behind the lag that motors usually have: without it, what an autopilot
-    answers in a hover to the noise of its gyro looks like a response with the sign reversed.
+    responds in a hover to the noise of its gyro looks like a response with the sign reversed.
     `motors`: whether commanded, and whether their lag is in the flights already.
     """
     lagging = motors.speed == "measured" or motors.lag is not None
@@ -340,10 +337,7 @@ def check_flight(
 ) -> None:
     """Refuse the declared rotors if a flight contradicts them with every response of the motors.
 
-    Raises
-    ------
-    FrameError
-        With what the first response that was tried shows.
+    Raises `FrameError`: with what the first response that was tried shows.
     """
     refused: FrameError | None = None
     for response in tried:
@@ -476,7 +470,7 @@ def _turned(rotor: Rotor, quarters: int) -> Rotor:
 
 
 def _mirrored(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle that answers like this one seen by a gyro with y and z reversed."""
+    """Return the vehicle that responds like this one seen by a gyro with y and z reversed."""
     return _with_rotors(vehicle, (_across(reversed_rotor(rotor)) for rotor in vehicle.rotors))
 
 

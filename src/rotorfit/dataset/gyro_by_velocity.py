@@ -9,7 +9,7 @@ there, and its integral leaves the logged velocity: with the turn :math:`\delta(
 
 in windows of some seconds, each with a velocity and a gravity of its own. The gyro's bias b, the
 accelerometer's, a tilt and a lateness of the velocity and the lever from its place to the IMU are
-estimated beside. The windows, each left out in turn (jackknife), tell the deviation.
+estimated beside. The windows, each left out in turn (jackknife), give the deviation.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,10 +26,10 @@ from rotorfit.preprocessing.kinematics import rotated, running_product, small_tu
 from rotorfit.reduction.reduce import split_segment
 
 WINDOW: Final = 15.0
-"""Of one velocity and gravity [s]: slow turns tell most."""
+"""Window of one velocity and gravity [s]: slow turns show most."""
 SHORTEST: Final = 5.0
 BATCH: Final = 2.5
-"""Of a jackknife [s]."""
+"""Batch of the jackknife [s]."""
 FEWEST: Final = 4
 """Batches."""
 PASSES: Final = 3
@@ -37,9 +37,10 @@ PASSES: Final = 3
 FLOOR: Final = 0.003
 """Deviation of a scale by what is not in the equation: samples, filters, noise that is a turn."""
 GROUPS: Final = 25.0
-"""In a second, that are compared."""
+"""Groups in a second, that are compared."""
 SHARES: Final = (0.003, 0.03, 0.1, 0.3, 0.6, 1.0)
-"""Of a random walk in the noise of a velocity: from a noise that is white to one that is none."""
+"""Shares of a random walk in the noise of a velocity: from a noise that is white to one that is
+none."""
 PRIOR: Final = np.array([0.1] * 3 + [0.1] * 3 + [0.5] * 3 + [0.05] * 3 + [0.02] * 3 + [0.02])
 """Deviations of scales, gyro's bias [rad/s], accelerometer's [m/s^2], tilt of the velocity [rad],
 lever [m], lateness [s] before the flight."""
@@ -48,7 +49,7 @@ SOUND: Final = 0.003
 OFF: Final = 0.04
 """The same of one that is not: another range or unit than its scale was for, a broken part."""
 SHARE: Final = 0.03
-"""Of the gyros that are not."""
+"""Share of the gyros that are not."""
 DRAWS: Final = 4000
 TINY: Final = 1e-8
 _GRID: Final = np.arange(-1200, 1201) / 4000.0
@@ -90,7 +91,7 @@ class GyroScale:
         return parts / total
 
     def probability(self, axis: int) -> float:
-        """Return how likely the scale of an axis is off."""
+        """Return the probability that the scale of an axis is off."""
         return float(np.sum(self._posterior(axis)[1]))
 
     def draws(self) -> Float[np.ndarray, "n 3"]:
@@ -104,7 +105,7 @@ class GyroScale:
         return np.column_stack([rng.choice(_GRID, DRAWS, p=weight) for weight in weights])
 
     def half_widths(self, slopes: Float[np.ndarray, "3 q"]) -> Float[np.ndarray, " q"]:
-        """Return what holds 95 % of the posterior of numbers about no error of scale."""
+        """Compute the half-widths that hold 95 % of the posterior about no error of scale."""
         return np.quantile(np.abs(self.draws() @ slopes), 0.95, axis=0)
 
 
@@ -212,7 +213,7 @@ def _whitened(
 
 
 def _innovations(x: Float[np.ndarray, "m k"], share: float) -> Float[np.ndarray, "m k"]:
-    """Return what a sample has beyond an exponential mean of those before."""
+    """Subtract from each sample an exponential mean of the samples before."""
     first = np.concatenate([x[:1], np.diff(x, axis=0)])
     return np.asarray(signal.lfilter([1.0], [1.0, share - 1.0], first, axis=0))
 

@@ -48,7 +48,6 @@ from rotorfit.preprocessing.motors.command_response import (
 from rotorfit.preprocessing.motors.rotor_telemetry import (
     RotorTelemetry,
     State,
-    Telemetry,
     telemetry,
 )
 from rotorfit.preprocessing.prepare import on_one_clock, prepared_from
@@ -270,17 +269,10 @@ def _refuse_mixed_commands(flights: list[LoadedFlight]) -> None:
 def load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     """Read and prepare one flight, its motion from the IMU or from motion capture.
 
-    Parameters
-    ----------
-    entry
-        The flight; it need not be one of the experiment's own.
-    experiment
-        Whose vehicle, motors and source of motion it has.
+    `entry`: the flight; it need not be one of the experiment's own. `experiment`: whose vehicle,
+    motors and source of motion it has.
 
-    Raises
-    ------
-    LogError, FlightError, FrameError
-        If it cannot be used; the message names the file.
+    Raises `LogError`, `FlightError`, `FrameError` if it cannot be used; the message names the file.
     """
     try:
         return _loaded(entry, experiment)
@@ -299,7 +291,8 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     motors = motors if speeds_commanded else completed_motors(motors, log)
     motor_model = motor_model_of(motors)
     seen = telemetry(log) if motors.speed == "measured" else None
-    responses = () if seen is None else command_responses(log, excluded=_unresponsive_rotors(seen))
+    unresponsive = [r.rotor - 1 for r in seen.rotors if r.state in UNRESPONSIVE] if seen else []
+    responses = command_responses(log, excluded=unresponsive) if seen else ()
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
         log = with_poses(log, recording)
@@ -343,11 +336,6 @@ def completed_motors(motors: MotorsEntry, log: FlightLog) -> MotorsEntry:
         return motors
     law = motors.law or law_entry_of(logged.law)
     return motors.model_copy(update={"law": law, "lag_on": motors.lag_on or logged.lag_on})
-
-
-def _unresponsive_rotors(seen: Telemetry) -> list[int]:
-    """Return the rotors, from 0, whose speed is not what their command makes it."""
-    return [r.rotor - 1 for r in seen.rotors if r.state in UNRESPONSIVE]
 
 
 def _voltage(battery: Channel | None, flown: Sequence[tuple[float, float]]) -> float | None:

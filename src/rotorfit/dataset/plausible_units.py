@@ -1,6 +1,6 @@
-r"""Whether the sizes of gyro, arms and rotor speeds can be: units seen in the flight itself.
+r"""Check the units of gyro, arms and rotor speeds by the flight itself.
 
-Two witnesses. Over some seconds of flight the specific force, turned by the gyro into axes that do
+Two references. Over some seconds of flight the specific force, turned by the gyro into axes that do
 not rotate, has the mean of gravity (see `weight_balance`); with a gyro in deg/s that is taken for
 rad/s it averages out. And the angular acceleration that a difference of thrusts makes gives the
 radius of gyration over the arm, whatever the mass: with the thrust of a rotor :math:`k_t O^2`,
@@ -11,7 +11,7 @@ larger or smaller than their arms.
 The speed of hovering rotors has bounds, too: their radius is a quarter of the arm at the least and
 nine tenths at the most, and the tips of what hovers make 40 to 130 m/s.
 
-What gravity tells of the accelerometer without an airframe: at rest, and over a flight.
+What gravity shows of the accelerometer without an airframe: at rest, and over a flight.
 """
 
 import dataclasses
@@ -36,7 +36,7 @@ from rotorfit.preprocessing.flight_data import FlightData
 WINDOW: Final = 0.5
 """Length of the pieces that are or are not at rest [s]."""
 LEAST_REST: Final = 1.0
-"""Of rest in all, below which nothing is said [s]."""
+"""Least rest in all, below which nothing is reported [s]."""
 QUIET: Final = 0.03
 """Deviation of the gyro at rest at most [rad/s]."""
 STEADY: Final = 0.5
@@ -48,7 +48,7 @@ ALLOWED: Final = ACCEL_BIAS_STD / GRAVITY
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GravitySeen:
-    """What the accelerometer reads where gravity is known.
+    """Readings of the accelerometer where gravity is known.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ def gyration(factors: Factors, vehicle: Vehicle) -> float | None:
     """Estimate the radius of gyration over the arm, in roll or pitch, whichever is clearer.
 
     None where the rotors explain too little of the motion. `factors` are those of the band that
-    the vehicle answers in.
+    the vehicle responds in.
     """
     R, layout = factors.total, signal_layout(vehicle)
     squares = R[:, [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]]
@@ -219,12 +219,10 @@ def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | No
 
 
 def refuse_implausible_size(factors: Factors, vehicle: Vehicle) -> None:
-    """Raise where no body with these arms can answer its rotors as the gyro says.
+    """Raise where no body with these arms can respond to its rotors as the gyro says.
 
-    Raises
-    ------
-    FrameError
-        With what would explain it: the gyro's unit, or that of the rotors' positions.
+    Raises `FrameError`: with what would explain it: the gyro's unit, or that of the rotors'
+    positions.
     """
     words = implausible_size(gyration(factors, vehicle), vehicle.arm)
     if words is not None:

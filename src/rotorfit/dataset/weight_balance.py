@@ -1,4 +1,4 @@
-"""Gravity as a witness: over a whole flight, what holds a vehicle up is its weight.
+"""Gravity as a reference: over a whole flight, the mean vertical force is the weight.
 
 Turned by the gyro into axes that do not rotate, the mean of the specific force over T seconds is
 minus gravity plus (change of velocity) / T. Nothing of a fit is in that, and no attitude need be
@@ -21,7 +21,7 @@ from rotorfit.reduction.reduce import split_segment
 LONGEST_WINDOW = 10.0
 """A bias of the gyro of 0.01 rad/s turns the axes by 0.1 rad in this time [s]."""
 SHORTEST_WINDOW = 2.0
-"""In less, a change of velocity looks too much like gravity [s]."""
+"""Shortest window: in less, a change of velocity looks too much like gravity [s]."""
 VELOCITY_CHANGE = 1.5
 """Deviation of the vertical velocity at the end of a stretch from that at its beginning [m/s]."""
 STEPS_PER_SECOND = 100.0
@@ -33,7 +33,7 @@ MOST_OUTSIDE = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Held:
-    """What held a vehicle up, over gravity: 1 where everything is right.
+    """The mean force that held a vehicle up, over gravity: 1 where everything is right.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Held:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turning:
-    """How the body axes turn within windows of a flight: it serves every force of that flight.
+    """The turn of the body axes within windows of a flight, for every force of that flight.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Turning:
 
 
 def turning(data: FlightData) -> Turning:
-    """Return how the axes of a flight turn by its gyro, in windows of its segments."""
+    """Integrate the turn of a flight's axes by its gyro, in windows of its segments."""
     group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
     windows = tuple(_windows(data))
     rates = [grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]

@@ -1,1 +1,1 @@
-"""What the likelihood does not know: steps that widen a fit, and checks that contradict it."""
+"""Errors outside the likelihood: steps that widen a fit, and checks that contradict it."""

@@ -1,6 +1,6 @@
-"""The gyroscopic coupling of a rigid body: whether a flight shows it.
+"""Check whether the flights show the gyroscopic coupling of a rigid body.
 
-A body that turns about two axes at once turns about the third: w x I w. Nothing else tells the
+A body that turns about two axes at once turns about the third: w x I w. Nothing else shows the
 scale of the yaw equation, and with it I_zz, k_d and J_r. A simulator that turns its vehicle by
 torque over inertia, axis by axis, has no such term; a fit that expects it finds the only body in
 which it vanishes, with I_zz near I_xx and I_yy, and all of yaw too small.
@@ -26,10 +26,10 @@ LARGEST_IZZ: Final = 1.05
 motors stand at the ends of its arms, has 1.2 and more; a body without coupling seems to have less
 than 1."""
 KNOWN_IZZ: Final = 0.5
-"""Half-width of I_zz, as a share, from which on the flights do not tell it by any coupling."""
+"""Half-width of I_zz, as a share, from which on the flights do not show it by any coupling."""
 LEAST_GAIN: Final = 10.0
-"""Of the log-likelihood, by which flights must be likelier without coupling: sound real logs lose
-more than that, or do not tell I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 900."""
+"""Gain of log-likelihood that flights must have without coupling: sound real logs lose
+more than that, or do not show I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 900."""
 LEAST_GAIN_SIMULATED: Final = -50.0
 """The same of a program whose own frames have none: coupling must show itself there as any other
 term must. With I_xx = I_yy a body with I_zz the same is about as likely: one such flight gains 4
@@ -83,7 +83,7 @@ def drop_absent_coupling(fit: Fit) -> Fit:
 
 
 def _hidden_by_sides(fit: Fit, uncoupled: Fit) -> bool:
-    """Return whether other sides of the frame bring the coupling back, and a multirotor's I_zz."""
+    """Test whether other sides of the frame give back the coupling, and a multirotor's I_zz."""
     moved = likeliest_sides(fit)
     if moved is None or _suspicious(moved):
         return False
@@ -104,7 +104,7 @@ def _absent_coupling(numbers: Numbers, gain: float, least: float) -> Finding:
 
 
 def _suspicious(fit: Fit) -> bool:
-    """Return whether a configuration's I_zz is known, and is that of no multirotor."""
+    """Test whether a configuration's I_zz is known, and too large or small for a multirotor."""
     return any(_no_multirotor(fit.numbers, c.name) for c in fit.configurations)
 
 

@@ -1,4 +1,4 @@
-"""Diagnose a fit: what the likelihood does not know of sensors, motors and vehicle, in two lists.
+"""Diagnose a fit: errors of sensors, motors and vehicle outside the likelihood, in two lists.
 
 A step is a function from a `Fit` to a `Fit`: it fits again, or widens intervals by what the
 likelihood does not know, and says so as a finding. A diagnostic is a function from the `Fit` of the
@@ -54,7 +54,7 @@ STEPS: Final[tuple[Step, ...]] = (
     allow_for_noise_feedback,
     allow_for_sides,
 )
-"""In the order in which they are taken."""
+"""Steps in the order in which they are taken."""
 
 
 def every_step(fit: Fit) -> Fit:
@@ -100,16 +100,13 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *flights_agree.PAYLOAD_CHECKS,
     *reference_test.CHECKS,
 )
-"""In the order in which their findings are reported. A new one is a function of its topic's module,
+"""Diagnostics in the order of their findings. A new one is a function of its topic's module,
 named in the `CHECKS` of that module."""
 
 
 def diagnose(fit: Fit) -> tuple[Finding, ...]:
     """Run every diagnostic on a fit.
 
-    Raises
-    ------
-    FrameError
-        If the flights contradict the declared vehicle for certain.
+    Raises `FrameError` if the flights contradict the declared vehicle for certain.
     """
     return tuple(finding for diagnostic in DIAGNOSTICS for finding in diagnostic(fit))

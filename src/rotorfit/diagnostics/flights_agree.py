@@ -2,7 +2,7 @@
 
 The flights of a configuration are each held against the others. They differ by chance, by weather
 and by how they were flown; another propeller, load or vehicle makes more. A joint fit does not show
-it: the flight that is surer wins.
+it: the flight that is more certain wins.
 
 A known payload is held against what the flights say of both bodies. It is left out, both bodies are
 fitted freely, and what B's moments have beyond A's is compared with what the payload should add.
@@ -37,12 +37,12 @@ from rotorfit.model.parameters import PARAMETERS
 
 LOOKED_AT: Final = ("kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_Izz", "Jr_over_Izz")
 LEAST_SHARE: Final = 0.05
-"""Of a number, by which a flight must differ from the others."""
+"""Least share of a number by which a flight must differ from the others."""
 SURE: Final = 3.9
 """Deviations by which it must: once in ten thousand by chance. Sound real flights make up to 1.1,
 two vehicles 9 and more."""
 EQUATIONS_EACH: Final = 2.0
-"""Per free parameter, of a flight that tells anything by itself."""
+"""Equations per free parameter of a flight that is informative by itself."""
 
 
 def odd_flight(fit: Fit) -> Iterator[Finding]:
@@ -83,7 +83,7 @@ def _alone(
             alone = joint_estimate([one], [], begin=begin, close=NEAR)
             yield k, joint_numbers(alone, [one], {c.name: 0.0})
         except EstimationError:
-            continue  # too short or too still a flight to tell anything by itself
+            continue  # too short or too still to be informative by itself
 
 
 def _is_of(name: str, configuration: str) -> bool:
@@ -125,7 +125,7 @@ flight hold no better."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PayloadCheck:
-    """A payload beside what the flights say that it adds.
+    """A declared payload, and the payload that the flights show.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Compare what does not change with gravity: what holds a vehicle up is its weight, and no more."""
+"""Compare thrust and accelerometer with gravity: in hover the thrust is the weight."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -29,14 +29,14 @@ from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.frequency_bands import retimed
 
 UNLIKELY = 1e-4
-"""Probability of chance alone below which two opinions differ."""
+"""Probability of chance alone below which two estimates differ."""
 LEAST_THRUST_ERROR = 0.01
 """Thrust that misses the weight by less than this share is not worth words: so much do tilt, wind
 and a propeller's inflow make."""
 BATCH = 2.0
 """Length of a batch [s]: gusts and climbs are forgotten from one to the next."""
 FEWEST_BATCHES = 4
-"""Of a half whose scatter tells anything."""
+"""Fewest batches of a half whose scatter is informative."""
 LIKELY_FORCE = 0.99
 """Probability of a force that grows with height from which it is said: of 150 random sound flights
 .94 at most."""
@@ -46,7 +46,7 @@ LEAST_SAG = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoverThrust:
-    """What the thrust of the estimate makes of the weight in one flight.
+    """The estimated thrust over the weight in one flight.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ def _air_force(
 
 
 def thrust_sag(data: FlightData, force: Float[np.ndarray, "n 3"]) -> Measured | None:
-    """Measure by how much more a force is late in a flight than early, for what is felt, less one.
+    """Measure the change of a force, over the felt one, from early to late in a flight.
 
     The accelerometer feels what lifts, whatever the vehicle does, and its bias is the same in both
     halves. Chance is what scatters among batches about a steady change over the flight: a battery
@@ -286,7 +286,7 @@ def _by_height(force: HeightForce) -> Evidence:
 
 
 def _height_force_sentence(force: HeightForce) -> str:
-    """Say what hangs on the vehicle, or carries it."""
+    """Explain a force that grows with height: a tether below, or a line above."""
     return (
         f"with every metre of height the vehicle needs {100 * force.value / GRAVITY:.1f} +- "
         f"{196 * force.std / GRAVITY:.1f} % of its weight more thrust: a tether or cable hangs on "
@@ -303,7 +303,7 @@ def _of_flight(one: HoverThrust, found: Sequence[HoverThrust]) -> str:
 
 
 def unlikely_deviations() -> float:
-    """Return the number of deviations that chance alone does not reach."""
+    """Compute the number of deviations that chance alone does not reach."""
     return float(stats.norm.isf(0.5 * UNLIKELY))
 
 
@@ -313,11 +313,11 @@ CHECKS: Final = (accelerometer_against_gravity, thrust_consistency, force_by_hei
 LEAST_TILT = 0.5
 """Mean tilt of the motors about their arms that is worth words [degrees]."""
 LEAST_TRIM = 0.03
-"""By this share rotors of one direction may carry more: drag of unequal propellers makes 0.01."""
+"""Share by which rotors of one direction may carry more: drag of unequal propellers makes 0.01."""
 
 MOST_UNCERTAIN = 10.0
 """Deviation of a number's shift without the means over its own, from which changes of motion alone
-do not tell it: on random worlds those that are wrong are thousands of times as uncertain."""
+do not show it: on random worlds those that are wrong are thousands of times as uncertain."""
 
 
 def missing_constant_wrench(fit: Fit) -> Iterator[Finding]:
@@ -335,7 +335,7 @@ def missing_constant_wrench(fit: Fit) -> Iterator[Finding]:
     chosen = [i for i, n in enumerate(names) if n.partition("@")[0] in ("kt", "kd", *MOMENTS)]
     size = np.abs(shift.values[chosen]) / shift.std[chosen]
     half = np.array([fit.numbers.half_width[fit.numbers.index(names[i])] for i in chosen])
-    # What only the means tell no change of motion contradicts.
+    # What only the means show no change of motion contradicts.
     shown = shift.std[chosen] < MOST_UNCERTAIN * half / 1.96
     outside = shown & (np.abs(shift.values[chosen]) > half)
     limit = float(stats.norm.isf(0.5 * UNLIKELY / len(chosen)))
@@ -422,9 +422,9 @@ def _yaw_trim(configured: ConfigurationData, vehicle: Vehicle) -> float:
 
 
 def _yaw_shift_without_mean(fit: Fit, c: JointConfiguration) -> Evidence | None:
-    """Measure by which share k_d / Izz moves without the means; None where there are none.
+    """Measure the shift of k_d / Izz without the means, as a share; None where there are none.
 
-    In one step of the joint fit, which allows for what the autopilot answers: the yaw row alone
+    In one step of the joint fit, which allows for the autopilot's response: the yaw row alone
     calls 37 to 46 % too little of short flights a torque. The limit is what its interval leaves
     open, or chance.
     """

@@ -1,4 +1,4 @@
-r"""k_t from the weight and from changes of thrust, each by how sure it is.
+r"""k_t from the weight and from changes of thrust, weighted by their certainty.
 
 Changes of thrust against changes of specific force give one k_t (with the accelerometer's bias
 free), the thrust that carries the weight another (`carried_weight.py`). The two share next to
@@ -48,14 +48,14 @@ the law that is given is wrong."""
 LAW_MISTAKES = 0.05
 """Share of laws that are wrong: of another vehicle, or from command to thrust instead of speed."""
 REST_STD = 0.1
-"""By which an accelerometer's bias in flight differs from that at rest: vibration, temperature
+"""Deviation of an accelerometer's bias in flight from its bias at rest: vibration, temperature
 [m/s^2]."""
 FREE_BIAS = 3.0
-"""Deviation of a bias that tells nothing of the mean thrust [m/s^2]."""
+"""Deviation of a bias that leaves the mean thrust open [m/s^2]."""
 CAMERA_VELOCITY = 0.05
 """Deviation of a velocity by motion capture [m/s]."""
 CAMERA_BIAS = Measured(value=0.0, std=0.01)
-"""Of an acceleration by motion capture, over seconds [m/s^2]."""
+"""Bias of an acceleration by motion capture, over seconds [m/s^2]."""
 HELD_TO = 1e-4
 """Share of itself to which k_t is held: what is open of it is in the interval."""
 OF_WEIGHT = ("kt", "hover_speed")
@@ -67,7 +67,7 @@ _SPEED = {"measured": "rotor speed", "commanded": "command"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThrustShares:
-    """What each rotor's own k_t is of their mean, and its covariance by the fit and before it."""
+    """Each rotor's k_t over their mean, with its covariance by the fit and before it."""
 
     values: Float[np.ndarray, " N"]
     covariance: Float[np.ndarray, "N N"]
@@ -80,12 +80,12 @@ class ThrustShares:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Balance:
-    """What changes of thrust and the weight say of k_t.
+    """k_t from changes of thrust and k_t from the weight.
 
     Attributes
     ----------
     changes
-        By changes of thrust; None where they tell nothing.
+        By changes of thrust; None where they are not informative.
     weight
         By what carries the weight.
     law_mistaken
@@ -106,7 +106,7 @@ class Balance:
 
     @property
     def law_is_wrong(self) -> float:
-        """How likely it is after the flight: by how well their difference goes with either."""
+        """Posterior probability that the law is wrong, by their difference."""
         if self.changes is None or not 0.0 < self.law_mistaken < 1.0:
             return self.law_mistaken
         off = self.changes.value - self.weight.value
@@ -122,7 +122,7 @@ class Balance:
 
     @property
     def kt(self) -> Measured:
-        """Their mean; its deviation grows with their difference."""
+        """The weighted mean of both; its deviation grows with their difference."""
         if self.changes is None:
             return self.weight
         open_law = self.law_is_wrong**0.5 * self._law_std
@@ -133,7 +133,7 @@ class Balance:
 
     @property
     def law_reach(self) -> float:
-        """By how much k_t of changes differs from that of the weight for the law alone, at most.
+        """Largest difference of k_t from changes and from the weight by the law alone.
 
         With 95 % of the posterior: where the law is surely right that is nothing, and grows without
         a jump as it becomes likelier wrong.
@@ -170,7 +170,7 @@ def weigh_thrust(fit: Fit) -> Fit:
 
 
 def law_mistaken(*, commanded: bool, law_given: bool) -> float:
-    """Return how likely the law from command to speed is wrong before the flight.
+    """Return the prior probability that the law from command to speed is wrong.
 
     `commanded`: the log has shares of full command, and no rotor speeds; where no law is given, it
     is surely wrong that speed is proportional to the command.
@@ -181,9 +181,9 @@ def law_mistaken(*, commanded: bool, law_given: bool) -> float:
 
 
 def kt_from_changes(fit: Fit) -> Measured | None:
-    """Estimate k_t with the accelerometer's bias free, so that the mean thrust tells nothing of it.
+    """Estimate k_t with the accelerometer's bias free, so that the mean thrust does not count.
 
-    None where the flights do not tell it so. Inflow and an altitude hold act on thrust alone, so
+    None where it is not identifiable so. Inflow and an altitude hold act on thrust alone, so
     that what the turns scatter says nothing of how well changes of thrust are told: its own blocks
     do.
     """
@@ -212,13 +212,13 @@ def held_at(fit: Fit, kt: Measured, *, law_reach: float = 0.0) -> Fit:
     moved = shift_of(held, held.dataset, begin=begin, known={"kt": (off, HELD_TO * off)})
     of_weight = np.array([name.startswith(OF_WEIGHT) for name in held.numbers.names])
     moved = moved * np.where(of_weight, kt.std, step) / (kt.value - off)
-    # How lively the flights are the fit tells that follows them best.
+    # The excitation is that of the fit that follows the flights best.
     numbers = replace(with_common_shift(held.numbers, moved), excitation=fit.numbers.excitation)
     return replace(held, numbers=numbers)
 
 
 def with_common_shift(numbers: Numbers, moved: Float[np.ndarray, " q"]) -> Numbers:
-    """Add what moves all numbers together, by so much in one deviation."""
+    """Add the variance of a shift common to all numbers, given for one deviation."""
     half_width = np.hypot(numbers.half_width, 1.96 * moved)
     known = np.flatnonzero(np.isfinite(half_width))
     own = numbers.covariance([numbers.names[i] for i in known])
@@ -242,16 +242,12 @@ def kt_from_weight(
     timing: MotorResponse | None = None,
     shares: ThrustShares | None = None,
 ) -> Measured | None:
-    """Return the thrust coefficient that carries the weight; None if no flight is long enough.
+    """Estimate the thrust coefficient that carries the weight; None if no flight is long enough.
 
-    Parameters
-    ----------
-    timing
-        Of the motors, where it was found: commands that swing, as in a limit cycle, have larger
-        squares than the speeds that lag behind them.
-    shares
-        Of the rotors, where they were found: with the centre of mass off the centre, some rotors
-        carry more of the weight than others, and it is their k_t.
+    `timing`: of the motors, where it was found: commands that swing, as in a limit cycle, have
+    larger squares than the speeds that lag behind them. `shares`: of the rotors, where they were
+    found: with the centre of mass off the centre, some rotors carry more of the weight than others,
+    and it is their k_t.
     """
     found: list[Held] = []
     squares = np.zeros(len(vehicle.rotors))
@@ -294,7 +290,7 @@ def thrust_shares(numbers: Numbers, vehicle: Vehicle) -> ThrustShares | None:
 
 
 def pooled_weight(found: Sequence[Held]) -> Measured | None:
-    """Return the mean of stretches that differ by chance, and by a random effect where by more.
+    """Average stretches that differ by chance, and by a random effect where they differ more.
 
     Batteries, air and propellers are not the same in every flight: then each counts alike.
 

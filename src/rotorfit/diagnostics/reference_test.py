@@ -1,18 +1,18 @@
-r"""The response of an axis by what was asked for: an instrumental variable, and its test.
+r"""The response of an axis by the reference as instrumental variable, and its test.
 
 The rotors make the angular acceleration u by the model, and y = beta u + e is measured, with beta =
-1 where the model is right. An autopilot answers the disturbances e by the rotors, so that u holds
+1 where the model is right. An autopilot responds to disturbances e by the rotors, so that u holds
 some of them and least squares,
 
 .. math:: \beta_{LS} = 1 + \sum w \Re(\bar u e) \Big/ \sum w |u|^2,
 
-is pulled. What pilot or mission asked for, r, knows nothing of e. In each block of lines
+is biased. What pilot or mission asked for, r, knows nothing of e. In each block of lines
 (frequency band of a stretch) u follows c r, with c a gain and a phase of the loop, and
 
 .. math:: \beta = 1 + \sum w \Re(\bar{\hat u} e) \Big/ \sum w \Re(\bar{\hat u} u), \qquad
     \hat u_i = c_{-i} r_i,
 
-has no pull: two-stage least squares (Soderstrom and Stoica, System Identification, 1989, chapter 8;
+has no bias: two-stage least squares (Soderstrom and Stoica, System Identification, 1989, chapter 8;
 IDIM-IV of Janot, Vandanjon and Gautier, IEEE Trans. Control Systems Technology 22(1), 2014). c_{-i}
 is found without the line i, or its own e would come back through it (JIVE1 of Angrist, Imbens and
 Krueger, J. Applied Econometrics 14, 1999): c_{-i} r_i = (c r_i - h_i u_i) / (1 - h_i) with h_i =
@@ -44,14 +44,14 @@ from rotorfit.reduction.frequency_bands import banded_data
 from rotorfit.reduction.reduce import banded_lines
 
 PASSED_ON: Final = 0.5
-"""Share of the pull of least squares that a reference may still have: the rates that an attitude
-loop asks for answer disturbances too. On simulated flights in gusts a fifth to a third is left, and
-nothing with the pilot's sticks themselves."""
+"""Share of the bias of least squares that a reference may still have: the rates that an attitude
+loop asks for respond to disturbances too. On simulated flights in gusts a fifth to a third is
+left, and nothing with the pilot's sticks themselves."""
 LEAST_FREE: Final = 0.25
-"""Of the variance of a difference, as a share of the instrument's own (Hausman)."""
+"""Least variance of a difference, as a share of the instrument's own (Hausman)."""
 FEWEST_LINES: Final = 20
 MOST_LEVERAGE: Final = 0.9
-"""Of one line in its block, whose gain is unidentifiable without it."""
+"""Leverage of a line in its block, above which the gain is unidentifiable without it."""
 EXACT: Final = 1e-12
 """Least power of the errors, over that of the prediction: a simulation may have none."""
 _TINY: Final = 1e-200
@@ -66,13 +66,13 @@ class Instrumented:
     ratio
         By the instrument.
     plain
-        By least squares, pulled by what the autopilot answers.
+        By least squares, biased by the autopilot's response.
     std
         Of the ratio, by chance: the larger of what single lines and whole blocks show.
     difference_std
         Of what the ratio differs from that of an efficient estimate by chance.
     of_blocks, degrees
-        What whole blocks show of `std`, as a share of it, and how many of them tell the ratio.
+        What whole blocks show of `std`, as a share of it, and the effective number of them.
     """
 
     ratio: float
@@ -83,13 +83,13 @@ class Instrumented:
     degrees: float = np.inf
 
     def _reach(self, unlikely: float) -> float:
-        """Return how many deviations chance reaches with this probability."""
+        """Compute the deviations that chance reaches with this probability."""
         by_lines = float(stats.norm.isf(0.5 * unlikely))
         return max(by_lines, self.of_blocks * float(stats.t.isf(0.5 * unlikely, self.degrees)))
 
     @property
     def passed_on(self) -> float:
-        """How much of the pull an attitude loop may have put into the reference."""
+        """The largest share of the bias that an attitude loop puts into the reference."""
         return PASSED_ON * abs(self.plain - self.ratio)
 
     @property
@@ -100,10 +100,7 @@ class Instrumented:
     def contradicts(self, unlikely: float) -> bool:
         """Return whether the ratio differs from 1 beyond chance (Durbin, Wu, Hausman).
 
-        Parameters
-        ----------
-        unlikely
-            Probability by chance, under which it does.
+        `unlikely`: probability by chance, under which it does.
         """
         beyond = abs(self.ratio - 1.0) - self.passed_on
         return beyond > self._reach(unlikely) * self.difference_std
@@ -155,20 +152,20 @@ def instrumented(
 
 
 def _sums(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:
-    """Return for every line the sum over its block."""
+    """Sum over the block of every line."""
     total = np.zeros(int(block.max(initial=-1)) + 1, dtype=values.dtype)
     np.add.at(total, block, values)
     return total[block]
 
 
 def _effective(information: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> float:
-    """Count the blocks that tell as much, by what each line tells."""
+    """Count the effective blocks, by the information of each line."""
     shares = np.bincount(block, weights=information)
     return float(shares.sum() ** 2 / (shares**2).sum())
 
 
 def _of_blocks(asked: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> float:
-    """Return the variance by the scatter of whole blocks: what their lines have in common."""
+    """Compute the variance by the scatter of whole blocks, whose lines are correlated."""
     sums = np.bincount(block, weights=asked)
     count = len(np.unique(block))
     return float((sums**2).sum()) * count / max(count - 1, 1)
@@ -176,7 +173,7 @@ def _of_blocks(asked: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceLines:
-    """Lines about x, y and z, those of all bands that a fit has, one after the other.
+    """Lines about x, y and z, of all bands of a fit in order.
 
     Attributes
     ----------
@@ -271,7 +268,7 @@ RESPONSES: Final = {"roll": "Ixx_over_kt", "pitch": "Iyy_over_kt", "yaw": "kd_ov
 
 
 def compare_with_reference(fit: Fit) -> Iterator[Finding]:
-    """Compare the response of every axis with that to the pilot's or the mission's reference."""
+    """Compare every axis' response to the rotors with its response to the reference."""
     for name, lines in reference_lines(fit):
         found = {} if lines is None else axis_responses(lines)
         yield from response_findings(name, found, fit.numbers)
@@ -280,7 +277,7 @@ def compare_with_reference(fit: Fit) -> Iterator[Finding]:
 def response_findings(
     configuration: str, found: Mapping[str, Instrumented], numbers: Numbers
 ) -> Iterator[Finding]:
-    """Yield what the responses of a configuration say of its numbers, by axis."""
+    """Yield the findings of a configuration's responses on its numbers, by axis."""
     informative = {axis: one for axis, one in found.items() if one.half_width < INFORMATIVE}
     count = Evidence(name=f"reference_axes@{configuration}", value=float(len(informative)))
     yield Finding(kind="reference", severity="passed", evidence=(count,))

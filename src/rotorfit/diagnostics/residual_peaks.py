@@ -1,4 +1,4 @@
-"""What the model leaves should have no peaks: a narrow one is a vibration, or something missing.
+"""Check the residuals for narrow peaks: a vibration, or a term that the model lacks.
 
 The errors of the six accelerations, stretch by stretch as in the fit, each band over its variance:
 their mean power at one frequency, over all stretches, beside that at the frequencies around it.

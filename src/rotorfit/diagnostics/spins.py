@@ -1,14 +1,14 @@
-"""Do the propellers turn as declared? Yaw tells, where a pilot flies it, whatever else it tells.
+"""Check the declared spins by yaw, where a pilot flies it.
 
 Before the fit `declared_rotors` looks at one flight with the timing that was declared, and at all
 axes together: one wrong spin changes little there. After it each rotor gets a drag torque of its
 own beside the fit, whose model knows what else turns the body about z: products of inertia, a
 centre of mass that is off the centre, rotors with unlike thrust, the motors' timing, the
-autopilot's answer to gusts. Where all are as declared, these are alike; one that turns the other
-way has the other sign. Which patterns of them the flights tell, their covariance says: a
+autopilot's response to gusts. Where all are as declared, these are alike; one that turns the other
+way has the other sign. Which patterns of them are identifiable, their covariance says: a
 hexarotor's rotors fly four of the six.
 
-A fit with a wrong spin lacks the spin-up of that rotor, too, and may tell nothing. So before the
+A fit with a wrong spin lacks the spin-up of that rotor, too, and may show nothing. So before the
 declared spins are refused, the flights are fitted with others: in that fit the others must hold,
 and be likelier than the declared ones, and the flights must be far likelier with it, spin-up
 and products of inertia included. And what drags a rotor can only turn the body
@@ -30,7 +30,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.dataset.declared_rotors import check_flight
 from rotorfit.diagnostics.coupling import without_coupling
-from rotorfit.diagnostics.yaw_residuals import Pattern, less_left, with_spins
+from rotorfit.diagnostics.yaw_residuals import Pattern, smaller_yaw_residuals, with_spins
 from rotorfit.errors import EstimationError, FrameError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.findings import Evidence, Finding, doubt
@@ -40,7 +40,7 @@ from rotorfit.fit.additional_parameters import (
     estimate_additional,
     gained,
     inside,
-    surprise,
+    log_likelihood_loss,
 )
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import excitation
@@ -54,10 +54,10 @@ from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 
 UNLIKE: Final = 0.15
-"""By which the drag torques of one vehicle's rotors differ, as a share of them: k_t differs by up
+"""Deviation of the drag torques of one vehicle's rotors, as a share of them: k_t differs by up
 to a tenth, and the drag of a worn propeller by more."""
 DRAG_STD: Final = 0.3
-"""Known of k_d before the flight, over k_t and the arm; vehicles have 0.03 to 0.2."""
+"""Prior deviation of k_d over k_t and the arm; vehicles have 0.03 to 0.2."""
 SUSPECTED: Final = float(np.log(100.0))
 REFUSED: Final = float(np.log(1e4))
 """Log of how many times likelier other spins must be than the declared ones, over the number of
@@ -71,7 +71,7 @@ CERTAIN: Final = 2.0
 """Half-widths by which J_r must be below zero: it may be about zero, and follows the timing."""
 REVERSED: Final = "reverse all spins (props out instead of in, or in instead of out)"
 ROUNDS: Final = 10
-"""Of the search for the mean drag torque of a pattern."""
+"""Rounds of the search for the mean drag torque of a pattern."""
 
 KIND: Final = "wrong-spin"
 
@@ -85,7 +85,7 @@ class RotorDrags:
     values, covariance
         [N m s^2/rad^2]
     blocks
-        How many independent ones tell them.
+        The effective number of independent ones.
     """
 
     values: Float[np.ndarray, " N"]
@@ -106,7 +106,7 @@ class RotorDrags:
 
     def against(self, pattern: Pattern) -> float:
         """Compute the log of how much less likely a pattern is than one that fits exactly."""
-        return surprise(self.distance(pattern)[0], self.blocks, len(self.values))
+        return log_likelihood_loss(self.distance(pattern)[0], self.blocks, len(self.values))
 
     def holds(self, pattern: Pattern) -> bool:
         """Return whether rotors alike that spin so are as near as chance brings them."""
@@ -131,7 +131,7 @@ class RotorDrags:
 def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
     """Refuse declared spins that yaw contradicts, or doubt them."""
     if not fit.dataset.timing_identifiable:
-        return  # nobody flies: what yaw does is the autopilot's answer to gusts and noise
+        return  # nobody flies: what yaw does is the autopilot's response to gusts and noise
     found = _contradiction(fit)
     if found.severity == "refusal":
         raise FrameError(found.sentence).about(kind=found.kind, evidence=found.evidence)
@@ -142,7 +142,7 @@ def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
 
 
 def _contradiction(fit: Fit) -> Finding:
-    """Find what the drag torques of single rotors say of the declared spins."""
+    """Compare the declared spins with the drag torques of single rotors."""
     declared = np.ones(len(fit.dataset.vehicle.rotors))
     drags = _drags_or_none(fit.estimate, fit.configurations)
     seen = () if drags is None else _evidence(drags, declared)
@@ -153,7 +153,7 @@ def _contradiction(fit: Fit) -> Finding:
     if found is None:
         return passed
     (gain, pattern, again), twins = found
-    gain = surprise(2.0 * gain, again.blocks) - float(np.log(len(declared)))
+    gain = log_likelihood_loss(2.0 * gain, again.blocks) - float(np.log(len(declared)))
     if gain < SUSPECTED:
         return passed
     sentence = _sentence(fit.dataset.vehicle, pattern, again, twins)
@@ -176,10 +176,10 @@ Judged = tuple[float, Pattern, RotorDrags]
 
 
 def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Pattern]] | None:
-    """Find the suspected spins that gain most over the declared ones, and hold; None if none do.
+    """Find the suspected spins that gain most over the declared ones, and hold; None if no such.
 
     With them all others of as many rotors that gain as much: of two on one axis at one speed no
-    flight tells which it is.
+    flight shows which it is.
     """
     declared = np.ones(len(fit.dataset.vehicle.rotors))
     # Fitted the same way: every fit selects its bands anew.
@@ -207,12 +207,9 @@ def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Patt
 
 
 def rotor_drags(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> RotorDrags:
-    """Estimate a drag torque of each rotor's own, beside all that a fit knows of yaw.
+    """Estimate a drag torque of each rotor, additional to the yaw of a fit.
 
-    Raises
-    ------
-    EstimationError
-        If the flights do not determine them.
+    Raises `EstimationError` if the flights do not determine them.
     """
     vehicle, layout = configurations[0].vehicle, configurations[0].model.layout
     at = fit.estimate.by_name
@@ -242,7 +239,7 @@ def _drags_or_none(
 
 
 def _surely(drags: RotorDrags, declared: Pattern) -> bool:
-    """Return whether rotors alike that spin as declared are surely likelier than any other."""
+    """Test whether equal rotors that spin as declared are far likelier than any other pattern."""
     own = drags.against(declared)
     others = (drags.against(p) for p in other_patterns(len(declared)))
     return drags.holds(declared) and min(others) - own > REFUSED
@@ -260,25 +257,20 @@ def other_patterns(rotors: int) -> list[Pattern]:
 
 
 def _suspects(fit: Fit, drags: RotorDrags | None) -> list[Pattern]:
-    """List patterns that may be the right one, the likeliest first.
+    """List patterns that may be the right one, each once, the likeliest first.
 
     Those that leave less of yaw by itself, and those that single drags do not speak against; every
     one of one or two rotors where the declared spins do not hold.
     """
     vehicle = fit.dataset.vehicle
-    suspects, others = less_left(vehicle, fit.dataset.yaw_bands())[::-1], []
+    suspects, others = smaller_yaw_residuals(vehicle, fit.dataset.yaw_bands())[::-1], []
     if drags is not None:
         others = sorted(other_patterns(len(vehicle.rotors)), key=drags.against)
         declared = np.ones(len(vehicle.rotors))
         if drags.holds(declared):
             least = drags.against(declared) + SUSPECTED
             others = [p for p in others[:FEW] if drags.against(p) < least]
-    return _distinct((*suspects, *others))
-
-
-def _distinct(patterns: Iterable[Pattern]) -> list[Pattern]:
-    """Return each pattern once."""
-    return list({tuple(pattern.tolist()): pattern for pattern in patterns}.values())
+    return list({tuple(pattern.tolist()): pattern for pattern in (*suspects, *others)}.values())
 
 
 def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags] | None:
@@ -300,7 +292,7 @@ def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags
 
 
 def _yaw_is_flown(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> bool:
-    """Return whether a pilot turns about z: else yaw is the autopilot's answer to gusts."""
+    """Test whether a pilot turns about z: else yaw is the autopilot's response to gusts."""
     rho = excitation(fit, configurations)
     return any(rho[f"yaw@{c.name}"] > LEAST_EXCITATION for c in configurations)
 
@@ -354,7 +346,7 @@ def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None
         low, high = numbers.interval(f"kd_over_Izz@{name}")
         if high < 0.0:
             return _reversed_sentence("kd / Izz", name, low, high)
-        # Where nobody yaws, an autopilot's answer to gusts looks like reversed rotors' spin-up.
+        # Where nobody yaws, an autopilot's response to gusts looks like reversed rotors' spin-up.
         if low + high > 0.0 or not (numbers.rho(f"Jr_over_Izz@{name}") or 0.0) > LEAST_EXCITATION:
             continue
         low, high = numbers.interval(f"Jr_over_Izz@{name}")
@@ -374,7 +366,7 @@ REFUSALS: Final = (refuse_wrong_spins,)
 
 
 def refuse_at_found_lag(fit: Fit) -> Iterable[Finding]:
-    """Refuse rotors that a flight contradicts at every lag in the interval that the fit found."""
+    """Refuse rotors that a flight contradicts at every lag in the estimated interval."""
     tried = found_lags(fit)
     if tried and fit.dataset.timing_identifiable:
         for configuration in fit.dataset.configurations:

@@ -34,12 +34,12 @@ AIR: Final = 1.2
 """Density of air [kg/m^3]."""
 LEAST_MERIT: Final = 0.11
 MOST_MERIT: Final = 0.68
-"""With the largest rotors that fit; sound vehicles have 0.17 to 0.51."""
+"""Largest figure of merit with the largest rotors that fit; sound vehicles have 0.17 to 0.51."""
 USUAL_MERIT: Final = 0.3
 HEAVIEST: Final = 500.0
 """Weight over the area of the largest rotors that fit [N/m^2]; vehicles have 10 to 170."""
 UNUSUAL_LOADING: Final = 200.0
-"""From here on it is said; a Crazyflie of ten times its mass would have 270 [N/m^2]."""
+"""Disk loading that is reported; a Crazyflie of ten times its mass would have 270 [N/m^2]."""
 MOST_THRUST: Final = 0.06
 """Thrust over air density, area and squared tip speed; sound vehicles have up to 0.017."""
 LIGHTEST: Final = 0.1
@@ -49,7 +49,7 @@ DENSEST: Final = 2000.0
 """Density of a ball with the body's mass and mean radius of gyration [kg/m^3]. Vehicles have 10 to
 450; a mass in grams makes a thousand times that, stone has 2700."""
 UNUSUAL: Final = 800.0
-"""From here on it is said."""
+"""Density that is reported [kg/m^3]."""
 SPHERE: Final = float(np.sqrt(5.0 / 3.0))
 """Radius of a ball over the root mean square distance of its mass from the centre."""
 USUAL: Final = 0.45
@@ -66,7 +66,7 @@ def largest_radius(vehicle: Vehicle) -> float:
 
 
 def impossible_rotors(dataset: Dataset, numbers: Numbers) -> str | None:
-    """Explain what rotors that fit between one another cannot do; None where they can."""
+    """Explain a load that no rotors fitting between one another can carry; None where they can."""
     R, vehicle = largest_radius(dataset.vehicle), dataset.vehicle
     heaviest, loading = _heaviest(dataset)
     fit = f"with rotors of {1e3 * R:.0f} mm radius, the largest that fit between one another,"
@@ -85,7 +85,7 @@ def impossible_rotors(dataset: Dataset, numbers: Numbers) -> str | None:
 
 
 def _heaviest(dataset: Dataset) -> tuple[float, float]:
-    """Return the largest mass [kg], and its weight over the area of rotors that fit [N/m^2]."""
+    """Find the largest mass [kg], and its weight over the area of rotors that fit [N/m^2]."""
     places = dataset.vehicle.positions[:, :2].round(4).tolist()
     area = len({tuple(place) for place in places}) * np.pi * largest_radius(dataset.vehicle) ** 2
     heaviest = max(c.mass for c in dataset.configurations)

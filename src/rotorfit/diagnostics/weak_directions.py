@@ -1,4 +1,4 @@
-"""What the flights cannot tell: parameters apart, axes that hardly moved, the place of the IMU.
+"""Parameters that the flights do not separate, axes that hardly moved, the place of the IMU.
 
 The information of the fit about rotors and bodies (biases and differences between rotors removed)
 with every parameter scaled to unit information: its eigenvectors are combinations of parameters,
@@ -44,7 +44,7 @@ class WeakDirection:
     Attributes
     ----------
     strength
-        What the flights tell of it, relative to the best known combination.
+        Its information, relative to the best known combination.
     parts
         The parameters that make it up, the largest first, and by what share of its value each
         changes along it.
@@ -61,7 +61,7 @@ class WeakDirection:
 
 
 def weak_directions(fit: Fit) -> Iterator[Finding]:
-    """Check whether the flights can tell the parameters of rotors and bodies apart."""
+    """Check whether the flights separate the parameters of rotors and bodies."""
     directions = body_directions(fit.estimate.estimate)
     parameters = joint_parameters(fit)
     # What a step has withheld has its own words, and no flying would show it.
@@ -84,7 +84,7 @@ def weak_directions(fit: Fit) -> Iterator[Finding]:
 
 
 def body_directions(estimate: Estimate) -> tuple[WeakDirection, ...]:
-    """Return all combinations of rotor and body parameters, the weakest first."""
+    """List all combinations of rotor and body parameters, the weakest first."""
     places = [i for i, n in enumerate(estimate.names) if n.partition("@")[0] in ROTORS + MOMENTS]
     information = _marginal(estimate.covariance[np.ix_(places, places)])
     length = np.sqrt(np.diagonal(information))
@@ -118,12 +118,12 @@ def _direction(
 
 
 def condition_number(directions: Sequence[WeakDirection]) -> float:
-    """Return the best known combination over the worst, at most what rounding leaves of it."""
+    """Compute the best known combination over the worst, limited by rounding."""
     return 1.0 / max(directions[0].strength, np.finfo(float).eps)
 
 
 def condition_words(condition: float) -> str:
-    """Return how good a condition number is, in words."""
+    """Describe a condition number in words."""
     if condition <= GOOD:
         return "good"
     if condition <= FAIR:
@@ -138,19 +138,12 @@ def weak_sentence(
     lost: Set[str] = frozenset(),
     several: bool = True,
 ) -> str | None:
-    """Return what the flights cannot tell apart; None where all is well.
+    """Explain which parameters the flights do not separate; None where they separate all.
 
-    Parameters
-    ----------
-    directions
-        Of the estimate, the weakest first.
-    doubtful
-        Full names of parameters whose verdict is not ``identified``: a weak combination that harms
-        no verdict needs no words.
-    lost
-        Full names of parameters without a number: of fewer than two others nothing is to be said.
-    several
-        Whether the vehicle has several configurations, of which one is to be named.
+    `directions`: of the estimate, the weakest first. `doubtful`: full names of parameters whose
+    verdict is not ``identified``: a weak combination that harms no verdict needs no words. `lost`:
+    full names of parameters without a number: of fewer than two others nothing is to be said.
+    `several`: whether the vehicle has several configurations, of which one is to be named.
     """
     weakest, condition = directions[0], condition_number(directions)
     if condition <= FAIR or not doubtful & weakest.parts.keys():

@@ -1,4 +1,4 @@
-"""Which spins would leave less of yaw by themselves: a search without the rest of the model.
+"""Search the spins that leave the least residual of yaw, without the rest of the model.
 
 Only the yaw row is looked at, band by band; what it suspects is fitted with the whole model
 (`spins.py`).
@@ -20,10 +20,10 @@ from rotorfit.reduction.frequency_bands import EDGES, excited_bands
 WORTH: Final = 0.05
 """Log of how many times less of yaw other spins must leave by themselves to be looked at."""
 PASSES: Final = 4
-"""Of the reweighting by bands."""
+"""Passes of the reweighting by bands."""
 _TINY: Final = float(np.finfo(float).tiny)
 Pattern = Float[np.ndarray, " N"]
-"""For each rotor +1 where it spins as declared, -1 where it spins the other way."""
+"""A sign for each rotor: +1 where it spins as declared, -1 where it spins the other way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class _Yaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Fit:
-    """What one pattern of spins leaves of yaw: log of the power per row and band.
+    """The residual of yaw with one pattern of spins: log of the power per row and band.
 
     `log_left_by_drag` is the same without the spin-up of the rotors.
     """
@@ -59,8 +59,8 @@ def with_spins(vehicle: Vehicle, pattern: Pattern) -> Vehicle:
     return replace(vehicle, rotors=tuple(rotors))
 
 
-def less_left(declared: Vehicle, bands: Sequence[Factors]) -> list[Pattern]:
-    """List the spins that leave less of yaw by themselves: one reversed after the other, or all.
+def smaller_yaw_residuals(declared: Vehicle, bands: Sequence[Factors]) -> list[Pattern]:
+    """List the spins that leave a smaller residual of yaw: one reversed after the other, or all.
 
     `bands`: factors of the signals of yaw (`model.signals.yaw_signals`) of each configuration.
     """
@@ -76,7 +76,7 @@ def less_left(declared: Vehicle, bands: Sequence[Factors]) -> list[Pattern]:
             break
         best, reached = tried[most], fits[most]
         suspects.append(best)
-    # An autopilot's answer to gusts looks like a spin-up of reversed rotors, not like drag.
+    # An autopilot's response to gusts looks like a spin-up of reversed rotors, not like drag.
     if _gain(plain, _fits(with_spins(declared, -ones), bands), by_drag=True) > WORTH:
         suspects.append(-ones)
     return suspects
@@ -165,7 +165,7 @@ def _left(yaw: _Yaw, weight: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]
 
 
 def _gain(plain: Sequence[_Fit], other: Sequence[_Fit], *, by_drag: bool = False) -> float:
-    """Compute the log of how many times less another pattern leaves, over rows of excited bands.
+    """Compute the gain of log-likelihood of another pattern, over rows of excited bands.
 
     A band is excited where either pattern explains it.
     """

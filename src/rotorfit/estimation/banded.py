@@ -46,13 +46,14 @@ from rotorfit.estimation.reweighted import scatter_covariance
 
 MOST_ITERATIONS = 400
 SMALLEST_STEP = 1e-3
-"""Of a parameter's deviation, at which the iteration ends."""
+"""Convergence tolerance, in standard deviations of a parameter."""
 LEAST_WIN = 0.02
-"""Of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the iteration is
-at the bottom, too, or goes round it; a parameter there is known to a tenth of its deviation."""
+"""Least gain of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the
+iteration is at the bottom, too, or goes round it; a parameter there is known to a tenth of its
+deviation."""
 PATIENCE = 15
 FEW_STEPS = 12
-"""After which crawling steps are extrapolated."""
+"""Steps after which crawling ones are extrapolated."""
 LARGEST_DAMPING = 1e9
 """Where the iteration ends, too: a step along the slope of which next to nothing is left."""
 MOST_NOISE = 0.7
@@ -65,7 +66,7 @@ UNKNOWN = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandedEstimate:
-    """An estimate, and what each block had to say to it.
+    """An estimate, and the influence of each block on it.
 
     Attributes
     ----------
@@ -213,7 +214,7 @@ def _corrected_step(
     damped: Float[np.ndarray, "f f"],
     score: Float[np.ndarray, " f"],
 ) -> Float[np.ndarray, " f"]:
-    """Solve (information - noise) step = score, at rest where the information is mostly noise."""
+    """Solve (information - noise) step = score, zero where the information is mostly noise."""
     scale = 1.0 / np.sqrt(np.diagonal(plain))
     strength, Q = np.linalg.eigh(plain * np.outer(scale, scale))
     strength = np.maximum(strength, np.finfo(float).eps * strength[-1])
@@ -239,8 +240,6 @@ def _finished(problem: BandedProblem, state: Evaluated, iterations: int) -> Band
             values=state.phi,
             covariance=covariance,
             condition_number=svd.condition_number,
-            weak_directions=svd.Vt[::-1][:3],
-            weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
         ),
         influence=equations.scores @ inverse,
         variance=state.variance,
@@ -382,7 +381,7 @@ UNDETERMINED = 1e-10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
-    """By how much numbers move, and how much of that chance explains.
+    """Shifts of numbers, and their covariance by chance.
 
     Attributes
     ----------

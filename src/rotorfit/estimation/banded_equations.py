@@ -64,7 +64,7 @@ class Evaluated(State):
     squares
         Of the errors of each block, without what known noise of the regressors adds to them.
     rest
-        What the prior and the answers of a controller add to the cost.
+        What the prior and the responses of a controller add to the cost.
     """
 
     cost: float

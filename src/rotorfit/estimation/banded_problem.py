@@ -1,4 +1,4 @@
-"""What the banded estimator is handed, and its equations solved for their noisy signals."""
+"""The problem of the banded estimator, and its equations solved for their noisy signals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class BandedProblem:
-    """What the estimator is handed; it knows of no drone.
+    """The problem of the banded estimator: factors, map and priors.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class BandedProblem:
     counted
         Which errors of each block count, one array per configuration; all where there is none.
     feedback
-        Where a controller answers the errors, by the same parts.
+        Where a controller responds to the errors, by the same parts.
     moving
         Free parameters that move the signals, in the order of the factors' slopes.
     error_correlation

@@ -1,4 +1,4 @@
-r"""What an estimate can reach at best: the Cramér-Rao bound of the banded likelihood.
+r"""The Cramér-Rao bound of the banded likelihood.
 
 With noise variances v known, the likelihood of :math:`e = M(\theta)^{-1} B(\theta) z` has the
 information :math:`\sum_b \sum_k J_{bk}^T J_{bk} / v_{bk}`, J = de/d phi. Nothing in it needs noisy

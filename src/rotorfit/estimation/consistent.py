@@ -11,8 +11,8 @@ from scipy import sparse
 from rotorfit.errors import EstimationError
 
 SMALLEST_EIGENVALUE = 1e-7
-"""Of the matrix scaled to unit size: the nearest point lies that far inside, so that a program
-that demands strict inequality accepts it too."""
+"""Smallest eigenvalue of the matrix scaled to unit size: the nearest point lies that far inside, so
+that a program that demands strict inequality accepts it too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,12 +9,12 @@ from jaxtyping import Float
 
 LEAST_DAMPING: Final = 1e-9
 SMALLEST_SHARE: Final = 1e-15
-"""Of the largest singular value, under which a direction is not known at all."""
+"""Share of the largest singular value, under which a direction is not known at all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """A damped step, the deviations of what it moves, and what it should win of the cost."""
+    """A damped step, the deviations of its parameters, and the predicted gain of the cost."""
 
     step: Float[np.ndarray, " f"]
     std: Float[np.ndarray, " f"]
@@ -42,7 +42,7 @@ def damped_step(
 
 
 def reduced_damping(damping: float, won: float, predicted_gain: float) -> float:
-    """Reduce the damping after a step that won so much of the predicted gain.
+    """Reduce the damping after a step, by the achieved share of the predicted gain.
 
     References
     ----------

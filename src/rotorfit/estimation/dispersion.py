@@ -1,7 +1,7 @@
-r"""How far the parts of a fit scatter, over what the fit states: of all that it tells, at once.
+r"""Scatter of the parts of a fit over its formal covariance, of all parameters together.
 
-Two or three parts of a flight tell one number, and their scatter tells its variance to a factor of
-three. What the model lacks shows in all numbers, so that their scatters together tell how much
+Two or three parts of a flight show one number, and their scatter its variance to a factor of
+three. What the model lacks shows in all numbers, so that their scatters together show how much
 larger than stated variances are (the dispersion of a quasi-likelihood: Wedderburn, Biometrika 61,
 1974). At the estimate the score :math:`s_k` of part k has the covariance :math:`H_k - H_k C H_k`
 (H_k its information, C the covariance of the fit; its influence on the estimate is :math:`C s_k`),
@@ -31,7 +31,7 @@ LEAST: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dispersion:
-    """Variances that parts of a fit show, over those that it states; and how well they tell it.
+    """Variances between parts of a fit over the formal ones, and their degrees of freedom.
 
     Attributes
     ----------
@@ -50,14 +50,10 @@ class Dispersion:
         shown: Float[np.ndarray, " q"],
         blocks: Float[np.ndarray, " q"],
     ) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
-        """Pool it with the scatter of single numbers: their variances, and degrees of freedom.
+        """Pool variances and degrees of freedom of single numbers with the dispersion.
 
-        Parameters
-        ----------
-        stated, shown
-            Variances: by the fit, and by the scatter of the blocks.
-        blocks
-            That tell each number.
+        `stated`, `shown`: variances by the fit, and by the scatter of the blocks. `blocks`: the
+        effective number of blocks of each number.
         """
         degrees = blocks + self.degrees
         return (blocks * shown + self.degrees * self.ratio * stated) / degrees, degrees

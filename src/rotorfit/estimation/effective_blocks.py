@@ -1,4 +1,4 @@
-r"""How many independent blocks stand behind each number of a fit.
+r"""The effective number of independent blocks behind each number of a fit.
 
 The variance that the scatter of blocks shows is a sum of squares, one of each block. Where a
 number g(phi) comes from a few of them it is known as badly as from so few, however many stand
@@ -21,14 +21,9 @@ from rotorfit.estimation.reweighted import scatter_covariance
 def effective_blocks(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, " q"]:
-    """Count the blocks that tell each number; all of them where none tells anything.
+    """Count the effective blocks of each number; all blocks where none is informative.
 
-    Parameters
-    ----------
-    fit
-        Of all flights.
-    jacobian
-        Of the numbers by the free parameters.
+    `fit`: of all flights. `jacobian`: of the numbers by the free parameters.
     """
     shares = variance_shares(fit, jacobian)
     total, squares = shares.sum(axis=0), (shares**2).sum(axis=0)
@@ -39,7 +34,7 @@ def effective_blocks(
 def variance_shares(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, "b q"]:
-    """Compute what each block has of the numbers' variances, by the fit's own account."""
+    """Compute each block's share of the numbers' formal variances."""
     problem, moved = fit.problem, fit.estimate.covariance @ jacobian.T
     found = decorrelated_solutions(problem, solutions(problem, fit.estimate.values))
     slopes = lifted_slopes(problem, fit.estimate.values, found)
@@ -54,12 +49,12 @@ def variance_shares(
 
 
 def free_blocks(fit: BandedEstimate) -> float:
-    """Return how many blocks are left: as many parameters as noisy signals cost one block."""
+    """Count the free blocks: as many parameters as noisy signals cost one block."""
     return max(len(fit.influence) - len(fit.estimate.names) / fit.variance.shape[1], 1.0)
 
 
 def half_width_of_parameter(fit: BandedEstimate, name: str) -> float:
-    """Return the half-width of one parameter by the scatter of the blocks that tell it, alone."""
+    """Compute the half-width of one parameter by the scatter of its informative blocks alone."""
     one = np.eye(len(fit.estimate.names))[[fit.estimate.names.index(name)]]
     variance, degrees = own_scatter(fit, one)
     return float(stats.t.ppf(0.975, degrees[0]) * np.sqrt(variance[0]))
@@ -68,7 +63,7 @@ def half_width_of_parameter(fit: BandedEstimate, name: str) -> float:
 def own_scatter(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
-    """Return each number's variance by the scatter of its blocks, and how many tell it."""
+    """Compute each number's variance by the scatter of its blocks, and their effective number."""
     blocks, free = len(fit.influence), free_blocks(fit)
     variance = np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)
     return variance * blocks / free, np.minimum(effective_blocks(fit, jacobian), free)

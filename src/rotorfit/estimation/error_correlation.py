@@ -1,4 +1,4 @@
-r"""Covariance of an estimate that comes from estimating the correlation between its errors, too.
+r"""Added covariance of an estimate from estimating the correlation between its errors.
 
 The shares C of `BandedProblem.error_correlation` are found beforehand and then held. Error t
 without its correlated part is :math:`e_t - C_{ts} e_s`, linear in C: each share is one parameter
@@ -19,7 +19,7 @@ from rotorfit.estimation.banded_equations import decorrelated_solutions, lifted_
 from rotorfit.estimation.banded_problem import solutions
 
 LEAST_LEFT: Final = 1e-9
-"""Of the information on a share, below which the parameters explain all that it does."""
+"""Least information left on a share: below it the parameters explain all that it does."""
 
 
 def error_correlation_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:

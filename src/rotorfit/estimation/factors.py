@@ -1,4 +1,4 @@
-"""Triangular factors: all that the estimators need to know of a flight.
+"""Triangular factors of a flight, all that the estimators need of it.
 
 A flight is a matrix Z of signals, one row per sample (or per frequency line). Every equation of
 the model is linear in them, so that for any weights, parameters and geometry the least-squares
@@ -65,7 +65,7 @@ class Factors:
         return merge_triangular(self.R)
 
     def merged(self) -> "Factors":
-        """Return all blocks as one: solving again costs no more than its few rows."""
+        """Merge all blocks into one, whose few rows are all that solving again costs."""
         return Factors(
             R=self.total[None],
             rows=self.rows.sum(keepdims=True),
@@ -110,7 +110,7 @@ class Factors:
 
     @cached_property
     def columns(self) -> Float[np.ndarray, "b m a"]:
-        """The rows of every block: its signals and, beside them, the slopes of those that move."""
+        """The rows of every block: its signals, then the slopes of those that move."""
         if self.slopes is None:
             return self.R
         b, t, m, z = self.slopes.shape
@@ -219,7 +219,7 @@ def borrowed_mean_square(
 
 
 def borrowed_rows(factors: Factors) -> Float[np.ndarray, " b"]:
-    """Return from how many rows each such mean square is."""
+    """Return the number of rows behind each such mean square."""
     return _with_neighbours(factors.rows[:, None].astype(float), factors)[:, 0]
 
 
@@ -249,10 +249,8 @@ def _with_other_means(
     return total, rows < FEW_ROWS
 
 
-def time_block_factors(
-    Z: Float[np.ndarray, "n z"], *, block_rows: int, segment: int = 0
-) -> Factors:
-    """Return one factor per block of `block_rows` consecutive rows (the last may be shorter)."""
+def time_block_factors(Z: Float[np.ndarray, "n z"], *, block_rows: int) -> Factors:
+    """Factor each block of `block_rows` consecutive rows (the last may be shorter)."""
     n, width = Z.shape
     whole = n // block_rows
     parts: list[Float[np.ndarray, "b z z"]] = []
@@ -268,7 +266,7 @@ def time_block_factors(
     return Factors(
         R=R,
         rows=rows,
-        segment=np.full(len(R), segment, dtype=np.int64),
+        segment=np.zeros(len(R), dtype=np.int64),
         band=np.tile([0.0, np.inf], (len(R), 1)),
     )
 
@@ -276,7 +274,7 @@ def time_block_factors(
 def triangular_factors(
     blocks: Float[np.ndarray, "b m z"] | Sequence[Float[np.ndarray, "_ z"]],
 ) -> Float[np.ndarray, "b z z"]:
-    """Return the upper triangular R of each block, with a non-negative diagonal.
+    """Compute the upper triangular R of each block, with a non-negative diagonal.
 
     Cholesky of the column-scaled Gram matrix where that is accurate, else Householder QR. Blocks
     may have different numbers of rows.
@@ -301,7 +299,7 @@ def triangular_factors(
 def _cholesky(
     gram: Float[np.ndarray, "b z z"],
 ) -> tuple[Float[np.ndarray, "b z z"], Bool[np.ndarray, " b"]]:
-    """Return the upper factors of unit-diagonal Gram matrices, and which of them to trust."""
+    """Factor unit-diagonal Gram matrices, and mark the factors that rounding leaves valid."""
     try:
         lower = np.linalg.cholesky(gram)
     except np.linalg.LinAlgError:
@@ -313,7 +311,7 @@ def _cholesky(
 def _cholesky_one_by_one(
     gram: Float[np.ndarray, "b z z"],
 ) -> tuple[Float[np.ndarray, "b z z"], Bool[np.ndarray, " b"]]:
-    """Do the same where a singular block makes the whole batch fail."""
+    """Factor the Gram matrices one by one, where a singular block makes the whole batch fail."""
     # The smallest eigenvalue is below every squared pivot: what passes here cannot fail.
     accurate = np.linalg.eigvalsh(gram)[:, 0] > SMALLEST_PIVOT**2
     R = np.zeros_like(gram)
@@ -322,7 +320,7 @@ def _cholesky_one_by_one(
 
 
 def _householder(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, "b z z"]:
-    """Return R of each block by Householder QR, square, with a non-negative diagonal."""
+    """Compute R of each block by Householder QR, square, with a non-negative diagonal."""
     R = np.asarray(np.linalg.qr(blocks, mode="r"))
     missing = R.shape[2] - R.shape[1]
     if missing > 0:
@@ -332,7 +330,7 @@ def _householder(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, "b z z
 
 
 def merge_triangular(R: Float[np.ndarray, "b z z"]) -> Float[np.ndarray, "z z"]:
-    """Return the factor of stacked factors, in pieces that fit a processor's cache."""
+    """Factor stacked factors, in pieces that fit a processor's cache."""
     if len(R) == 0:
         raise EstimationError("no factors to merge: no stretch of flight was given")
     while len(R) > 1:

@@ -1,6 +1,6 @@
-r"""What a controller that responds to the errors adds to the likelihood.
+r"""The likelihood of the inputs of a controller that responds to the errors.
 
-The inputs u of a vehicle that is steered are not given beforehand: its controller sees the errors
+The inputs u of a vehicle in closed loop are not given beforehand: its controller sees the errors
 v of the accelerations and works against them. With what the pilot asks for and the errors as the
 independent ones, y = G u + v and u = C (r - y), the density of what was logged is
 

@@ -17,7 +17,6 @@ from rotorfit.estimation.estimate import (
     Estimate,
     LinearProblem,
     ScaledSingular,
-    equation_rows,
     problem_rows,
     refuse_free_direction,
     scaled_singular,
@@ -29,7 +28,7 @@ def ordinary(problem: LinearProblem) -> Estimate:
 
     Solved by singular values of the column-scaled equations, so that the units of the parameters
     do not matter. The covariance takes the equations' errors as independent and of equal variance
-    once weighted; `block_covariance` does not.
+    once weighted.
     """
     rows = problem_rows(problem)
     f = len(problem.map.names)
@@ -44,56 +43,12 @@ def ordinary(problem: LinearProblem) -> Estimate:
         values=phi,
         covariance=variance * (svd.inverse_root @ svd.inverse_root.T),
         condition_number=svd.condition_number,
-        weak_directions=svd.Vt[::-1][:3],
-        weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
     )
-
-
-def block_scores(
-    problem: LinearProblem, phi: Float[np.ndarray, " f"]
-) -> tuple[Float[np.ndarray, "b f"], Float[np.ndarray, "b f f"]]:
-    """Return each block's gradient J^T e and its information J^T J at `phi`.
-
-    Blocks of all configurations, one after the other; both weighted.
-    """
-    f = len(phi)
-    scores: list[Float[np.ndarray, "b f"]] = []
-    information: list[Float[np.ndarray, "b f f"]] = []
-    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        rows = equation_rows(
-            factors.R,
-            tensor,
-            (problem.map.constant[c], problem.map.matrix[c]),
-            problem.weights[c],
-        )
-        J = rows[:, :, :f]
-        e = rows[:, :, f] + J @ phi
-        scores.append(np.einsum("bmf,bm->bf", J, e))
-        information.append(np.matmul(J.transpose(0, 2, 1), J))
-    return np.concatenate(scores), np.concatenate(information)
-
-
-def block_covariance(problem: LinearProblem, estimate: Estimate) -> Estimate:
-    r"""Return the estimate with a covariance that needs no independence within a block.
-
-    The sandwich :math:`H^{-1} (\sum_b g_b g_b^T) H^{-1} b/(b-1)` over the blocks of the factors:
-    errors may be coloured and correlated between equations as long as blocks are longer than
-    their memory.
-    """
-    scores, _ = block_scores(problem, estimate.values)
-    b = len(scores)
-    if b < 2:
-        raise EstimationError("one block has no scatter: give at least two blocks of data")
-    # H^-1 from the singular values of the equations: forming H would square their condition.
-    root = scaled_singular(problem_rows(problem)[:, :-1], problem.map.names).inverse_root
-    spread = root @ (root.T @ scores.T)
-    covariance = spread @ spread.T * (b / (b - 1))
-    return dataclasses.replace(estimate, covariance=covariance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EssentialEstimate:
-    """What is left after the unessential parameters were taken out, in the order they went."""
+    """The essential parameters, and the removed ones in the order of their removal."""
 
     estimate: Estimate
     removed: tuple[str, ...]
@@ -101,7 +56,7 @@ class EssentialEstimate:
 
 
 def total(problem: LinearProblem) -> Estimate:
-    """Return the total least-squares solution (Six et al. 2020, eq. 14-22).
+    """Solve by total least squares (Six et al. 2020, eq. 14-22).
 
     The right singular vector of the smallest singular value of [d/d phi | constant], divided by
     its last entry. In the units it is given: total least squares is not invariant to them.
@@ -128,8 +83,6 @@ def total(problem: LinearProblem) -> Estimate:
         values=chi,
         covariance=_covariance(problem.rows, chi, (U, s, Vt)),
         condition_number=svd.condition_number,
-        weak_directions=svd.Vt[::-1][:3],
-        weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
     )
 
 
@@ -159,7 +112,7 @@ def _covariance(
     chi: Float[np.ndarray, " f"],
     svd: tuple[Float[np.ndarray, "m g"], Float[np.ndarray, " g"], Float[np.ndarray, "g g"]],
 ) -> Float[np.ndarray, "f f"]:
-    """Return the covariance of Six et al. 2020, eq. 19 and 20."""
+    """Compute the covariance of Six et al. 2020, eq. 19 and 20."""
     U, s, Vt = svd
     n_t = len(s)
     sigma_W = s[-1] / np.sqrt(max(rows - n_t, 1))

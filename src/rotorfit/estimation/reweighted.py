@@ -3,7 +3,7 @@
 The equations must be normalised: the known column (the constant of the parameter map) is the
 signal that carries the noise, with a known coefficient, such as m times the specific force or one
 times an angular acceleration. Then the residual is that signal's own error, its variance per band
-can be estimated from the residuals, and weighting by it does not pull the estimate towards zero,
+can be estimated from the residuals, and weighting by it does not bias the estimate towards zero,
 as it does for homogeneous equations.
 """
 
@@ -27,14 +27,14 @@ RELATIVE_FLOOR = 1e-20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandedFit:
-    """An estimate, and what each block of the factors had to say to it.
+    """An estimate, and the influence of each block of the factors on it.
 
     Attributes
     ----------
     estimate
         Covariance from the bands' own variances.
     influence
-        How much each block pulls each parameter: the first-order change if it were counted twice.
+        Of each block on each parameter: the first-order change if it were counted twice.
     variance
         Of one residual in each block.
     known_power, residual_power
@@ -54,7 +54,7 @@ class BandedFit:
 def reweighted(
     problem: LinearProblem, *, prior_std: Mapping[str, float] | None = None
 ) -> BandedFit:
-    """Return the estimate whose band weights agree with its own residuals."""
+    """Iterate the estimate until its band weights agree with its own residuals."""
     J, y, rows = _block_equations(problem)
     names = problem.map.names
     information = _prior_information(names, prior_std or {})
@@ -96,8 +96,6 @@ def reweighted(
             values=phi,
             covariance=covariance,
             condition_number=svd.condition_number,
-            weak_directions=svd.Vt[::-1][:3],
-            weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
         ),
         influence=scores @ covariance,
         variance=variance,
@@ -132,7 +130,7 @@ def _quick_covariance(
     variance: Float[np.ndarray, " b"],
     information: Float[np.ndarray, " f"],
 ) -> Float[np.ndarray, "f f"] | None:
-    """Return the covariance from the blocks' Gram matrices; None where that would cost digits."""
+    """Compute the covariance from the blocks' Gram matrices; None where that would cost digits."""
     whole = np.tensordot(1.0 / variance, gram, axes=1) + np.diag(information)
     lengths = np.sqrt(np.diagonal(whole))
     if not (lengths > 0.0).all():
@@ -183,7 +181,7 @@ def _weighted_equations(
 
 
 def scatter_covariance(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:
-    """Return the covariance that the blocks' own scatter shows (the one-step jackknife).
+    """Compute the covariance by the blocks' own scatter (the one-step jackknife).
 
     The influences of several fits to the same blocks may stand side by side: the result then has
     the covariance between the fits.

@@ -1,1 +1,1 @@
-"""What the user declares: the experiment file, its airframe, motors, payloads and terms."""
+"""The user's declarations: the experiment file, its airframe, motors, payloads and terms."""

@@ -14,11 +14,11 @@ Axes = Literal["FLU", "FRD"]
 Order = Literal["px4", "ardupilot", "betaflight", "crazyflie", "paper"]
 SHORTEST_ARM: Final = 0.01
 LONGEST_ARM: Final = 5.0
-"""Of a multirotor, from the smallest toy to the largest that carries people [m]."""
+"""Arms of a multirotor, from the smallest toy to the largest that carries people [m]."""
 
 
 Tilt = Annotated[Finite, Field(ge=-45, le=45)]
-"""Of the IMU in the vehicle [deg]: roll (right side down), pitch (nose up)."""
+"""Tilt of the IMU in the vehicle [deg]: roll (right side down), pitch (nose up)."""
 
 
 class RotorEntry(Strict):

@@ -87,16 +87,14 @@ def _place(location: tuple[int | str, ...]) -> str:
 
 
 TERM_NAMES: Final = tuple(term.name for term in OPTIONAL)
-"""Of the optional terms of the model, in the order of the documentation."""
+"""Names of the optional terms of the model, in the order of the documentation."""
 
 
 def known_terms(given: object, info: Any) -> object:
     """Check the terms that a file names; each is named once.
 
-    Raises
-    ------
-    ValueError
-        If a name is no term, with the nearest one; or if the method has terms of its own.
+    Raises `ValueError` if a name is no term, with the nearest one; or if the method has terms of
+    its own.
     """
     if given is None or not isinstance(given, list | tuple):
         return given

@@ -17,10 +17,10 @@ from rotorfit.logs.formats import ReadOptions
 from rotorfit.logs.read import kind_of
 
 MOST_VALUES: Final = 20_000
-"""In one file; each that is wrong would be reported, at a kilobyte or two."""
+"""Most values in one file; each that is wrong would be reported, at a kilobyte or two."""
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 WIDEST: Final = 88
-"""Of a list on one line [characters]."""
+"""Widest list on one line [characters]."""
 
 
 def file_as_table(data: Any, key: str) -> Any:

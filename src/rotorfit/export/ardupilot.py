@@ -30,7 +30,7 @@ from rotorfit.preprocessing.motors.motor_model import ThrustCurve, command_range
 
 HOVER_RANGE: Final = (0.125, 0.6875)
 LARGEST_SPIN_MIN: Final = 0.3
-"""Of MOT_SPIN_MIN: with more, ArduPilot does not arm."""
+"""Largest MOT_SPIN_MIN: with more, ArduPilot does not arm."""
 SPIN_ARM: Final = 0.1
 """ArduPilot's default of MOT_SPIN_ARM."""
 YAW_SCALE: Final = 0.05

@@ -1,4 +1,4 @@
-"""What the files of other tools ask for: axes, units, numbers, names and comments as text."""
+"""Conventions of other tools' files: axes, units, numbers, names and comments as text."""
 
 import math
 from collections.abc import Sequence

@@ -6,7 +6,7 @@ does not have are added: at its end, or in a Betaflight dump in the profile that
 The numbers of a Gazebo model at their places in the file, so that they change and nothing else.
 
 Rotors are matched by place and sense of rotation, not by name or number: whatever the user's model
-calls them. The model's origin may be another one than the result's; the rotors tell by how much.
+calls them. The model's origin may be another one than the result's; the rotors show by how much.
 """
 
 import re

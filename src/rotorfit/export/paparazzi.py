@@ -27,7 +27,7 @@ FREQUENCY: Final = 512.0
 """PERIODIC_FREQUENCY of a rotorcraft, where the airframe file says no other [Hz]."""
 ROWS: Final = ("G1_ROLL", "G1_PITCH", "G1_YAW", "G1_THRUST", "G2")
 STEP: Final = 1e-3
-"""Of the command, for the slope of the law."""
+"""Step of the command, for the slope of the law."""
 
 
 def write_paparazzi(

@@ -309,7 +309,7 @@ def _in_si(
             )
         factor *= mass.value
         unit = unit.removesuffix(" per kg")
-    if _in_commands(number.name, unit, result):
+    if _in_commands(number.name, unit):
         speed = found.get("max_speed")
         if not isinstance(speed, Number):
             return Missing(
@@ -337,7 +337,7 @@ def _physical_unit(name: str) -> str:
     return DERIVED[name].unit if name in RATIOS.values() else unit_of(name)
 
 
-def _in_commands(name: str, unit: str, result: IdentificationResult) -> bool:
+def _in_commands(name: str, unit: str) -> bool:
     """Test whether a unit is per command (0 to 1) instead of per rad/s."""
     physical = _physical_unit(name)
     effective = effective_unit(name, physical)

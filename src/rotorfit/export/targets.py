@@ -32,7 +32,7 @@ TargetName = Literal[
 RandomTargetName = Literal["samples", "isaac-lab", "pegasus", "crazyflow-worlds"]
 """Files of many vehicles, drawn from the posterior."""
 AnyTargetName = Literal[TargetName, RandomTargetName, "table"]
-"""And ``table``, which is of flights (`rotorfit.export.write`)."""
+"""Every target, and ``table``, which is of flights (`rotorfit.export.write`)."""
 Speed = Literal["rad/s", "full-command", "nominal"]
 
 INERTIA_COM: Final = ("Ixx_com", "Iyy_com", "Izz_com", "Ixy_com", "Ixz_com", "Iyz_com")
@@ -52,7 +52,7 @@ _GROUPS: Final = dict(
     SPEED=SPEED,
     ALL=ALL,
 )
-"""By their names in the file."""
+"""Groups of numbers by their names in the file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

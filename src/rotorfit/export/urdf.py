@@ -26,7 +26,7 @@ from rotorfit.export.vehicle import VehicleModel
 from rotorfit.preprocessing.airborne import GRAVITY
 
 GYM_SEATS = ((1.0, -1.0, 1.0), (-1.0, -1.0, -1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0))
-"""Of prop0 to prop3, FLU: sign of x, sign of y, spin."""
+"""Seats of prop0 to prop3, FLU: sign of x, sign of y, spin."""
 GYM_SPEED = 30.0
 """max_speed_kmh of the package's own cf2x.urdf; it scales velocity commands only."""
 
@@ -38,7 +38,7 @@ def write_urdf(model: VehicleModel, head: Sequence[str]) -> str:
     properties = "" if order is None else _properties(model)
     return (
         '<?xml version="1.0"?>\n'
-        + xml_comment(with_notes(head, *_remarks(model, order)))
+        + xml_comment(with_notes(head, *_remarks(order)))
         + f"<robot name={quoteattr(identifier(f'{model.name}_{model.configuration}'))}>\n"
         + properties
         + _base_link(model)
@@ -64,7 +64,7 @@ def _gym_order(model: VehicleModel) -> list[int] | None:
     return [seats.index(seat) for seat in GYM_SEATS]
 
 
-def _remarks(model: VehicleModel, order: list[int] | None) -> list[str]:
+def _remarks(order: list[int] | None) -> list[str]:
     remarks = [
         "inertia is about the CoM, tensor elements; a link propN_link is at each rotor, z along "
         "its thrust; the base link's origin is that of the result"

@@ -80,7 +80,8 @@ def vehicle_model(
 
 
 NOMINAL_SPEED: Final = 1000.0
-"""Of a rotor at full command, where any will do [rad/s]: the largest that PX4's Gazebo takes."""
+"""Speed of a rotor at full command, where any will do [rad/s]: the largest that PX4's Gazebo
+takes."""
 
 
 def _law(result: IdentificationResult, experiment: Experiment) -> SpeedLaw | None:

@@ -84,10 +84,7 @@ def csv_text(columns: Columns) -> str:
 def parquet_bytes(columns: Columns, head: Sequence[str]) -> bytes:
     """Write columns as Parquet, the head of the file as metadata ``rotorfit``.
 
-    Raises
-    ------
-    OutputError
-        If pyarrow is not installed.
+    Raises `OutputError` if pyarrow is not installed.
     """
     try:
         arrow: Any = import_module("pyarrow")

@@ -1,8 +1,8 @@
-"""Estimate what a declaration may have wrong, beside the parameters of a fit.
+"""Estimate errors of a declaration, additional to the parameters of a fit.
 
 A check that compares the declared vehicle with another one is an estimate: how far along the way
 from the one to the other the flights are, and with what deviation. Whatever else moves the residual
-(products of inertia, rotors that are unlike, the autopilot's answer to gusts) is in the model that
+(products of inertia, unlike rotors, the autopilot's response to gusts) is in the model that
 it is estimated with, and its deviation is that of every other number: the larger of what the fit
 states and what its blocks and phases show, with what is assumed of autopilot and motors.
 """
@@ -29,13 +29,13 @@ from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.model.terms.term import Block
 
 CLOSE: Final = 0.01
-"""Of a parameter's deviation, at which such an estimate ends."""
+"""Convergence tolerance of such an estimate, in standard deviations of a parameter."""
 FEWEST_BLOCKS: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Added:
-    """A parameter beside those of a fit.
+    """A parameter additional to the parameters of a fit.
 
     Attributes
     ----------
@@ -58,14 +58,14 @@ class Added:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Additional:
-    """Parameters that were estimated beside those of a fit.
+    """Estimates of parameters additional to the parameters of a fit.
 
     Attributes
     ----------
     values, covariance
         Of the added parameters.
     blocks
-        How many independent ones tell them: degrees of freedom of their covariance.
+        Effective number of independent ones: degrees of freedom of their covariance.
     estimate
         Of all parameters, the added ones last.
     """
@@ -88,23 +88,12 @@ def estimate_additional(
     *,
     instead_of: Sequence[str] = (),
 ) -> Additional:
-    """Estimate parameters beside those of a fit, from where it ended.
+    """Estimate additional parameters of a fit, linearised at its estimate.
 
-    Parameters
-    ----------
-    fit
-        Of the configurations.
-    configurations
-        With what counts of them.
-    added
-        The parameters.
-    instead_of
-        Free parameters that are left out for them.
+    `fit`: of the configurations. `configurations`: with what counts of them. `added`: the
+    parameters. `instead_of`: free parameters that are left out for them.
 
-    Raises
-    ------
-    EstimationError
-        If the flights do not determine them.
+    Raises `EstimationError` if the flights do not determine them.
     """
     problem = _with_added(fit.problem, added, instead_of)
     known = fit.estimate.by_name | {one.name: one.begin for one in added}
@@ -165,7 +154,7 @@ def _covariance(
     """Compute the covariance of some parameters, by chance and by what is assumed.
 
     Along the axes of the fit's own covariance: what one direction scatters must not widen another,
-    of which the flights tell a thousand times more.
+    of which the flights have a thousand times more information.
     """
     strength, Q = np.linalg.eigh(formal_covariance(fit, chosen))
     axes = Q.T @ chosen
@@ -180,7 +169,7 @@ def _covariance(
 
 
 def _effective_blocks(influence: Float[np.ndarray, "b a"]) -> float:
-    """Count the blocks that tell some parameters: as many alike would scatter as much.
+    """Count the effective blocks of some parameters: as many equal blocks would scatter as much.
 
     Satterthwaite's (sum v)^2 / sum v^2 of their shares v of the variance. The squared size of an
     influence is v times a chi-square of as many degrees as there are parameters, n, whose mean
@@ -194,21 +183,21 @@ def _effective_blocks(influence: Float[np.ndarray, "b a"]) -> float:
     return float(np.clip(count, FEWEST_BLOCKS, max(len(influence), FEWEST_BLOCKS)))
 
 
-def surprise(square: float, blocks: float, dimensions: int = 1) -> float:
-    """Compute how much less likely (its log) a squared distance is than none.
+def log_likelihood_loss(square: float, blocks: float, dimensions: int = 1) -> float:
+    """Compute the log-likelihood that a squared distance costs.
 
-    Of Student's t: where few blocks tell the covariance, a large distance is no great surprise.
+    Of Student's t: where few blocks show the covariance, a large distance costs little.
     """
     return 0.5 * (blocks + dimensions) * float(np.log1p(max(square, 0.0) / blocks))
 
 
 def inside(square: float, blocks: float, dimensions: int) -> bool:
-    """Return whether a squared distance is one that chance makes, but for one time in a hundred."""
+    """Test whether chance explains a squared distance, at 1 %."""
     return square <= dimensions * float(stats.f.ppf(0.99, dimensions, blocks))
 
 
 def gained(one: BandedEstimate, other: BandedEstimate) -> float:
-    """Compute the log of how many times likelier another fit of the same blocks is.
+    """Compute the gain of log-likelihood of another fit of the same blocks.
 
     Over the errors that count in either, each with the variance that it has there.
     """

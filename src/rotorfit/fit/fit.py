@@ -24,7 +24,7 @@ NO_COUPLING: Final = "no-coupling"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """The flights of an experiment, and what they say of their vehicle.
+    """The dataset of an experiment, its estimate, and the numbers of the vehicle.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ def numbers_of(
 def shift_of(
     fit: Fit, dataset: TimedDataset, *, begin: Mapping[str, float] | None = None, **settings: Any
 ) -> Float[np.ndarray, " q"]:
-    """Compute how far the numbers move where the dataset, or the settings of its fit, are others.
+    """Compute the shift of the numbers with another dataset, or other settings of its fit.
 
     `begin`: where the other fit begins; None: where this one ended.
     """

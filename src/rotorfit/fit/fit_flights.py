@@ -1,4 +1,4 @@
-"""Fit the flights: the terms of the model, and intervals by settings that could as well be others.
+"""Fit the flights: the terms of the model, and intervals widened by equally plausible settings.
 
 The settings are the timing of the motors, the range of the frequencies, and the geometry, which is
 measured with a tape before the flight and taken for exact by the fit: what an error of each shifts,
@@ -35,18 +35,11 @@ that begin under an edge [Hz]."""
 def widened(
     half_width: Float[np.ndarray, " q"], dataset: TimedDataset, shift: Shift, *, timed: bool
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width with twice the rms shift of every group of trials.
+    """Add twice the rms shift of every group of trials to the half-widths.
 
-    Parameters
-    ----------
-    half_width
-        Of each number, of chance and of what is always allowed for.
-    dataset
-        What was fitted.
-    shift
-        How far each number moves.
-    timed
-        Whether what the flights leave open of the motors' timing is in the half-width already.
+    `half_width`: of each number, of chance and of what is always allowed for. `dataset`: what was
+    fitted. `shift`: how far each number moves. `timed`: whether what the flights leave open of the
+    motors' timing is in the half-width already.
     """
     groups = [[(dataset, 0.5 * EDGES[-1])]]
     groups += [] if timed else [[(other, np.inf) for other in g] for g in _other_timings(dataset)]
@@ -58,7 +51,7 @@ def widened(
 def _other_timings(dataset: TimedDataset) -> list[list[TimedDataset]]:
     """Return the flights at other timings, in groups that are independent of each other.
 
-    The motors off both ways, by half a sample or by a deviation of what the flights tell of lag
+    The motors off both ways, by half a sample or by a deviation of what the flights show of lag
     plus delay; lag taken for delay, by a deviation of the split.
     """
     found = dataset.motor_timing
@@ -76,10 +69,7 @@ def _other_timings(dataset: TimedDataset) -> list[list[TimedDataset]]:
 def other_geometries(dataset: TimedDataset) -> Iterator[TimedDataset]:
     """Yield the flights with each measured length off by its standard deviation, if it has one.
 
-    Parameters
-    ----------
-    dataset
-        With the deviations in its vehicle.
+    `dataset`: with the deviations in its vehicle.
     """
     vehicle = dataset.vehicle
     others: list[Vehicle] = []
@@ -116,7 +106,7 @@ def moved_imu(vehicle: Vehicle, axis: int, length: float) -> Vehicle:
 def fit_flights(
     dataset: TimedDataset, wanted: Sequence[str] | None, *, begin: Mapping[str, float] | None = None
 ) -> Fit:
-    """Fit the flights with the terms that the user wants, or those that they ask for (None).
+    """Fit the flights with the terms of the user, or (None) with those that the likelihood selects.
 
     `begin`: values of free parameters to begin with; None: where the timing of the motors ended.
     """
@@ -177,7 +167,7 @@ def _left_out(dropped: tuple[str, ...]) -> Finding:
 
 
 def widen_by_settings(fit: Fit) -> Fit:
-    """Widen the intervals by what settings shift that could as well be others."""
+    """Widen the intervals by the shifts with equally plausible settings."""
 
     def shift(other: TimedDataset, top: float) -> Float[np.ndarray, " q"]:
         return shift_of(fit, other, top=top)
@@ -188,9 +178,9 @@ def widen_by_settings(fit: Fit) -> Fit:
 
 
 def _by_other_bands(fit: Fit) -> Float[np.ndarray, " q"]:
-    """Compute the half-width by where the line is drawn between bands that count and others.
+    """Compute the half-width by the limit between informative bands and the others.
 
-    What a flight tells may hang on one band near that line. Of many flights their scatter shows it.
+    One band near that limit may have the information of a flight; many flights scatter by it.
     """
     if max(len(flights_of(c.factors)) for c in fit.configurations) >= ENOUGH_FLIGHTS:
         return np.zeros(len(fit.numbers.names))

@@ -1,4 +1,4 @@
-"""Is the IMU tilted against the rotors? Its readings are turned back before the fit where it is.
+"""Estimate the tilt of the IMU against the rotors, and correct its readings before the fit.
 
 A mean specific force that leans away from z is a turned IMU, a biased one, or the drag of fast
 flight. Turned readings mix roll and pitch torques into yaw, which drag does not undo: where the
@@ -20,28 +20,28 @@ from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
-from rotorfit.fit.timing.timed_dataset import TimedDataset, levelled_flights
+from rotorfit.fit.timing.timed_dataset import TimedDataset, tilt_corrected_flights
 from rotorfit.fit.timing.timing_fit import find_timing
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
 from rotorfit.reduction.frequency_bands import STRETCH
 
 FEWEST_PARTS: Final = 3
-"""Whose scatter tells anything."""
+"""Whose scatter is informative."""
 Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
 
 
 def estimate_imu_tilt(
     dataset: TimedDataset, fitted: Callable[[TimedDataset], Fitted]
 ) -> ImuTilt | None:
-    """Estimate how the IMU is mounted, where the flights are far likelier so; else None.
+    """Estimate the tilt of the IMU; None where the flights are not far likelier with it.
 
     `fitted` fits a dataset, and gives its configurations with their informative bands.
     """
     tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
     if dataset.source != "imu" or tilt.angle < LEAST_TILT:
         return None
-    level = levelled_flights(dataset, tilt)
+    level = tilt_corrected_flights(dataset, tilt)
     first, second = fitted(dataset), fitted(level)
     # Likelihoods compare on the same blocks alone, so on those that count for either.
     gains = [
@@ -73,7 +73,7 @@ def correct_imu_tilt(
         sentence = lean_sentence(dataset)
         leans = () if sentence is None else (_leans(sentence, lean),)
         return experiment, dataset, leans
-    dataset = levelled_flights(dataset, tilt).reduced()
+    dataset = tilt_corrected_flights(dataset, tilt).reduced()
     if dataset.motor_timing is not None:
         dataset = replace(dataset, motor_timing=find_timing(dataset))
     found = doubt("imu-tilt", mounting_sentence(tilt), evidence=lean)
@@ -92,7 +92,7 @@ def mounting_sentence(tilt: ImuTilt) -> str:
 
 
 def lean_evidence(dataset: TimedDataset) -> tuple[Evidence, ...]:
-    """Return how far the thrust leans in the IMU's axes, by the scatter of the flights' parts."""
+    """Estimate the lean of the thrust in the IMU's axes, by the scatter of the flights' parts."""
     flights = [f.prepared.data for c in dataset.configurations for f in c.flights]
     parts = np.array([part for data in flights for part in _mean_forces(data)])
     half = np.inf
@@ -136,7 +136,7 @@ def lean_sentence(dataset: TimedDataset) -> str | None:
 
 
 def _leans(sentence: str, lean: tuple[Evidence, ...]) -> Finding:
-    """Doubt what goes with the rotors' axis where the thrust leans."""
+    """Doubt the numbers that depend on the rotors' axis where the thrust leans."""
     return doubt(
         "imu-leans",
         sentence,

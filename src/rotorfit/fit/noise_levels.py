@@ -1,4 +1,4 @@
-r"""When within a phase a flight is noisy, by the errors of its fit.
+r"""The noise level of every row within a phase of a flight, by the errors of its fit.
 
 A vehicle may fall through its own wake and be out of it half a second later: its errors are
 :math:`\sigma(t)` times a stationary process. A fit that takes them for equally noisy lets the worst
@@ -35,18 +35,18 @@ WINDOW: Final = 0.12
 """Deviation of the bell over which a level is averaged [s]: it holds some sixty degrees of freedom
 of four errors up to 20 Hz, so that chance makes a level of a tenth."""
 LEAST: Final = 0.1
-"""Of the largest level of a stretch: none is less."""
+"""Least level, as a share of the largest level of a stretch."""
 LEAST_SPREAD: Final = 0.2
 """Deviation of the logarithm of a stretch's levels, twice that of chance, under which all are left
 alone: weights would gain nothing."""
 LOWEST: Final = EDGES[1]
-"""Of the errors that are looked at [Hz]; the highest is that of the motion."""
+"""Lowest frequency of the errors that count [Hz]; the highest is that of the motion."""
 FLAT: Final = 10
 """Lines over which a spectrum is averaged to whiten it."""
 
 
 def fit_by_noise(fit: Fit, wanted: Sequence[str] | None) -> Fit:
-    """Fit the flights once more where their noise changes within a phase, each row by its own.
+    """Fit the flights once more where their noise changes within a phase, rows weighted by it.
 
     `wanted`: terms of the model, as for `fit_flights`. What does not settle so stays as it was.
     """
@@ -60,7 +60,7 @@ def fit_by_noise(fit: Fit, wanted: Sequence[str] | None) -> Fit:
 
 
 def allow_for_noise_levels(fit: Fit) -> Fit:
-    """Widen the numbers by what they move as rows are weighed, beyond what chance makes of it.
+    """Widen the numbers by their shift with the rows' weights, beyond the shift by chance.
 
     Both weightings are right where the errors are as the fit takes them: their estimates then
     differ by no more than the difference of their variances allows (Hausman, Econometrica 46(6),
@@ -95,7 +95,7 @@ def _with_even_noise(fit: Fit) -> TimedDataset | None:
 
 
 def with_noise_levels(fit: Fit) -> TimedDataset | None:
-    """Return the flights of a fit with the noise of their rows; None where that is steady."""
+    """Weight the rows of a fit's flights by their noise; None where the noise is steady."""
     theta = theta_of(fit.estimate.problem.map, fit.estimate.estimate.values, fit.configurations)
     each = solved(fit.dataset.model.tensor, theta, fit.estimate.problem.noisy)[0]
     configurations = tuple(
@@ -152,9 +152,9 @@ def _stretches(data: FlightData, longest: float) -> Iterator[Segment]:
 
 
 def noise_levels(errors: Float[np.ndarray, "n k"], sample_rate: float) -> Float[np.ndarray, " n"]:
-    """Compute how large the errors of a stretch are, row by row, beside their geometric mean.
+    """Compute the size of a stretch's errors, row by row, over its geometric mean.
 
-    One where the stretch is too short to tell, or without errors.
+    One where the stretch is too short to show it, or without errors.
     """
     white = _whitened(errors, sample_rate)
     if white is None:
@@ -168,7 +168,7 @@ def noise_levels(errors: Float[np.ndarray, "n k"], sample_rate: float) -> Float[
 def _whitened(
     errors: Float[np.ndarray, "n k"], sample_rate: float
 ) -> Float[np.ndarray, "n k"] | None:
-    """Return the errors of the motion with flat spectra and equal sizes; None of too few lines."""
+    """Whiten the errors of the motion: flat spectra, equal sizes; None of too few lines."""
     frequency = np.fft.rfftfreq(len(errors), 1.0 / sample_rate)
     motion = np.flatnonzero(
         (frequency >= LOWEST) & (frequency < min(MOTION_CUTOFF, 0.4 * sample_rate))

@@ -44,7 +44,7 @@ class PaperSettings:
 
 
 def paper_estimate(dataset: TimedDataset, *, settings: PaperSettings) -> EssentialEstimate:
-    """Return the paper's estimate of all configurations together, and what it removed.
+    """Compute the paper's estimate of all configurations, and list the parameters it removed.
 
     k_t and k_d are shared, first moments and inertia are each configuration's own, and the rows of
     a configuration are multiplied by its weight k_w (Six et al. 2020, eq. 24, 25).

@@ -111,16 +111,10 @@ class RowFits:
 
 
 def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
-    """Return the four row fits of one configuration.
+    """Fit the four rows of one configuration.
 
-    Parameters
-    ----------
-    factors
-        Of its flights, per stretch and frequency band.
-    model
-        The tensor of the vehicle with all effects.
-    mass
-        [kg]; 1 for an unknown mass, and every result is then per kilogram.
+    `factors`: of its flights, per stretch and frequency band. `model`: the tensor of the vehicle
+    with all effects. `mass`: [kg]; 1 for an unknown mass, and every result is then per kilogram.
     """
     first = {row: _fit_row(factors, model, row, mass) for row in ROWS[1:]}
     predicted = _rotor_made(model, first)
@@ -140,16 +134,11 @@ def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
 def angular_log_likelihood(
     factors: Factors, model: Regressor, *, mass: float, counted: Bool[np.ndarray, "b 3"]
 ) -> float:
-    """Return the log-likelihood of the three angular accelerations, for comparing delays.
+    """Compute the log-likelihood of the three angular accelerations, to compare delays.
 
     Of the first pass: the second changes what is small, and costs as much again.
 
-    Parameters
-    ----------
-    factors, model, mass
-        As for `fit_rows`.
-    counted
-        Which blocks count for each of them.
+    `factors`, `model`, `mass`: as for `fit_rows`. `counted`: which blocks count for each of them.
     """
     return sum(
         _fit_row(factors.select(own), model, row, mass).log_likelihood
@@ -158,7 +147,7 @@ def angular_log_likelihood(
 
 
 def excited_turns(factors: Factors, model: Regressor, *, mass: float) -> Bool[np.ndarray, "b 3"]:
-    """Return in which blocks a pilot moves roll, pitch and yaw, by the first pass of the rows."""
+    """Mark the blocks in which a pilot moves roll, pitch and yaw, by the first pass of the rows."""
     fits = [_fit_row(factors, model, row, mass) for row in ROWS[1:]]
     signal = np.column_stack([fit.known_power for fit in fits])
     residual = np.column_stack([fit.residual_power for fit in fits])
@@ -180,7 +169,7 @@ def turned_flights(factors: Factors, model: Regressor, *, mass: float) -> Bool[n
 
 
 def turn_ratios(factors: Factors, model: Regressor, *, mass: float) -> Float[np.ndarray, " 3"]:
-    """Return explained over residual power of the three turns, by the first pass of the rows."""
+    """Compute explained over residual power of the three turns, by the first pass of the rows."""
     return explained_ratios([_fit_row(factors, model, row, mass) for row in ROWS[1:]])
 
 
@@ -199,7 +188,7 @@ def _fit_row(
     mass: float,
     first: BandedFit | None = None,
 ) -> BandedFit:
-    """Return the fit of one row; given the first pass, rotors may differ."""
+    """Fit one row; given the first pass, rotors may differ."""
     if row == "force":
         mapped, prior = _force_map(model, mass), _force_prior(mass)
     else:
@@ -251,7 +240,7 @@ def _moment_map(model: Regressor, row: str, own_rotors: tuple[str, ...] = ()) ->
 def _without_dead(
     mapped: ParameterMap, model: Regressor, weights: Float[np.ndarray, " j"]
 ) -> ParameterMap:
-    """Return the map without parameters that these rows cannot hold.
+    """Remove the parameters that these rows do not determine from the map.
 
     Either they do not stand in them at all, or, with tilted rotors, they stand where another one
     stands already: drag torque along a tilted axis is a thrust torque of another size, as is the
@@ -279,7 +268,7 @@ def _rotor_names(model: Regressor) -> tuple[str, ...]:
 
 
 def _rotor_made(model: Regressor, first: Mapping[str, BandedFit]) -> dict[str, Regressor]:
-    """Return the model of each row with foreign angular accelerations as the rotors make them.
+    """Predict the other axes' angular accelerations in each row's model by the rotors.
 
     The three moment rows of the first pass, B z = 0 with unit diagonal, are solved for the
     angular accelerations; the solution G z is put in their place, but for the row's own.
@@ -332,16 +321,10 @@ along tilted axes from that of thrust."""
 
 
 def row_numbers(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: float) -> Numbers:
-    """Return the physical numbers of one configuration.
+    """Compute the physical numbers of one configuration.
 
-    Parameters
-    ----------
-    fits
-        From `fit_rows`.
-    vehicle
-        Its geometry; without a known IMU position the origin is the IMU.
-    mass, mass_std
-        [kg]
+    `fits`: from `fit_rows`. `vehicle`: its geometry; without a known IMU position the origin is the
+    IMU. `mass`, `mass_std`: [kg].
     """
     at = fits.values
     names, values = _physical(at, fits.names, vehicle, mass)
@@ -367,7 +350,7 @@ def row_numbers(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: float
 def _physical(
     phi: Float[np.ndarray, " f"], phi_names: tuple[str, ...], vehicle: Vehicle, mass: float
 ) -> tuple[tuple[str, ...], Float[np.ndarray, " q"]]:
-    """Return names and values of the physical numbers at fit parameters `phi`."""
+    """Compute names and values of the physical numbers at fit parameters `phi`."""
     p = dict(zip(phi_names, phi.tolist(), strict=True))
     kt = p["force.kt"]
     inertia = _inertia_about_com(p, kt)
@@ -391,7 +374,7 @@ def _physical(
 
 
 def _inertia_about_com(p: dict[str, float], kt: float) -> dict[str, float]:
-    """Return the inertia about the CoM, without Izz (zero), whose scale the rows do not give."""
+    """Compute the inertia about the CoM with Izz zero: the rows do not give its scale."""
     Ixx, Iyy = kt / p["roll.kt"], kt / p["pitch.kt"]
     # Both rows hold Ixy; the roll row is divided by Ixx, the pitch row by Iyy.
     Ixy = 0.5 * (p.get("roll.Ixy", 0.0) * Ixx + p.get("pitch.Ixy", 0.0) * Iyy)
@@ -408,7 +391,7 @@ def _inertia_about_com(p: dict[str, float], kt: float) -> dict[str, float]:
 def _com_and_rotor_center(
     p: dict[str, float], vehicle: Vehicle, mass: float
 ) -> tuple[Float[np.ndarray, " 3"], dict[str, float]]:
-    """Return the CoM from the origin, and the rotor centre where it is not the origin itself.
+    """Compute the CoM from the origin, and the rotor centre where it is not the origin.
 
     The moment rows see the rotor centre over the CoM, the force rows the CoM from the
     accelerometer. With a known IMU position both are measured from the same origin, and the
@@ -441,7 +424,7 @@ def _small_sample(fits: RowFits) -> tuple[Float[np.ndarray, "f f"], float]:
 def _systematic(
     numbers: Numbers, vehicle: Vehicle, *, mass: float, mass_std: float
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width of what no scatter within the flight shows."""
+    """Compute the half-width by systematic errors that no scatter within the flight shows."""
     weighed = 1.96 * mass_std / mass
     lean = float(np.hypot(vehicle.axes[:, 0], vehicle.axes[:, 1]).mean())
     result = np.zeros(len(numbers.names))

@@ -1,4 +1,4 @@
-r"""When a number of some vehicles changed: in one step, steadily from some moment on, or once only.
+r"""Detect changes of a number of some vehicles: a step, a drift from a moment on, or an outlier.
 
 A model says for every vehicle which shapes its flights follow beside their level (most often
 none), and one scatter between flights of all vehicles. Whole models are compared by
@@ -34,7 +34,7 @@ Kind = Literal["step", "ramp", "once"]
 LEAST_SERIES: Final = 4
 """Values for each change; of fewer nothing is said."""
 MOST_PLACES: Final = 400
-"""Of longer series this many moments are tried, evenly spaced."""
+"""Most moments of a series that are tried, evenly spaced."""
 MOST_CHANGES: Final = 8
 CONFIDENCE: Final = 0.95
 NORMAL_95: Final = 1.96
@@ -43,7 +43,7 @@ LEAST_STEPS: Final = 10
 SCATTERS: Final = np.exp(np.linspace(-9.0, 3.0, 97))
 """Standard deviations between flights over which is integrated, in units of the values' spread."""
 SHARES: Final = np.exp(np.linspace(-9.0, 0.0, 73))[:-1]
-"""Of stated deviations, where they may be overstated."""
+"""Shares of stated deviations, where they may be overstated."""
 SEARCHED: Final = 8
 """Of these deviations every so many is searched for changes."""
 MOST_FREEDOM: Final = 1e6
@@ -146,7 +146,7 @@ class _Series:
 
 
 Model = tuple[tuple[int, ...], ...]
-"""Of every vehicle the rows of its shapes that it follows."""
+"""The rows of the shapes that every vehicle follows."""
 
 
 def shapes_of(n: int) -> Shapes:

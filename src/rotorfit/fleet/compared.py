@@ -1,4 +1,4 @@
-"""Which numbers of a fleet's flights are compared, and what belongs to them."""
+"""The numbers of a fleet's flights that are compared, with their partners and scales."""
 
 import re
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from rotorfit.model.terms.rotors import MOST_ROTORS
 Weather = Literal["taken out", "in it", "none"]
 
 REFERENCE_DENSITY: Final = 1.225
-"""At which numbers that go with the density of the air are compared [kg/m^3]."""
+"""Density at which numbers that go with it are compared [kg/m^3]."""
 WITH_DENSITY: Final = 0.9
 """Share of the flights that must log the density for it to be taken out."""
 ROTORS: Final = tuple(f"kt_{i}" for i in range(1, MOST_ROTORS + 1))
@@ -26,7 +26,7 @@ BODY: Final = (
     *("com_x", "com_y", "com_z", *TRIM[:2], "Ixx_com", "Iyy_com", "Izz_com"),
     *("kd_over_Izz", "Jr_over_Izz"),
 )
-"""Of a vehicle as it is loaded: compared among flights of one configuration."""
+"""Numbers of a vehicle as it is loaded: compared among flights of one configuration."""
 RATIOS: Final = {
     "kd_over_kt": ("kd", "kt"),
     "Ixx_over_kt": ("Ixx_com", "kt"),

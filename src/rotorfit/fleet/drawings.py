@@ -13,12 +13,12 @@ from rotorfit.fleet.statistics import NumberStatistics
 from rotorfit.report.pages import decimal, drawing, label, tag, text, tick_label, ticks
 
 MOST_POINTS: Final = 60
-"""Of a drawing; more flights are put together, neighbours in time."""
+"""Most points of a drawing; more flights are put together, neighbours in time."""
 MOST_DOTS: Final = 150
 """Vehicles of a strip that are drawn one by one; more are counted in bars."""
 BARS: Final = 48
 ROOM: Final = 0.06
-"""Of a scale beyond its ends."""
+"""Room of a scale beyond its ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

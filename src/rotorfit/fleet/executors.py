@@ -202,7 +202,7 @@ def by_cluster(
     """Yield the outcome of every task, from the workers of a Dask cluster; with a time limit.
 
     The workers find logs and cache under the same paths. Raises `OutputError` where ``distributed``
-    is not installed, nobody answers at `scheduler`, or the workers have another rotorfit.
+    is not installed, nothing responds at `scheduler`, or the workers have another rotorfit.
     """
     work = partial(process_batch, space=space)
     with _cluster(scheduler) as client:

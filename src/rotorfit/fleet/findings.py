@@ -1,4 +1,4 @@
-"""What changed in a fleet and which vehicles are outliers: findings with what to check.
+"""Findings of a fleet: changes and outlying vehicles, with what to check.
 
 Changes that one cause explains are one finding: a propeller that wears is seen in its own thrust
 coefficient, in that of all rotors, and in where their thrust acts.

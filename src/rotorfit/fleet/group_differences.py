@@ -214,11 +214,4 @@ def _compared_with_others(
     least = others.sum(axis=1) - 1.0
     freedom = least * ((v + between) / np.maximum(typical, np.finfo(float).tiny)) ** 2
     t = np.abs(y - mean) / std
-    return y - mean, std, _two_sided(t, np.maximum(freedom, 1.0))
-
-
-def _two_sided(
-    t: Float[np.ndarray, " g"], freedom: Float[np.ndarray, " g"]
-) -> Float[np.ndarray, " g"]:
-    """Return the chance of a larger absolute t by Student's distribution."""
-    return np.asarray(2.0 * stats.t(freedom).sf(t))
+    return y - mean, std, np.asarray(2.0 * stats.t(np.maximum(freedom, 1.0)).sf(t))

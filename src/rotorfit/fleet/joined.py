@@ -42,7 +42,7 @@ LEAST_KT_STD: Final = 1e-3
 """Deviation to which k_t is held at the mean of the flights', at least, as a share of it: what an
 accelerometer's bias at rest leaves open is the same in all of them."""
 FLIGHT_STEPS: Final = 2
-"""Of a flight's own times, at given numbers of the vehicle."""
+"""Steps of a flight's own times, at given numbers of the vehicle."""
 FEWEST_FOR_SCATTER: Final = 3
 """Flights from which their scatter is taken into the deviations."""
 Load = Callable[[], FittedFactors]
@@ -67,7 +67,6 @@ class Joined:
     values: Float[np.ndarray, " q"]
     std: Float[np.ndarray, " q"]
     flights: int
-    passes: int
 
     def number(self, name: str) -> tuple[float, float] | None:
         """Return value and standard deviation of a number; None where it is not estimated."""
@@ -170,7 +169,7 @@ def joined(flights: Sequence[Load]) -> Joined:
     vehicle = _vehicle(flights)
     phi, differ = _initial(vehicle, flights), UNSEEN
     flights = _with_common_correlation(vehicle, flights, phi)
-    for passes in range(1, MOST_PASSES + 1):
+    for _ in range(MOST_PASSES):
         H, scores = np.diag(vehicle.precision), np.zeros((len(flights), len(phi)))
         trims: list[_Trims] = []
         for i, load in enumerate(flights):
@@ -182,7 +181,7 @@ def joined(flights: Sequence[Load]) -> Joined:
         phi = phi + step
         if (np.abs(step) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))).all():
             if differ is not UNSEEN or len(flights) == 1:
-                return _finished(vehicle, phi, covariance, scores, passes)
+                return _finished(vehicle, phi, covariance, scores)
             differ = _scatter(vehicle, trims)
     raise EstimationError(
         f"the joint fit of {len(flights)} flights did not settle in {MOST_PASSES} passes"
@@ -252,8 +251,6 @@ def _scatter(vehicle: _Vehicle, trims: Sequence[_Trims]) -> Scatter:
         values=np.concatenate([one.values for one in trims]),
         covariance=np.asarray(scipy.linalg.block_diag(*(one.covariance for one in trims))),
         condition_number=1.0,
-        weak_directions=np.zeros((0, len(OWN) * len(trims))),
-        weak_strengths=np.zeros(0),
     )
     c = vehicle.configuration
     moment = c.mass * c.vehicle.arm
@@ -311,7 +308,6 @@ def _finished(
     phi: Float[np.ndarray, " f"],
     covariance: Float[np.ndarray, "f f"],
     scores: Float[np.ndarray, "m f"],
-    passes: int,
 ) -> Joined:
     """Convert the maximum to physical numbers with their deviations."""
 
@@ -333,5 +329,4 @@ def _finished(
         values=np.array(list(found.values())),
         std=np.sqrt(np.maximum(formal, scatter)),
         flights=m,
-        passes=passes,
     )

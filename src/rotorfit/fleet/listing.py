@@ -1,4 +1,4 @@
-"""Which logs a fleet has: all of a folder, or those of a table."""
+"""List the logs of a fleet: all of a folder, or those of a table."""
 
 import csv
 import re
@@ -17,14 +17,14 @@ from rotorfit.logs.read import format_of
 
 Mass = float | Literal["unknown"]
 COLUMNS: Final = ("file", "vehicle", "configuration", "mass", "airframe", "log")
-"""Of a table of logs; all but the first may be left out."""
+"""Columns of a table of logs; all but the first may be left out."""
 EXPECTED: Final = (
     f"expected a CSV with the columns {', '.join(COLUMNS)} (all but file may be left out)"
 )
 SUFFIXES: Final = frozenset(suffix for form in FORMATS for suffix in form.suffixes)
-"""Of files that are logs by their names, so that one that cannot be read is reported."""
+"""Suffixes of files that are logs by their names, so that one that cannot be read is reported."""
 BAG: Final = "metadata.yaml"
-"""In a folder that is one recording of ROS 2."""
+"""A file in every folder that is one recording of ROS 2."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -37,7 +37,7 @@ from rotorfit.reduction.motor_timing import FreeTiming
 from rotorfit.results.result import IdentificationResult, verdict_of
 
 PART_SECONDS: Final = 2.0
-"""Of a flight, whose means scatter as the mean of the whole is unsure."""
+"""Parts of a flight, whose means scatter as the mean of the whole is unsure."""
 FEWEST_PARTS: Final = 3
 AIRBORNE_SHARE: Final = 0.5
 """Share of the usual thrust under which a sample counts as on the ground, where motors alone are

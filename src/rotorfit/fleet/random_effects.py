@@ -25,15 +25,17 @@ from scipy import optimize
 from rotorfit.errors import EstimationError
 
 LEAST_GROUPS: Final = 5
-"""With fewer, the spread between groups is unknown, and nothing is drawn towards the mean."""
+"""Fewest groups: with fewer, the spread between groups is unknown, and nothing is drawn towards the
+mean."""
 LEAST_REPEATS: Final = 2
 """Repeats beyond the first of each group; with fewer, the scatter between them is unknown."""
 UNKNOWN_STD: Final = 1e4
 """Deviation where it is unknown, in units of the spread of all values."""
 LIMITS: Final = (-9.0, 3.0)
-"""Of the logarithm of a standard deviation in the same units."""
+"""Limits of the logarithm of a standard deviation in the same units."""
 LEAST_CURVATURE: Final = 0.5
-"""Of the likelihood in that logarithm: it is never less well known than to a factor of four."""
+"""Least curvature of the likelihood in that logarithm: it is never less well known than to a factor
+of four."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,8 +82,6 @@ class RandomEffects:
     between, within
         Standard deviations between groups and between the repeats of a group; NaN with too few
         groups or repeats.
-    between_log_std, within_log_std
-        How well their logarithms are known; NaN likewise.
     level, level_covariance
         Each group's level by its own repeats only; NaN where they do not have it. Levels are those
         where all columns of changes are zero.
@@ -94,8 +94,6 @@ class RandomEffects:
     mean_covariance: Float[np.ndarray, "p p"]
     between: Float[np.ndarray, " p"]
     within: Float[np.ndarray, " p"]
-    between_log_std: Float[np.ndarray, " p"]
-    within_log_std: Float[np.ndarray, " p"]
     level: Float[np.ndarray, "g p"]
     level_covariance: Float[np.ndarray, "g p p"]
     shrunk: Float[np.ndarray, "g p"]
@@ -304,8 +302,6 @@ def _averaged(
     mean, mean_cov = _mixed([(d.mean[None], d.mean_covariance[None]) for d in drawn])
     shrunk, shrunk_cov = _mixed([(d.level, d.covariance) for d in drawn])
     level, level_cov = _mixed([_by_group(a) for a in levels])
-    log_std = np.full(2 * p, np.nan)
-    log_std[free] = np.linalg.norm(root, axis=1)
     deviations = np.where(free, np.exp(mode), np.nan) * np.concatenate([scale, scale])
     square = np.outer(scale, scale)
     few = ~free[p:]
@@ -315,8 +311,6 @@ def _averaged(
         mean_covariance=mean_cov[0] * square,
         between=deviations[p:],
         within=deviations[:p],
-        between_log_std=log_std[p:],
-        within_log_std=log_std[:p],
         level=level * scale + center,
         level_covariance=level_cov * square,
         shrunk=shrunk * scale + center,

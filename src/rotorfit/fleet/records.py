@@ -1,4 +1,4 @@
-"""What a fleet keeps of a log: a row of numbers, or why there is none; and the cache of both.
+"""The records of a fleet: a row of numbers per log, or why there is none; and the cache of both.
 
 The cache has a file for each log, named by the hash of log, options and version: a NumPy archive
 with the record as JSON, and the factors of the flight. It is written under another name and moved
@@ -47,7 +47,7 @@ COMPARED: Final = (
 )
 """Numbers by which flights are compared: a record has their covariance."""
 FORM: Final = 3
-"""Of the cache's entries: with another number all are made anew."""
+"""Form of the cache's entries: with another number all are made anew."""
 _ARRAYS: Final = ("values", "std", "low", "high", "covariance")
 _TUPLES: Final = ("names", "verdicts", "compared", "warnings")
 DAMAGE_ERRORS: Final = (

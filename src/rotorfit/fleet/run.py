@@ -52,7 +52,7 @@ PAGE: Final = "fleet.html"
 REPORTS: Final = "reports"
 """Folder of the flights' own pages, made by the commands that `PAGE` shows."""
 TIME_LIMIT: Final = 600.0
-"""Of a log [s], where none is given."""
+"""Time limit of a log [s], where none is given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

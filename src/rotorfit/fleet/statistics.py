@@ -1,4 +1,4 @@
-"""What a fleet's flights say together: the type, each vehicle, changes, outliers.
+"""Statistics of a fleet's flights: the type, each vehicle, changes, outliers.
 
 Number by number: every flight's estimate with its own covariance, vehicles about the type's mean,
 flights about their vehicle. Nothing here looks into a log.
@@ -149,13 +149,10 @@ class _Fitted:
     changes: tuple[tuple[tuple[Change, ...], ...], ...]
 
 
-def fleet_statistics(
-    records: Sequence[FlightRecord], *, alarm: float = ALARM, rate: float = FALSE_DISCOVERY_RATE
-) -> FleetStatistics:
+def fleet_statistics(records: Sequence[FlightRecord], *, alarm: float = ALARM) -> FleetStatistics:
     """Compare the flights of a fleet, in any order.
 
-    `alarm` is the chance that anything is said to have changed, anywhere, if nothing did; `rate`
-    the expected share of vehicles that do not differ among the outliers.
+    `alarm` is the chance that anything is said to have changed, anywhere, if nothing did.
     """
     vehicles = tuple(sorted({record.vehicle for record in records}))
     of_vehicle = {name: i for i, name in enumerate(vehicles)}
@@ -164,25 +161,23 @@ def fleet_statistics(
     tests = sum(_series(table, whose) for table in found)
     fits = [_fitted(table, whose, alarm / max(tests, 1)) for table in found]
     numbers = [n for fit in fits for n in _numbers(fit)]
-    numbers = _without_outliers(fits, _judged(numbers, len(vehicles), rate))
+    numbers = _without_outliers(fits, _judged(numbers, len(vehicles)))
     return FleetStatistics(
         vehicles=vehicles,
         numbers=tuple(numbers),
-        loadings=tuple(_loadings(numbers, records, rate)),
+        loadings=tuple(_loadings(numbers, records)),
         alarm=alarm,
-        rate=rate,
+        rate=FALSE_DISCOVERY_RATE,
         tests=tests,
     )
 
 
-def _judged(
-    numbers: Sequence[NumberStatistics], vehicles: int, rate: float
-) -> list[NumberStatistics]:
+def _judged(numbers: Sequence[NumberStatistics], vehicles: int) -> list[NumberStatistics]:
     """Mark the outliers, each vehicle judged as a whole first."""
     p = np.full((vehicles, len(numbers)), np.nan)
     for k, number in enumerate(numbers):
         p[list(number.vehicles), k] = number.p
-    flags = discoveries(p, rate)
+    flags = discoveries(p, FALSE_DISCOVERY_RATE)
     return [replace(n, outlying=flags[list(n.vehicles), k]) for k, n in enumerate(numbers)]
 
 
@@ -358,7 +353,7 @@ def _with_type(number: NumberStatistics, effects: RandomEffects, k: int) -> Numb
 
 
 def _loadings(
-    numbers: Sequence[NumberStatistics], records: Sequence[FlightRecord], rate: float
+    numbers: Sequence[NumberStatistics], records: Sequence[FlightRecord]
 ) -> list[LoadingDifference]:
     """Find differences between the loadings of a vehicle, each loading judged as a whole."""
     counts = Counter(record.configuration for record in records)
@@ -377,7 +372,7 @@ def _loadings(
     p = np.full((len(row), len(names)), np.nan)
     for d, key, k in tested:
         p[row[key], k] = d.p
-    discovered = discoveries(p, rate)
+    discovered = discoveries(p, FALSE_DISCOVERY_RATE)
     return [d for d, key, k in tested if discovered[row[key], k]]
 
 

@@ -15,7 +15,7 @@ from rotorfit.fleet.records import NUMBERS, FlightRecord, RefusedLog
 from rotorfit.fleet.statistics import FleetStatistics
 
 ROWS: Final = 500
-"""Of a table in memory as Python's own numbers, which take ten times the room."""
+"""Rows of a table in memory as Python's own numbers, which take ten times the room."""
 TEXTS: Final = frozenset(
     (
         *("file", "sha256", "vehicle", "configuration", "started", "warnings", "refused"),

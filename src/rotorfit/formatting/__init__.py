@@ -1,1 +1,1 @@
-"""How results, logs and plans show themselves: on one screen, in a notebook, as a frame."""
+"""Results, logs and plans as text on one screen, in a notebook, as a data frame."""

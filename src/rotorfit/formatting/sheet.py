@@ -12,9 +12,9 @@ from rotorfit.errors import OutputError
 
 WIDTH: Final = 80
 LINES: Final = 24
-"""Of one screen."""
+"""Lines of one screen."""
 DataFrame = Any
-"""Of pandas, which need not be installed."""
+"""A data frame of pandas, which need not be installed."""
 
 
 def wrapped(text: str, width: int, first: str = "", later: str | None = None) -> list[str]:
@@ -118,7 +118,7 @@ def pandas() -> Any:
 
 
 INDENT: Final = 8
-"""Of what a narrow terminal pushes to the next line."""
+"""Indent of text that a narrow terminal pushes to the next line."""
 
 
 def table_lines(rows: Sequence[Sequence[str]], width: int) -> list[str]:

@@ -1,1 +1,1 @@
-"""What one log can show, without an airframe and before any fit."""
+"""Inspect one log, without an airframe and before any fit."""

@@ -52,7 +52,7 @@ NAMED_LAYOUT: Final = re.compile(
 )
 """How `prospects` names the motors that a flight confirms."""
 GUESSED_ARM: Final = 0.15
-"""Only a scale for telling flight from ground, where no airframe is given [m]."""
+"""Only a scale to separate flight from ground, where no airframe is given [m]."""
 NEEDED: Final = ("gyro", "accel")
 WITH_AIRFRAME: Final = (
     "give --airframe FILE to check motor order, spins and arm, and to get a verdict for each number"
@@ -66,7 +66,7 @@ PLACED: Final = (READER_NOTE, NO_AIRFRAME, VERDICT)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogReport:
-    """What inspect finds in one log; seconds are since its first sample."""
+    """The report on one inspected log; seconds are since its first sample."""
 
     file: str
     format: str
@@ -94,24 +94,24 @@ class LogReport:
 
     @property
     def trouble(self) -> tuple[str, ...]:
-        """What to know before the log is used, each sentence once."""
+        """Findings to know before the log is used, each sentence once."""
         return tuple(
             dict.fromkeys(sentences(one for one in self.findings if one.kind not in PLACED))
         )
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """What an identification with the given airframe says of the numbers."""
+        """Verdicts of an identification with the given airframe."""
         return self._notes(VERDICT)
 
     @property
     def not_judged(self) -> tuple[str, ...]:
-        """What could be checked with more options."""
+        """Checks that more options allow."""
         return self._notes(NO_AIRFRAME)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the log's reader says."""
+        """Notes of the log's reader."""
         return self._notes(READER_NOTE)
 
     def _notes(self, kind: str) -> tuple[str, ...]:
@@ -120,7 +120,7 @@ class LogReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Look:
-    """What the checks look at: a log, what was made of it, and why something was not."""
+    """The input of the checks: a log, its prepared flight, and why something is absent."""
 
     log: FlightLog
     airframe: Path | None
@@ -274,7 +274,7 @@ def _reader_findings(look: _Look) -> Iterator[Finding]:
 
 
 def _missing_channels(look: _Look) -> Iterator[Finding]:
-    """Yield what the log lacks for an identification, and what to do where it is usable at all."""
+    """Yield findings on the log's lacks for an identification, with advice where it is usable."""
     present = look.log.channels.keys()
     if present and present <= {"position", "attitude", "velocity"}:
         yield _refusal("pose-alone", _pose_alone(look.log))
@@ -300,7 +300,7 @@ def _missing_channels(look: _Look) -> Iterator[Finding]:
 
 
 def _without_speed(look: _Look) -> str:
-    """Say what to do about commands alone; a simulator measures no speed."""
+    """Advise on commands without speeds; a simulator measures no speed."""
     cures = ['identify with speed = "commanded"'] if look.prepared is not None else []
     if not look.log.simulator:
         cures.append(f"{'better, ' if cures else ''}log measured rotor speed")
@@ -308,7 +308,7 @@ def _without_speed(look: _Look) -> str:
 
 
 def _pose_alone(log: FlightLog) -> str:
-    """Say what a file of motion capture lacks, and what it is good for."""
+    """Explain the lacks of a file of motion capture, and its use."""
     lack = "this file has only the pose, no motors"
     try:
         camera_clock(log.channels["position"].time)

@@ -1,4 +1,4 @@
-"""What a pilot looks at first in a log, as numbers to draw: curves, marks, spectra, filters."""
+"""Pictures of a log as numbers to draw: curves, marks, spectra, filters."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ NAMES: Final = {
 POSE: Final = ("position",)
 """Drawn where none of those is there."""
 COLUMNS: Final = 4096
-"""Of time that a curve keeps, two numbers each."""
+"""Columns of time that a curve keeps, two numbers each."""
 FULL_COMMAND: Final = 0.995
 MOST_MARKS: Final = 400
 """Marks nearer to one another than the log's length over this become one."""
@@ -88,7 +88,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Activity:
-    """How much one axis moved, window by window.
+    """The motion of one axis, window by window.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class Activity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimePicture:
-    """What there is to draw of a log over time, in seconds since its first sample."""
+    """The picture of a log over time, in seconds since its first sample."""
 
     start: float
     end: float
@@ -316,7 +316,7 @@ def _activity(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogPictures:
-    """What there is to draw of one log; it does not grow with the log's length.
+    """The pictures of one log; their size does not grow with the log's length.
 
     Attributes
     ----------

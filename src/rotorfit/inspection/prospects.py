@@ -1,4 +1,4 @@
-"""What one log can show, cheaply: kt, excitation of each axis, and whose motor order it has."""
+"""Predict cheaply what one log can show: kt, excitation of each axis, and the motor order."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -52,13 +52,13 @@ PROSPECT: Final[dict[Verdict, Prospect]] = {
     "not-identified": "not",
 }
 LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
-"""Of commanded motors, tried one by one [s]."""
+"""Lags of commanded motors, tried one by one [s]."""
 IDENTIFY: Final = "identify it: rotorfit identify LOG --mass KG --airframe AIRFRAME"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Excitation:
-    """How one axis was moved.
+    """The excitation of one axis, and the prospect of its number.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Excitation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thrust:
-    """How the thrust was moved, and what carries the weight.
+    """The excitation of thrust, and the coefficient that carries the weight.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Thrust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Commands:
-    """What may be wrong with commands in place of speeds.
+    """Possible faults of commands in place of speeds.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class Commands:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prospects:
-    """What a flight can show; `motors` names the layout and order that explain the motion.
+    """The prospects of a flight; `motors` names the layout and order that explain the motion.
 
     `useless_because`: why no other flight shows more in such a log; None where one does.
     """
@@ -202,7 +202,7 @@ def prospects(
     if commanded and motors is not None:
         seen = motors.lag
         best = _best_lag(prepared, vehicle, model, motors)
-        # A maximum at either end is none: there the autopilot answers the gyro's noise or gusts.
+        # A maximum at either end is none: there the autopilot responds to gyro noise or gusts.
         motors = best if LAGS[0] < best.lag < LAGS[-1] else motors
         timed = replace(prepared, data=retimed(prepared, motors))
         commands = Commands(
@@ -280,7 +280,7 @@ def _clearer_lag(
 
 
 def _followed(fits: RowFits) -> bool:
-    """Test whether roll or pitch tells more of the motors than of disturbances."""
+    """Test whether roll or pitch shows more of the motors than of disturbances."""
     return max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
 
 

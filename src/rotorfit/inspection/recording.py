@@ -1,4 +1,4 @@
-"""How a log was recorded: true rates, clocks, limits, vibration, lateness of the motor data.
+"""Check how a log was recorded: true rates, clocks, limits, vibration, delay of the motor data.
 
 Which settings of an autopilot make its next log a better one: what its format advises.
 """
@@ -46,7 +46,7 @@ def settings_file(log_format: str, metadata: Mapping[str, str] = UNKNOWN) -> Pat
 
 
 FAST_ENOUGH: Final = 150.0
-"""Below this the fast motion that inertia shows in is lost [Hz]."""
+"""Rate below which the fast motion that shows inertia is lost [Hz]."""
 FEWEST_TO_JUDGE: Final = 50
 """Samples, or intervals between new ones, below which no share of new samples is estimated."""
 LONGEST_REPEAT: Final = 100
@@ -64,7 +64,7 @@ LONGEST_BEND: Final = 20
 LOWEST_CUTOFF: Final = 40.0
 """A low-pass below this takes away what inertia shows in, or makes sensors differ [Hz]."""
 BANDS: Final = ((10.0, 50.0), (50.0, 150.0), (150.0, 500.0))
-"""In which vibration is given [Hz]."""
+"""Bands in which vibration is given [Hz]."""
 LATEST: Final = 0.1
 SEARCHED: Final = DELAYS_TRIED["imu"][1]
 """How far an estimate looks for the delay of measured speeds, and of motor data that come late
@@ -72,7 +72,7 @@ SEARCHED: Final = DELAYS_TRIED["imu"][1]
 FARTHEST: Final = 0.5
 """End of the search where nothing shows within `LATEST` [s]."""
 STRIDE: Final = 0.004
-"""Of that search [s]."""
+"""Stride of that search [s]."""
 LOW_PASS: Final = 15.0
 """Low-pass for comparing motors and gyro [Hz]."""
 LEAST_EXPLAINED: Final = 0.3

@@ -1,4 +1,4 @@
-"""What a flight and its log say of the airframe, where nobody has described it yet."""
+"""Estimate the airframe from a flight and its log, where nobody has described it yet."""
 
 import tomllib
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from rotorfit.logs.formats import BY_NAME
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeenAirframe:
-    """What a log says of the airframe.
+    """The airframe as far as a log shows it.
 
     Attributes
     ----------

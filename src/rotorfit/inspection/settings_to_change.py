@@ -4,7 +4,7 @@ What `inspect` advises is written here in the form that the autopilot loads; a s
 only the owner knows is a comment.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from rotorfit.inspection.inspect_log import LogReport
@@ -86,12 +86,8 @@ def file_text(report: LogReport) -> str:
     for setting in to_write(report):
         was = "" if setting.old is None else f" It was {setting.old}."
         lines += [f"# {_reason(setting)}.{was}", _line(report, setting, setting.new or "")]
-    lines += _comments("For you to decide: ", decision_lines(report))
+    lines += [f"# For you to decide: {line}" for line in decision_lines(report)]
     return "\n".join([*lines, *(end if to_write(report) else ()), ""])
-
-
-def _comments(head: str, lines: Iterable[str]) -> list[str]:
-    return [f"# {head}{line}" for line in lines]
 
 
 def _reason(setting: Setting) -> str:

@@ -26,11 +26,12 @@ SHORTEST_STRETCH: Final = 64
 """Rows without a gap, below which there is no spectrum."""
 BLOCK_SECONDS: Final = 2.0
 MOST_BLOCKS: Final = 400
-"""Of a flight: peaks are held against the rotor speed block by block."""
+"""Most blocks of a flight: peaks are held against the rotor speed block by block."""
 LOWEST_PEAK: Final = 10.0
 """Slower is what pilot and autopilot do [Hz]."""
 LEAST_RISE: Final = 0.4
-"""Of a peak over its surroundings, in powers of ten of the power; in short flights it is more."""
+"""Least rise of a peak over its surroundings, in powers of ten of the power; in short flights it is
+more."""
 LEAST_RISE_STDS: Final = 5.0
 """Standard deviations of an averaged spectrum that a peak must rise."""
 MOST_PEAKS: Final = 4
@@ -46,7 +47,7 @@ STRONGER: Final = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorBand:
-    """Where the rotors turn at a multiple of their frequency, 10 % to 90 % of the time.
+    """The band of a multiple of the rotors' frequency, 10 % to 90 % of the time.
 
     Attributes
     ----------
@@ -112,8 +113,6 @@ class Spectrum:
         Amplitude of each axis, `unit` per root hertz.
     peaks
         The clearest, by frequency.
-    rotors_known
-        Whether the log has the rotor speed, by which peaks are named.
     """
 
     channel: str
@@ -124,12 +123,11 @@ class Spectrum:
     frequency: Float[np.ndarray, " f"]
     density: dict[str, Float[np.ndarray, " f"]]
     peaks: tuple[Peak, ...]
-    rotors_known: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorTimes:
-    """How fast each rotor turned, block by block [Hz]: mean and deviation."""
+    """The speed of each rotor, block by block [Hz]: mean and deviation."""
 
     mean: Float[np.ndarray, "b N"]
     std: Float[np.ndarray, "b N"]
@@ -200,7 +198,6 @@ def spectrum(
             axis: np.sqrt(mean[shown, i]) for i, axis in enumerate(COMPONENTS[values.shape[1]])
         },
         peaks=peaks,
-        rotors_known=rotors is not None,
     )
 
 
@@ -354,7 +351,7 @@ PURE: Final = 0.6
 """Least share of the power that is in the sine."""
 LEAST_SECONDS: Final = 4.0
 SWEEP_LEAST_RISE: Final = 3.0
-"""From the first frequency to the last."""
+"""Least rise of a sweep from the first frequency to the last."""
 STEADY: Final = 0.95
 """Least rank correlation of frequency and time."""
 AXES: Final = ("roll", "pitch", "yaw")

@@ -1,4 +1,4 @@
-"""Which column of a file is which quantity: canonical names, maps, and what other names say."""
+"""Map the columns of a file to quantities: canonical names, maps, and guesses by other names."""
 
 import difflib
 import re

@@ -1,4 +1,4 @@
-"""What an autopilot's rate controller was asked, heard and put out, with its parameters."""
+"""Reference, measured rates and outputs of an autopilot's rate controller, with its parameters."""
 
 import re
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from rotorfit.logs.formats import Format, load
 from rotorfit.logs.read import format_of
 
 TURNED: Final = np.array([1.0, -1.0, -1.0])
-"""From FRD to FLU."""
+"""Signs from FRD to FLU."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class ControllerLog:
     time
         When the controller ran [s].
     set_point, rate
-        Rates that it used: asked for, and heard from the gyro behind the filters on board [rad/s].
+        Rates that it used: the reference, and of the gyro behind the filters on board [rad/s].
     output
         Torque that it asked the mixer for, in parts of full output.
     set_point_std
@@ -62,10 +62,7 @@ class ControllerLog:
     def number(self, name: str) -> float:
         """Read a parameter.
 
-        Raises
-        ------
-        LogError
-            If the log does not have it.
+        Raises `LogError` if the log does not have it.
         """
         if name not in self.parameters:
             raise LogError(
@@ -78,10 +75,7 @@ class ControllerLog:
 def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
     """Read the flight in a log and what its rate controller did, in one pass.
 
-    Raises
-    ------
-    LogError
-        If the file is no log, or rotorfit does not know the controller that flew.
+    Raises `LogError` if the file is no log, or rotorfit does not know the controller that flew.
     """
     form = format_of(path)
     if form is None:
@@ -126,4 +120,4 @@ MISSING: Final = {
     "crazyflie": "a Crazyflie's log has neither gains nor filters nor the outputs of the rate "
     "controllers: margins are not judged",
 }
-"""By firmware, what is missing to judge its rate loop."""
+"""The knowledge that is missing to judge a rate loop, by firmware."""

@@ -71,7 +71,7 @@ def report_progress(done: int, size: int) -> None:
 BLOCK = 4 << 20
 
 Content = bytes | mmap.mmap
-"""Of a file: in memory, or mapped."""
+"""Content of a file: in memory, or mapped."""
 
 
 def open_mapped(path: Path) -> Content:

@@ -1,4 +1,4 @@
-"""What the settings of a firmware mean: advice for a better log, and the filters on board."""
+"""Settings of a firmware: advice for a better log, and the filters on board."""
 
 import re
 from collections.abc import Iterable, Mapping, Set
@@ -65,7 +65,7 @@ class Advice:
 def advice_for(log_format: str, lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice | None:
     """Advise settings by what a log lacks and has set; None where its firmware has no settings."""
     form = BY_NAME.get(log_format)
-    if "Simulator" in metadata:  # no wire to tell the speed over
+    if "Simulator" in metadata:  # no wire to send the speed over
         lacks = lacks - NO_SPEED
     return load(form.advice)(lacks, metadata) if form is not None and form.advice else None
 

@@ -47,7 +47,7 @@ CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
 
 
 COMPONENTS: Final = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
-"""Of vectors and quaternions; rotors are counted from 1."""
+"""Components of vectors and quaternions; rotors are counted from 1."""
 AS_A_TABLE: Final = (
     "logs of this format carry their own units and axes, and take no columns map: correct them "
     "where the log is made, or export the log as a CSV table (docs/logs.md) and declare them there"
@@ -305,7 +305,7 @@ LEAVES_OUT: Final[dict[str, str]] = {
     "axis, without gyroscopic terms and products of inertia; no motor lag, no rotor inertia; "
     "yaw torque is proportional to command times thrust",
 }
-"""By the simulator's name."""
+"""Effects that a simulator leaves out, by its name."""
 
 
 def simulated_sentence(simulator: str) -> str:

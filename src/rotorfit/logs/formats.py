@@ -30,7 +30,7 @@ class ReadOptions:
     columns
         For tables: canonical name to column. For motion capture with several rigid bodies: the
         name of one under ``position``, for Vicon's also ``"helical"`` under ``attitude`` where the
-        file does not tell. For ROS bags: channel to topic, or canonical name to
+        file does not say. For ROS bags: channel to topic, or canonical name to
         ``TOPIC.path``.
     axes
         For tables: the file's body axes.
@@ -74,7 +74,7 @@ class Format:
     suffixes
         Of files that are logs of this format by their names.
     certain
-        Whether the first bytes tell this format for sure.
+        Whether the first bytes identify this format for sure.
     names_fields
         Whether the file names its own fields, units and axes: no columns map of units is taken.
     map_refusal

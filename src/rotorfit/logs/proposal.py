@@ -1,7 +1,7 @@
 """A proposal for the columns of an unknown table: which is which, in what unit, in which axes.
 
 Names say what a column may be, its values decide: gravity gives the unit of the accelerometer and
-the axes, the attitude's rate the unit and the signs of the gyro. What neither tells is a question.
+the axes, the attitude's rate the unit and the signs of the gyro. What neither shows is a question.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,12 +37,12 @@ from rotorfit.logs.table import Source, open_table
 from rotorfit.logs.units import UNITS, Axes
 
 LARGEST_ROWS: Final = 200_000
-"""Of a table that are looked at, the first ones."""
+"""Most rows of a table that are read, the first ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposal:
-    """The columns of a table, as far as its names and values tell them.
+    """The columns of a table, as far as its names and values show them.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Proposal:
     doubts
         What to look at before the map is used.
     questions
-        What must be answered before.
+        Questions that are open.
     unused
         Names of the other columns.
     preview
@@ -194,7 +194,7 @@ def _poses(
 
 
 def _check_given(source: Source, named: Mapping[str, str], units: Mapping[str, str]) -> None:
-    """Raise where an answer names no column of the table, or no channel or unit."""
+    """Raise where a reply names no column of the table, or no channel or unit."""
     for canonical, name in named.items():
         if quantity_of(canonical) is None:
             raise LogError(f"{canonical!r} is no name of rotorfit: gyro_x, accel_x, rotor_1, ...")

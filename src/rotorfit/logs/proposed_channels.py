@@ -39,14 +39,14 @@ STATED: Final[Mapping[str, Quantity]] = {
 }
 """Channels whose unit may be stated, besides those of motors."""
 MOTORS: Final = ("motors", "rotor", "command")
-"""The same of motors: of columns that do not tell it, of speeds, of commands."""
+"""The same of motors: of columns that do not show it, of speeds, of commands."""
 MOTOR_UNITS: Final = ("rad/s", "rpm", "erpm", "Hz", "1", "%", "us", "counts")
 _RANGES: Final = {"us": (1000.0, 2000.0), "counts": (0.0, 65535.0)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """A unit that neither names nor values of the table tell.
+    """A unit that neither names nor values of the table show.
 
     Attributes
     ----------

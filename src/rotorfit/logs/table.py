@@ -77,7 +77,8 @@ class ParquetTable:
             file = _opened(self.data)
             rows = file.metadata.num_rows
             _check_size(rows, 8 * rows * len(names), len(self.data))
-            _check_size(rows, _declared_bytes(file.metadata), len(self.data))
+            pages = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
+            _check_size(rows, sum(page.total_byte_size for page in pages), len(self.data))
             values, done = np.empty((rows, len(names))), 0
             pieces = file.iter_batches(ROWS_AT_ONCE, columns=list(names), use_threads=False)
             for piece in pieces:
@@ -125,11 +126,6 @@ def _damaged(error: Exception) -> LogError:
     text = str(error).partition("\n")[0][:200]
     reason = "".join(letter if letter.isprintable() else "\ufffd" for letter in text)
     return LogError(f"damaged Parquet file ({reason or type(error).__name__}): write it again")
-
-
-def _declared_bytes(metadata: Any) -> int:
-    """Return how large the file says that its pages are without compression."""
-    return sum(metadata.row_group(i).total_byte_size for i in range(metadata.num_row_groups))
 
 
 def _check_size(rows: int, needed: int, file_size: int) -> None:
@@ -397,7 +393,7 @@ def resolution_of(values: Float[np.ndarray, "n k"]) -> float | None:
     """Return the step of the grid on which recorded values lie, None if they lie on none.
 
     A column lies on a grid if the steps between its distinct values are whole multiples of the
-    smallest one (to a tenth, since converters round), and if the values are not too few to tell.
+    smallest one (to a tenth, since converters round), and if the values are not too few to show it.
     """
     thinned = values[:: max(1, len(values) // _SAMPLES_FOR_RESOLUTION)]
     steps = [_grid_step(column[np.isfinite(column)]) for column in thinned.T]

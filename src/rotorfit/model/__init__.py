@@ -1,1 +1,1 @@
-"""What the physics says: the vehicle, its parameters, and the constant tensors of its equations."""
+"""The physics: the vehicle, its parameters, and the constant tensors of its equations."""

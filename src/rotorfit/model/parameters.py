@@ -63,7 +63,7 @@ PARAMETERS: Final[dict[str, ParameterInfo]] = {
 }
 """Everything that stands under ``parameters`` of a result."""
 NUISANCE: Final = tuple(name for term in TERMS if term.of_sensor for name in term.parameters)
-"""Of the sensors, not of the vehicle: nobody flies for them."""
+"""Parameters of the sensors, not of the vehicle: nobody flies for them."""
 NO_NUMBERS: Final = {n: info for t in TERMS if not t.reported for n, info in t.parameters.items()}
 UNREPORTED: Final = tuple(NO_NUMBERS)
 """Parameters of a fit that are no numbers of a result."""
@@ -186,7 +186,7 @@ EFFECTIVE_UNITS: Final[dict[str, str]] = {
 }
 """Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
 SHARED: Final = (*names_of("shared"), *MOTORS)
-"""Of the propulsion: every configuration has the same."""
+"""Parameters of the propulsion: every configuration has the same."""
 
 
 def inertia_matrix(elements: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "3 3"]:

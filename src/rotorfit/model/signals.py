@@ -51,7 +51,7 @@ class AddedSignals:
 
 @dataclass(frozen=True, slots=True)
 class SignalLayout:
-    """Which signal stands in which column of Z; `rotors` are those that rotor speeds stand in.
+    """The signals of the columns of Z; `rotors` are those that depend on rotor speeds.
 
     `sloped`: of these, the ones with slopes by the motors' times.
     """

@@ -17,7 +17,7 @@ from rotorfit.errors import ExperimentError
 
 Spin = Literal["ccw", "cw"]
 UNIT: Final = 1e-3
-"""By which the length of an axis may differ from 1: it was rounded."""
+"""Tolerance of the length of an axis, which was rounded, from 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,17 +190,10 @@ def spaced_rotors(
 ) -> tuple[Rotor, ...]:
     """Return the rotors of a named layout between whose motors a ruler was laid, body axes FLU.
 
-    Parameters
-    ----------
-    layout, order
-        As for `layout_rotors`.
-    spacing
-        From the foremost motor axis to the rearmost, and from the leftmost to the rightmost [m].
+    `layout`, `order`: as for `layout_rotors`. `spacing`: from the foremost motor axis to the
+    rearmost, and from the leftmost to the rightmost [m].
 
-    Raises
-    ------
-    ExperimentError
-        If there is no such layout in that order.
+    Raises `ExperimentError` if there is no such layout in that order.
     """
     rotors = layout_rotors(layout, arm=1.0, order=order)
     places = np.array([rotor.position for rotor in rotors])

@@ -1,1 +1,1 @@
-"""From commands and the speeds that answer them to the motors' law, lag and delay."""
+"""From commands and the measured speeds to the motors' law, lag and delay."""

@@ -9,7 +9,7 @@ import scipy.stats
 from jaxtyping import Float, Int
 
 FEWEST_BLOCKS: Final = 8
-"""With fewer, the scatter between blocks is hardly known."""
+"""Fewest blocks: with fewer, the scatter between them is hardly known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

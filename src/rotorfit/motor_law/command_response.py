@@ -17,17 +17,17 @@ from scipy.linalg import lapack
 from rotorfit.preprocessing.motors.command_response import MeasuredResponse
 
 SETTLING: Final = 0.5
-"""After the beginning of a stretch, where the speed before it is not known, nothing counts [s]."""
+"""Time after the beginning of a stretch in which nothing counts: earlier speeds are unknown [s]."""
 FASTEST: Final = 125.0
-"""Of the measured speeds that count [Hz]: the error between two of them lasts longer than their
-distance, so that more of them tell no more (lags from 12 Hz are as sharp as from 500)."""
+"""Highest rate of the measured speeds that count [Hz]: the error between two of them lasts longer
+than their distance, so that more of them add nothing (lags from 12 Hz are as sharp as from 500)."""
 MOST_ROUNDS: Final = 40
 SETTLED: Final = 1e-9
 FINE: Final = 1e-3
-"""Between commands that are drawn between those of the log [s]."""
+"""Time between commands that are drawn between those of the log [s]."""
 FEWEST_DRAWN: Final = 4
 STRETCH_DISTANCE: Final = 1e4
-"""Between two stretches on the common clock: longer than any of them [s]."""
+"""Distance of two stretches on the common clock: longer than any of them [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

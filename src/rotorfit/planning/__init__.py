@@ -1,1 +1,1 @@
-"""Which flights to fly for the accuracy wanted, predicted by the bound."""
+"""Plan the flights for a wanted accuracy, predicted by the Cramér-Rao bound."""

@@ -1,4 +1,4 @@
-"""What an earlier result knows already, and which manoeuvre would add what it lacks."""
+"""The information of an earlier result, and the manoeuvre that adds most to it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -227,7 +227,7 @@ def knowledge_of(result: IdentificationResult, problem: Problem) -> Knowledge:
 def practised(
     problem: Problem, pieces: Mapping[Manoeuvre, Evidence], known: Knowledge
 ) -> dict[Manoeuvre, Numbers]:
-    """Predict the numbers after `PRACTICE_SECONDS` of each manoeuvre, besides what is known."""
+    """Predict the numbers after `PRACTICE_SECONDS` of each manoeuvre, with the earlier result."""
     return {
         manoeuvre: predicted(problem, combined([(piece, PRACTICE_SECONDS)]), known.information)
         for manoeuvre, piece in pieces.items()
@@ -287,7 +287,7 @@ def judged_numbers(result: IdentificationResult, owner: str) -> list[JudgedNumbe
 def _missing(
     number: JudgedNumber, problem: Problem, trials: Mapping[Manoeuvre, Numbers], known: Knowledge
 ) -> Missing:
-    """Predict what the manoeuvres make of a number; none that does not better it is advised."""
+    """Predict a number after each manoeuvre; none that does not sharpen it is advised."""
     now, size = _now(number, problem, next(iter(trials.values())), known)
     relative: dict[Manoeuvre, float] = {
         m: min(n.number(number.full_name)[1] / size, now) for m, n in trials.items()
@@ -332,7 +332,7 @@ def _now(
 
 
 def _helpful(number: JudgedNumber, relative: Mapping[Manoeuvre, float]) -> Manoeuvre:
-    """Select what the result advises where that is enough or as good as any, else the best."""
+    """Select the manoeuvre of the result's advice where it is good enough, else the best one."""
     least = min(relative.values())
     good: list[Manoeuvre] = [m for m, value in relative.items() if value <= AS_GOOD * least]
     advised = ADVISED.get(motion_for(number.name))

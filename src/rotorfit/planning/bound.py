@@ -1,4 +1,4 @@
-"""How well flights that nobody has flown yet would determine a vehicle.
+"""Predict the intervals of flights that are only planned.
 
 Each manoeuvre is flown once in simulation, exactly; the default estimate's equations, linearised
 at the truth, and the assumed noise give its information per second. Informations add: a schedule
@@ -50,7 +50,7 @@ LOADED: Final = "B"
 FARTHEST: Final = 100.0
 """A simulated vehicle further away than this has been lost [m]."""
 DELAY_STEP: Final = 1e-4
-"""For the derivative by the motors' delay [s]."""
+"""Step of the derivative by the motors' delay [s]."""
 VAGUE: Final = 10.0
 """Nothing is known beforehand: a deviation of this many times a parameter's size."""
 UNSURE_DELAY = 2e-4
@@ -61,7 +61,7 @@ TRIALS: Final = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """What is to be determined: the bare vehicle, and the same with a payload.
+    """The identification problem of a plan: the bare vehicle, and the vehicle with a payload.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """What flying tells: of one manoeuvre a second, or of any sum.
+    """The information of flights: of one manoeuvre a second, or of any sum.
 
     Attributes
     ----------
@@ -161,12 +161,9 @@ def planned_problem(
 
 
 def fly(problem: Problem, manoeuvre: Manoeuvre, configuration: str) -> FlightData:
-    """Return a manoeuvre as the bare or loaded vehicle flies it, exact.
+    """Simulate a manoeuvre of the bare or loaded vehicle, exact.
 
-    Raises
-    ------
-    ExperimentError
-        If the simulated autopilot loses this vehicle.
+    Raises `ExperimentError` if the simulated autopilot loses this vehicle.
     """
     body = problem.bodies[configuration]
     vehicle = problem.configurations[0].vehicle
@@ -327,7 +324,7 @@ def _power(
 
 
 def _delayed(data: FlightData) -> FlightData:
-    """Return a flight whose motor data are early by `DELAY_STEP`: the motion shows them late."""
+    """Shift a flight's motor data by `DELAY_STEP`, so that the motion shows them late."""
     slope = np.gradient(data.rotor_acceleration, data.time, axis=0)
     return replace(
         data,

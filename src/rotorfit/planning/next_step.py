@@ -1,4 +1,4 @@
-"""What to do next with a vehicle: one step, chosen here for every command, report and page.
+"""Choose the one next step with a vehicle, for every command, report and page.
 
 First what makes all flying pointless (settings of the log, rotor speed that is not logged, what was
 declared wrongly), then the one manoeuvre that sharpens most, and how far; nothing to fly where all
@@ -49,7 +49,7 @@ UNHELPED: Final = (
     "(rotorfit plan AIRFRAME --after RESULT)"
 )
 NAMED: Final = 2
-"""Of the numbers that a manoeuvre sharpens."""
+"""How many of the numbers that a manoeuvre sharpens are named."""
 Kind = Literal["log", "declare", "fly", "done"]
 
 
@@ -126,7 +126,7 @@ def with_best_manoeuvre(
 
 
 def best_manoeuvre(missing: Sequence[Missing]) -> Finding:
-    """Note the manoeuvre that sharpens most of what a result lacks; none where none helps.
+    """Note the manoeuvre that sharpens most of the numbers a result lacks; none where none helps.
 
     The most numbers made sharp count, then how much all are sharpened.
     """

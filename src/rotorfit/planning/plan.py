@@ -1,4 +1,4 @@
-"""Which flights to fly for the accuracy wanted: candidates, predictions, the shortest that does.
+"""Plan the flights for a wanted accuracy: candidates, predictions, the shortest that suffices.
 
 Candidates are schedules of manoeuvres, flown bare or bare and with a payload, for some seconds
 each. What each would give is predicted from simulated flights (`bound.py`).
@@ -85,7 +85,7 @@ LONGER: Final = (2.0, 3.0, 4.0, 6.0, 8.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanRequest:
-    """What a plan is asked for.
+    """The request for a plan.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class PlanRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Remedy:
-    """What would reach what is wanted, where no candidate does.
+    """A change that reaches the wanted accuracy, where no candidate does.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class Remedy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan:
-    """Candidates, the one to fly, or what would help where none is good enough.
+    """Candidates, and the one to fly, or remedies where none is good enough.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ class FlightPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Study:
-    """What a plan is made from: the simulated flights, and what an earlier result knows."""
+    """The simulated flights of a plan, and the information of an earlier result."""
 
     request: PlanRequest
     problem: Problem
@@ -244,7 +244,7 @@ def _sheet(plan: FlightPlan) -> Sheet:
 
 
 def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPlan:
-    """Return which flights to fly.
+    """Plan which flights to fly.
 
     Parameters
     ----------
@@ -282,6 +282,7 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
         known=None if request.after is None else knowledge_of(request.after, problem),
     )
     pieces, known = study.pieces, study.known
+    bare: dict[Manoeuvre, Evidence] = {manoeuvre: pieces[manoeuvre, BARE] for manoeuvre in PRACTICE}
     candidates = _candidates(study, pieces, request.seconds)
     good = [c for c in candidates if c.meets]
     shortest = min(good, key=lambda c: (*_effort(c), worst(c, request.wanted)), default=None)
@@ -296,13 +297,8 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
         enough=enough,
         best=min(candidates, key=lambda c: (worst(c, request.wanted), *_effort(c))),
         remedies=() if shortest or enough else tuple(_remedies(study, pieces)),
-        missing=() if known is None else missing_numbers(problem, _bare(pieces), known),
+        missing=() if known is None else missing_numbers(problem, bare, known),
     )
-
-
-def _bare(pieces: Pieces) -> dict[Manoeuvre, Evidence]:
-    """Select the evidence of the simple manoeuvres, flown without a payload."""
-    return {manoeuvre: pieces[manoeuvre, BARE] for manoeuvre in PRACTICE}
 
 
 def _payload_mass(request: PlanRequest) -> float:
@@ -399,7 +395,7 @@ def _shown(problem: Problem, numbers: Numbers) -> dict[str, PredictedNumber]:
 
 
 def _remedies(study: _Study, pieces: Pieces) -> list[Remedy]:
-    """Find what would reach what is wanted: measured rotor speed, or longer flights."""
+    """Find the changes that reach the wanted accuracy: measured rotor speed, or longer flights."""
     seconds = study.request.seconds
     found: list[Remedy] = []
     if study.problem.commanded:

@@ -1,4 +1,4 @@
-"""A vehicle to plan for: what the user knows of it, and a guess of the rest from its geometry.
+"""A vehicle to plan for: the user's values, and guesses of the others from its geometry.
 
 The guesses, and what they come from:
 
@@ -78,7 +78,7 @@ class RoughVehicle:
 def rough_vehicle(
     vehicle: Vehicle, *, mass: float, known: Mapping[str, float] | None = None
 ) -> RoughVehicle:
-    """Guess what is not known of a vehicle, by the names of `GUESSABLE`, SI.
+    """Guess the unknown values of a vehicle, by the names of `GUESSABLE`, SI.
 
     Raises `ExperimentError` where mass or arm cannot be right, or the rotors cannot steer it.
     """

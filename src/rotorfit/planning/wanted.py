@@ -1,4 +1,4 @@
-"""What accuracy is wanted of each number, and what one way to fly gives of it."""
+"""The accuracy wanted of each number, and the accuracy that one way to fly gives."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -153,6 +153,6 @@ def candidate_columns(candidates: Sequence[Candidate]) -> dict[str, list[Any]]:
 
 
 def candidate_title(candidate: Candidate) -> str:
-    """Say what is flown."""
+    """Describe the flights of a candidate."""
     twice = ", bare and with payload" if candidate.payload else ""
     return f"{candidate.schedule} {candidate.seconds:g} s{twice}"

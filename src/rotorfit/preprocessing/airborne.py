@@ -1,4 +1,4 @@
-"""Which part of a flight is in the air, where it rests, and where its character changes.
+"""Find the airborne part of a flight, its rests, and the changes of its character.
 
 In the air nothing but the rotors pushes: the specific force is the thrust, c sum O^2 along z, up
 to drag and the lever of the accelerometer. On the ground, in a hand or against a wall something
@@ -35,26 +35,26 @@ SHORTEST_FLIGHT = 0.3
 LONGEST_TOUCH = 0.15
 HARDEST_TOUCH = 5.0
 DRIFT = 6.0
-"""Changes of thrust that are slower are no answer [s]."""
+"""Changes of thrust that are slower are no response [s]."""
 GUARD = 0.04
 """Taken off where flight meets the ground [s]: the low-pass sees a contact only from half."""
 ACTIVITY_RATIO: Final = 3.0
-"""Of the angular acceleration's rms between phases."""
+"""Ratio of the angular acceleration's rms between phases."""
 SHORTEST_PHASE: Final = 0.6
 LEVEL_WINDOW: Final = 0.3
 LEVEL_STEP: Final = 0.05
 """[s]: of a phase, of the rms, and between its values."""
 MOTION_CUTOFF: Final = 20.0
-"""Between motion and vibration [Hz]."""
+"""Limit between motion and vibration [Hz]."""
 LEAST_LEVEL: Final = 1e-3
-"""Of the largest: less is rest, or a recording without noise."""
+"""Least level, as a share of the largest: less is rest, or a recording without noise."""
 LONGEST_LEVEL: Final = 1200
 """Values of one part, for speed alone: parts as long that are alike are joined again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """What the search for flight looks at, on one uniform clock.
+    """The signals of the search for flight, on one uniform clock.
 
     Attributes
     ----------
@@ -325,7 +325,7 @@ def phase_edges(
     """Cut a stretch into phases of one character: start and stop of each.
 
     Noise differs between them, and a short lively phase must not drown in a long calm one. Two
-    levels tell the character, logarithms of the angular acceleration's rms over 0.3 s: that of the
+    levels show the character, logarithms of the angular acceleration's rms over 0.3 s: that of the
     motion, under 20 Hz, and that of vibration and noise above. The cuts are those with which
     both are nearest to constant in each phase: they lie where a manoeuvre begins and ends, and
     none within it.
@@ -399,7 +399,7 @@ LITTLE_THRUST: Final = 0.4
 """Thrust over that of the flight, below which a calm vehicle does not fly: standing ones of the
 logs at hand have up to 0.2, a racer that glides at speed 0.55 and more."""
 FLYING_PERCENTILE: Final = 75.0
-"""Of the squared rotor speeds: that of the flight even where half of a window is not."""
+"""Percentile of the squared rotor speeds: that of the flight even where half of a window is not."""
 CARRIED: Final = 0.2
 """Share of gravity by which the specific force of what stands may differ from it; what falls with
 little thrust reads less."""
@@ -408,7 +408,7 @@ PIECE: Final = 0.5
 SHORT: Final = 0.1
 """Over which the rates are averaged [s]."""
 LEAST_PIECES: Final = 2
-"""In a row: in half a second of falling nobody stands still, but may seem to."""
+"""Least pieces in a row: in half a second of falling nobody stands still, but may seem to."""
 ON_THE_GROUND: Final = "stands on the ground"
 
 Rows = tuple[int, int]

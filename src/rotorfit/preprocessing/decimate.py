@@ -34,7 +34,7 @@ central difference by 0.2 %, at a third of its frequency by 0.003 %."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AsRecorded:
-    """What of a flight is said of its log, however many samples are kept of it.
+    """A flight as recorded, however many samples are kept of it.
 
     Attributes
     ----------

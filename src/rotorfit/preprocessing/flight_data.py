@@ -33,7 +33,7 @@ class Segment:
 class HeldCommands:
     """Commands of which a decimated flight has means: each was held until the next.
 
-    A lag that differs between up and down answers every one of them, and not their mean.
+    A lag that differs between up and down acts on every one of them, and not their mean.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class FlightData:
         axes [m/s], where the log has them; NaN where they are far.
     climb
         Velocity along the body's z axis as accelerometer and gyro feel it, without what is slow
-        (`climb_velocity`) [m/s]; where nothing else tells a velocity.
+        (`climb_velocity`) [m/s]; where nothing else gives a velocity.
     lag_on
         What of a motor follows its command with a lag.
     reference

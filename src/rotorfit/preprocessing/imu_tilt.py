@@ -1,8 +1,8 @@
-r"""How the IMU is mounted: turned by small angles about x and y against the plane of the rotors.
+r"""The tilt of the IMU: turned by small angles about x and y against the plane of the rotors.
 
 In flight the thrust carries the vehicle, so that the mean specific force lies along the rotors'
 axis whatever the attitude: where it leans in the IMU's axes, the IMU leans in the vehicle. (Drag of
-a fast flight leans it, too, and so does a bias: who looks must tell them apart.)
+a fast flight leans it, too, and so does a bias: the caller must separate them.)
 """
 
 import dataclasses
@@ -19,12 +19,12 @@ from rotorfit.preprocessing.kinematics import climb_velocity
 from rotorfit.preprocessing.prepare import PreparedFlight
 
 LEAST_TILT: Final = float(np.radians(5.0))
-"""Below it a bias within the usual explains the lean (sound logs: up to 4.5 degrees)."""
+"""Tilt below which a usual bias explains the lean (sound logs: up to 4.5 degrees)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImuTilt:
-    """How the IMU sits in the vehicle.
+    """The tilt of the IMU in the vehicle.
 
     Attributes
     ----------

@@ -15,26 +15,27 @@ from scipy import ndimage, stats
 TINY: Final = 1e-300
 
 SPANS: Final = (0.008, 0.02, 0.04)
-"""Between the samples of a bend [s]: the longer, the less rounding hides it, and the slower the
-source must be."""
+"""Distances between the samples of a bend [s]: the longer, the less rounding hides it, and the
+slower the source must be."""
 LEVEL: Final = 0.5
 """Over which the usual bend is taken [s]."""
 WINDOW: Final = 8.0
-"""Of one spectrum [s]."""
+"""Window of one spectrum [s]."""
 LOWEST, HIGHEST = 4.0, 60.0
 """Rates that are looked for [Hz], up to a quarter of the recorder's."""
 HARMONICS: Final = 4
-"""Of a source, all of which must stand out: of lines or steps they are alike."""
+"""Harmonics of a source, all of which must stand out: of lines or steps they are alike."""
 AROUND: Final = 40
 NEAR: Final = 4
 """Lines on each side with which one is compared, but for the nearest."""
 OVERLAP: Final = 0.6
-"""Of a window's worth that each further window adds, which overlaps by half (Welch 1967)."""
+"""Share of a window's worth that each further window adds, which overlaps by half (Welch 1967)."""
 CHANCE: Final = -25.0
 """Log of the chance of such lines in motion without a rhythm, under which there is a source. On
 random worlds and real logs motion comes to -14, of slow sources nine in ten to less than -50."""
 LEAST_SHARE: Final = 0.2
-"""Of the bends, that a source makes: rhythms of autopilots and limit cycles made up to .12."""
+"""Least share of the bends that a source makes: rhythms of autopilots and limit cycles made up to
+.12."""
 CLEAR: Final = -4.0
 """The same of a single line, from which it is looked at."""
 OWN_LINE: Final = 5.0

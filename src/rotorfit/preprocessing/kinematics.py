@@ -72,7 +72,7 @@ def _cross(a: Vectors, b: Vectors) -> Vectors:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyMotion:
-    """What a pose tells of the motion, body axes, every column at the instant of its sample.
+    """The motion by a pose, body axes, every column at the instant of its sample.
 
     Attributes
     ----------

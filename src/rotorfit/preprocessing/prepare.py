@@ -123,7 +123,7 @@ class PreparedFlight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneClock:
-    """What `prepare` needs of a log, which itself need not be kept in memory any longer.
+    """The part of a log that `prepare` needs, so that the log need not stay in memory.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ def prepare(
     rotor_count
         How many motor columns the airframe expects.
     arm
-        Distance of the rotors from their centre [m]; only a scale for telling flight from ground.
+        Distance of the rotors from their centre [m]; only a scale to separate flight from ground.
     motors
         How the motor channel becomes rotor speed; measured, without delay, by default.
     window

@@ -30,11 +30,11 @@ SCALE_WIDTH = 51
 SPIKE_THRESHOLD = 6.0
 """Robust standard deviations. At 4, one sample in a hundred of plain noise would be touched."""
 SLACK = 1e-3
-"""By which a count of samples may miss a whole number."""
+"""Tolerance of a count of samples from a whole number."""
 SUDDEN = 1.5
-"""Of the usual step beside it, by which a spike comes or goes."""
+"""Factor of the usual step, by which a spike comes or goes."""
 AROUND = 6
-"""Steps on either side that tell the usual one: more than half of them are no spikes'."""
+"""Steps on either side that show the usual one: more than half of them are no spikes'."""
 
 
 def hampel(
@@ -220,7 +220,7 @@ def at_limit(
 
 
 ORDER = 4
-"""Of one pass of the Butterworth filter whose forward and backward pass `low_pass` equals."""
+"""Order of one pass of the Butterworth filter whose forward and backward pass `low_pass` equals."""
 DEGREE = 5
 
 
@@ -300,7 +300,7 @@ def _lagged(speed: Float[np.ndarray, "n N"], step: float) -> Float[np.ndarray, "
 FLAT: Final = 4.0 / 3.0
 """Up to so many times the fastest line the filter is flat, and nothing folds back onto it."""
 DAMPED: Final = 100.0
-"""By how much that is damped which would fold back there [dB]; flat is as even."""
+"""Damping of the signals that would fold back there [dB]; flat is as even."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

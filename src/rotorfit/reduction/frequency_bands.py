@@ -32,7 +32,7 @@ PILOT_BAND: Final = (0.3, 3.0)
 vehicle. Further up the gyro's own noise, differentiated, would hide a well flown axis."""
 LEAST_RATIO: Final = 3.0
 """Explained over residual power of an angular acceleration from which a band counts. About its
-bandwidth an autopilot's answer alone makes as much as one to three."""
+bandwidth an autopilot's response alone makes as much as one to three."""
 OTHER_RATIOS: Final = (0.5 * LEAST_RATIO, 2.0 * LEAST_RATIO)
 """That could as well be required: of ten lines a ratio of powers is off by up to two."""
 WIDE: Final = 3.0
@@ -104,7 +104,7 @@ def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
 
 
 STEPS: Final[Mapping[str, float]] = {"motor_delay": 1e-3, "motor_lag": 1e-3, "motor_skew": 0.02}
-"""To either side, for the slopes of the signals [s, s, share]."""
+"""Steps to either side, for the slopes of the signals [s, s, share]."""
 
 
 def flight_bands(

@@ -1,4 +1,4 @@
-"""What is known of the motors' timing: lag, delay, and how far the flights tell them."""
+"""The timing of the motors: lag, delay, and how far they are identifiable."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,7 +17,8 @@ without a velocity, and motors that are no first-order lag."""
 
 
 LARGEST_SKEW: Final = 0.8
-"""By which share rising is faster and falling slower than their mean, or the other way round."""
+"""Largest share by which rising is faster and falling slower than their mean, or the other way
+round."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +101,7 @@ class TimedBands:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorTiming:
-    """What the flights tell of the motors' timing.
+    """The motors' timing by the flights.
 
     Attributes
     ----------
@@ -111,8 +112,8 @@ class MotorTiming:
     total_std
         Standard deviation of lag plus delay [s].
     free
-        Which times a fit finds again together with everything else (`FreeTiming.names`): those that
-        the flights tell.
+        Which times a fit finds again together with everything else (`FreeTiming.names`): the
+        identifiable ones.
     additional
         Times by which the signals' slopes are made, too: one may be set free later.
     reached

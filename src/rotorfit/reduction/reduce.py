@@ -31,7 +31,7 @@ from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.preprocessing.signals import fading_rows
 
 Lines = Complex[np.ndarray, "_ b"]
-"""Of the signals of a stretch, as far up as bands reach."""
+"""Lines of the signals of a stretch, as far up as bands reach."""
 CHUNK_ROWS = 16_384
 """Rows of Z alive at a time: 20 columns of them stay near the processor's cache."""
 

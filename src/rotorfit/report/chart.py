@@ -44,7 +44,7 @@ LEAST_SECONDS: Final = 0.02
 Switch = tuple[str, str, str]
 """Name, style, and the keys of the curves that it turns on and off, parted by |."""
 Legend = tuple[tuple[str, tuple[Switch, ...]], ...]
-"""By panel."""
+"""The switches of each panel."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

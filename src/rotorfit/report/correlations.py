@@ -1,4 +1,4 @@
-"""Section 5: which parameters the flights cannot tell apart well."""
+"""Section 5: parameters that the flights hardly separate."""
 
 import math
 from dataclasses import dataclass

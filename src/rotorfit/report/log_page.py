@@ -1,4 +1,4 @@
-"""What inspect found in logs as one page: channels over time, spectra with the filters."""
+"""The page of inspected logs: channels over time, spectra with the filters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ SPECTRUM_HEIGHT: Final = 210.0
 ROW_HEIGHT: Final = 20.0
 STYLES: Final = {"x": "axis-x", "y": "axis-y", "z": "axis-z"}
 COLORS: Final = 8
-"""Of rotors; the ninth has the first one's."""
+"""Colours of rotors; the ninth has the first one's."""
 MOST_LISTED: Final = 4
 MARK_STYLES: Final = {
     "flown": "airborne",
@@ -63,7 +63,7 @@ MARK_STYLES: Final = {
     "limit": "at its limit",
 }
 ROOM: Final = 0.15
-"""Above a spectrum for its labels, of its height."""
+"""Room above a spectrum for its labels, as a share of its height."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,7 +239,7 @@ def _level_spans(axis: Activity, row: int) -> list[Span]:
 
 
 def time_sentences(picture: TimePicture, airborne: Sequence[tuple[float, float]]) -> list[str]:
-    """Describe what is to be seen over time."""
+    """Describe the pictures over time."""
     words = _mark_sentences([mark for mark in picture.marks if mark.kind != "cut"])
     if picture.activity:
         where = "In the air" if airborne else "In all of the log"
@@ -356,7 +356,7 @@ def _filter_marks(one: Filter, bands: Sequence[RotorBand]) -> tuple[list[Line], 
 
 
 def spectrum_sentences(pictures: LogPictures) -> list[str]:
-    """Describe what is to be seen in the spectra."""
+    """Describe the pictures of the spectra."""
     words = [_peak_sentence(found) for found in pictures.spectra]
     first = pictures.spectra[0]
     if pictures.bands:

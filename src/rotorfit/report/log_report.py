@@ -1,4 +1,4 @@
-"""What inspect says of one log: one screen of text, or JSON."""
+"""The report on one inspected log: one screen of text, or JSON."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -31,18 +31,18 @@ SHAKES: Final = ((10.0, "strong: balance the propellers"), (3.0, "moderate"), (0
 LEAST_LIMITED_COMMANDS: Final = 0.01
 """Share of the flight with a motor at its limit from which it is said."""
 SLOW_COMMANDS: Final = 50.0
-"""Below which commands tell nothing of turns [Hz]."""
+"""Rate below which commands show nothing of turns [Hz]."""
 MUCH_LAG: Final = 0.01
 """Difference of two lags that is said [s]."""
 LEAST_CHANGE: Final = 3.0
 """Change of thrust below which kt is found from the weight alone [%]."""
 WHAT: Final = {"roll": ("Ixx", ""), "pitch": ("Iyy", ""), "yaw": ("kd / Izz", "Izz, kd and Jr")}
-"""What an axis tells, and what it tells with all the others."""
+"""What an axis shows, and what it shows with all the others."""
 KNOW: Final = "To know"
 LEAST_SOURCE: Final = 16
 """Room for a channel's source beside its numbers [characters]."""
 WIDTH: Final = 100
-"""Of a line where nothing is known of the terminal."""
+"""Width of a line where nothing is known of the terminal."""
 
 
 def plain(report: LogReport) -> dict[str, Any]:
@@ -270,7 +270,7 @@ def _thrust_message(found: Prospects) -> str:
 
 
 def _unexplained(found: Prospects) -> str:
-    """Say what may be wrong where commands do not explain the turns that a pilot flies."""
+    """Explain possible faults where commands do not explain the turns that a pilot flies."""
     if found.motors is None:
         return "Neither roll nor pitch follows the commands"
     words = "The commands explain quick turns, but not the slow ones that a pilot flies"
@@ -296,7 +296,7 @@ def _axis_message(axis: Excitation, found: Prospects) -> str:
     width = "" if axis.width is None else f" (to about +-{short(100.0 * axis.width)} %)"
     reason = _reason(axis, found)
     verdict = {
-        # The scale of Izz hangs on small terms of all equations, which only an estimate weighs.
+        # The scale of Izz depends on small terms of all equations, which only an estimate weighs.
         "well": f"{what} can be found well{width}{others and f'; {others} less well'}",
         "roughly": f"{what} roughly{width}{others and f', {others} less well'}: {reason}",
         "not": f"{what}{others and f', {others}'} cannot be found: {reason}",

@@ -1,4 +1,4 @@
-"""What `rotorfit loop` found, on one screen and as a page."""
+"""The outcome of `rotorfit loop`, on one screen and as a page."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -17,7 +17,7 @@ from rotorfit.report.pages import render_page
 WIDTH = 80
 HEADS: Final = ("crossover [Hz]", "phase [deg]", "gain", "delay [ms]", "peak")
 HALF = 0.5
-"""Of a step."""
+"""Half of a step."""
 Row = Float[np.ndarray, " f"]
 CALM, LIVELY = 2.0, 3.0
 """Peaks of the sensitivity up to which a loop is calm, and beyond which it nearly oscillates."""
@@ -123,7 +123,7 @@ def proof(loop: AxisLoop) -> list[str]:
 
 
 def step_words(loop: AxisLoop) -> str:
-    """Say how soon and how far over the rate answers."""
+    """Describe how soon and how far over the rate responds."""
     step = loop.step
     if not math.isfinite(step.value[0]):
         return (
@@ -208,9 +208,9 @@ def peak_words(peak: float) -> str:
 
 
 HEIGHT: Final = 130.0
-"""Of a panel."""
+"""Height of a panel."""
 LOW_SIZE, HIGH_SIZE = 0.03, 30.0
-"""Of the open loop, as drawn."""
+"""Sizes of the open loop, as drawn."""
 HIGHEST: Final = 60.0
 """Frequency as drawn [Hz]."""
 SHOWN: Final = 0.5
@@ -285,7 +285,7 @@ def bode_chart(loop: AxisLoop) -> Chart:
 
 
 def step_chart(loop: AxisLoop) -> Chart:
-    """Lay out the answer to a step of the rate asked for."""
+    """Lay out the response to a step of the rate reference."""
     step = loop.step
     axis = Axis(
         ends=(0.0, float(step.time[-1])), name="time since the step [s]", unit="s", least=0.1

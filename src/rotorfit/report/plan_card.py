@@ -121,7 +121,7 @@ def headline(plan: FlightPlan) -> str:
 
 
 def promise(plan: FlightPlan) -> str:
-    """Describe what is wanted, and whether the plan gives it."""
+    """Describe the wanted accuracy, and whether the plan gives it."""
     wanted = f"Wanted: {wanted_phrase(plan)}."
     if plan.enough:
         return f"{wanted} The earlier result reaches that already: this would only repeat it."

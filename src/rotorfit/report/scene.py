@@ -1,4 +1,4 @@
-"""What there is to draw of a vehicle: rotors, IMU, centre of mass, payloads, in metres.
+"""The scene of a vehicle to draw: rotors, IMU, centre of mass, payloads, in metres.
 
 Everything is in body axes FLU, from the point that the rotor positions are measured from.
 """

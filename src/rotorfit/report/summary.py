@@ -31,7 +31,7 @@ DIRECTIONS: Final = {
     "com_z": ("up", "down"),
 }
 MOST_REMARKS: Final = 3
-"""In short; the others are counted."""
+"""Most remarks; the others are counted."""
 PILOT_NAMES: Final = {
     "kt": "thrust",
     "kd": "drag torque",
@@ -200,7 +200,7 @@ def name_of(number: Parameter | Derived) -> str:
 
 
 def _in_short(finding: Finding) -> str:
-    """Return what was met, without remarks in brackets, consequence and advice."""
+    """Shorten a finding's sentence: no remarks in brackets, consequence or advice."""
     plain = re.sub(r" \([^()]*\)", "", finding.sentence)
     met = re.split(r"(?<=.{20})(?:: |; )", plain, maxsplit=1)[0]
     return f"{met} (the intervals cover this)" if "cover" in plain.removeprefix(met) else met
@@ -233,7 +233,7 @@ def _motor_lines(result: IdentificationResult) -> list[Line]:
 
 
 def _strong_and_weak(result: IdentificationResult) -> str:
-    """Name the motors that pull most and least, where the difference is seen."""
+    """Name the motors with the most and the least thrust, where the difference is clear."""
     rotors = [p for p in result.parameters if p.name.startswith("kt_") and p.value]
     found = next((d for d in result.derived if d.name == "motor_imbalance"), None)
     if len(rotors) < 2 or found is None or found.interval is None or found.interval[0] <= 0.0:

@@ -1,1 +1,1 @@
-"""What is known after a fit: a result with its flights and findings, saved and loaded."""
+"""The result of a fit with its flights and findings, saved and loaded."""

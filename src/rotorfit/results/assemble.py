@@ -147,7 +147,7 @@ def _without_value(
 
 
 def mark_doubtful(result: IdentificationResult) -> IdentificationResult:
-    """Judge the derived numbers, and call doubtful what a finding says not to trust.
+    """Judge the derived numbers, and mark the numbers that a finding doubts as doubtful.
 
     Numbers for which flying is useless get the finding's next step in place of a manoeuvre.
     """
@@ -170,7 +170,7 @@ def _advised_first(parameter: Parameter, useless: Sequence[Finding]) -> Paramete
 
 
 def _judged_again(parameter: Parameter, disowning: Sequence[Finding]) -> Parameter:
-    """Return a parameter as doubtful where one of the findings is about it."""
+    """Mark a parameter as doubtful where one of the findings is about it."""
     about = [one for one in disowning if one.is_about(parameter.full_name)]
     if not about or parameter.verdict not in ("identified", "weak"):
         return parameter
@@ -201,7 +201,7 @@ RPM = 60.0 / (2.0 * np.pi)
 def with_assumptions(
     result: IdentificationResult, dataset: Dataset, configurations: Sequence[JointConfiguration]
 ) -> IdentificationResult:
-    """Add what the numbers rest on to the settings of a result; see `assumptions`."""
+    """Add the assumptions of the numbers to the settings of a result; see `assumptions`."""
     rests_on = list(assumptions(result, dataset, configurations))
     used = {**result.settings["used"], "hangs_on": rests_on}
     return replace(result, settings={**result.settings, "used": used})
@@ -210,7 +210,7 @@ def with_assumptions(
 def assumptions(
     result: IdentificationResult, dataset: Dataset, configurations: Sequence[JointConfiguration]
 ) -> tuple[str, ...]:
-    """List what the numbers are proportional to among what was declared, a sentence for each.
+    """List the declared quantities that the numbers are proportional to, a sentence for each.
 
     `configurations`: of the joint fit; empty for methods without one.
     """
@@ -265,13 +265,13 @@ def _imu_place(dataset: Dataset) -> str:
 
 
 def _distances(dataset: Dataset) -> str:
-    """Return how far apart the rotors are, front to back and left to right."""
+    """Describe the distances between the rotors, front to back and left to right."""
     x, y = np.ptp(dataset.vehicle.positions[:, :2], axis=0).tolist()
     return f"{1e3 * x:.0f} mm front to back, {1e3 * y:.0f} mm left to right"
 
 
 def log_metadata(declared: MotorsEntry, dataset: Dataset) -> tuple[Finding, ...]:
-    """Note what was taken from the logs, and which of them a simulator flew."""
+    """Note the settings taken from the logs, and which logs a simulator wrote."""
     flights = [flight for c in dataset.configurations for flight in c.flights]
     simulated = [simulated_sentence(f.log.simulator) for f in flights if f.log.simulator]
     yaw = [_yaw_of_sitl(f) for f in flights if f.log.simulator == SITL]

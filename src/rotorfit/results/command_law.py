@@ -36,7 +36,7 @@ class LawNumber:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawPoint:
-    """What was measured about one command: the median speed, and where 90 % of the speeds are.
+    """Measured speeds about one command: their median, and the range of 90 % of them.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class CommandLaw:
     numbers
         Of the form, of the battery's voltage, of the curve of thrust.
     nominal_voltage
-        At which full_speed holds [V]; None where the flights tell nothing of the voltage.
+        At which full_speed holds [V]; None where the flights show nothing of the voltage.
     known
         Whether full speed is known well enough to be used.
     commands
@@ -122,10 +122,7 @@ def law_to_plain(law: CommandLaw | None) -> dict[str, Any] | None:
 def law_from_plain(entry: Mapping[str, Any] | None) -> CommandLaw | None:
     """Return the law of a result's file.
 
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        If it is not one.
+    Raises `KeyError`, `TypeError`, `ValueError` if it is not one.
     """
     if entry is None:
         return None

@@ -1,4 +1,4 @@
-"""What commands make of a result: its units where no law gives rotor speeds, and a pilot's numbers.
+"""Results in the units of commands where no law gives rotor speeds, and a pilot's numbers.
 
 These are the throttle in hover, the thrust over the weight and of a motor, and how equally the
 motors pull.
@@ -134,7 +134,7 @@ def _throttle(
     if law is None or full is None or hover is None:
         return _unknown("hover_throttle", owner, NO_COMMANDS if hover else NO_KT)
     speed, share = hover[0], hypot(hover[1], full[1])
-    # Where a law is flat its speeds do not tell the command: np.interp takes the last.
+    # Where a law is flat its speeds do not give the command: np.interp takes the last.
     low, value, high = np.interp(
         [speed * (1.0 - share), speed, speed * (1.0 + share)], speeds(law, GRID), GRID
     ).tolist()

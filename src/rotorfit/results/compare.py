@@ -13,7 +13,7 @@ from rotorfit.results.result import Derived, IdentificationResult, Parameter, ve
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """What one result says of a number.
+    """A number as one result has it.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Comparison:
 
 
 def compare_results(results: Sequence[IdentificationResult], labels: Sequence[str]) -> Comparison:
-    """Return results side by side.
+    """Compare results side by side.
 
     Configurations are matched by name; where each result has a single one, whatever its name.
 
@@ -127,7 +127,7 @@ def _renamed(table: _Table, configuration: str) -> _Table:
 
 
 def _compared(key: _Key, judged: Sequence[_Judged | None], labels: Sequence[str]) -> ComparedNumber:
-    """Return one number of all results."""
+    """Collect one number of all results."""
     numbers = [None if one is None else one[0] for one in judged]
     verdicts = [None if one is None else one[1] for one in judged]
     units = {n.unit: label for n, label in zip(numbers, labels, strict=True) if n is not None}
@@ -154,7 +154,7 @@ def _entry(
     verdict: str | None,
     reference: Parameter | Derived | None,
 ) -> Entry:
-    """Compare a result's number with that of the reference."""
+    """Compare a result's number with the reference's number."""
     if number is None:
         return Entry(value=None, interval=None, verdict=None, difference=None, overlap=None)
     difference = overlap = None

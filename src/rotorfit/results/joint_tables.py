@@ -123,7 +123,7 @@ def _slopes(fit: Fit, known: Sequence[str]) -> Float[np.ndarray, "k f"]:
 
 
 def _fitted(fit: Fit, slopes: Float[np.ndarray, "q f"]) -> Float[np.ndarray, "q q"]:
-    """Compute the covariance by chance, by the autopilot's answer, and by faults of the times."""
+    """Compute the covariance by chance, by the autopilot's response, and by faults of the times."""
     shifts = timing_shifts(fit.estimate, fit.configurations[0].timing)
     late = np.reshape(shifts, (-1, slopes.shape[1])) @ slopes.T
     response = response_sensitivity(fit.estimate) @ slopes.T / 1.96

@@ -1,4 +1,4 @@
-"""From the fitted law of the motors to what a result says of it: numbers, verdicts, a picture."""
+"""Tabulate the fitted law of the motors: numbers, verdicts, points of a picture."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -60,7 +60,7 @@ Vector = Float[np.ndarray, " p"]
 def add_motor_law(
     result: IdentificationResult, dataset: Dataset, report: Callable[[str], None]
 ) -> IdentificationResult:
-    """Fit the motors' law, where commands stand beside measured speeds."""
+    """Fit the motors' law, where the log has commands and measured speeds."""
     responses = [f.command_responses for c in dataset.configurations for f in c.flights]
     recording = bounded_recording(responses)
     if recording is None:
@@ -259,7 +259,7 @@ def _short(value: float) -> float:
 
 
 def _points(recording: Recording, fit: LawFit) -> tuple[LawPoint, ...]:
-    """Return the measured speeds over the command that the motors had, in bins of it."""
+    """Bin the measured speeds by the command that the motors had."""
     none = np.zeros((len(recording.command), 0))
     command, _ = speed_response(recording, recording.command, none, fit.timing)
     steady, _ = speed_response(recording, *_nominal(recording, fit), fit.timing)

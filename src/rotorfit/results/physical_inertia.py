@@ -1,4 +1,4 @@
-r"""Whether a body with that inertia can exist, and the nearest one that can.
+r"""The nearest body to an estimate that can exist.
 
 A body of positive mass everywhere has a positive semidefinite pseudo-inertia (Wensing, Kim and
 Slotine 2017, arXiv 1701.04395)
@@ -25,7 +25,7 @@ from rotorfit.results.result import IdentificationResult
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Projected:
-    """The nearest body that can exist.
+    """The body nearest to an estimate that can exist.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Projected:
 def project_to_physical(
     result: IdentificationResult, configuration: str | None = None
 ) -> Projected:
-    """Return the body nearest to an estimate, in its own covariance, that can exist.
+    """Project an estimate to the nearest body, in its own covariance, that can exist.
 
     An inertia that was withheld because no body has it stands as it was estimated. A first moment
     or product that is not known stands as zero, give or take what a body of these moments of
@@ -112,7 +112,7 @@ def nine_moments(
 
 
 def _estimate(result: IdentificationResult, name: str, full: str) -> tuple[float, float] | None:
-    """Return value and deviation of a moment, also of one taken back; None if it is not known."""
+    """Return value and deviation of a moment, also of a withheld one; None if it is not known."""
     parameter = result.parameter(name, full.partition("@")[2])
     if parameter.value is not None:
         return parameter.value, parameter.std or 0.0

@@ -1,4 +1,4 @@
-"""What rotorfit knows after a flight: frozen, complete, saves and loads itself."""
+"""The result of an identification: frozen, complete, saves and loads itself."""
 
 import dataclasses
 import json
@@ -34,7 +34,7 @@ Entry = TypeVar("Entry", Parameter, Derived)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightRecord:
-    """A flight that was used, and what was used of it.
+    """A flight, and the part of it that was used.
 
     Attributes
     ----------
@@ -294,7 +294,7 @@ def _sheet(result: IdentificationResult) -> Sheet:
 
 
 def verdict_of(result: IdentificationResult, entry: Parameter | Derived) -> str:
-    """Return the verdict on a number, on one about the CoM as the report has it."""
+    """Return the verdict on a number, about the CoM as the report has it."""
     if entry.verdict is not None:
         return entry.verdict
     if entry.name not in (*COM, *INERTIA_COM):

@@ -1,4 +1,4 @@
-r"""Vehicles drawn from what the flights leave open, each of which can exist.
+r"""Vehicles drawn from the joint distribution of a result, each of which can exist.
 
 The estimate is normal with its joint covariance, so that what is known only together stays
 together (kd and Izz, the inertias and kt). Draws that nature does not have are left out, which
@@ -112,7 +112,7 @@ def draw_vehicles(
     configuration: str,
     missing: tuple[str, ...] = (),
 ) -> Samples:
-    """Return vehicles that can exist, drawn from the joint distribution of their numbers.
+    """Draw vehicles that can exist from the joint distribution of their numbers.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def _block(
 
 
 def _conditions(values: Values) -> dict[str, Bool[np.ndarray, " n"]]:
-    """Return in words what a vehicle must fulfil, and which draws do."""
+    """List the conditions of a vehicle in words, each with the draws that fulfil it."""
     out = {
         f"{name} above 0": column > 0.0
         for name, column in values.items()
@@ -210,7 +210,7 @@ def _unit(name: str, estimated: Mapping[str, Estimated]) -> str:
 def normal_draws(
     covariance: Float[np.ndarray, "p p"], count: int, random: np.random.Generator
 ) -> Float[np.ndarray, "n p"]:
-    """Return draws of mean zero; a covariance may be singular, as where kt is the mean of kt_i."""
+    """Draw with mean zero; a covariance may be singular, as where kt is the mean of kt_i."""
     powers, axes = np.linalg.eigh(covariance)
     root = axes * np.sqrt(np.maximum(powers, 0.0))
     return random.standard_normal((count, len(powers))) @ root.T

@@ -1,4 +1,4 @@
-"""Whether a saved result is whole: what a hand, a disk or another program may have done to it.
+"""Check that a saved result is whole and consistent.
 
 Files that `rotorfit identify -o` wrote always are. Every command that takes a result takes
 whole ones only.
@@ -24,12 +24,9 @@ ABOVE_ZERO: Final = ("mass", "kt", "kd")
 
 
 def load_sound(path: Path) -> IdentificationResult:
-    """Return a saved result, refused where it is not whole.
+    """Load a saved result; refuse it where it is not whole.
 
-    Raises
-    ------
-    OutputError
-        If the file is no rotorfit result, or was damaged since.
+    Raises `OutputError` if the file is no rotorfit result, or was damaged since.
     """
     try:
         result = IdentificationResult.load(path)
@@ -48,10 +45,7 @@ def load_sound(path: Path) -> IdentificationResult:
 def refuse_unsound(result: IdentificationResult) -> None:
     """Raise if a result holds what no identification gives.
 
-    Raises
-    ------
-    OutputError
-        Naming the number, and what is wrong with it.
+    Raises `OutputError`: naming the number, and what is wrong with it.
     """
     found = _structure(result)
     if found is None:
@@ -82,7 +76,7 @@ def _structure(result: IdentificationResult) -> str | None:
 
 
 def _doubled(result: IdentificationResult) -> str | None:
-    """Return which number is there twice."""
+    """Describe the first number that is there twice."""
     for entries in (result.parameters, result.derived):
         counted = Counter((e.name, e.configuration) for e in entries)
         twice = next((name for (name, _), count in counted.items() if count > 1), None)

@@ -1,4 +1,4 @@
-"""The witness: flights with known truth; shares no line with the regressor."""
+"""Flights with known truth, the independent reference; shares no line with the regressor."""
 
 from rotorfit.simulation.controller import Gains as Gains
 from rotorfit.simulation.experiment_files import exact_flight_data as exact_flight_data

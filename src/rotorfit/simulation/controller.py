@@ -47,7 +47,7 @@ class Gains:
         Angular acceleration per rate error about each body axis [1/s].
     damping
         Fraction of the angular acceleration that is fed back; 1 halves the motor lag. None about
-        yaw, where the reaction of rotors with inertia answers at once and would ring.
+        yaw, where the reaction of rotors with inertia acts at once and would ring.
     integral
         Growth of the torque trim about each body axis, as angular acceleration per angle [1/s^2].
     """

@@ -1,4 +1,4 @@
-"""What a simulated flight gives: `FlightData`, `FlightLog`, a flight table, an experiment's folder.
+"""Write a simulated flight as `FlightData`, `FlightLog`, a flight table, an experiment's folder.
 
 The folder is like a real one, with the truth in a file of its own.
 """

@@ -176,11 +176,11 @@ POSE_RATE: Final = 100.0
 POSE_DELAY: Final = 0.008
 POSITION_STD: Final = 3e-4
 ATTITUDE_STD: Final = 1e-3
-"""Of motion capture: frames per second, how late they are [s], and their noise [m, rad]."""
+"""Motion capture: frames per second, how late they are [s], and their noise [m, rad]."""
 BATTERY_VOLTS: Final = (16.6, 15.2)
-"""At the beginning and at the end of a flight."""
+"""Voltages at the beginning and at the end of a flight [V]."""
 LAW_VOLTS: Final = 16.0
-"""At which the motors' law was measured."""
+"""Voltage at which the motors' law was measured [V]."""
 PAIR_MASS: Final = 0.1
 PAIR_ANGLE: Final = pi / 4
 

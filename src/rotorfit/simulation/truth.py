@@ -1,4 +1,4 @@
-"""What the simulated vehicle really is: the numbers that identification should find."""
+"""The truth of a simulated vehicle: the numbers that identification should find."""
 
 from dataclasses import dataclass, replace
 

@@ -1,1 +1,1 @@
-"""Whether a result holds on other flights: wrenches predicted, rates replayed."""
+"""Validate a result on other flights: wrenches predicted, rates replayed."""

@@ -1,4 +1,4 @@
-"""What `rotorfit fly` found: replayed flights and flown manoeuvres, for text, page and JSON."""
+"""The outcome of `rotorfit fly`: replayed flights and flown manoeuvres, for text, page and JSON."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Does the vehicle fly as flown. One judgement, by wrenches and replay of the same flights.
+"""Judge whether the model flies as the vehicle did, by wrenches and replay of the same flights.
 
 The wrenches say how much of force and moments below 3 Hz the rotors do not explain; the replay, for
 how long rates are right where nothing corrects them. `validate` and `fly` say the same of a flight.
@@ -25,10 +25,10 @@ from rotorfit.validation.wrench_comparison import COMPONENTS, WrenchComparison
 
 AXES: Final = ("roll", "pitch", "yaw")
 GOOD_SHARE: Final = 0.2
-"""Of the flown rates, within which a prediction is called good."""
+"""Share of the flown rates, within which a prediction is called good."""
 Level = Literal["good", "with-feedback", "rough", "nothing", "unknown"]
 LEVELS: Final[tuple[Level, ...]] = ("good", "with-feedback", "rough", "unknown", "nothing")
-"""From the best to the worst."""
+"""Levels from the best to the worst."""
 COMPONENT_OF: Final = {"thrust": "Fz", "roll": "Mx", "pitch": "My", "yaw": "Mz"}
 GOOD_ERROR: Final = {"thrust": 0.05, "roll": 0.3, "pitch": 0.3, "yaw": 0.3}
 """Shares of the rotors' force or moment that may be left: the weight is in the thrust, and of a
@@ -53,7 +53,7 @@ WORDS: Final[Mapping[Level, str]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisJudgement:
-    """What thrust or one axis of a model is worth.
+    """The judgement of thrust or one axis of a model.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class AxisJudgement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """What a model is worth on some flights; `doubtful` are numbers that it rests on."""
+    """The judgement of a model on some flights; `doubtful` are numbers that it rests on."""
 
     axes: tuple[AxisJudgement, ...]
     doubtful: tuple[str, ...] = ()

@@ -58,7 +58,7 @@ NORMAL_95: Final = 1.96
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Predicted:
-    """What one set of parameters predicts in K windows.
+    """Predictions by one set of parameters in K windows.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Does the model predict flights it has not seen? Body wrench against rotor wrench (P16)."""
+"""Validate the model on flights kept apart: body wrench against rotor wrench (P16)."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -52,7 +52,7 @@ TRIMS = {"Mx": ("msy", "rotor_center_y"), "My": ("msx", "rotor_center_x")}
 the other is worse than no prediction."""
 WHITENESS_LAGS = 10
 SPEED_PERCENTILES = (0.1, 99.9)
-"""Of the rotor speeds, between which a flight was."""
+"""Percentiles of the rotor speeds of a flight."""
 ROTOR_KT = re.compile(r"kt_[0-9]+")
 
 

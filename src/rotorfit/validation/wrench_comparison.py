@@ -60,11 +60,11 @@ class WrenchComparison:
 
 WINDOW_SECONDS: Final = 4.0
 HIGHEST: Final = 8.0
-"""Above, the comparisons' low-pass of 3 Hz leaves too little [Hz]."""
+"""Highest frequency: above, the comparisons' low-pass of 3 Hz leaves too little [Hz]."""
 FEWEST_WINDOWS: Final = 4
 """Independent windows, below which a coherence is chance."""
 INDEPENDENT: Final = 0.95
-"""Of Hann windows that overlap by half, the share that count as independent (Welch 1967)."""
+"""Share of Hann windows, overlapping by half, that count as independent (Welch 1967)."""
 TINY: Final = float(np.finfo(float).tiny)
 
 

@@ -1,1 +1,1 @@
-"""How well every number of a fit is known: its verdict, why not better, and what to fly."""
+"""The verdict on every number of a fit, why it is not better, and what to fly."""

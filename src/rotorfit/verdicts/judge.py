@@ -1,4 +1,4 @@
-"""From an estimate to words: how well is it known, why not better, and what to fly next.
+"""Judge an estimate: how well it is known, why not better, and what to fly next.
 
 A number of a result, with what the flights say of it.
 """
@@ -22,7 +22,7 @@ Verdict = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One parameter of the model, with what this experiment says of it.
+    """One parameter of the model, with its estimate, verdict and advice.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ WEAK = 0.25
 HOPELESS = 1.0
 """The same, over which it is not identified."""
 HOPELESS_YAW = 0.5
-"""The same where little but disturbances moves yaw: their pull is one-sided."""
+"""The same where little but disturbances moves yaw: their bias is one-sided."""
 
 FLOWN: Final[Mapping[Manoeuvre, str]] = {
     "hover": "hover, hands off",
@@ -134,7 +134,7 @@ class Judgement:
 
 
 def motion_for(name: str) -> Motion:
-    """Return which motion determines a number: a key of `ADVICE`."""
+    """Return the motion that determines a number: a key of `ADVICE`."""
     return EVERY[name].motion if name in EVERY else "force"
 
 
@@ -152,10 +152,10 @@ def judge(
     axis: str,
     excitation: float | None = None,
 ) -> Judgement:
-    """Return the verdict on one number.
+    """Judge one number: its verdict, reason and advice.
 
     One of yaw is refused sooner below `LEAST_EXCITATION`: yaw is what the rotors move least, and
-    there the disturbances that the autopilot answers pull its ratios to zero.
+    there the autopilot's response to disturbances biases its ratios to zero.
 
     Parameters
     ----------
@@ -274,9 +274,9 @@ def _of_parts(number: Derived, parameters: Sequence[Parameter]) -> Derived:
 
 
 def relative_width(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
-    """Return half of the interval of an inertia about the CoM over what its verdict goes by.
+    """Return the half-width of an inertia about the CoM over its relevant size.
 
-    None where only the twin's verdict tells. See `body_verdict`.
+    None where only the twin's verdict counts. See `body_verdict`.
     """
     value, interval = _known(derived.value), derived.interval
     if value is None or interval is None or derived.name not in INERTIA_COM:

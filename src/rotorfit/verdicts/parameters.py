@@ -1,4 +1,4 @@
-"""The parameters and derived numbers of a result, with verdicts, from what an estimator gave.
+"""Tabulate the parameters and derived numbers of a result, with verdicts.
 
 The parameters of the joint estimate, with the verdict on every number.
 """
@@ -70,7 +70,7 @@ def number_parameter(
     owner: str | None,
     entry: ConfigurationEntry,
 ) -> Parameter:
-    """Tabulate one parameter with its verdict, and its value where that says that there is one.
+    """Tabulate one parameter with its verdict, and its value where the verdict allows one.
 
     `owner`: the configuration it belongs to; None for what all share. `entry`: by which its unit
     goes.
@@ -154,7 +154,7 @@ def _given_time(name: str, value: float) -> Parameter:
 
 
 def found_time(name: str, value: float, std: float) -> Parameter:
-    """Return a time that the flights gave; sharp to a quarter of the time scale that matters."""
+    """Tabulate an estimated time; identified if known to a quarter of its relevant scale."""
     half = 1.96 * std
     sharp, known = half <= WEAK * max(abs(value), TIME_SCALE), is_time_identifiable(value, std)
     # No rotor follows before its command; a delay is negative where motors are recorded late.
@@ -193,7 +193,7 @@ def with_timing_total(
 def given_parameter(
     name: str, value: float | str, std: float, entry: ConfigurationEntry
 ) -> Parameter:
-    """Return a parameter that the user gave, or left unknown."""
+    """Tabulate a parameter that the user gave, or left unknown."""
     known = isinstance(value, float)
     return Parameter(
         name=name,
@@ -241,7 +241,7 @@ def _is_parameter(name: str) -> bool:
 def _judgements(
     numbers: Numbers, configurations: Sequence[JointConfiguration]
 ) -> dict[str, Judgement]:
-    """Return the verdict on every number; a lost scale with a good ratio is ``ratio-only``."""
+    """Judge every number; an unknown scale with a good ratio is ``ratio-only``."""
     masses = {c.name: c.mass for c in configurations}
     vehicle = configurations[0].vehicle
 
@@ -267,7 +267,7 @@ def _parameter(
     judged: Mapping[str, Judgement],
     entries: Sequence[ConfigurationEntry],
 ) -> Parameter:
-    """Return one parameter with its verdict."""
+    """Tabulate one parameter with its verdict."""
     base, _, owner = name.partition("@")
     entry = next((e for e in entries if e.name == owner), entries[0])
     shown = number_parameter(name, numbers, judged[name], owner=owner or None, entry=entry)
@@ -289,7 +289,7 @@ def _ratio(
     entries: Sequence[ConfigurationEntry],
     judged: Mapping[str, Judgement],
 ) -> str | None:
-    """Return the partner with which a lost number is still known as a ratio."""
+    """Return the partner with which a number of unknown scale is known as a ratio."""
     if base not in RATIOS:
         return None
     ratio, partner = RATIOS[base]
@@ -306,7 +306,7 @@ quadrotor's come to 0.2 of it; of six or eight rotors 0.6 and more is left at be
 def assumed_rotors(
     fit: BandedEstimate, configurations: Sequence[JointConfiguration]
 ) -> dict[str, Judgement]:
-    """Return the verdict on those coefficients that the flights do not tell, by name."""
+    """Judge the rotors' coefficients that the flights do not identify, by name."""
     vehicle = configurations[0].vehicle
     spread = spread_names(vehicle)
     names = tuple(dict.fromkeys(spread))
@@ -324,14 +324,14 @@ def assumed_rotors(
 def _own_variance(
     spread: Sequence[str], names: Sequence[str], covariance: Float[np.ndarray, "s s"]
 ) -> Float[np.ndarray, " N"]:
-    """Return the variance of each rotor's coefficient over the mean one."""
+    """Compute the variance of each rotor's coefficient over the mean one."""
     own = np.array([[float(name == mine) for name in names] for mine in spread])
     own -= own.mean(axis=0)
     return np.einsum("is,st,it->i", own, covariance, own)
 
 
 def _judgement(rotors: int, *, grouped: bool) -> Judgement:
-    """Return why the flights do not tell, and what to do."""
+    """Explain why the flights do not identify the coefficients, and advise."""
     if grouped:
         reason = "the mixer moves these groups of rotors together"
         advice = "measure thrust on a stand, or choose other groups: the rotors of one spin, say"

@@ -1,1 +1,1 @@
-"""What contradicts a model motor or rotor: their limits, lag, law, a rotor that changed."""
+"""Checks of motors and rotors: their limits, lag, law, a rotor that changed."""

@@ -1,4 +1,4 @@
-"""Did a rotor change? In flight, from one half of it to the other, or against all the others."""
+"""Check whether a rotor changed: between halves of a flight, or against all the others."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,12 +15,12 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.vehicle import Vehicle
 
 LEAST_CHANGE: Final = 0.035
-"""Of a rotor's share of all squared speeds, between the halves of a flight: sound logs have up to
-0.013, one of fast outdoor flight 0.025."""
+"""Least change of a rotor's share of all squared speeds between a flight's halves: sound logs have
+up to 0.013, one of fast outdoor flight 0.025."""
 LEAST_UNLIKE: Final = 0.1
 USUAL: Final = 0.06
-"""Of a rotor's thrust coefficient from the others': sound vehicles have up to the second, with the
-whole interval; the first is what is worth a word."""
+"""Difference of a rotor's thrust coefficient from the others': sound vehicles have up to the
+second, with the whole interval; the first is what is worth a word."""
 ALONE: Final = 0.5
 """Share of a rotor's difference, up to which the others may differ from one another: more is a
 pattern over all rotors, which no single propeller makes."""
@@ -92,7 +92,7 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
 
 
 def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | None:
-    """Estimate by how much more thrust than the others one rotor makes: the one furthest off.
+    """Estimate the additional thrust of the most outlying rotor over the others.
 
     None where they are not identifiable, or most pull down; rotors of declared groups are expected
     to differ.
@@ -115,7 +115,7 @@ def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | No
 
 
 def others_differ(numbers: Numbers, rotor: int) -> float:
-    """Return by which share the other rotors' coefficients differ from their median at most."""
+    """Compute the largest share by which other rotors' coefficients differ from their median."""
     own = [float(v) for n, v in zip(numbers.names, numbers.values, strict=True) if n[:3] == "kt_"]
     others = np.delete(own, rotor)
     return float(np.abs(others / np.median(others) - 1.0).max())

@@ -1,4 +1,4 @@
-"""What is not known of the speeds of commanded motors: their law, and what they do at their limits.
+"""Uncertainty of the speeds of commanded motors: their law, and their speeds at the limits.
 
 A law that is wrong by a factor leaves forces and inertia as they are, and takes k_t, k_d and J_r
 with it: by its inverse square, and its inverse. One whose slope is wrong makes changes of thrust
@@ -50,7 +50,7 @@ def _changed(prepared: PreparedFlight, dataset: TimedDataset, change: Change) ->
 
 
 def shift_by_speeds(fit: Fit, other: TimedDataset) -> Float[np.ndarray, " q"]:
-    """Compute how far the numbers move with other speeds, k_t with the weight that they carry."""
+    """Compute the shift of the numbers with other speeds, and of k_t with the weight they carry."""
     weights = [
         kt_from_weight(one.configurations, one.vehicle, source=one.source, timing=one.timing)
         for one in (fit.dataset, other)
@@ -66,7 +66,7 @@ LAW: Final = "law-uncertain"
 
 
 def allow_for_law(fit: Fit) -> Fit:
-    """Widen the intervals by what is not known of the law from command to speed."""
+    """Widen the intervals by the uncertainty of the law from command to speed."""
     law = fit.dataset.motors.law
     if law is None or not (law.speed_std or law.slope_std):
         return fit
@@ -77,7 +77,7 @@ def allow_for_law(fit: Fit) -> Fit:
 
 
 def scale_shift(numbers: Numbers, std: float) -> Float[np.ndarray, " q"]:
-    """Compute how far numbers go where all speeds are off by a share `std`."""
+    """Compute the shift of the numbers where all speeds are off by a share `std`."""
     return np.array(_speed_powers(numbers), dtype=float) * std * np.abs(numbers.values)
 
 
@@ -96,7 +96,7 @@ def _slope_shift(fit: Fit, std: float) -> Float[np.ndarray, " q"]:
 
 
 def _uncertain(numbers: Numbers, std: float) -> Finding:
-    """Say what the law leaves open."""
+    """Explain the uncertainty of the law."""
     return Finding(
         kind=LAW,
         severity="note",

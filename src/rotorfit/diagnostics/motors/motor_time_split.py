@@ -1,8 +1,8 @@
-r"""Widen the motors' lag and delay by what the autopilot's answer to noise leaves open of them.
+r"""Widen the motors' lag and delay by the uncertainty from the autopilot's response to noise.
 
 A lag and a delay differ by how measured over predicted turns, H, go with frequency:
 :math:`d \ln H = -j \omega / (1 + j \omega \tau) \, d\tau - j \omega \, dt`. Their likelihood
-takes noise that the autopilot hears, and answers by commands, as independent of these; what of it
+takes noise to which the autopilot responds by commands as independent of these; what of it
 may go with them is in the deviations of the bands' ratios (`sensor_response`), by which the two are
 weighed once more: the sum is well known, the split where the rotors explain quick turns, too.
 """

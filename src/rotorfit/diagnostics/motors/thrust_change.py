@@ -1,7 +1,7 @@
 """Widen intervals by a thrust that changes during a flight: ground, a tether, a sagging battery.
 
 One rotor speed lifts more near the ground, and less on a tether. Which half of a flight is free air
-nothing tells; the scale of all that is in proportion to force is open by the change between the
+nothing shows; the scale of all that is in proportion to force is open by the change between the
 halves, as far as that is more than chance.
 """
 
@@ -23,7 +23,7 @@ in which the vehicle turns most: the whole change is open, less its deviation in
 
 
 def allow_for_thrust_change(fit: Fit) -> Fit:
-    """Widen what is in proportion to force by the change of thrust between halves of a flight."""
+    """Widen numbers proportional to force by the change of thrust between halves of a flight."""
     return fit.with_half_width(changed_half_width(fit)) if fit.mass_known else fit
 
 
@@ -44,7 +44,7 @@ def _mean_square(changes: Sequence[float]) -> float:
 
 
 def _share(name: str, change: float, whole: float) -> float:
-    """Return the share by which a number is open."""
+    """Return the share of a number by which it is uncertain."""
     if name in OF_ONE_HALF:
         return whole
     if name == "hover_speed":

@@ -1,1 +1,1 @@
-"""What gyro, accelerometer and motion capture did to the record: clocks, filters, tilt, faults."""
+"""Checks of gyro, accelerometer and motion capture: clocks, filters, settings, faults."""

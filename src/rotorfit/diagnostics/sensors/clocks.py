@@ -1,4 +1,4 @@
-r"""Do accelerometer and gyro tell of the same moment? Both answer the same rotors.
+r"""Compare the clocks of accelerometer, gyro and rotor speeds: all respond to the same rotors.
 
 The thrust of all rotors together shows in the accelerometer, their differences in the gyro, both
 at once. Where one comes later than the other, its samples are stamped late or stand behind a
@@ -9,9 +9,9 @@ By how much accelerometer and gyro come after what the rotors do, each with its 
 The joint fit predicts each acceleration p from the rotors. In each band of frequencies the time
 :math:`d` by which the measured one, y, comes later is that at which
 :math:`|y - p e^{-i \omega d}|` is least. What is left there, r times p, is noise, gusts and what
-the model lacks, and the autopilot answers it: as far as the rotors go with it, the time moves by up
-to :math:`r / \omega`. Drag that the model lacks moves it by :math:`c / \omega^2`. A sensor that is
-late is so in all bands, so that bands and axes are weighed together.
+the model lacks, and the autopilot responds to it: as far as the rotors go with it, the time moves
+by up to :math:`r / \omega`. Drag that the model lacks moves it by :math:`c / \omega^2`. A sensor
+that is late is so in all bands, so that bands and axes are weighed together.
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,18 +36,18 @@ from rotorfit.fit.fit import Fit
 from rotorfit.model.parameters import INERTIA
 
 BANDS: Final = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.5), (4.5, 7.0), (7.0, 10.0))
-"""In which the times are compared [Hz]: further up their phases are ambiguous."""
+"""Bands in which the times are compared [Hz]: further up their phases are ambiguous."""
 REACH: Final = 0.1
 """How far a time is looked for [s]."""
 LEAST: Final = 1e-12
-"""Of the power of a measured acceleration, below which nothing is predicted."""
+"""Least share of a measured acceleration's power that is predicted."""
 DRAGGED: Final = 1.0
 """Deviation of a drag that the model lacks, over mass or inertia [1/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lateness:
-    """By how much a sensor comes after another, or after the rotors, and its deviation [s]."""
+    """The delay of a sensor after another, or after the rotors, and its deviation [s]."""
 
     seconds: float
     std: float
@@ -59,7 +59,7 @@ class Lateness:
 
     @property
     def least(self) -> float:
-        """What the interval leaves at least, with its sign; 0 where it holds 0 [s]."""
+        """The end of the interval nearest to 0; 0 where it holds 0 [s]."""
         low, high = self.interval
         return max(low, 0.0) + min(high, 0.0)
 
@@ -73,7 +73,7 @@ class BandDelay(NamedTuple):
 
 
 def accelerometer_lateness(fit: Fit) -> Iterator[tuple[LoadedFlight, Lateness]]:
-    """Estimate by how much the accelerometer comes after the gyro, in every flight that tells."""
+    """Estimate the delay of the accelerometer after the gyro, in every informative flight."""
     for flight, spectra in flight_spectra(fit):
         force, turns = (lateness(spectra, axes) for axes in (LIFT, TURNS))
         if force is not None and turns is not None:
@@ -82,7 +82,7 @@ def accelerometer_lateness(fit: Fit) -> Iterator[tuple[LoadedFlight, Lateness]]:
 
 
 def lateness(spectra: Spectra, axes: Sequence[int]) -> Lateness | None:
-    """Weigh all bands of a sensor's axes, with a drag for each axis; None where none tells."""
+    """Weigh all bands of a sensor's axes, with a drag for each axis; None if no band counts."""
     rows: list[Float[np.ndarray, " p"]] = []
     found: list[BandDelay] = []
     for k, axis in enumerate(axes):
@@ -129,7 +129,7 @@ def _band_delay(band: Spectra, axis: int) -> BandDelay | None:
 
 
 LEAST_DELAY: Final = 0.005
-"""Between accelerometer and gyro, which matters [s]: 3 ms move kt and inertia by up to .3 %, a
+"""Relevant delay between accelerometer and gyro [s]: 3 ms move kt and inertia by up to .3 %, a
 tenth of their intervals, and the centre of mass by a fifth of its own (three flights)."""
 CERTAIN: Final = 3.0
 """Deviations of it within which chance and gusts stay, in the worst of several flights."""
@@ -183,7 +183,7 @@ def _delay_sentence(name: str, delay: float, half: float) -> str:
 EARLIEST: Final = -0.005
 """Delay of commanded motors that clocks and filters of a log still make [s]."""
 USUAL_DELAY: Final = 0.012
-"""Of measured speeds against the motion, by filters and buses [s]."""
+"""Usual delay of measured speeds against the motion, by filters and buses [s]."""
 
 
 def early_motors(fit: Fit) -> Iterator[Finding]:

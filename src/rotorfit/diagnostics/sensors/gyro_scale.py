@@ -1,7 +1,7 @@
-"""Widen intervals by the scale of the gyro, as far as a velocity of another source leaves it open.
+"""Widen intervals by the uncertainty of the gyro's scale, by a velocity of another source.
 
 Inertia goes with the inverse of the gyro's scale. An autopilot's estimate of its velocity is made
-with that gyro and no witness; where the log has none of another source, the scale is one of the
+with that gyro and no reference; where the log has none of another source, the scale is one of the
 assumptions.
 """
 
@@ -23,12 +23,12 @@ KIND: Final = "gyro-scale"
 SAID: Final = 0.95
 """Probability of a scale that is off, from which it is said."""
 STEP: Final = 0.01
-"""Of a scale, by which the slopes of the numbers are taken."""
+"""Step of a scale, by which the slopes of the numbers are taken."""
 AXES: Final = ("roll", "pitch", "yaw")
 
 
 def allow_for_gyro_scale(fit: Fit) -> Fit:
-    """Widen the intervals by what the velocity leaves open of the gyro's scale, and say it."""
+    """Widen the intervals by the uncertainty of the gyro's scale, and report a wrong scale."""
     found = None if fit.dataset.source != "imu" else _gyro_scale(fit)
     if found is None:
         return fit
@@ -50,7 +50,7 @@ def _gyro_scale(fit: Fit) -> GyroScale | None:
 
 
 def _shift(fit: Fit, axis: int) -> Float[np.ndarray, " q"]:
-    """Compute how far the numbers move where the gyro reads `STEP` too much about an axis."""
+    """Compute the shift of the numbers where the gyro reads `STEP` too much about an axis."""
     factor: Float[np.ndarray, 3] = np.ones(3)
     factor[axis] -= STEP
     scaled = with_prepared(fit.dataset, lambda prepared: _scaled(prepared, factor))

@@ -1,4 +1,4 @@
-"""Does the log have what the numbers need? Where it is too slow, no flying helps: log it anew."""
+"""Check that the log has the signals and rates that the numbers need."""
 
 from collections.abc import Iterator
 from typing import Final

@@ -41,7 +41,7 @@ OVER: Final = {
 LARGEST: Final = 0.9
 """Share of the errors, beyond which the velocity is nothing else."""
 LEAST_CUT_OFF: Final = 1e-3
-"""Of the flight that must be cut off: real flights without a fault have none."""
+"""Least share of the flight that must be cut off: real flights without a fault have none."""
 MOMENTS: Final = ("Ixx", "Iyy", "Izz")
 PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
 
@@ -115,10 +115,10 @@ def velocity_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray,
 
 
 def vertical_partner(numbers: Numbers, name: str, *, rotors: int) -> float:
-    """Return how much of a coefficient may be the other one's: drag along z and inflow.
+    """Compute the share of a coefficient that may be the other one's: drag along z and inflow.
 
     Both are a force against climb; only what they do to roll and pitch, where damping of the frame
-    does the same, tells them apart.
+    does the same, separates them.
     """
     base, _, owner = name.partition("@")
     values = dict(zip(numbers.names, numbers.values.tolist(), strict=True))

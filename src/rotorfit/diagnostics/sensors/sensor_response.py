@@ -1,4 +1,4 @@
-r"""Tell gyro and rotor speeds behind a filter, or an IMU on a soft mount, from sound ones.
+r"""Detect gyro or rotor speeds behind a filter, or an IMU on a soft mount.
 
 The fit predicts the turns from the rotors; the ratio H of the measured ones to these is one at all
 frequencies, but for a factor of each axis and a delay. A low-pass of the rotor speeds makes it
@@ -7,7 +7,7 @@ amplitude and phase together:
 
 .. math:: \ln H = -\ln(1 - u^2 + 2 j \zeta u), \quad u = f / f_0
 
-and its inverse. What is unexplained may be the autopilot's answer, as in `clocks`. The
+and its inverse. What is unexplained may be the autopilot's response, as in `clocks`. The
 factor of an axis is that of its inertia at low frequencies, so that the filter that fits best says
 by how much the fit's is off.
 """
@@ -36,21 +36,21 @@ BANDS: Final = (1.0, 2.0, 3.0, 4.5, 7.0, 10.0, 14.0, 19.0, 25.0, 30.0)
 MOST_UNEXPLAINED: Final = 0.8
 """Amplitude of what is left over that of the prediction, from which a band says nothing."""
 FEWEST: Final = 6
-"""Bands of all axes that tell a filter from a factor and a delay."""
+"""Bands of all axes that separate a filter from a factor and a delay."""
 CUTOFFS: Final = np.geomspace(6.0, 120.0, 40)
-"""Of the filters that are tried [Hz]."""
+"""Cut-offs of the filters that are tried [Hz]."""
 LEAST_SPREAD: Final = 0.25
-"""Of what is left over what was allowed for (its mean square): on real flights .3 and more."""
+"""Least ratio of the residual to the allowed one (mean squares): on real flights .3 and more."""
 LEAST_GAIN: Final = 10.0
-"""Of chi-square over that spread, from which a filter is said: of 22 sound flights 5 at most, of
-filters at 15 Hz in brisk ones 12 to 32."""
+"""Gain of chi-square over that spread, from which a filter is reported: of 22 sound flights 5 at
+most, of filters at 15 Hz in brisk ones 12 to 32."""
 LAG: Final = 0.035
 """About that of motors, by which its slope is taken [s]."""
 Shape = Callable[[Float[np.ndarray, " b"]], Complex[np.ndarray, " b"]]
 
 
 def _second_order(damping: float) -> Shape:
-    """Return ln of the denominator of a filter of second order, by frequency over its own."""
+    """Compute ln of the denominator of a second-order filter, by frequency over its own."""
 
     def shape(u: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]:
         return np.log(1.0 - u**2 + 2j * damping * u)
@@ -85,7 +85,7 @@ class BandRatio(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFilter:
-    """The filter that fits best.
+    """The filter or mount that fits best.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class FoundFilter:
 
 
 def allow_for_sensor_response(fit: Fit) -> Fit:
-    """Widen what a filter or a soft mount moves, by as much as the best one does; and name it."""
+    """Widen the numbers by the shift with the best filter or soft mount, and name it."""
     if fit.dataset.source != "imu" or lowpass_of(fit.dataset) is not None:
         return fit
     found = found_filter(fit)
@@ -164,7 +164,7 @@ def found_filter(fit: Fit) -> FoundFilter | None:
 
 
 def best_filter(ratios: Sequence[BandRatio], *, lagging: bool = False) -> FoundFilter | None:
-    """Find the same among ratios of bands; with `lagging`, the motors' lag is open, too."""
+    """Find that filter by ratios of bands; with `lagging`, the motors' lag is free, too."""
     flights = {one.flight for one in ratios}
     if len(ratios) < FEWEST * len(flights) or not ratios:
         return None

@@ -1,4 +1,4 @@
-"""Spectra of the accelerations that sensors measure, and of those that the fit predicts."""
+"""Spectra of the measured and of the predicted accelerations."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
@@ -16,15 +16,15 @@ from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import EDGES, retimed
 
 LOWEST: Final = 1.0
-"""Below, the air answers with a phase of its own [Hz]."""
+"""Frequency below which the air responds with a phase of its own [Hz]."""
 WINDOW: Final = 2.0
-"""Of one spectrum, each overlapping the next by half: about a manoeuvre [s]."""
+"""Length of one window, each overlapping the next by half: about a manoeuvre [s]."""
 FED_BACK: Final = 0.6
 """Deviation of the share of the unexplained that goes with the rotors, because the autopilot
-answers it: over all bands and axes of 13 real flights, of autopilots' and of simulated ones."""
+responds: over all bands and axes of 13 real flights, of autopilots' and of simulated ones."""
 LIFT: Final = (2,)
 TURNS: Final = (3, 4, 5)
-"""Which of the six accelerations accelerometer and gyro tell best."""
+"""Which of the six accelerations accelerometer and gyro measure best."""
 
 
 class Spectra(NamedTuple):
@@ -85,9 +85,9 @@ def _lines(
 def deviation_by_chance(
     score: Float[np.ndarray, " w"], information: Float[np.ndarray, " w"]
 ) -> float:
-    """Compute the deviation of a number that windows tell, with their effective degrees of freedom.
+    """Compute the deviation of a number by windows, with their effective degrees of freedom.
 
-    `score`: how each window pulls at it; `information`: how much each tells.
+    `score`, `information`: of each window.
     """
     total = float(information.sum())
     # Windows overlap by half: of three, two are their own.

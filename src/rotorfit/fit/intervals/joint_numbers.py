@@ -1,6 +1,6 @@
 """From the joint estimate to physical numbers with intervals.
 
-Half-width^2 = (the largest of formal and scatter)^2 + answer^2 + push^2 + tolerances^2.
+Half-width^2 = (the largest of formal and scatter)^2 + response^2 + push^2 + tolerances^2.
 Formal: the covariance of the fit. Scatter: over stretches and bands, of the number and of all
 together (`dispersion`); over phases; over flights. Answer: how far the estimate depends on what is
 assumed of the autopilot (`banded.response_sensitivity`). Push: what is open of where gusts and drag
@@ -73,11 +73,11 @@ from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.motor_timing import FreeTiming
 
 FEWEST_PHASES = 3
-"""Whose scatter tells anything."""
+"""Whose scatter is informative."""
 MOST_LEVERAGE = 4.0
-"""Of a phase that has three quarters of the information."""
+"""Leverage of a phase that has three quarters of the information."""
 FEWEST_FLIGHTS = 3
-"""Of one configuration, from which their scatter tells anything: its own size from
+"""Flights of a configuration, from which their scatter is informative: its own size from
 `ENOUGH_FLIGHTS` on, of fewer it can only be a lower limit."""
 OWN_NUMBERS = tuple(name for name in names_of("configuration") if name != "mass")
 SHARED_FREE = names_of("shared")
@@ -89,7 +89,7 @@ def joint_numbers(
     configurations: Sequence[JointConfiguration],
     mass_std: Mapping[str, float],
 ) -> Numbers:
-    """Return the physical numbers of a joint estimate."""
+    """Compute the physical numbers of a joint estimate, with their intervals."""
     estimate = fit.estimate
     mapped = fit.problem.map
     at_estimate = physical(estimate.values, mapped, configurations)
@@ -129,7 +129,7 @@ def joint_numbers(
 def formal_covariance(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, "q q"]:
-    """Return the covariance that the fit states, of numbers with these slopes by its parameters."""
+    """Propagate the formal covariance of a fit to numbers with these slopes by its parameters."""
     spread = jacobian @ square_root(covariance_with_noise_uncertainty(fit))
     formal: Float[np.ndarray, "q q"] = spread @ spread.T
     return formal
@@ -138,16 +138,10 @@ def formal_covariance(
 def random_half_width(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width by chance: what the fit states, or blocks, phases and flights show.
+    """Compute the half-width by chance: formal, or by the scatter of blocks, phases and flights.
 
-    Parameters
-    ----------
-    fit
-        Of all flights.
-    jacobian
-        Of the numbers by the free parameters.
-    formal
-        `formal_covariance` of the numbers.
+    `fit`: of all flights. `jacobian`: of the numbers by the free parameters. `formal`:
+    `formal_covariance` of the numbers.
     """
     blocks, free = len(fit.influence), free_blocks(fit)
     stated = float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(formal) * blocks / free)
@@ -163,7 +157,7 @@ def random_half_width(
 def half_width_between_blocks(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width by the scatter of the blocks: each number's own, and that of all."""
+    """Compute the half-width by the scatter of the blocks: of each number, and pooled."""
     own, own_blocks = own_scatter(fit, jacobian)
     phases = _phases(fit)
     parts = phases if len(phases) >= FEWEST_PHASES else list(np.eye(len(fit.influence), dtype=bool))
@@ -175,7 +169,7 @@ def half_width_between_blocks(
 def _between_flights(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width that the pull of each flight as a whole shows; zeros for one or two.
+    """Compute the half-width by the influence of whole flights; zeros for one or two flights.
 
     Real flights differ by more than any one of them can know. As the jackknife over blocks, with a
     flight for a block (the cluster-robust variance, and its few degrees of freedom).
@@ -214,10 +208,10 @@ def timing_shifts(fit: BandedEstimate, timing: FreeTiming | None) -> list[Float[
 def half_width_between_phases(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, " q"]:
-    """Compute the half-width that the phases of the flights show, all bands of one together.
+    """Compute the half-width by the scatter of the flights' phases, all bands of a phase together.
 
     What a phase has to itself (the wind in its propellers, say) is common to its bands, so that
-    their scatter does not show it. Each phase pulls the estimate by p, and without it the estimate
+    their scatter does not show it. Each phase moves the estimate by p, and without it the estimate
     moves by d; p is too small where a phase has most of the information, and d too large: the
     variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2), d being no
     more than a few times p: without the one informative phase nothing is identifiable.
@@ -233,7 +227,7 @@ def half_width_between_phases(
 
 
 def _phases(fit: BandedEstimate) -> list[Bool[np.ndarray, " b"]]:
-    """Return which blocks are of each phase of each configuration's flights."""
+    """Mark the blocks of each phase of each configuration's flights."""
     factors = fit.problem.factors
     configuration = np.repeat(np.arange(len(factors)), [len(f) for f in factors])
     labels = np.column_stack([configuration, np.concatenate([f.segment for f in factors])])
@@ -245,7 +239,7 @@ def physical(
     mapped: ParameterMap,
     configurations: Sequence[JointConfiguration],
 ) -> dict[str, float]:
-    """Return every physical number at the free parameters `phi`."""
+    """Compute every physical number at the free parameters `phi`."""
     p = dict(zip(mapped.names, phi.tolist(), strict=True))
     out = {name: p[name] for name in SHARED_FREE if name in p}
     out["kd_over_kt"] = p["kd"] / p["kt"]
@@ -293,7 +287,7 @@ def turned_moments(
 
 
 def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> dict[str, float]:
-    """Return the numbers of one configuration: its own parameters and what follows from them."""
+    """Compute the numbers of one configuration: its own parameters, and those derived from them."""
     mass = configuration.mass
     com = np.array([p["msx"], p["msy"], p["msz"]]) / mass
     elements = np.array([p[name] for name in INERTIA])
@@ -322,7 +316,7 @@ def systematic_uncertainty(
     mass_std: Mapping[str, float],
     shifts: Float[np.ndarray, " q"],
 ) -> Numbers:
-    """Widen the numbers by what no scatter within the flights shows.
+    """Widen the numbers by the systematic errors that no scatter within the flights shows.
 
     `shifts`: of what is assumed of autopilot and motors.
     """
@@ -363,12 +357,9 @@ def inertia_uncertainty(
     """Widen the numbers on the scale of yaw by an inertia that is not identifiable.
 
     What yaw does to roll is in proportion to I_zz less I_yy: where nobody pitches, an I_yy that
-    gusts pull pulls I_zz with it, as far as the two go together in the fit.
+    gusts bias moves I_zz with it, as far as the two go together in the fit.
 
-    Parameters
-    ----------
-    std
-        Deviations of the fit, of every number.
+    `std`: deviations of the fit, of every number.
     """
     squares = np.zeros(len(std))
     scaled = [i for i, n in enumerate(numbers.names) if n.partition("@")[0] in SCALED]
@@ -385,7 +376,7 @@ def inertia_uncertainty(
 
 
 def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfiguration]) -> Numbers:
-    """Return the numbers with what too little roll and pitch leaves open.
+    """Widen the numbers on the scale of yaw where roll and pitch are too little excited.
 
     The height of the centre of mass, and the scale of the yaw equation, which a known payload gives
     as well.
@@ -402,7 +393,7 @@ def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfigu
 
 
 def _stretches(numbers: Numbers, half: Float[np.ndarray, " q"]) -> Float[np.ndarray, " q"]:
-    """Return the factor of each half-width for the inverse of the scale, as `half` gives it."""
+    """Compute the factor of each half-width for the inverse of the scale of half-width `half`."""
     stretch = np.ones(len(half))
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")

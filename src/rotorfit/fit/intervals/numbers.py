@@ -1,18 +1,17 @@
-"""Physical numbers with their intervals, whichever way they were estimated.
+"""Physical numbers with their intervals, of every estimator.
 
 And the sizes below which a relative error of them does not matter.
 
-How far a number can be pulled by what the rotors do not explain, and whose motion helps.
+How far what the rotors do not explain can bias a number, and whose motion helps.
 
-The autopilot answers disturbances, so that rotor speeds are correlated with them, and an estimate
-of what the rotors do is pulled to one side: by a share of it that goes with 1 / rho, rho being
-explained over residual power of the axis' angular acceleration where a pilot moves the vehicle.
-The joint fit knows by how much on the very flights (`banded.response_sensitivity`): by about
-1 / rho. Row by row it is not known. There, measured on simulated flights (another rigid-body
-engine, gusts and
-sticks of many sizes) and on real ones: the roll and pitch inertia come out too large by up to
-2.5 / rho; k_d / I_zz and J_r / I_zz too small by up to 1.5 / rho; and the scale of I_zz and k_d,
-which depends on small terms, is off by up to 3 / rho either way.
+The autopilot responds to disturbances, so that rotor speeds are correlated with them, and the
+estimate of what the rotors do is biased to one side: by a share of it that goes with 1 / rho, rho
+being explained over residual power of the axis' angular acceleration where a pilot moves the
+vehicle. The joint fit knows by how much on the very flights (`banded.response_sensitivity`): by
+about 1 / rho. Row by row it is not known. There, measured on simulated flights (another rigid-body
+engine, gusts and sticks of many sizes) and on real ones: the roll and pitch inertia come out too
+large by up to 2.5 / rho; k_d / I_zz and J_r / I_zz too small by up to 1.5 / rho; and the scale of
+I_zz and k_d, which depends on small terms, is off by up to 3 / rho either way.
 
 The yaw equation holds I_zz, k_d and J_r only relative to one another. Their scale comes from what
 yaw does to roll and pitch (products of rates, gyroscopic torque of the rotors, known geometry).
@@ -38,11 +37,11 @@ INERTIA_BIAS: Final = 2.5
 CLOSED_LOOP_BIAS: Final = 1.0
 RATIO_BIAS: Final = 1.5
 SCALE_BIAS: Final = 3.0
-"""Largest pulls, as shares of the true value times rho."""
+"""Largest biases, as shares of the true value times rho."""
 NO_EXCITATION: Final = 1.5
-"""Below this rho an axis tells of the disturbances, not of the vehicle."""
+"""Rho below which an axis shows the disturbances, not the vehicle."""
 LEAST_EXCITATION: Final = 5.0
-"""Below this, disturbances are no longer small against the pilot, and that is what limits."""
+"""Rho below which disturbances are no longer small against the pilot, and limit the fit."""
 
 AXES: Final = ("roll", "pitch", "yaw")
 AXIS_OF: Final[Mapping[str, str]] = {
@@ -60,25 +59,19 @@ ROTORS_LEAN: Final = math.radians(0.25)
 """Deviation of the mean of four motors that each lean by half a degree [rad]."""
 COMMON: Final = 0.005
 COMMON_YAW: Final = 0.015
-"""Shares of k_t and of roll and pitch inertia, and of what yaw tells, by which many flights are off
+"""Shares of k_t and of roll and pitch inertia, and of what yaw shows, by which many flights are off
 alike: what the model lacks in all of them. Measured on 20 simulated flights with drag, of two
 vehicles: k_t and kd_over_Izz .2 to .5 and 1 % too small."""
 
 
 def attenuation_allowance(name: str, size: float, rho: float, *, with_response: bool) -> float:
-    """Return the half-width that lack of excitation adds, infinite where it bounds nothing.
+    """Compute the half-width that lack of excitation adds, infinite where it bounds nothing.
 
-    Parameters
-    ----------
-    name
-        Of the number, a key of `AXIS_OF`.
-    size
-        Of the number as found, or a size of it that matters where it is near zero.
-    rho
-        Explained over residual power of the axis' angular acceleration.
-    with_response
-        Of the joint fit, whose likelihood has a term for the autopilot's answer: about what the
-        fit itself finds (`banded.response_sensitivity`), for a flight that is not there to fit.
+    `name`: of the number, a key of `AXIS_OF`. `size`: of the number as found, or a size of it that
+    matters where it is near zero. `rho`: explained over residual power of the axis' angular
+    acceleration. `with_response`: of the joint fit, whose likelihood has a term for the autopilot's
+    answer: about what the fit itself finds (`banded.response_sensitivity`), for a flight that is
+    not there to fit.
     """
     size, rho = float(size), float(rho)
     if not rho > NO_EXCITATION:
@@ -93,7 +86,7 @@ def attenuation_allowance(name: str, size: float, rho: float, *, with_response: 
 
 
 def inertia_bias(size: float, rho: float) -> float:
-    """Return by how much gusts may pull a roll or pitch inertia of a size, at a rho of its axis."""
+    """Compute the largest bias by gusts of a roll or pitch inertia, at a rho of its axis."""
     return INERTIA_BIAS / (max(float(rho), 0.0) + INERTIA_BIAS) * abs(size)
 
 
@@ -106,12 +99,7 @@ def common_share(name: str) -> float:
 def link_allowance(size: float, link: float) -> float:
     """Return the half-width that too little roll and pitch adds to a number that depends on them.
 
-    Parameters
-    ----------
-    size
-        Of the number as found.
-    link
-        The larger rho of roll and pitch.
+    `size`: of the number as found. `link`: the larger rho of roll and pitch.
     """
     if not link > NO_EXCITATION:
         return float("inf")
@@ -121,12 +109,7 @@ def link_allowance(size: float, link: float) -> float:
 def product_allowance(size: float, rho: float) -> float:
     """Return the half-width that too little yaw adds to a number of `YAW_PRODUCTS`.
 
-    Parameters
-    ----------
-    size
-        Of the number as found.
-    rho
-        Of yaw.
+    `size`: of the number as found. `rho`: of yaw.
     """
     return SCALE_BIAS / (max(float(rho), 0.0) + SCALE_BIAS) * abs(size)
 
@@ -141,7 +124,7 @@ def lean_allowance(first: float, second: float) -> float:
 
 
 def lean_shift(name: str, com: tuple[float, float, float], mass: float, lever: float) -> float:
-    """Return the half-width that the same lean adds to a place [m] or first moment [kg m].
+    """Return the half-width that the rotors' mean lean adds to a place [m] or first moment [kg m].
 
     The centre of mass stands in the rotors' axes, turned about the IMU: `com` is counted from it.
     Motors lean forward and left, and turn about no vertical; drag torque that leans with them rolls
@@ -152,7 +135,7 @@ def lean_shift(name: str, com: tuple[float, float, float], mass: float, lever: f
 
 
 def twist_shift(com: tuple[float, float]) -> float:
-    """Return the half-width that the same lean adds to the twist [m].
+    """Return the half-width that the rotors' mean lean adds to the twist [m].
 
     Thrust beside the centre of mass rolls and pitches, and about an axis that leans it yaws; `com`
     is counted from the rotors' centre.
@@ -161,7 +144,7 @@ def twist_shift(com: tuple[float, float]) -> float:
 
 
 def scale_stretch(value: float, half_width: float) -> float:
-    """Return by how much more a half-width must be to hold the inverse of the number, too.
+    """Compute the factor by which a half-width holds the inverse of the number, too.
 
     Small terms fix the scale of the yaw equation where it multiplies the rotors, its inverse where
     it divides the other torques. So +-r of the inverse is as good as +-r of the scale: from
@@ -173,7 +156,7 @@ def scale_stretch(value: float, half_width: float) -> float:
 
 
 PLACES = ("com_x", "com_y", "com_z", *FIRST_MOMENTS)
-"""Of the centre of mass."""
+"""Numbers of the centre of mass."""
 LONGEST_LEVER = 0.15
 """k_d / k_t over the arm: a propeller of radius r has some .1 r."""
 
@@ -259,7 +242,7 @@ def com_from_imu(numbers: Numbers, owner: str, vehicle: Vehicle) -> tuple[float,
 
 
 def com_from_rotors(numbers: Numbers, owner: str, vehicle: Vehicle) -> tuple[float, float]:
-    """Return where the centre of mass is sideways, counted from the rotors' centre [m]."""
+    """Return the sideways centre of mass of a configuration from the rotors' centre [m]."""
     x, y = vehicle.positions[:, :2].mean(axis=0).tolist()
     centre = {f"rotor_center_x@{owner}": x, f"rotor_center_y@{owner}": y}
     x, y = (numbers.number(n)[0] if n in numbers.names else at for n, at in centre.items())
@@ -274,14 +257,10 @@ def drag_lever(numbers: Numbers, vehicle: Vehicle) -> float:
 def t_half_width(
     formal: Float[np.ndarray, "q q"], scatter: Float[np.ndarray, "q q"], degrees: float
 ) -> Float[np.ndarray, " q"]:
-    """Return half of the 95 % interval by chance: t times the larger of formal and scatter.
+    """Compute half of the 95 % interval by chance: t times the larger of formal and scatter.
 
-    Parameters
-    ----------
-    formal, scatter
-        Covariances: by the variances of the fit, and by the scatter between its blocks.
-    degrees
-        Of freedom of the scatter.
+    `formal`, `scatter`: covariances: by the variances of the fit, and by the scatter between its
+    blocks. `degrees`: of freedom of the scatter.
     """
     t = float(stats.t.ppf(0.975, degrees))
     return t * np.sqrt(np.maximum(np.diagonal(formal), np.diagonal(scatter)))
@@ -301,7 +280,7 @@ def hover_speed(kt: float, *, mass: float, vehicle: Vehicle) -> float:
 
 
 def quadrature(parts: Iterable[float]) -> float:
-    """Return the half-width of independent parts together."""
+    """Add the half-widths of independent parts in squares."""
     return float(np.sqrt(sum(part**2 for part in parts)))
 
 

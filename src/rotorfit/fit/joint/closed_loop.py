@@ -1,14 +1,14 @@
-r"""What flights of one vehicle show together of how far its autopilot answers disturbances.
+r"""Estimate from all flights of a vehicle how far its autopilot responds to disturbances.
 
-What an answer adds to the score of a flight goes with its rows, what the flight knows with rows
-times rho. So an answer that is taken too small pulls flights by 1 / rho, each as it was flown, and
+What a response adds to the score of a flight goes with its rows, its information with rows
+times rho. So a response that is taken too small biases flights by 1 / rho, each as flown, and
 flights of different rho show by how much: with the score :math:`s_k` of flight k at the joint fit,
-its information :math:`H_k`, and :math:`G_k` what an answer would add to it,
+its information :math:`H_k`, and :math:`G_k` what a response would add to it,
 
 .. math:: s_k = H_k \Delta - G_k \delta + n_k, \quad n_k \sim N(0, H_k),
 
 weighed regression gives :math:`\delta` for roll, pitch, yaw and climb: one of all flights, whose
-autopilot is the same. How well it is known the scatter of the flights about it tells
+autopilot is the same. Its deviation is that of the flights' scatter about it
 (cluster-robust: White, Econometrica 48, 1980; Liang and Zeger, Biometrika 73, 1986).
 """
 
@@ -29,25 +29,25 @@ from rotorfit.estimation.banded_equations import feedback_scores
 from rotorfit.estimation.banded_problem import solutions
 
 BEFORE: Final = 1.0 / 1.96
-"""Deviation of an answer from what is taken for granted, before the flights: nothing or twice it
+"""Deviation of a response from the nominal one, before the flights: nothing or twice it
 are the ends of the interval."""
 UNIDENTIFIABLE: Final = 100.0
-"""Deviation of what no flight tells."""
+"""Deviation of a parameter that no flight determines."""
 LEAST_OPEN: Final = np.array([1.0, 1.0, 0.5, 1.0])
-"""Of that interval, for roll, pitch, yaw and climb, which no number of flights closes: how an
-answer goes with frequency is assumed, and the scale of yaw depends on that of pitch."""
+"""Of that interval, for roll, pitch, yaw and climb, which no number of flights closes: how a
+response goes with frequency is assumed, and the scale of yaw depends on that of pitch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoopResponse:
-    """An autopilot's answer to roll, pitch, yaw and climb errors, as shares of the usual one.
+    """An autopilot's response to roll, pitch, yaw and climb errors, over the nominal one.
 
     Attributes
     ----------
     beyond
-        How much more than what is taken for granted.
+        How much more than the nominal one.
     open
-        Half of the 95 % interval of that; 1 is what is known of any autopilot.
+        Half of its 95 % interval; 1 before the flights.
     """
 
     beyond: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
@@ -55,16 +55,13 @@ class ClosedLoopResponse:
 
 
 NOMINAL_RESPONSE: Final = ClosedLoopResponse()
-"""Of few flights."""
+"""The response that is assumed of few flights."""
 
 
 def estimated_response(fit: BandedEstimate) -> ClosedLoopResponse:
-    """Return the answer that flights show together.
+    """Estimate the response that the flights show together.
 
-    Parameters
-    ----------
-    fit
-        Of all flights, each with factors of its own, made with the usual answer.
+    `fit`: of all flights, each with factors of its own, made with the nominal response.
     """
     return response_from_scores(*_flight_scores(fit))
 
@@ -77,14 +74,8 @@ def response_from_scores(
 ) -> ClosedLoopResponse:
     """Estimate the response from the informations and scores of the flights.
 
-    Parameters
-    ----------
-    H, s
-        Information and score of each flight at the joint fit.
-    G
-        What an answer to each error adds to the score.
-    prior
-        Information before the flights.
+    `H`, `s`: information and score of each flight at the joint fit. `G`: what a response to each
+    error adds to the score. `prior`: information before the flights.
     """
     flights, f, e = G.shape
     X = np.concatenate([H, -G], axis=2)
@@ -93,7 +84,7 @@ def response_from_scores(
     information[:f, :f] += prior
     information[f:, f:] += np.eye(e) / UNIDENTIFIABLE**2
     covariance = pseudo_inverse(information)
-    # The prior's own pull is the rest of all scores: they sum to nothing.
+    # The prior's own score is the rest of all scores: they sum to nothing.
     prior_score = np.concatenate([-s.sum(axis=0), np.zeros(e)])
     found = covariance @ (np.einsum("kif,kf->i", weighed, s) + prior_score)
     left = s - X @ found
@@ -114,9 +105,9 @@ def _flight_scores(
     Float[np.ndarray, "m f e"],
     Float[np.ndarray, "f f"],
 ]:
-    """Return information, score and what an answer adds to it, of each flight; and the prior.
+    """Compute each flight's information, score, and its slope by the response; and the prior.
 
-    In units of what all flights know of each parameter alone.
+    Scaled by all flights' information on each parameter alone.
     """
     problem, feedback = fit.problem, fit.problem.feedback
     assert feedback is not None

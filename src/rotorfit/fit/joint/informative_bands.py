@@ -1,10 +1,10 @@
-"""Which errors tell of the vehicle, which come together, and in which the autopilot answers.
+"""Select the informative bands, correlate the errors, mark where the autopilot responds.
 
 Bands in which no pilot moves an axis do not count for it (`frequency_bands.py`). In the others the
-autopilot still answers disturbances, and by how much is known well enough: wholly, up to the
+autopilot still responds to disturbances, and by how much is known well enough: wholly, up to the
 frequencies that a pilot uses (`rotorfit.estimation.feedback`). Where rotor speeds are commands,
 bands in which the thrust does not follow them do not count for it: motors are no first-order lag
-further up, and many quiet lines of no thrust at all would outvote those that tell of k_t.
+further up, and many quiet lines of no thrust at all would outvote those that show k_t.
 
 Gusts and drag push at one place and turn the vehicle about another, its centre of mass. What of the
 errors of the turns comes with those of the forces is therefore known, and is taken off them.
@@ -45,7 +45,7 @@ TURNS: Final = tuple(NOISY.index(name) for name in ("dwx", "dwy", "dwz"))
 REWEIGHTED: Final = 4
 """Passes of a regression whose variances are those of what it leaves."""
 FEWEST_ROWS: Final = 30
-"""Of fewer nothing is regressed."""
+"""Fewest rows of a regression."""
 _TINY: Final = float(np.finfo(float).tiny)
 
 
@@ -72,20 +72,12 @@ def select_informative_bands(
     terms: Collection[str] = DEFAULT_TERMS,
     least_ratio: float = LEAST_RATIO,
 ) -> list[JointConfiguration]:
-    """Return the configurations with what counts and what is answered.
+    """Select the informative bands, and mark those in which the autopilot responds.
 
-    Parameters
-    ----------
-    configurations
-        With their factors per stretch and band.
-    values
-        Free parameters by name, near enough to tell the pilot's motion from disturbances.
-    commanded
-        Whether the rotor speeds are commands.
-    known, terms
-        As for `joint_estimate`.
-    least_ratio
-        Explained over residual power of an angular acceleration, from which a band counts.
+    `configurations`: with their factors per stretch and band. `values`: free parameters by name,
+    near enough to separate the pilot's motion from disturbances. `commanded`: whether the rotor
+    speeds are commands. `known`, `terms`: as for `joint_estimate`. `least_ratio`: explained over
+    residual power of an angular acceleration, from which a band counts.
     """
     problem = joint_problem(configurations, known=known, terms=terms)
     phi = at_values(problem, values, np.zeros(len(problem.map.names)))
@@ -112,7 +104,7 @@ def with_counted_bands(
     commanded: bool,
     least_ratio: float = LEAST_RATIO,
 ) -> JointConfiguration:
-    """Mark the bands that count, and those that the autopilot answers."""
+    """Mark the informative bands, and those in which the autopilot responds."""
     factors, turns = configuration.factors, list(TURNS)
     flown = np.zeros_like(signal, dtype=bool)
     if commanded:
@@ -158,7 +150,7 @@ class Pushes:
 def pushes(configuration: JointConfiguration, error: Float[np.ndarray, "b m 6"]) -> list[Pushes]:
     """Return the pushes on roll, pitch and yaw, of the blocks that count.
 
-    Of an axis that is flown in no band none: it tells nothing, and would tell k_t that by its ties.
+    Of an axis that is flown in no band none: it shows nothing, and would bias k_t.
     """
     counted, with_response = configuration.counted, configuration.with_response
     assert counted is not None and with_response is not None
@@ -184,14 +176,9 @@ def error_correlation(
     """Return how much of the errors of the turns comes with those of the forces.
 
     By regression, each block with the variance of what is left. Known before the flight: pushes are
-    within the vehicle (`joint_equations.PUSHED_STD`).
+    within the vehicle (`joint_problem.PUSHED_STD`).
 
-    Parameters
-    ----------
-    flights
-        Their pushes.
-    vehicle
-        For its size.
+    `flights`: their pushes. `vehicle`: for its size.
     """
     shares, std = np.zeros((len(NOISY), len(NOISY))), error_correlation_std(vehicle)
     for turn, parts in zip(TURNS, zip(*flights, strict=True), strict=True):

@@ -1,4 +1,4 @@
-"""The joint fit of what was flown: flights to bands, a start, what counts, and the estimate."""
+"""The joint fit of all flights: bands, a start, the informative bands, and the estimate."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,8 +21,8 @@ from rotorfit.model.terms.registry import DEFAULT_TERMS
 from rotorfit.reduction.frequency_bands import LEAST_RATIO
 
 NEAR: Final = 0.1
-"""Of a parameter's deviation, at which those fits of many flights end that tell only what counts,
-and what the flights differ by."""
+"""Convergence tolerance of intermediate fits, in standard deviations: they find the informative
+bands and the scatter of the flights."""
 
 
 SMALLEST_BODY: Final = 1e-6
@@ -31,7 +31,7 @@ SMALLEST_BODY: Final = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedFactors:
-    """All that a fit needs to be made again, or beside other flights; no samples are among it.
+    """A fit's factors and values, to fit it again alone or with other flights; without samples.
 
     Attributes
     ----------

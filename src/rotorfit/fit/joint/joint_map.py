@@ -25,14 +25,14 @@ from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.motor_timing import FreeTiming
 
 Free = dict[str, dict[tuple[int, str], float]]
-"""For each free parameter the entries of theta that it moves."""
+"""The entries of theta that each free parameter moves."""
 Products = dict[tuple[int, str], list[tuple[float, str, str]]]
-"""For each entry of theta its bilinear terms."""
+"""The bilinear terms of each entry of theta."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointConfiguration:
-    """One configuration as the joint estimate sees it.
+    """One configuration of the joint estimate.
 
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
     no first moments and inertia of its own to estimate. `counted` and `with_response` are those of
@@ -110,7 +110,7 @@ def _body(c: int, configuration: JointConfiguration) -> Free:
 
 
 def _own_terms(used: Sequence[Term], configuration: JointConfiguration) -> list[Term]:
-    """Return the terms of which each configuration has its own parameters, besides its body."""
+    """Return the terms with own parameters of each configuration, besides its body."""
     centre = [ROTOR_CENTER] if configuration.vehicle.imu_position is None else []
     return centre + [t for t in used if t.owner == "configuration" and t.when != "always"]
 

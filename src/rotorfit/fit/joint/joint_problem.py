@@ -38,21 +38,21 @@ from rotorfit.preprocessing.motors.motor_model import MotorResponse
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
 TURN_ERRORS = ("dwx", "dwy", "dwz")
-"""The errors of the turns that an autopilot answers."""
+"""The errors of the turns, to which an autopilot responds."""
 RESPONSE_ERRORS = (*TURN_ERRORS, "az")
-"""Those, and that of the climb, which an altitude hold answers: its accelerometer's noise too."""
+"""Those, and the error of the climb for an altitude hold: its accelerometer's noise, too."""
 BANDWIDTH = 25.0
-"""[rad/s] up to which an autopilot answers roll and pitch errors: that of the simulated one's rate
-loops, and of usual ones."""
+"""[rad/s] up to which an autopilot responds to roll and pitch errors: as the simulated rate loops,
+and usual ones."""
 ATTITUDE = 6.0
 """Rate per angle that an attitude loop asks for [1/s]: 6.5 in PX4 and 4.5 in ArduPilot by default.
-Such a loop delays the answer; not every pilot flies with one."""
+Such a loop delays the response; not every pilot flies with one."""
 YAW_BANDWIDTH = 3.0
-"""[rad/s] up to which one answers yaw errors: PX4 and ArduCopter by default, others are quicker."""
+"""[rad/s], of yaw errors: PX4 and ArduCopter by default, others are quicker."""
 CLIMB_BANDWIDTH = 4.0
-"""[rad/s] up to which an altitude hold answers climb errors: PX4 by default, ArduCopter 5."""
+"""[rad/s] up to which an altitude hold responds to climb errors: PX4 by default, ArduCopter 5."""
 SLOW_YAW = 0.3
-"""[Hz] up to which that is taken for granted: each autopilot answers there. What it does further up
+"""[Hz] up to which that is taken for granted: every autopilot does so. Its response further up
 depends on its gains, on filters and on the rotors' reaction."""
 PUSHED_STD = 1.0
 """Known of how far an acceleration from without, over the arm, turns a vehicle: of a body whose
@@ -68,7 +68,7 @@ def joint_estimate(
     begin: Mapping[str, float] | None = None,
     close: float = SMALLEST_STEP,
 ) -> BandedEstimate:
-    """Return the estimate of all configurations together.
+    """Estimate all configurations together.
 
     Parameters
     ----------
@@ -104,9 +104,9 @@ def at_values(
 def _likeliest_start(
     problem: BandedProblem, configurations: Sequence[JointConfiguration], starts: Sequence[RowFits]
 ) -> Float[np.ndarray, " f"]:
-    """Return the better of two starts: every row from all flights, or from its liveliest one.
+    """Select the better of two starts: every row from all flights, or from its liveliest one.
 
-    Flights in which an axis is calm pull its row fit towards no response at all, and an iteration
+    Flights in which an axis is calm bias its row fit towards no response at all, and an iteration
     that begins there may end there.
     """
     lively = [liveliest_rows(c, rows) for c, rows in zip(configurations, starts, strict=True)]
@@ -126,7 +126,7 @@ def liveliest_rows(configuration: JointConfiguration, rows: RowFits) -> RowFits:
                 factors.select(source == number), configuration.model, mass=configuration.mass
             )
         except EstimationError:
-            continue  # too short or too still a flight to tell anything by itself
+            continue  # too short or too still to be informative by itself
         for row in best:
             if one.excitation[row] > best[row]:
                 best[row], fits[row] = one.excitation[row], one.fits[row]
@@ -216,7 +216,7 @@ def theta_of(
 
 
 def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
-    """Return where the autopilot answers by the rotors; None where that was not looked at."""
+    """Collect where the autopilot responds by the rotors; None where that is not known."""
     if any(c.with_response is None for c in configurations):
         return None
     layout = configurations[0].model.layout
@@ -266,7 +266,7 @@ def _trim_share(factors: Factors) -> Float[np.ndarray, " b"]:
 
 
 def _of_turns(slopes: Complex[np.ndarray, "b t"]) -> Complex[np.ndarray, "b e t"]:
-    """Return the slopes for each error: only turns tell the times, as pilots hold climbs, too."""
+    """Return the slopes for each error: only turns show the times, as pilots hold climbs, too."""
     for_each = np.zeros((len(slopes), len(RESPONSE_ERRORS), slopes.shape[1]), dtype=complex)
     for_each[:, : len(TURN_ERRORS)] = slopes[:, None, :]
     return for_each
@@ -342,7 +342,7 @@ def _known_before(owner: str, size: Size) -> dict[str, float]:
 
 
 def size_of(configuration: JointConfiguration) -> Size:
-    """Return how large a vehicle is, and how fast its rotors turn where something was flown."""
+    """Return the size of a vehicle, with its rotors' speeds where something was flown."""
     flown = len(configuration.factors) > 0
     speeds = float(rotor_speeds(configuration).sum()) if flown else np.nan
     return Size(mass=configuration.mass, arm=configuration.vehicle.arm, speeds=speeds)
@@ -354,7 +354,7 @@ def error_correlation_std(vehicle: Vehicle) -> float:
 
 
 def rotor_speeds(configuration: JointConfiguration) -> Float[np.ndarray, " N"]:
-    """Return about how fast each rotor turns: the root of its mean squared speed."""
+    """Compute the root mean square of each rotor's speed [rad/s]."""
     factors, layout = configuration.factors, configuration.model.layout
     lowest = factors.R[factors.band[:, 0] == factors.band[:, 0].min()]
     squares = [layout.index(f"O2_{i + 1}") for i in range(len(configuration.vehicle.rotors))]
@@ -368,7 +368,7 @@ def joint_start(
     configurations: Sequence[JointConfiguration],
     starts: Sequence[RowFits],
 ) -> Float[np.ndarray, " f"]:
-    """Return where the iteration begins: the row fits, yaw inertia as of a flat body."""
+    """Compute the start of the iteration: the row fits, yaw inertia as of a flat body."""
     kt = float(np.mean([s.fits["force"].estimate.value("kt") for s in starts]))
     values: dict[str, float] = {"kt": kt}
     for configuration, rows in zip(configurations, starts, strict=True):

@@ -1,4 +1,4 @@
-"""Which optional terms are in the model: what the user says, else what the flights ask for.
+"""Choose the optional terms of the model: those of the user, else by the likelihood.
 
 A term that most vehicles have little of (drag, a constant torque) enters where the log-likelihood
 rises by more than `LEAST_GAIN` with it. Whether a fit with it is worth its time is seen beforehand
@@ -22,7 +22,7 @@ from rotorfit.model.terms.term import Term
 LEAST_GAIN = 50.0
 """Of the log-likelihood, per configuration, for which a term enters. Of chance alone the three
 parameters of a torque gain 1.5 on average, and 8 once in a thousand, the nine of drag 4.5 and 14;
-gusts, which the autopilot answers, make up to 23 on simulated flights without the term, and throws
+the response to gusts makes up to 23 on simulated flights without the term, and throws
 and pulses up to 40 on real ones, where flights of the same vehicle contradict one another. Drag
 that spoils anything gains over 100."""
 SURE = 4.0
@@ -51,7 +51,7 @@ class Choice:
 
     @property
     def settings(self) -> dict[str, object]:
-        """What a result says of it."""
+        """Its entries among the settings of a result."""
         said: dict[str, object] = {"terms": list(self.terms)}
         if self.least_gain is None:
             return {**said, "terms_chosen": "by the experiment file"}
@@ -87,20 +87,11 @@ def chosen(
     refit: Refit,
     present: tuple[str, ...] = DEFAULT_TERMS,
 ) -> tuple[Choice, BandedEstimate]:
-    """Return the terms of the model and the fit with them.
+    """Choose the terms of the model, and fit with them.
 
-    Parameters
-    ----------
-    terms
-        As the user chose; None for what the flights ask for.
-    fit
-        With the user's terms, or the default ones.
-    joint
-        What was fitted.
-    refit
-        Fits again.
-    present
-        The terms of the fit, where the user chose none.
+    `terms`: as the user chose; None for what the flights ask for. `fit`: with the user's terms, or
+    the default ones. `joint`: what was fitted. `refit`: fits again. `present`: the terms of the
+    fit, where the user chose none.
     """
     if terms is not None:
         return Choice(terms=tuple(terms)), fit
@@ -125,7 +116,7 @@ def chosen(
         try:
             trial = refit(wider, fit)
         except UnsettledError:
-            continue  # the flights cannot tell it from the other terms
+            continue  # the flights do not separate it from the other terms
         gains[name] = trial.log_likelihood - fit.log_likelihood
         if gains[name] >= least and matters(name, trial, joint):
             present, fit = wider, trial
@@ -133,7 +124,7 @@ def chosen(
 
 
 def _drives(term: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
-    """Return whether what should brake surely drives in every configuration: no air does that."""
+    """Test whether a one-sided term surely drives in every configuration: no air does that."""
     names = [f"{name}@{c.name}" for c in joint for name in term.one_sided]
     if not set(names) <= set(fit.estimate.names):
         return False
@@ -161,7 +152,7 @@ def matters(name: str, fit: BandedEstimate, joint: Sequence[JointConfiguration])
 def expected_gain(
     fit: BandedEstimate, joint: Sequence[JointConfiguration], terms: Sequence[str]
 ) -> float:
-    """Return by how much the log-likelihood would rise with these terms, to second order."""
+    """Compute the gain of log-likelihood with these terms, to second order."""
     problem = joint_problem(joint, terms=terms)
     known = fit.estimate.by_name
     names = problem.map.names
@@ -171,8 +162,6 @@ def expected_gain(
         values=values,
         covariance=np.zeros((len(names), len(names))),
         condition_number=1.0,
-        weak_directions=np.zeros((0, len(names))),
-        weak_strengths=np.zeros(0),
     )
     wide = dataclasses.replace(fit, problem=problem, estimate=at)
     every = np.ones(len(fit.influence), dtype=bool)

@@ -1,4 +1,4 @@
-"""What changes from flight to flight of one configuration: where the battery sits, and the air.
+"""Trims of each flight of one configuration: where the battery sits, and the air.
 
 A centre of mass that is half a millimetre elsewhere turns thrust into a torque that looks like a
 gust, and a joint fit of flights that share one knows less of all the rest. Air that is 3 degrees
@@ -19,7 +19,7 @@ from rotorfit.estimation.parameter_map import ParameterMap, Product
 from rotorfit.model.parameters import INERTIA, PARAMETERS, inertia_about
 
 ENOUGH_FLIGHTS: Final = 5
-"""Of one configuration, from which their scatter tells its own size."""
+"""Flights of one configuration, from which their scatter is informative."""
 TRIM: Final = "trim_"
 MOVED: Final = tuple(n for n, info in PARAMETERS.items() if info.between_flights == "moves")
 """First moments that a flight has for itself: the height of the CoM hardly makes a torque."""
@@ -33,7 +33,7 @@ LEAST_MOVED: Final = 5e-4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scatter:
-    """By how much the flights of a configuration differ: deviations about what they share.
+    """Scatter of the flights of a configuration: deviations about their common values.
 
     Attributes
     ----------
@@ -61,18 +61,10 @@ def with_trims(
 ) -> ParameterMap:
     """Return the map to theta of every flight, with trims for each that is not alone.
 
-    Parameters
-    ----------
-    mapped
-        To theta of every configuration.
-    theta_names
-        Parameters of the model.
-    owners
-        Whose flight each is, in order; a configuration that is there once has no trims.
-    masses
-        Of each flight [kg].
-    of_many
-        Whether flights that are alone here are of many elsewhere, and have trims, too.
+    `mapped`: to theta of every configuration. `theta_names`: parameters of the model. `owners`:
+    whose flight each is, in order; a configuration that is there once has no trims. `masses`: of
+    each flight [kg]. `of_many`: whether flights that are alone here are of many elsewhere, and have
+    trims, too.
     """
     own = list(owners)
     split = [k for k, c in enumerate(own) if of_many or own.count(c) > 1]
@@ -140,14 +132,8 @@ def trim_prior(
 ) -> dict[str, float]:
     """Return the deviations of the trims before the flights.
 
-    Parameters
-    ----------
-    mapped
-        With the trims.
-    scatter
-        Of the flights of the configuration that each flight is of.
-    moments
-        Mass times arm of each flight [kg m].
+    `mapped`: with the trims. `scatter`: of the flights of the configuration that each flight is of.
+    `moments`: mass times arm of each flight [kg m].
     """
 
     def std(name: str) -> float:
@@ -161,20 +147,14 @@ def trim_prior(
 def scatters(
     estimate: Estimate, owners: Sequence[int], moments: Sequence[float]
 ) -> dict[int, Scatter]:
-    """Return by how much the flights of each configuration differ.
+    """Estimate the scatter of the flights of each configuration.
 
     A prior wider than that would leave what all flights share more open than they do. One step of
     expectation maximisation (Dempster, Laird and Rubin, J. Royal Statistical Society B 39, 1977),
     from what the trims differ by and what is open of that.
 
-    Parameters
-    ----------
-    estimate
-        With trims for each flight that is not alone.
-    owners
-        Whose flight each is, in order.
-    moments
-        Mass times arm of each flight [kg m].
+    `estimate`: with trims for each flight that is not alone. `owners`: whose flight each is, in
+    order. `moments`: mass times arm of each flight [kg m].
     """
     found: dict[int, Scatter] = {}
     for c in set(owners):
@@ -182,7 +162,7 @@ def scatters(
         if len(own) > 1:
             variance = float(np.mean([_variance(estimate, moment, own) for moment in MOVED]))
             moved = float(np.sqrt(variance)) / moments[own[0]]
-            # Two flights of one day tell nothing of other days: one degree of freedom from before.
+            # Two flights of one day show nothing of other days: one degree of freedom from before.
             squares = UNSEEN.air**2 + (len(own) - 1) * _variance(estimate, "air", own)
             found[c] = Scatter(
                 moved=max(moved, LEAST_MOVED), air=float(np.sqrt(squares / len(own)))

@@ -1,1 +1,1 @@
-"""When the rotors do what the motor data say: lag and delay, found with the fit."""
+"""Lag and delay of the motors, estimated with the fit."""

@@ -1,4 +1,4 @@
-"""A low-pass of the gyro on board: what of the motors' times is its delay, and no motor's."""
+"""A low-pass of the gyro on board: the part of the motors' times that is its delay."""
 
 from typing import Final
 
@@ -12,7 +12,7 @@ in ArduPilot's simulator (11 ms at 20 Hz, motors without lag) give a lag of 5.1 
 
 
 def lowpass_of(dataset: Dataset) -> float | None:
-    """Return the lowest cut-off of the gyros' low-pass on board, which commanded motors stand for.
+    """Return the lowest cut-off [Hz] of the gyros' low-pass on board, absorbed by commanded motors.
 
     In Hz; None where there is none, or where speeds are measured.
     """
@@ -23,11 +23,11 @@ def lowpass_of(dataset: Dataset) -> float | None:
 
 
 def filter_delay(cutoff: float) -> float:
-    """Return by how much a low-pass of second order (Butterworth) delays slow motion [s]."""
+    """Compute the delay of slow motion by a low-pass of second order (Butterworth) [s]."""
     return float(np.sqrt(2.0) / (2.0 * np.pi * cutoff))
 
 
 def shape_fault(dataset: Dataset) -> float:
-    """Return the deviation of the times of motors that stand for a filter as well [s]."""
+    """Compute the deviation of the times of motors that absorb a filter's delay [s]."""
     cutoff = lowpass_of(dataset)
     return 0.0 if cutoff is None else SHAPE * filter_delay(cutoff)

@@ -18,7 +18,7 @@ from rotorfit.reduction.reduce import Lines, body_lines, yaw_factors
 
 @dataclass(frozen=True, kw_only=True)
 class TimedDataset(Dataset):
-    """A dataset, when its rotors do what the motor data say, and what was reduced of it.
+    """A dataset with the timing of its motors, and its reduced flights.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class TimedDataset(Dataset):
 
     @property
     def timing_identifiable(self) -> bool:
-        """Whether lag and delay are given, or the flights tell them."""
+        """Whether lag and delay are given, or identifiable from the flights."""
         return self.motor_timing is None or self.motor_timing.identifiable
 
     @property
@@ -55,7 +55,7 @@ class TimedDataset(Dataset):
 
     @property
     def free_timing(self) -> FreeTiming | None:
-        """What a joint fit may move of the timing; None where it is given, or unidentifiable."""
+        """The timing that a joint fit may move; None where it is given, or unidentifiable."""
         found = self.motor_timing
         if found is None or not found.free:
             return None
@@ -80,7 +80,7 @@ class TimedDataset(Dataset):
         *,
         additional: tuple[str, ...] = (),
     ) -> "TimedDataset":
-        """Time the motors so, and say what a fit may move of it.
+        """Set the timing of the motors, and which of its times a fit may move.
 
         With `additional`, what it may move after a call of `freed`.
         """
@@ -135,7 +135,7 @@ class TimedDataset(Dataset):
 
     @cached_property
     def timed_bands(self) -> tuple[Factors, ...]:
-        """The band factors at the timing that was found, with what a fit may move of it."""
+        """The band factors at the estimated timing, with their slopes by the free times."""
         bands, found = self._timed_already, self.motor_timing
         if bands is not None:
             return bands.factors
@@ -170,7 +170,7 @@ class TimedDataset(Dataset):
         )
 
 
-def levelled_flights(dataset: TimedDataset, tilt: ImuTilt) -> TimedDataset:
-    """Return the flights with the IMU's readings turned into the rotors' axes."""
+def tilt_corrected_flights(dataset: TimedDataset, tilt: ImuTilt) -> TimedDataset:
+    """Rotate the IMU's readings of the flights into the rotors' axes."""
     turned = with_prepared(dataset, lambda prepared: levelled(prepared, tilt))
     return dataclasses.replace(turned, body=None)

@@ -1,4 +1,4 @@
-"""When the rotors do what the motor data say: lag and delay, found together with everything else.
+"""Lag and delay of the motors, estimated together with everything else.
 
 From a coarse start (`timing_search.py`) the joint fit moves the motors' times as it moves all other
 parameters: the signals' slopes by them are reduced beside the signals, and where the fit has moved
@@ -39,11 +39,12 @@ from rotorfit.reduction.motor_timing import (
 SUMMED: Final = ("motor_lag", "motor_delay")
 """Times whose sum is known better than each."""
 MOST_ROUNDS: Final = 10
-"""Of fitting, and of making the signals anew where the fit has moved to."""
+"""Rounds of fitting, and of making the signals anew where the fit has moved to."""
 LONGEST_MOVE: Final = 0.02
-"""Of a time in one round [s], beyond which its slope is none."""
+"""Longest move of a time in one round [s], within which its slope holds."""
 MOST_OF_A_LAG: Final = 0.75
-"""By which it falls in one round: without any lag, its slope says nothing of longer ones."""
+"""Largest share by which a lag falls in one round: without any lag, its slope says nothing of
+longer ones."""
 NEAR: Final = 0.3
 """Deviations by which the last round may still move a time, by the slopes of its signals: made anew
 there, they move it by a few hundredths more."""
@@ -52,23 +53,24 @@ ENOUGH: Final[Mapping[str, float]] = {
     "motor_lag": 0.1 * SUM_FAULT,
     "motor_skew": 1e-3,
 }
-"""Or so much of it [s, s, share], which no flight tells: simulators do, to microseconds."""
+"""Or so much of it [s, s, share], which no flight shows: simulators do, to microseconds."""
 LONGEST_LAG: Final = 0.2
 LONGEST_DELAY: Final = 0.16
 LEAST_GAIN: Final = 10.0
-"""Of the log-likelihood, for which rising and falling speed get a lag each."""
+"""Gain of log-likelihood for which rising and falling speed get a lag each."""
 LEAST_LAG: Final = 1e-3
-"""Of rotors whose rising and falling may differ [s]."""
+"""Least lag of rotors whose rising and falling may differ [s]."""
 UNIDENTIFIABLE_BIAS: Final = 0.03
 """From here on [s], which is where the turns are explained less than five times over their
-residual, lag and delay of commanded motors are those of the autopilot's answer to gusts (70 ms
+residual, lag and delay of commanded motors are those of the autopilot's response to gusts (70 ms
 instead of 39 in a hover)."""
 STARTS: Final = (1.0, 0.5, 2.0)
-"""Of the lag that the fit begins with, one after the other where it gets lost."""
+"""Factors of the lag that the fit begins with, one after the other where it gets lost."""
 LOST: Final = 1.0
 """A fit that moves a time further has lost the motion: its slopes hold for some 20 ms [s]."""
 HOLD_FAULT: Final = 0.25
-"""Of a sample: half of the half-sample that lies between the two ways a command may have held."""
+"""Fault of a hold, in samples: half of the half-sample that lies between the two ways a command may
+have held."""
 FEWEST_TERMS: Final = tuple(term.name for term in DEFAULT if term.dropped is None)
 
 
@@ -81,14 +83,10 @@ def time_motors(dataset: TimedDataset, *, lag: bool, report: Callable[[str], Non
 
 
 def find_timing(dataset: TimedDataset, *, lag: bool = True) -> MotorTiming | None:
-    """Return the timing that fits best; None where the flights do not determine it.
+    """Estimate the timing; None where the flights do not determine it.
 
-    Parameters
-    ----------
-    dataset
-        All flights.
-    lag
-        Look for the motors' lag, too, where it is unknown; else all lateness is delay.
+    `dataset`: all flights. `lag`: look for the motors' lag, too, where it is unknown; else all
+    lateness is delay.
     """
     unknown = tuple(name for name in dataset.unknown_times if lag or name != "lag")
     start = coarse_timing(dataset, unknown) if unknown else None
@@ -98,14 +96,14 @@ def find_timing(dataset: TimedDataset, *, lag: bool = True) -> MotorTiming | Non
     for terms in (DEFAULT_TERMS, FEWEST_TERMS):
         with suppress(UnsettledError):
             return fitted_timing(dataset, start, names, terms)
-    # Neither settles: the flights do not tell the lag, and without one they would be fitted wrong.
+    # Neither settles: the flights do not show the lag, and without one they would be fitted wrong.
     return (
         unidentifiable_timing(dataset, delay_free="delay" in unknown) if "lag" in unknown else None
     )
 
 
 def timed_again(dataset: TimedDataset, terms: Sequence[str]) -> TimedDataset:
-    """Return the flights at the timing that other terms of the model ask for.
+    """Estimate the timing of the flights again with other terms of the model.
 
     Damping of the turns that the model lacks makes the motors look quick. Where the fit does not
     settle with the terms, the timing stays.
@@ -138,8 +136,8 @@ def fitted_timing(
         return None  # the motion does not follow these commands at all
     bias = gust_bias(timed)
     total = response.mean_lag + response.delay
-    # Before the command no motor answers: there the autopilot answers the noise of its gyro. Of
-    # motors without lag, as simulators have them, the turns that are flown tell.
+    # Before the command no motor responds: there the autopilot responds to its gyro's noise. Of
+    # motors without lag, as simulators have them, the turns that are flown show it.
     late = total > 0.0 and (response.mean_lag > LEAST_LAG or bias == 0.0)
     if "motor_lag" in names and (bias > UNIDENTIFIABLE_BIAS or not late):
         return unidentifiable_timing(dataset, delay_free="motor_delay" in names)
@@ -206,7 +204,7 @@ def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
 def _additional_times(
     dataset: Dataset, at: MotorResponse, names: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Return the skew where rising and falling speed may get a lag each, and have none yet."""
+    """Return the skew where rising and falling speed may have a lag each, and share one yet."""
     # Low-passed beside motion capture, motor data rise and fall alike.
     lagging = "motor_lag" in names and at.mean_lag > LEAST_LAG
     may = lagging and "motor_skew" not in names and dataset.source == "imu"
@@ -214,7 +212,7 @@ def _additional_times(
 
 
 def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
-    """Return the timing that the fit has moved to, in its direction as far as its slopes reach."""
+    """Compute the timing of a fit, moved in its direction as far as its slopes hold."""
     by = {name: fit.estimate.value(name) for name in free.names}
     reach = {name: LARGEST_SKEW if name == "motor_skew" else LONGEST_MOVE for name in by}
     if by.get("motor_lag", 0.0) < 0.0 and free.at.mean_lag > LEAST_LAG:
@@ -226,7 +224,7 @@ def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
 def _with_skew(
     dataset: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
 ) -> tuple[TimedDataset, BandedEstimate]:
-    """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
+    """Fit a lag for rising and one for falling speed, and keep them if the gain is enough."""
     free, found = dataset.free_timing, dataset.motor_timing
     assert free is not None and found is not None
     names = (*free.names, "motor_skew")
@@ -237,12 +235,12 @@ def _with_skew(
         found = settled_fit(wide, terms, first) if gain > LEAST_GAIN else (dataset, fit)
     except EstimationError:
         return dataset, fit
-    # Motors too quick to tell their rising from their falling lose the motion, step by step.
-    return (dataset, fit) if _lost(*found) else found
+    # Motors too quick to separate their rising from their falling lose the motion, step by step.
+    return (dataset, fit) if _exceeds_slopes(*found) else found
 
 
-def _lost(dataset: TimedDataset, fit: BandedEstimate) -> bool:
-    """Return whether a fit that has ended would still move beyond what its slopes say, or did."""
+def _exceeds_slopes(dataset: TimedDataset, fit: BandedEstimate) -> bool:
+    """Test whether a fit that has ended moved, or would move, beyond where its slopes hold."""
     free = dataset.free_timing
     assert free is not None
     still = any(
@@ -252,7 +250,7 @@ def _lost(dataset: TimedDataset, fit: BandedEstimate) -> bool:
 
 
 def unidentifiable_timing(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
-    """Take lag and delay as they are known without the flights."""
+    """Set lag and delay to their values from before the flights."""
     lag, std = dataset.lag_prior
     return MotorTiming(
         response=MotorResponse(lag=lag, delay=dataset.declared.delay),
@@ -292,7 +290,7 @@ def timing_with_deviations(
 def _stds(
     fit: BandedEstimate, combinations: Mapping[str, Float[np.ndarray, " f"]]
 ) -> dict[str, float]:
-    """Return the deviations of combinations of parameters."""
+    """Compute the deviations of combinations of parameters."""
     rows = np.array(list(combinations.values()))
     chance = random_half_width(fit, rows, formal_covariance(fit, rows))
     by_response = np.abs(response_sensitivity(fit) @ rows.T).sum(axis=0)

@@ -1,4 +1,4 @@
-"""Where the fit of the motors' timing begins, and whether the flights tell any of it.
+"""The start of the fit of the motors' timing, and whether it is identifiable.
 
 By the likelihood of the three angular accelerations on a coarse grid: every trial makes only the
 rotor columns anew. Only the pilot's band is looked at: elsewhere rotor speeds are the autopilot's
@@ -43,14 +43,10 @@ SMALLEST_RATIO: Final = 0.1
 
 
 def coarse_timing(dataset: TimedDataset, unknown: Collection[str]) -> MotorResponse | None:
-    """Return lag and delay of the best trial; None where it is at the edge of what is looked at.
+    """Search lag and delay of the best trial; None where it is at the edge of the grid.
 
-    Parameters
-    ----------
-    dataset
-        All flights; the first configuration decides about a lag.
-    unknown
-        ``"lag"``, ``"delay"`` or both.
+    `dataset`: all flights; the first configuration decides about a lag. `unknown`: ``"lag"``,
+    ``"delay"`` or both.
     """
     few = liveliest(dataset)
     found = _coarse(few, unknown)
@@ -58,7 +54,7 @@ def coarse_timing(dataset: TimedDataset, unknown: Collection[str]) -> MotorRespo
 
 
 def liveliest(dataset: TimedDataset) -> TimedDataset:
-    """Return the few flights of each configuration that turn most; all where they are few."""
+    """Select the few flights of each configuration that turn most; all where they are few."""
     if all(len(c.flights) <= FLIGHTS_TRIED for c in dataset.configurations):
         return dataset
     picked = [_most_turned(c) for c in dataset.configurations]
@@ -73,7 +69,7 @@ def liveliest(dataset: TimedDataset) -> TimedDataset:
 
 
 def _most_turned(configured: ConfigurationData) -> list[int]:
-    """Return which flights of a configuration have most of the squared rates."""
+    """Select the flights of a configuration that have most of the squared rates."""
     turned: list[float] = []
     for flight in configured.flights:
         data = flight.prepared.data
@@ -164,7 +160,7 @@ def _every_cost(dataset: TimedDataset, response: MotorResponse) -> float:
 
 
 def gust_bias(dataset: TimedDataset) -> float:
-    """Return by how much the autopilot's answer may have moved a delay, where nobody steers [s].
+    """Compute the bias of a delay by the autopilot's response to gusts, where no pilot flies [s].
 
     Nothing where a turn is flown above the pilot's band; else by the ratio of explained to residual
     power in it, of the turn that has most of it.

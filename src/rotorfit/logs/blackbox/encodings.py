@@ -75,7 +75,7 @@ class Group:
 
 def index_bytes(data: bytes) -> ByteIndex:
     """Return the index of the bytes of one log."""
-    # The padding is made of terminators, so that every look-up of a truncated frame has an answer.
+    # The padding is made of terminators, so that every look-up of a truncated frame ends.
     padded = np.frombuffer(data + bytes(8), np.uint8)
     is_end = padded < 128
     rank = np.zeros(len(padded) + 1, np.int32)
@@ -280,7 +280,7 @@ def _plain(
 
 _WRAP: Final = 1 << 32
 
-_BLOCK_FRAMES: Final = 1 << 14
+BLOCK_FRAMES: Final = 1 << 14
 _BLOCK_STRETCHES: Final = 32
 """Frames, or else stretches, that are computed together at least."""
 
@@ -340,7 +340,7 @@ def main_values(
     """Compute the values of the main frames, some ten thousand frames at a time."""
     values = np.empty_like(written)
     # So many stretches at once that their number outweighs that of the steps from I to I frame.
-    least = max(_BLOCK_FRAMES, _BLOCK_STRETCHES * header.i_interval)
+    least = max(BLOCK_FRAMES, _BLOCK_STRETCHES * header.i_interval)
     begin = 0
     for end in (*np.flatnonzero(is_intra).tolist(), len(written)):
         if end - begin >= least or end == len(written):

@@ -415,7 +415,7 @@ def _choice(entries: tuple[LogEntry, ...]) -> str:
 
 
 def _metadata(entries: Mapping[str, str]) -> dict[str, str]:
-    """Select the header lines that tell a person what was flown."""
+    """Select the header lines that describe the flight to a person."""
     named = [name for name in _METADATA if name in entries]
     filters = [name for name in entries if name not in named and _FILTER.fullmatch(name)]
     metadata = {name: entries[name][:200] for name in [*named, *filters] if entries[name]}

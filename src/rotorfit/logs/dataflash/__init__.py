@@ -3,7 +3,7 @@
 from typing import Final
 
 HEAD: Final = b"\xa3\x95"
-"""With which each message begins."""
+"""Bytes with which each message begins."""
 
 
 def is_dataflash(head: bytes) -> bool:

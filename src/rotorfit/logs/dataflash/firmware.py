@@ -38,9 +38,9 @@ FAST: Final = {0: "fast attitude", 10: "RC output", 18: "fast IMU"}
 RAW_IMU: Final = {19: "raw IMU"}
 """Bits of ArduCopter's LOG_BITMASK; the last is every sample of every IMU: for a fast card."""
 ENOUGH_RATE: Final = 150.0
-"""Below this the fast motion that inertia shows in is lost [Hz]."""
+"""Rate below which the fast motion that shows inertia is lost [Hz]."""
 TOO_SLOW: Final = 40.0
-"""Below this all of it is [Hz]."""
+"""Rate below which all of it is lost [Hz]."""
 ROTOR_MODES: Final = (2, 3, 5)
 """INS_HNTCH_MODE of notches that follow measured rotor speeds."""
 SETTINGS: Final = settings_of(
@@ -69,7 +69,7 @@ NO_LIMIT: Final = settings_of(
         SLOW_IMU | SLOW_MOTORS,
     )
 )
-"""In place of LOG_BITMASK, where no bit is missing."""
+"""Settings in place of LOG_BITMASK, where no bit is missing."""
 
 
 def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:

@@ -7,7 +7,7 @@ Motor commands are mixed again here where RCOU is logged too slowly. The rate co
 only. AP_MotorsMatrix mixes thrust_i = throttle + roll r_i + pitch p_i + yaw y_i, and
 AP_Motors_Thrust_Linearization turns a thrust t into the output
 spin_min + (spin_max - spin_min) u with (1 - e) u + e u^2 = t. What the battery and the air add to
-that changes slowly: the slow outputs tell it. They also tell whether the mix is right.
+that changes slowly: the slow outputs show it. They also show whether the mix is right.
 """
 
 import re
@@ -129,10 +129,10 @@ class Frame:
 
 
 def frame_of(parameters: Parameters, texts: list[str]) -> Frame | None:
-    """Return the frame that a log's parameters and texts tell; None where it is not known.
+    """Return the frame by a log's parameters and texts; None where it is not known.
 
     Before version 3.5 the parameter FRAME was the type, and the class was compiled in: a text
-    ``Frame: QUAD`` tells it.
+    ``Frame: QUAD`` has it.
     """
     kind = CLASSES.get(parameters.integer("FRAME_CLASS") or 0) or _class_of_texts(texts)
     number = parameters.integer("FRAME_TYPE")

@@ -11,7 +11,7 @@ from rotorfit.errors import LogError
 from rotorfit.logs.dataflash import HEAD
 
 HEAD_BYTES: Final = 3
-"""Of a message: the two bytes above and its type."""
+"""Head of a message: the two bytes above and its type."""
 FMT_TYPE: Final = 128
 FMT_BYTES: Final = 89
 LONGEST: Final = 255
@@ -135,7 +135,7 @@ AHEAD: Final = 2 * LONGEST + HEAD_BYTES
 FEW_HEADS: Final = 64
 """Looked at together while definitions come in; each one changes what the next heads mean."""
 MOST_FORMATS: Final = 1000
-"""Of one log; a type has one byte, and firmware defines it once."""
+"""Most formats of one log; a type has one byte, and firmware defines it once."""
 MOST_REDEFINITIONS: Final = 2000
 GLIMPSES: Final = 8
 """Runs of messages that are looked at together, of names that are only glimpsed."""

@@ -32,11 +32,11 @@ _OUTPUT_LABELS: Final = ("C", "Ch", "Chan")
 MOST_ESCS: Final = 32
 ESC_NAMES: Final = ("ESC", *(f"ESC{n}" for n in range(1, 13)))
 ESC_LABELS: Final = ("TimeUS", "TimeMS", "Instance", "I", "RPM", "RawRPM")
-"""Of the fields that are used."""
+"""Labels of the fields that are used."""
 NAMES: Final = (*OUTPUT_MESSAGES, *ESC_NAMES)
 RPM: Final = 2.0 * math.pi / 60.0
 _FEW: Final = 4
-"""Outputs of an old log whose number of motors nothing tells."""
+"""Outputs of an old log that does not have its number of motors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""What a DataFlash log says of the vehicle: parameters, firmware, arming, when and in what air."""
+"""Read the vehicle of a DataFlash log: parameters, firmware, arming, when and in what air."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.flight_log import Circumstances, in_air
 
 ARMED_EVENT, DISARMED_EVENT = 10, 11
-"""Of message EV."""
+"""Events of message EV."""
 NAMES = ("PARM", "MSG", "ARM", "EV")
 
 
@@ -86,9 +86,9 @@ def arming(messages: Messages) -> tuple[Float[np.ndarray, " n"], list[bool]] | N
 CIRCUMSTANCES: Final = ("BARO", "GPS")
 KELVIN: Final = 273.15
 GPS_EPOCH: Final = 315_964_800.0
-"""Of the satellites' weeks, seconds since 1970 (UTC)."""
+"""Epoch of the satellites' weeks, seconds since 1970 (UTC)."""
 LEAP_SECONDS: Final = 18.0
-"""By which UTC is behind the satellites, since 2017."""
+"""Seconds by which UTC is behind the satellites, since 2017."""
 _WEEK: Final = 604_800.0
 _BOARD: Final = re.compile(r"\S+ ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})\s*")
 """What the firmware says of its board when it starts: a name, and the number of the processor."""

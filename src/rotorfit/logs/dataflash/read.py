@@ -28,7 +28,7 @@ from rotorfit.logs.files import read_blocks, read_head, sha256_of
 from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog, seconds_of, simulated_sentence
 
 CONTROLLER_NAMES: Final = ("RATE", *parameters.NAMES)
-"""Messages that tell of it."""
+"""Messages that have it."""
 ASKED: Final = ("RDes", "PDes", "YDes")
 MEASURED: Final = ("R", "P", "Y")
 OUTPUT: Final = ("ROut", "POut", "YOut")
@@ -72,13 +72,13 @@ CHOICE: Final = Wanted(
     names=frozenset((*sensors.CHOICE_NAMES, *parameters.NAMES)),
     glimpsed=frozenset(sensors.GLIMPSED),
 )
-"""Messages that tell which IMU to read."""
+"""Messages that name the IMU to read."""
 NAMES: Final = (
     *(*motors.NAMES, *parameters.NAMES, *sensors.NAMES, *frames.NAMES, *parameters.CIRCUMSTANCES),
     *("UNIT", "FMTU"),
 )
 LEAST_RESTART: Final = 1.0
-"""By which the clock goes back where a log begins anew [s]."""
+"""Least time by which the clock goes back where a log begins anew [s]."""
 LEAST_LEFT: Final = 0.01
 """Share of the messages left out from which that is said."""
 _LONGEST_TEXT: Final = 200

@@ -31,9 +31,9 @@ MOST_IMUS: Final = 8
 FASTER: Final = 1.2
 """Raw messages are taken where they come so many times as often as IMU does."""
 GLIMPSED: Final = ("IMU", "GYR")
-"""Messages of which some tell the instances there are."""
+"""Messages of which some have the instances there are."""
 LABELS: Final = ("TimeUS", "TimeMS", "I", "SampleUS", *GYRO, *ACCEL)
-"""Of the fields that are used."""
+"""Labels of the fields that are used."""
 CHOICE_NAMES: Final = ("XKF4", "NKF4")
 
 
@@ -101,7 +101,7 @@ def read_imu(messages: Messages, parameters: Parameters, choice: ImuChoice) -> I
 
 
 def choose_imu(messages: Messages, parameters: Parameters) -> ImuChoice:
-    """Choose the IMU that the autopilot used, as far as the log tells.
+    """Choose the IMU that the autopilot used, as far as the log has it.
 
     Of the messages `GLIMPSED` some are enough.
     """

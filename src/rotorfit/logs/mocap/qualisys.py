@@ -22,7 +22,7 @@ _PER_BODY: Final = 16
 _HEADER_LINES: Final = 64
 _MOST_BODIES: Final = 1000
 _OFF_ORTHOGONAL: Final = 1e-3
-"""Of R R^T from the identity; exported with five decimals, it is 3e-5."""
+"""Difference of R R^T from the identity; exported with five decimals, it is 3e-5."""
 
 
 def read_qualisys(

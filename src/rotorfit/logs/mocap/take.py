@@ -1,4 +1,4 @@
-"""What every motion-capture file comes to: rigid bodies with a pose in each frame.
+"""A motion-capture take: rigid bodies with a pose in each frame.
 
 The simplest are read here: trajectories in the form of the TUM RGB-D benchmark, t x y z qx qy qz
 qw, one pose a line, also as CSV under a row of names ``t,x,y,z,qx,qy,qz,qw``. Seconds, metres, body

@@ -1,4 +1,4 @@
-"""ROS recordings (ROS 1 bags, ROS 2 SQLite bags and MCAP): what tells one, and its files."""
+"""ROS recordings (ROS 1 bags, ROS 2 SQLite bags and MCAP): how to detect one, and its files."""
 
 from pathlib import Path
 from typing import Final

@@ -38,7 +38,6 @@ Form = Literal[
     "outputs",  # pulse widths [us] or fractions; motors among other things
     "volt",
 ]
-Rank = Literal["mocap", "estimate", "sensor", "outputs"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +95,7 @@ STAMPS: Final[Sequence[Sequence[str]]] = (
 """Paths of the stamp: of ROS in seconds and nanoseconds, of PX4 in microseconds."""
 
 AIMS: Final = ("setpoint", "set_point", "command", "cmd", "target", "desired", "reference", "goal")
-"""In the name of a topic: what should be, not what is."""
+"""Words in the name of a topic that is a set point, not a measurement."""
 CAMERAS: Final = ("mocap", "vicon", "vrpn", "optitrack", "natnet", "qualisys", "qtm", "motion_cap")
 ESTIMATES: Final = ("local_position", "estimat", "odom", "ekf", "fused", "slam", "vio", "gps")
 
@@ -114,12 +113,11 @@ MEASURED: Final = ("gyro", "accel", "position", "attitude", "velocity")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """A topic that can give a channel; `detail` says what was done to its numbers."""
+    """A topic that can give a channel."""
 
     topic: str
     kind: str
     channel: Channel
-    detail: str
     rate: float
 
 
@@ -159,7 +157,6 @@ def _candidate(
         topic=recorded.topic.name,
         kind=recorded.topic.kind,
         channel=Channel(time=time[order], values=values[known][order], source=source),
-        detail=detail,
         rate=(len(time) - 1) / span if span > 0 else 0.0,
     )
 

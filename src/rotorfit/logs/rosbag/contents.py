@@ -156,7 +156,7 @@ def needed(types: Typesdict, kind: str) -> tuple[Typesdict, int]:
         return count, takes_room
 
     def one(desc: FieldDesc, owner: str, depth: int) -> tuple[int, bool]:
-        """Count the fields of one field, and tell whether it takes any room."""
+        """Count the fields of one field, and test whether it takes any room."""
         if desc[0] == Nodetype.BASE:
             return 1, True
         if desc[0] == Nodetype.NAME:

@@ -31,7 +31,7 @@ _LARGEST_RECORD: Final = 1 << 30
 _MOST_TOPICS: Final = 65_536
 
 _Topics = dict[bytes, tuple[Topic, bool]]
-"""By the number of the connection: the topic, and whether it is wanted."""
+"""The topic of each connection's number, and whether it is wanted."""
 
 
 def scan_ros1(file: Source, wanted: Wanted, tally: Tally) -> Messages:

@@ -184,7 +184,7 @@ def _text(content: BytesIO) -> str:
 _LARGEST_VALUE: Final = 64 * 2**20
 _STEPS_AT_ONCE: Final = 100_000
 _STEPS_PER_BYTE: Final = 20
-"""Of SQLite's machine: a sound bag takes less than one."""
+"""Steps of SQLite's machine: a sound bag takes less than one."""
 _MOST_TOPICS: Final = 65_536
 _TOPICS: Final = """
 CREATE TEMP VIEW topics AS

@@ -1,4 +1,4 @@
-"""What every ROS recording yields: topics, then raw messages, then the numbers in them.
+"""The stream of a ROS recording: topics, then raw messages, then the numbers in them.
 
 A message says when its data were taken, the recorder when it arrived. The first is better, unless
 it is empty, jumps, or belongs to a clock that has nothing to do with the recorder's. A clock that
@@ -123,11 +123,10 @@ _REPEATED: Final = 0.2
 class Timing:
     """The clock of one topic, since the beginning of the recording [s].
 
-    `basis` is ``"stamp"``, ``"moved"`` or ``"received"``; `why` has the numbers that decided.
+    `why` has the numbers that decided.
     """
 
     time: Float[np.ndarray, " n"]
-    basis: str
     why: str
 
 
@@ -165,14 +164,14 @@ def _shared(offset: float | None, offsets: Sequence[float | None]) -> float | No
 def _timing(topic: Recorded, own: float | None, offset: float | None, start: int) -> Timing:
     received = _seconds(topic.received, np.full(1, start))
     if own is None or offset is None:
-        return Timing(time=received, basis="received", why=_why_not(topic))
+        return Timing(time=received, why=_why_not(topic))
     delay = _seconds(topic.received, topic.stamps)
     time = received - delay + offset
     if offset == 0.0:
         why = f"stamps, received {1e3 * float(np.median(delay)):.1f} ms later (median)"
-        return Timing(time=time, basis="stamp", why=why)
+        return Timing(time=time, why=why)
     why = f"stamps of a clock that began elsewhere, moved by {offset:.3f} s to the recorder's"
-    return Timing(time=time, basis="moved", why=why)
+    return Timing(time=time, why=why)
 
 
 def _why_not(topic: Recorded) -> str:

@@ -304,7 +304,7 @@ class Topic:
 
     @property
     def sample_time(self) -> Float[np.ndarray, " n"]:
-        """When what it tells was measured [s]; where it does not say, when it was published."""
+        """When its content was measured [s]; where it does not say, when it was published."""
         sampled = self.number("timestamp_sample")
         if sampled is None or not sampled.all():
             return self.time

@@ -26,7 +26,7 @@ CONTROLLER_TOPICS: Final = {
 }
 
 WITHIN: Final = 0.5
-"""Of a run of the controller: the set point is the last one, or came in that very run."""
+"""Share of a run of the controller: the set point is the last one, or came in that very run."""
 
 
 def controller_of(scan: Scan, path: Path) -> ControllerLog:

@@ -67,7 +67,7 @@ class Scan:
     system_defaults, airframe_defaults
         Defaults of the firmware and of the airframe, where they differ from the parameters.
     knows_defaults
-        Whether the log tells defaults at all.
+        Whether the log has defaults at all.
     changes
         Parameters that changed in the log: name, value before, value after.
     info

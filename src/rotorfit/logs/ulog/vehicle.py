@@ -1,4 +1,4 @@
-"""What a PX4 log says of the vehicle: geometry, settings, simulator, and when it flew."""
+"""Read the vehicle of a PX4 log: geometry, settings, simulator, and when it flew."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -38,7 +38,7 @@ ARMED: Final = 2
 GENERIC: Final = (4001, 5001, 6001, 7001, 8001, 9001, 11001, 12001, 14001, 4601)
 """Airframes that stand for any vehicle of their layout."""
 ON_CIRCLE: Final = 0.005
-"""By which directions of two or three digits miss a circle of 1."""
+"""Distance by which directions of two or three digits miss a circle of 1."""
 MULTIROTORS: Final = (0, 8)
 """CA_AIRFRAME of multirotors, and of those with tilt."""
 VTOL: Final = (

@@ -25,23 +25,23 @@ from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.flight_data import FlightData
 
 CLIMB_DRAG_STD: Final = 0.5
-"""Known of what the air does against a climb before the flight, over mass and velocity [1/s]: drag
+"""Prior deviation of the air's force against a climb, over mass and velocity [1/s]: drag
 of the frame and thrust that the rotors lose."""
 CLIMB_PLACE_STD: Final = 0.25
-"""Known of how far beside the origin that force acts, over the arm: the frame's at the centre of
+"""Prior deviation of the place of that force, over the arm: the frame's at the centre of
 mass or above it, the rotors' between them."""
 DRAG_STD: Final = 0.3
-"""Known of the torque of drag before the flight: that of drag of this size over mass and velocity
+"""Prior deviation of the torque of drag: that of drag of this size over mass and velocity
 [1/s] at the end of an arm."""
 DAMPING_STD: Final = 0.3
-"""Known of the damping of a turn before the flight: that of drag of this size over mass and
+"""Prior deviation of the damping of a turn: that of drag of this size over mass and
 velocity [1/s] at the end of an arm, over its rate."""
 INFLOW_STD: Final = 1.0
-"""Known of the thrust that a climb costs: of this size over mass and velocity [1/s], a tenth of the
-weight in a climb of 1 m/s."""
+"""Prior deviation of the thrust that a climb costs: of this size over mass and velocity [1/s], a
+tenth of the weight in a climb of 1 m/s."""
 LIFT_STD: Final = 0.05
-"""Known of the thrust that sideways velocity brings: over mass and squared velocity [1/m], a tenth
-of the weight at 4 m/s."""
+"""Prior deviation of the thrust that sideways velocity brings: over mass and squared velocity
+[1/m], a tenth of the weight at 4 m/s."""
 DRAG_NAMES: Final = ("drag_x", "drag_y", "drag_z")
 DRAG_MOMENTS: Final = tuple(f"drag_moment_{a}{b}" for a in "xyz" for b in "xyz" if a != b)
 INFLOW_SIGNALS: Final = ("Ou_Fx", "Ou_Fy", "Ou_Fz", "Ou_Mx", "Ou_My", "Ou_Mz")
@@ -109,7 +109,7 @@ INFLOW_OF_ROTORS: Final = AddedSignals(
 def climb_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Force -d v_z over the velocity along z that the IMU feels, and its torques: it acts anywhere.
 
-    Drag and inflow look the same. With its place at the origin, the flights would tell the centre
+    Drag and inflow look the same. With its place at the origin, the flights would show the centre
     of mass by the torque of a force that acts there in truth.
     """
     del vehicle
@@ -239,7 +239,7 @@ DRAG: Final = Term(
     entries=frame_drag,
     needs="velocity",
     signals=(VELOCITY,),
-    # To a side: a height controller that answers gusts looks like drag along z.
+    # To a side: a height controller that opposes gusts looks like drag along z.
     significance=Significance(parameters=DRAG_NAMES[:2], least=lambda s: s.trace_force),
 )
 TURN_DAMPING: Final = Term(

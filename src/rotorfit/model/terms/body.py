@@ -30,7 +30,7 @@ MOUNTING_STD: Final = 0.5
 """The same sideways, where 3 degrees between IMU and rotor plane look like a bias [m/s^2]."""
 BIAS_STD: Final = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
 OFFSET_STD: Final = 0.05
-"""Known of a constant torque, as a share of the weight at the end of an arm."""
+"""Prior deviation of a constant torque, as a share of the weight at the end of an arm."""
 
 
 def body_mass(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:

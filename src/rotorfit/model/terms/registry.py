@@ -32,8 +32,8 @@ TERMS: Final[tuple[Term, ...]] = (
 OPTIONAL: Final = tuple(term for term in TERMS if term.when != "always")
 DEFAULT: Final = tuple(term for term in OPTIONAL if term.when == "default")
 DEFAULT_TERMS: Final = tuple(term.name for term in DEFAULT)
-"""In the model unless the user says otherwise: every real vehicle has them, and they cost next to
-nothing where it has not."""
+"""Terms in the model unless the user says otherwise: every real vehicle has them, and they cost
+next to nothing where it has not."""
 BY_LIKELIHOOD: Final = tuple(term for term in OPTIONAL if term.when == "likelihood")
 DROPPED: Final = tuple(
     sorted((t for t in DEFAULT if t.dropped is not None), key=lambda t: t.dropped or 0)
@@ -49,14 +49,9 @@ def terms_named(names: Collection[str]) -> tuple[Term, ...]:
 def considered_terms(asked: Collection[str] | None, *, velocity: bool, felt: bool) -> list[str]:
     """Return the optional terms whose signals a fit needs.
 
-    Parameters
-    ----------
-    asked
-        As the user chose; None for the default ones, and what the flights ask for.
-    velocity
-        Whether the velocity is known and wanted: all its terms share the same signals.
-    felt
-        Whether accelerometer and gyro feel the climb, and some flight knows no more.
+    `asked`: as the user chose; None for the default ones, and what the flights ask for. `velocity`:
+    whether the velocity is known and wanted: all its terms share the same signals. `felt`: whether
+    accelerometer and gyro feel the climb, and some flight knows no more.
     """
     usual = [t.name for t in DEFAULT] if asked is None else asked
     met: dict[str | None, bool] = {"velocity": velocity, "climb": felt}

@@ -28,18 +28,18 @@ ROTOR_SPREAD_STD: Final = 0.04
 """Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or
 2 %, one rotor of a 3-inch quadrotor by 7 % in flight after flight."""
 GROUP_SPREAD_STD: Final = 0.1
-"""Thrust coefficients of groups that the user tells apart differ by about this share: lower rotors
+"""Thrust coefficients of groups that the user declares differ by about this share: lower rotors
 in the wake of upper ones, other propellers."""
 TWIST_STD: Final = np.radians(2.0)
-"""Known of the motors' mean tilt about their arms before the flight [rad]."""
+"""Prior deviation of the motors' mean tilt about their arms [rad]."""
 MOUNTING_STD: Final = np.radians(0.5)
-"""Known of the turn of an IMU against the rotors about each axis before the flight [rad]."""
+"""Prior deviation of the turn of an IMU against the rotors about each axis [rad]."""
 ROTOR_DRAG_STD: Final = 0.3
 """The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
 
 LINEAR_TORQUE_STD: Final = 0.03
-"""Known of the drag torque in proportion to speed before the flight: all rotors in hover, as a
+"""Prior deviation of the drag torque in proportion to speed: all rotors in hover, as a
 share of the weight at the end of an arm. It is a third of a usual drag torque, which is a tenth of
 that. On 25 flights of a 3-inch quadrotor the torque went with the speed to the power of 1.7: a
 share of 0.3."""
@@ -120,7 +120,7 @@ def rotor_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Yaw torque -c sum O_i (x_i (v_y + w_z x_i) - y_i (v_x - w_z y_i)) of rotors carried sideways.
 
     In proportion to a rotor's speed and to its velocity through the air (Faessler, Franchi and
-    Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018); where no position tells the
+    Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018); where no position shows the
     velocity of the body, that of the turn alone.
     """
     del vehicle
@@ -312,7 +312,7 @@ IMU_MOUNTING: Final = Term(
         for a in "xyz"
     ),
     dropped=0,
-    # It tells where the sensor sits, but motors that all lean alike look the same.
+    # It shows where the sensor sits, but motors that all lean alike look the same.
     reported=False,
 )
 ROTOR_DRAG: Final = Term(

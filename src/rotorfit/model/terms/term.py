@@ -19,13 +19,13 @@ FX, FY, FZ, MX, MY, MZ = range(6)
 Motion = Literal["roll", "pitch", "yaw", "force", "place", "height", "air"]
 """Which motion shows a number (`verdicts/judge.py` has what to fly for it)."""
 LEAST_SHARE: Final = 1e-3
-"""Of the weight, that a term must make, at 1 m/s or at the end of an arm: flights without noise
-show what is of no account."""
+"""Least share of the weight that a term must make, at 1 m/s or at the end of an arm: flights
+without noise show what is of no account."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Size:
-    """How large a vehicle is, by which sizes and priors of its parameters are measured.
+    """The size of a vehicle, by which sizes and priors of its parameters are measured.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ Rule = Callable[[Size], float]
 
 @dataclass(frozen=True, slots=True)
 class ParameterInfo:
-    """What a number of a result is.
+    """A number of a result: unit, meaning, sizes and prior.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class ParameterInfo:
     prior
         Deviation about zero before the flight.
     step
-        Size over which nothing bends, where its value does not tell (for the plan's bound).
+        Size over which nothing bends, where its value does not show it (for the plan's bound).
     between_flights
         What differs between flights of one configuration: it moves with the battery, or it is in
         proportion to the density of the air.
@@ -114,7 +114,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Significance:
-    """When a term that the likelihood asks for is more than a trace, in some configuration.
+    """The rule by which a term by likelihood is more than a trace, in some configuration.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class Term:
     significance
         Of a term by likelihood (for a declared one: by which it may be judged).
     dropped
-        Its turn to be left out where a fit does not settle: what flights tell least first.
+        Its turn to be left out where a fit does not settle: what flights show least first.
     one_sided
         Parameters for which it is left out where they are surely below zero.
     reported

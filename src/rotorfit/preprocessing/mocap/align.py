@@ -26,20 +26,20 @@ from rotorfit.preprocessing.mocap.camera import camera_clock, poses
 from rotorfit.preprocessing.signals import low_pass, whole_samples
 
 CUTOFF = 8.0
-"""Of the low-pass on both rates [Hz], or a quarter of the slower rate."""
+"""Cut-off of the low-pass on both rates [Hz], or a quarter of the slower rate."""
 STEPS_PER_CUTOFF = 12.5
 """Samples of the common grid per period of the cut-off."""
 SHORTEST_OVERLAP = 5.0
 """Common time from which two recordings may belong together [s]."""
 CANDIDATES = 8
 SEPARATION = 0.3
-"""Between two candidates for the offset [s]."""
+"""Least separation of two candidates for the offset [s]."""
 WEAKEST_FIT = 0.8
 """Correlation of the two rates after alignment, below which they are not the same flight."""
 CLEAREST_RIVAL = 0.95
-"""Of the best fit that another offset may reach."""
+"""Largest share of the best fit that another offset may reach."""
 CLOCK_STD = 1e-4
-"""By which two clocks differ before anything is measured [s/s]."""
+"""Prior deviation of the drift between two clocks [s/s]."""
 LARGEST_DRIFT = 2e-3
 VAGUEST_MOUNTING = np.radians(2.0)
 SLOWEST_TURNS = 0.05
@@ -49,7 +49,7 @@ ITERATIONS = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alignment:
-    """How a motion-capture recording lies on the clock and in the axes of a log.
+    """The alignment of a motion-capture recording with the clock and the axes of a log.
 
     Attributes
     ----------
@@ -63,8 +63,8 @@ class Alignment:
         From the tracked body's axes to the log's.
     correlation
         Of the two rates after alignment.
-    offset_std, drift_std, rotation_std
-        Standard deviations [s], [s/s], [rad]; of the least certain axis.
+    offset_std, rotation_std
+        Standard deviations [s], [rad]; of the least certain axis.
     """
 
     offset: float
@@ -73,7 +73,6 @@ class Alignment:
     rotation_marker_to_body: Float[np.ndarray, "3 3"]
     correlation: float
     offset_std: float
-    drift_std: float
     rotation_std: float
 
     def log_time(self, time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -296,7 +295,7 @@ def _refined(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> A
     trial = _Trial(offset=start.offset, drift=0.0, rotation=start.rotation, bias=np.zeros(3))
     pair = _pair(body, marker, trial, cutoff=cutoff)
     trial = _solved(pair, trial)
-    # Which rows they share is seen anew: the start is off by a step, and a row more or less tells.
+    # Which rows they share is seen anew: the start is off by a step, and a row more or less counts.
     pair = _pair(body, marker, trial, cutoff=cutoff)
     trial = _solved(pair, trial)
     information, _, unexplained = _normal_equations(pair, trial)
@@ -308,7 +307,6 @@ def _refined(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> A
         rotation_marker_to_body=trial.rotation,
         correlation=float(np.sqrt(max(1.0 - unexplained, 0.0))),
         offset_std=float(std[0]),
-        drift_std=float(std[1]),
         rotation_std=float(std[2:5].max()),
     )
     _refuse_vague(found)

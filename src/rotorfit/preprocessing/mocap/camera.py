@@ -13,7 +13,7 @@ and the vehicle's own attitude.
 
 The velocity that carries the rotors sideways, from rare positions and the IMU between them.
 
-Cameras tell the place rarely and with gaps, the accelerometer what happens between: turned by the
+Cameras show the place rarely and with gaps, the accelerometer what happens between: turned by the
 attitude and integrated it is a place but for a slow drift, which is the smoothest curve through
 what is left of the camera's (a natural cubic spline: De Boor, A Practical Guide to Splines, 1978,
 chapter XIV). The position need not be of the instants of the attitude: some logs have the cameras'
@@ -100,25 +100,26 @@ def _returns(values: Float[np.ndarray, "n k"], i: int, limit: Float[np.ndarray, 
 
 
 IRREGULAR_SHARE = 0.02
-"""Of frames that may come further than a third of a period from where they belong."""
+"""Share of frames that may come further than a third of a period from where they belong."""
 WORST_JITTER = 0.12
-"""Of the times about a regular clock, rms in periods, that can be mended."""
+"""Largest jitter about a regular clock, rms in periods, that can be mended."""
 STRAY = 0.4
-"""Of a period, from which a stamp misses its frame."""
+"""Share of a period, from which a stamp misses its frame."""
 NEIGHBOURS, FEWEST_NEIGHBOURS = 9, 3
 """Frames on either side of a long step that say whether one was lost, and the fewest that do."""
 NOTED_JITTER = 0.05
-"""From here on mending is said, and refused unless the jitter is random from frame to frame."""
+"""Jitter from which mending is reported, and refused unless the jitter is random from frame to
+frame."""
 MOST_CORRELATED = 0.7
 """Correlation of one frame's time error with the next, above which a queue delays whole groups."""
 JUMP = (100.0, 1000.0)
-"""Of a marker swap: more acceleration than flight has [m/s^2], [rad/s^2]."""
+"""Accelerations of a marker swap: more acceleration than flight has [m/s^2], [rad/s^2]."""
 JUMP_DEVIATIONS = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraClock:
-    """When the frames were taken, if the cameras ran regularly.
+    """The clock of the frames, if the cameras ran regularly.
 
     Attributes
     ----------
@@ -399,7 +400,7 @@ DRIFT_STD: Final = 0.5
 MOST_DRIFT: Final = 4.0 * DRIFT_STD
 """Over which attitude, position and accelerometer contradict one another."""
 LONGEST_CARRIED: Final = 0.5
-"""From the next position to the farthest instant with a velocity [s]."""
+"""Longest time from the next position to the farthest instant with a velocity [s]."""
 FEWEST: Final = 5
 """Positions of a spline."""
 

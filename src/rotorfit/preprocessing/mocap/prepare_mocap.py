@@ -98,7 +98,7 @@ class _Frames:
     time
         The frames that are kept [s]; the steps over gaps are longer.
     motion
-        What the pose tells.
+        The motion by the pose.
     motors
         Recorded motor channel.
     runs

@@ -1,4 +1,4 @@
-"""Motor commands and the measured speeds that answer them, each rotor's on clocks of its own.
+"""Motor commands and the measured speeds that follow, each rotor's on clocks of its own.
 
 How often motor commands stand at their lowest or highest value, where no loop can go further.
 """
@@ -216,16 +216,17 @@ def _gap_free_responses(
 
 
 AT: Final = 1e-4
-"""Of the range of the commands: two that differ by less are the same."""
+"""Share of the range of the commands: two that differ by less are the same."""
 ALONGSIDE: Final = 0.03
-"""Of the range next to an end: where the end is a limit, more commands stand at it than there."""
+"""Share of the range next to an end: where the end is a limit, more commands stand at it than
+there."""
 ALONGSIDE_STEPS: Final = 4.0
 """The same of coarse commands, in steps of theirs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorLimits:
-    """What of a flight the motors spend at the ends of their commands.
+    """The shares of a flight with motors at the ends of their commands.
 
     Attributes
     ----------

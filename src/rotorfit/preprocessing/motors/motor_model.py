@@ -29,7 +29,7 @@ NOISE_ROWS = 256
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorResponse:
-    """How the rotors follow the motor channel.
+    """The response of the rotors to the motor channel: lags and delay.
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ SLOW_LAG: Final = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorModel:
-    """How the log's motor channel becomes rotor speed.
+    """The model from the log's motor channel to rotor speed.
 
     Attributes
     ----------

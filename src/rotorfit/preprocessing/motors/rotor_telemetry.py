@@ -1,4 +1,4 @@
-"""Whether the measured rotor speeds go with the motor commands: order, dead channels, ratios.
+"""Compare the measured rotor speeds with the motor commands: order, dead channels, ratios.
 
 The two are recorded by different devices on different wires, and each rotor has its own law from
 command to speed, so that a log contradicts itself where a plug is swapped, a wire is off or one
@@ -19,7 +19,7 @@ from rotorfit.preprocessing.signals import smooth, true_runs, whole_samples
 FASTEST: Final = 100.0
 """Rate of the common clock at most [Hz]."""
 BAND: Final = (0.3, 8.0)
-"""In which commands and speeds are compared [Hz]."""
+"""Band in which commands and speeds are compared [Hz]."""
 LATE: Final = (-0.1, 0.3)
 """How much later than the commands the speeds may be [s]."""
 SLOWEST: Final = 2.0
@@ -29,13 +29,13 @@ FEWEST: Final = 20
 MOST_HOLES: Final = 10.0
 """Length of the common clock over the samples: a longer one is no clock."""
 LEAST_SECONDS: Final = 3.0
-"""Of turning motors, below which nothing is said."""
+"""Least time of turning motors, below which nothing is reported [s]."""
 TURNING: Final = 0.3
 """Share of the largest command above which motors count as turning."""
 EDGE: Final = 0.5
 """Left out after motors start and before they stop: the band-pass rings there [s]."""
 MOVES: Final = 0.01
-"""Deviation of a command below which it tells nothing of its speed."""
+"""Deviation of a command below which it shows nothing of its speed."""
 CLEAR: Final = 0.5
 """Correlation from which a command and a speed belong together."""
 CLEARER: Final = 0.7
@@ -47,7 +47,7 @@ LONGEST_CONSTANT: Final = 1.0
 LEAST_STUCK: Final = 0.02
 """Share of the time that a speed is stuck, from which it is said."""
 UNLIKE: Final = 0.1
-"""By which a rotor's speed may differ from the others' at the same command."""
+"""Share by which a rotor's speed may differ from the others' at the same command."""
 SURE: Final = 4.0
 """Deviations of the mean by which it must."""
 
@@ -57,7 +57,7 @@ State = Literal["follows", "swapped", "dead", "stuck", "apart", "unlike", "uncle
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorTelemetry:
-    """How the measured speed of one rotor goes with the commands.
+    """The measured speed of one rotor compared with the commands.
 
     Attributes
     ----------
