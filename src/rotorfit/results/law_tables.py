@@ -1,6 +1,6 @@
 """From the fitted law of the motors to what a result says of it: numbers, verdicts, a picture."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -57,6 +57,7 @@ ONE_CHARGE: Final = (
     "speeds to +-{percent:.0f} %: {why}; log it to get a law for any charge"
 )
 NO_VOLTAGE: Final = "the log has no voltage"
+SOME_VOLTAGE: Final = "not every log has the battery's voltage"
 STILL_VOLTAGE: Final = "the log's voltage stands still, as if none were measured"
 USUAL_VOLTAGE: Final = (
     "the log's voltage hardly changes, or says little of the speeds: the motors' law (command_law) "
@@ -82,8 +83,15 @@ def add_motor_law(
         sentence = f"no law from command to rotor speed was found: {error}"
         return result.found(note("no-motor-law", sentence))
     law, parameters = law_tables(fitted, len(dataset.vehicle.rotors))
-    logged = recording.nominal_voltage is not None
-    return with_law(result, parameters, law, why=STILL_VOLTAGE if logged else NO_VOLTAGE)
+    why = _no_exponent(recording, [f.battery for c in dataset.configurations for f in c.flights])
+    return with_law(result, parameters, law, why=why)
+
+
+def _no_exponent(recording: Recording, voltages: Sequence[float | None]) -> str:
+    """Say why a law has no battery voltage, in flights of these mean voltages [V]."""
+    if recording.nominal_voltage is not None:
+        return STILL_VOLTAGE
+    return NO_VOLTAGE if all(volts is None for volts in voltages) else SOME_VOLTAGE
 
 
 def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[Parameter, ...]]:
