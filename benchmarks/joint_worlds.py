@@ -149,18 +149,19 @@ def main() -> None:
     parser.add_argument("--show", type=Path)
     asked = parser.parse_args()
     path = asked.show or asked.output
-    done = _read(path)
+    done = read_studied(path)
     if asked.show is None:
         left = sorted(set(range(asked.worlds)) - {row["index"] for row in done})
         for first in range(0, len(left), BATCH):
             for row in rows(asked.seed, left[first : first + BATCH]):
                 with path.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
-        done = _read(path)
+        done = read_studied(path)
     print("\n".join(report(done)))
 
 
-def _read(path: Path) -> list[Row]:
+def read_studied(path: Path) -> list[Row]:
+    """Read the rows of a study that are done."""
     if not path.exists():
         return []
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]

@@ -173,6 +173,7 @@ class Batch:
         self.idle = _stacked([m.idle for m in motors])
         self.sag = _stacked([m.sag for m in motors])
         self.sag_load = _stacked([m.sag_load for m in motors])
+        self.charge = _stacked([m.charge for m in motors])
         self.delay = np.array([m.delay_ms for m in motors])
         self.hover = _stacked([w.vehicle.hover_speed for w in self.worlds])
 
@@ -406,7 +407,8 @@ class Batch:
         self.queue[k % LONGEST] = wanted
         told = self.queue[(k - self.delay) % LONGEST, :, np.arange(len(self.delay))].T
         load = (self.speed**2).sum(axis=0) / (self.real.sum(axis=0) * self.hover**2)
-        self.voltage = 1.0 - self.sag * k / self.own_steps - self.sag_load * np.minimum(load, 4.0)
+        sagged = self.sag * k / self.own_steps + self.sag_load * np.minimum(load, 4.0)
+        self.voltage = self.charge - sagged
         target = (told * self.voltage) ** self.power
         now = self.speed**self.power
         keep = np.where(target > now, self.keep_up, self.keep_down)

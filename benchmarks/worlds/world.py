@@ -49,7 +49,10 @@ class Vehicle:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motors:
-    """Lags [s], delay [ms], speeds [rad/s]; speed = full (offset + (1 - offset) u)^exponent."""
+    """Lags [s], delay [ms], speeds [rad/s]; speed = full (offset + (1 - offset) u)^exponent.
+
+    `charge`: voltage at the beginning of the flight, as a share of the full one.
+    """
 
     lag_up: float
     lag_down: float
@@ -61,6 +64,7 @@ class Motors:
     exponent: float
     sag: float
     sag_load: float
+    charge: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

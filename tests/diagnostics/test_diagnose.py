@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 import flown
+import made_fit
 from rotorfit.dataset.weight_balance import Held, held_up, pooled, turning
-from rotorfit.diagnostics.hover_thrust import HoverThrust, hovers_differ, thrust_sags
+from rotorfit.diagnostics.hover_thrust import (
+    HoverThrust,
+    hovers_differ,
+    thrust_over_weight,
+    thrust_sags,
+)
 from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.simulation import (
     Scenario,
@@ -182,13 +188,33 @@ def thrust(name, ratio, *, std=0.002, sag=0.0):
     )
 
 
+@pytest.mark.parametrize("gained", [5.0, -5.0])
+def test_a_throw_hovers_on_its_weight(gained):
+    """5 m/s braked in the first of 8 s, or fallen in it: 6.4 % of the weight on average."""
+    force = np.tile([0.0, 0.0, GRAVITY], (800, 1))
+    force[:100, 2] += gained
+    prepared = made_fit.prepared(seconds=8.0, force=force)
+    [configured] = made_fit.dataset(prepared).configurations
+    [flight] = configured.flights
+    found = thrust_over_weight(flight, prepared.data, force, "imu")
+    plain = held_up(flight.turning, force)
+    assert abs(plain.ratio - 1.0) == pytest.approx(5.0 / 8.0 / GRAVITY, rel=0.01)
+    assert abs(plain.ratio - 1.0) > 3.0 * plain.std
+    assert found.ratio == pytest.approx(1.0, abs=0.01)
+    assert abs(found.ratio - 1.0) < 1.96 * found.std < 0.05
+
+
 def test_flights_that_hover_alike_raise_no_doubt():
-    alike = hovers_differ([thrust("A", 1.0), thrust("A", 1.008), thrust("B", 0.999)])
+    alike = hovers_differ(
+        [thrust("A", 1.0), thrust("A", 1.008), thrust("B", 0.999)], by_battery=True
+    )
     assert (alike.severity, alike.sentence) == ("passed", "")
     assert alike.diagnostics["largest_hover_ratio"] == pytest.approx(1.008 / 0.999)
-    words = hovers_differ([thrust("A", 1.0), thrust("A", 1.06)]).sentence
+    unlike = [thrust("A", 1.0), thrust("A", 1.06)]
+    words = hovers_differ(unlike, by_battery=True).sentence
     assert "A1.csv hovers on 6.0 % more thrust for its mass" in words
     assert "battery" in words
+    assert "battery" not in hovers_differ(unlike, by_battery=False).sentence
     both = pooled([Held(ratio=1.0, std=0.1, seconds=5.0), Held(ratio=2.0, std=0.2, seconds=7.0)])
     assert both.ratio == pytest.approx(1.2)
     assert both.std == pytest.approx(0.1 * 0.8**0.5)
@@ -196,12 +222,12 @@ def test_flights_that_hover_alike_raise_no_doubt():
 
 
 def test_a_sagging_battery_is_said():
-    assert thrust_sags([thrust("A", 1.0, sag=0.01)], commanded=True).severity == "passed"
+    assert thrust_sags([thrust("A", 1.0, sag=0.01)], by_battery=True).severity == "passed"
     both = [thrust("A", 1.0, sag=0.01), thrust("B", 1.0, sag=0.08)]
-    measured = thrust_sags(both, commanded=False).sentence
+    measured = thrust_sags(both, by_battery=False).sentence
     assert "than at its beginning: drag in climb or descent, ground effect" in measured
     assert "fly slower, higher and clear" in measured
-    sag = thrust_sags(both, commanded=True)
+    sag = thrust_sags(both, by_battery=True)
     words = sag.sentence
     assert sag.diagnostics["thrust_change"] == pytest.approx(0.16)
     assert words.startswith("B (B1.csv): the same motor data give 16 % less thrust at the end")

@@ -8,7 +8,7 @@ import pytest
 import made_fit
 from rotorfit.diagnostics.motors import motor_time_split
 from rotorfit.diagnostics.motors.motor_time_split import allow_for_noise_feedback, times_covariance
-from rotorfit.diagnostics.sensors.sensor_response import BandRatio
+from rotorfit.diagnostics.sensors.sensor_response import BandRatio, best_filter
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import MotorTiming
 
@@ -35,15 +35,44 @@ def test_slow_turns_show_the_sum_and_quick_ones_the_split():
     assert alone[0] == alone[1] < 0.5 * lag
 
 
+TIMING = MotorTiming(
+    response=MotorResponse(lag=0.03, delay=0.002),
+    lag_std=1e-3,
+    delay_std=2e-3,
+    total_std=3e-4,
+    free=BOTH,
+)
+
+
+def on_a_mount(resonance):
+    """Return the ratios of turns by an IMU on springs."""
+    found = []
+    for one in ratios(1.0, 2.5, 4.0, 6.0, 9.0, std=0.02):
+        u = one.frequency / resonance
+        found.append(one._replace(log=-np.log(1.0 - u**2 + 0.3j * u)))
+    return found
+
+
+def widened_lag(monkeypatch, measured):
+    """Return the deviation of the lag after the step [s]."""
+    monkeypatch.setattr(motor_time_split, "flight_ratios", lambda fit: measured)
+    dataset = replace(made_fit.dataset(made_fit.prepared()), motor_timing=TIMING)
+    return allow_for_noise_feedback(made_fit.fit(dataset)).dataset.motor_timing.lag_std
+
+
+def test_a_lag_is_as_open_as_a_soft_mount_makes_it(monkeypatch):
+    rigid = widened_lag(monkeypatch, ratios(1.0, 2.5, 4.0, 6.0, 9.0, std=0.02))
+    swinging = on_a_mount(20.0)
+    bent = best_filter(swinging, lagging=True)
+    assert bent.shape == "soft mount"
+    assert bent.cutoff == pytest.approx(20.0, rel=0.05)
+    assert bent.lag > 1e-3  # without the mount the lag looks shorter
+    assert widened_lag(monkeypatch, swinging) == pytest.approx(np.hypot(rigid, bent.lag / 1.96))
+
+
 def test_the_times_are_widened_by_half_of_that(monkeypatch):
     monkeypatch.setattr(motor_time_split, "flight_ratios", lambda fit: ratios(1.0, 3.0, 8.0))
-    timing = MotorTiming(
-        response=MotorResponse(lag=0.03, delay=0.002),
-        lag_std=1e-3,
-        delay_std=2e-3,
-        total_std=3e-4,
-        free=BOTH,
-    )
+    timing = TIMING
     dataset = replace(made_fit.dataset(made_fit.prepared()), motor_timing=timing)
     found = allow_for_noise_feedback(made_fit.fit(dataset)).dataset.motor_timing
     lag, delay, total = 0.5 * np.array(stds(1.0, 3.0, 8.0))

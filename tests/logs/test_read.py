@@ -272,3 +272,12 @@ def test_a_table_is_read_without_the_readers_of_other_formats(tmp_path):
         [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "['rotorfit.logs.read']"
+
+
+def test_a_battery_of_no_volts_was_not_measured(tmp_path):
+    text = "time,battery,rotor_1\n0,0,400\n0.01,11.5,401\n0.02,11,402\n"
+    log = read_log(written(tmp_path, text.encode()))
+    np.testing.assert_array_equal(log.channels["battery"].values[:, 0], [np.nan, 11.5, 11])
+    none = read_log(written(tmp_path, text.replace("11.5", "0").replace("11,", "-1,").encode()))
+    assert "battery" not in none.channels
+    assert any("is never above 0 V" in note for note in none.notes)

@@ -23,7 +23,7 @@ from rotorfit.motor_law.fit_law import fit_law
 from rotorfit.motor_law.law_model import law_of, scales_of
 from rotorfit.preprocessing.motors.command_response import MeasuredResponse
 from rotorfit.preprocessing.motors.motor_model import full_speed_of
-from rotorfit.results.law_tables import law_tables
+from rotorfit.results.law_tables import USUAL_EXPONENT, charge_std, law_tables, voltage_exponent
 
 
 def fitted(answers):
@@ -76,15 +76,62 @@ def test_slow_telemetry_gives_law_and_lag():
 
 
 def test_without_voltage_the_law_is_of_the_charge_that_was_flown():
-    law, found = numbers(motor_responses(5, voltage=False))
+    answers = [replace(a, voltage=None) for a in motor_responses(5, voltage=False)]
+    law, found = numbers(answers)
     assert law.nominal_voltage is None
     assert "voltage" not in law.motors["law"]
+    assert law.motors["law"]["speed_std"] == pytest.approx(charge_std(np.zeros(1)), rel=0.1)
     assert found["max_speed"].value == pytest.approx(FULL, rel=0.02)
 
 
 def test_a_constant_voltage_has_no_exponent():
     answers = [replace(a, voltage=np.full(len(a.command), 16.0)) for a in motor_responses(6)]
-    assert numbers(answers)[0].nominal_voltage is None
+    law = numbers(answers)[0]
+    assert law.nominal_voltage is None
+    assert "voltage" not in law.motors["law"]  # a sensor that stands still measures none
+
+
+def test_a_voltage_that_hardly_changes_has_a_usual_exponent():
+    rng = np.random.default_rng(0)
+    answers = [
+        replace(a, voltage=16.0 + 0.02 * rng.standard_normal(len(a.command)))
+        for a in motor_responses(6, voltage=False)
+    ]
+    law = numbers(answers)[0]
+    assert law.nominal_voltage is None
+    entry = law.motors["law"]
+    assert entry["voltage"] == {
+        "nominal": pytest.approx(16.0, abs=0.01),
+        "exponent": 0.8,
+        "exponent_std": 0.2,
+        "missing_std": pytest.approx(2**0.5 * 0.8 * 0.034, rel=1e-4),
+    }
+    assert entry["speed_std"] < 0.01
+
+
+def test_a_voltage_that_sags_gives_its_exponent():
+    entry = numbers(motor_responses(5))[0].motors["law"]["voltage"]
+    off = abs(entry["exponent"] - VOLTAGE_EXPONENT)
+    assert off < 1.96 * entry["exponent_std"]
+    assert entry["exponent_std"] < 0.1
+
+
+def test_an_exponent_far_from_the_usual_one_is_less_sure():
+    assert voltage_exponent(None) == USUAL_EXPONENT
+    own = voltage_exponent((0.82, 0.05))
+    assert own.value == pytest.approx(0.82, abs=1e-3)
+    assert own.std == pytest.approx(0.05 / 1.96, rel=0.02)
+    compensated = voltage_exponent((0.0, 0.1))
+    assert compensated.value == pytest.approx(0.05, abs=0.01)
+    assert compensated.std == pytest.approx(0.05 * 0.8 / 0.206, rel=0.05)
+
+
+def test_flights_tell_how_far_another_one_may_be():
+    alone = charge_std(np.zeros(1))
+    assert alone == pytest.approx(2**0.5 * 0.8 * 0.034)
+    alike, unlike = charge_std(np.zeros(6)), charge_std(0.08 * np.array([-1, 1, -1, 1, -1, 1]))
+    assert alike < 0.5 * alone
+    assert unlike == pytest.approx(((2 * 0.0272**2 + 6 * 0.08**2) / 7 * 7 / 6) ** 0.5)
 
 
 def test_a_hover_does_not_show_the_speed_at_full_command():

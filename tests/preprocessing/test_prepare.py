@@ -110,6 +110,9 @@ def test_a_law_with_a_voltage_factor_follows_the_battery():
     assert (
         "the log has no battery voltage (channel battery; it has gyro, accel, command)" in message
     )
+    optional = replace(LAW, voltage=VoltageFactor(12.0, 1.0, optional=True))
+    plain = prepared(log, motors=replace(motors, law=LAW)).motor_channel
+    assert prepared(log, motors=replace(motors, law=optional)).motor_channel == pytest.approx(plain)
     command = log.channels["command"]
     sagging = np.linspace(12.6, 10.8, 101)[:, None]
     slow = channel(np.linspace(command.time[0], command.time[-1], 101), sagging)

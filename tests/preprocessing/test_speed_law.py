@@ -119,6 +119,14 @@ def test_a_voltage_factor_without_voltage_is_refused():
         speed_from_command(COMMANDS, law)
 
 
+def test_an_optional_voltage_factor_is_one_without_voltage():
+    plain = SpeedLaw(curve=TABLE)
+    law = dataclasses.replace(plain, voltage=VoltageFactor(4.2, 1.0, optional=True))
+    assert (speed_from_command(COMMANDS, law) == speed_from_command(COMMANDS, plain)).all()
+    half = speed_from_command(COMMANDS, law, battery=np.full((len(COMMANDS), 1), 2.1))
+    assert half == pytest.approx(0.5 * speed_from_command(COMMANDS, plain))
+
+
 def test_commands_beyond_a_table_are_doubted():
     (doubt,) = doubts_of(SpeedLaw(curve=TABLE), COMMANDS)
     assert doubt.startswith(

@@ -69,6 +69,26 @@ def test_the_airborne_part_is_found(identified):
         assert flight.used[0][0] > 0.3  # it stands on the ground at first
 
 
+def test_a_throw_moves_no_thrust_coefficient(indiflight_logs, tmp_path):
+    """Without its first 1.5 s, which are thrown, this flight once gave 6 % less."""
+    path = tmp_path / "experiment.toml"
+    log = indiflight_logs / "LOG00232.BFL"
+
+    def kt(more):
+        flown.experiment_file(path, CINERAT, [log], mass=0.428)
+        text = path.read_text()
+        assert f'"{log}"' in text
+        path.write_text(text.replace(f'"{log}"', f'{{ file = "{log}"{more} }}'))
+        return flown.quietly_identified(path).parameter("kt")
+
+    whole, flying = kt(""), kt(", start = 8.6, end = 18.5")
+    assert whole.value == pytest.approx(flying.value, rel=0.015)
+    assert whole.std / whole.value < 0.015
+    # That day's flights have about 2.80e-7, later ones of the vehicle 2.69e-7.
+    assert inside(whole, 2.80e-7)
+    assert inside(flying, 2.80e-7)
+
+
 def test_the_motor_data_lead_the_gyro_by_two_milliseconds(identified):
     delay = identified[LIVELY].parameter("motor_delay")
     # Stated to 0.7 ms; 1.5 since its rows count by their noise.

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import flown
@@ -138,6 +139,36 @@ def test_a_later_flight_on_commands_takes_the_law(result, flight, folder):
     assert kt.unit == "N s^2/rad^2"
     assert kt.value == pytest.approx(flight.truth.kt, rel=0.05)
     assert later.settings["motors"]["law"] == result.command_law.motors["law"]
+
+
+def with_battery(table, path):
+    """Write a table once more, with a voltage that begins with samples of nothing."""
+    header, *lines = table.read_text().splitlines()
+    volts = 16.0 + 0.01 * np.random.default_rng(1).standard_normal(len(lines))
+    volts[:50] = 0.0
+    rows = [f"{line},{v:.3f}" for line, v in zip(lines, volts, strict=True)]
+    path.write_text("\n".join([f"{header},battery", *rows, ""]))
+    return path
+
+
+def test_no_log_with_a_voltage_is_said_to_have_none(result, flight, folder):
+    assert any("the log has no voltage" in words for words in result.warnings)
+    logs = [with_battery(folder / "flight.csv", folder / "volts.csv")]
+    path = flown.experiment_file(
+        folder / "volts.toml", flight.vehicle, logs, mass=flight.truth.mass
+    )
+    known = flown.quietly_identified(path)
+    assert not any("the log has no voltage" in words for words in known.warnings)
+    assert any("hardly changes" in words for words in known.warnings)
+    assert known.command_law.motors["law"]["voltage"]["nominal"] == pytest.approx(16.0, abs=0.01)
+    path = flown.experiment_file(
+        folder / "some.toml",
+        flight.vehicle,
+        [*logs, folder / "flight.csv"],
+        mass=flight.truth.mass,
+    )
+    some = flown.quietly_identified(path)
+    assert any("not every log has the battery's voltage" in words for words in some.warnings)
 
 
 def test_a_flight_without_commands_has_no_law(flight, folder):

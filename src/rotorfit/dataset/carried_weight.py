@@ -239,15 +239,30 @@ def carrying_stretches(
     # The square of a noisy speed is larger by the noise.
     squares = flight.rotor_speed**2 - flight.rotor_speed_std**2
     push = (squares @ vehicle.axes) / mass
+    yield from needed_stretches(flight, axes, push, bias=bias, velocity_std=velocity_std)
+
+
+def needed_stretches(
+    flight: FlightData,
+    axes: Turning,
+    push: Float[np.ndarray, "n 3"],
+    *,
+    bias: Measured,
+    velocity_std: float,
+) -> Iterator[Held]:
+    """Yield by what factor a push [m/s^2] carries the weight over each stretch, as `ratio`.
+
+    What the velocity gains, as in a throw, is accounted for; `bias` and `velocity_std` as above.
+    """
     for motion in vertical_motions(axes, flight, push):
         pushed = float(motion.weights @ motion.push)
         if pushed <= 0.0:
             continue
         gained = vertical_acceleration(motion, bias, velocity_std)
         drag, deviation = climb_drag(motion)
-        kt = (GRAVITY + gained.value + drag) / pushed
+        ratio = (GRAVITY + gained.value + drag) / pushed
         share = float(np.hypot(gained.std, deviation)) / GRAVITY
-        yield Held(ratio=kt, std=abs(kt) * share, seconds=motion.seconds)
+        yield Held(ratio=ratio, std=abs(ratio) * share, seconds=motion.seconds)
 
 
 def vertical_acceleration(motion: VerticalMotion, bias: Measured, velocity_std: float) -> Measured:

@@ -8,11 +8,19 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from rotorfit.dataset.carried_weight import HeightForce, Measured, height_force_of, vertical_motions
-from rotorfit.dataset.dataset import ConfigurationData
+from rotorfit.dataset.carried_weight import (
+    HeightForce,
+    Measured,
+    height_force_of,
+    needed_stretches,
+    vertical_motions,
+)
+from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.dataset.weight_balance import Held, held_together, held_up, hovering, turning
+from rotorfit.diagnostics.kt_from_weight import bias_and_velocity_std, pooled_weight
 from rotorfit.estimation.banded import shift_without
 from rotorfit.estimation.estimate import numerical_jacobian
+from rotorfit.experiment.experiment import Source
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
@@ -99,10 +107,17 @@ def thrust_consistency(fit: Fit) -> Iterator[Finding]:
         return
     dataset = fit.dataset
     found = hover_thrusts(
-        dataset.configurations, fit.numbers, dataset.vehicle, timing=dataset.timing
+        dataset.configurations,
+        fit.numbers,
+        dataset.vehicle,
+        timing=dataset.timing,
+        source=dataset.source,
     )
-    yield hovers_differ(found)
-    yield thrust_sags(found, commanded=fit.dataset.motors.speed == "commanded")
+    law = dataset.motors.law
+    commanded = dataset.motors.speed == "commanded" and not dataset.speeds_commanded
+    by_battery = commanded and (law is None or law.voltage is None)
+    yield hovers_differ(found, by_battery=by_battery)
+    yield thrust_sags(found, by_battery=by_battery)
 
 
 def hover_thrusts(
@@ -111,10 +126,11 @@ def hover_thrusts(
     vehicle: Vehicle,
     *,
     timing: MotorResponse | None = None,
+    source: Source = "imu",
 ) -> list[HoverThrust]:
     """Estimate the thrust that holds each flight up, over its weight.
 
-    `timing`: of the motors, where it was found.
+    `timing`: of the motors, where it was found; `source`: of the accelerations.
     """
     kt = numbers.values[numbers.index("kt")]
     own = [f"kt_{i + 1}" for i in range(len(vehicle.rotors))]
@@ -126,7 +142,7 @@ def hover_thrusts(
             thrust = (data.rotor_speed**2 * each) @ vehicle.axes
             air = _air_force(data, numbers, configured.entry.name, vehicle)
             force = (thrust + air) / configured.mass
-            whole = held_up(flight.turning, force)
+            whole = thrust_over_weight(flight, data, force, source)
             if whole is None:
                 continue
             sag = thrust_sag(data, force)
@@ -140,6 +156,19 @@ def hover_thrusts(
                 )
             )
     return found
+
+
+def thrust_over_weight(
+    flight: LoadedFlight, data: FlightData, force: Float[np.ndarray, "n 3"], source: Source
+) -> Held | None:
+    """Compute mean thrust over mass [m/s^2] over gravity; what a throw or landing gains is off."""
+    bias, velocity_std = bias_and_velocity_std(flight, source)
+    found = [*needed_stretches(data, flight.turning, force, bias=bias, velocity_std=velocity_std)]
+    needed = pooled_weight(found)
+    if needed is None:
+        return None
+    seconds = sum(one.seconds for one in found)
+    return Held(ratio=1.0 / needed.value, std=needed.std / needed.value**2, seconds=seconds)
 
 
 def _air_force(
@@ -195,8 +224,11 @@ def thrust_sag(data: FlightData, force: Float[np.ndarray, "n 3"]) -> Measured | 
     return Measured(value=float(late / early) - 1.0, std=std)
 
 
-def hovers_differ(found: Sequence[HoverThrust]) -> Finding:
-    """Check that no flight needs more thrust for its weight than another."""
+def hovers_differ(found: Sequence[HoverThrust], *, by_battery: bool) -> Finding:
+    """Check that no flight needs more thrust for its weight than another.
+
+    `by_battery`: rotor speed is known by commands alone, without the battery's voltage.
+    """
     kind = "hovers-differ"
     if len(found) < 2:
         return doubt_or_passed(kind, None)
@@ -210,11 +242,13 @@ def hovers_differ(found: Sequence[HoverThrust]) -> Finding:
         return doubt_or_passed(kind, None, measured)
     first, second = (_of_flight(f, found) for f in (high, low))
     if high.configuration == low.configuration:
-        cause = "the battery (give the law its voltage), the propellers or the load changed"
+        battery = "the battery (give the law its voltage), " if by_battery else ""
+        cause = f"{battery}the propellers or the load changed"
     else:
+        battery = "the battery or " if by_battery else ""
         cause = (
-            "one of the masses is wrong, battery or propellers changed, or they are two different "
-            "vehicles, which need an experiment each; weigh both again"
+            f"one of the masses is wrong, {battery}the propellers changed, or they are two "
+            "different vehicles, which need an experiment each; weigh both again"
         )
     sentence = (
         f"{first} hovers on {100 * (ratio - 1.0):.1f} % more thrust for its mass than {second} "
@@ -225,10 +259,10 @@ def hovers_differ(found: Sequence[HoverThrust]) -> Finding:
     )
 
 
-def thrust_sags(found: Sequence[HoverThrust], *, commanded: bool) -> Finding:
+def thrust_sags(found: Sequence[HoverThrust], *, by_battery: bool) -> Finding:
     """Check that one rotor speed (or command) gives the same thrust late in a flight as early.
 
-    `commanded`: rotor speed is known by commands alone, which a sagging battery belies.
+    `by_battery`: as for `hovers_differ`.
     """
     kind = "thrust-sags"
     known = [one for one in found if one.sag is not None]
@@ -244,7 +278,7 @@ def thrust_sags(found: Sequence[HoverThrust], *, commanded: bool) -> Finding:
     battery = "log rotor speed, or the battery's voltage and give it to the law; or "
     sentence = (
         f"{_of_flight(worst, found)}: the same motor data give {100 * abs(change):.0f} % {way} "
-        f"thrust at the end of the flight than at its beginning: {battery if commanded else ''}"
+        f"thrust at the end of the flight than at its beginning: {battery if by_battery else ''}"
         "drag in climb or descent, ground effect, a wall or a tether carried part of the weight: "
         "fly slower, higher and clear of obstacles; the intervals cover the change"
     )

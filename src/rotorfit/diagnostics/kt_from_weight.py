@@ -20,7 +20,7 @@ from jaxtyping import Float
 from scipy import stats
 
 from rotorfit.dataset.carried_weight import Measured, carrying_stretches
-from rotorfit.dataset.dataset import ConfigurationData
+from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.dataset.plausible_units import gravity_seen
 from rotorfit.dataset.weight_balance import Held
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR, is_estimate
@@ -255,13 +255,14 @@ def kt_from_weight(
         for flight in configured.flights:
             data = retimed(flight.prepared, timing)
             squares += np.square(data.rotor_speed[data.used_rows]).sum(axis=0)
+            bias, velocity_std = bias_and_velocity_std(flight, source)
             found += carrying_stretches(
                 data,
                 flight.turning,
                 vehicle,
                 mass=configured.mass,
-                bias=bias_at_rest(flight.prepared.data) if source == "imu" else CAMERA_BIAS,
-                velocity_std=ERROR if is_estimate(flight.log.format) else CAMERA_VELOCITY,
+                bias=bias,
+                velocity_std=velocity_std,
             )
     weight = pooled_weight(found)
     if weight is None or shares is None:
@@ -269,6 +270,12 @@ def kt_from_weight(
     load = squares / squares.sum()
     kt = weight.value / float(load @ shares.values)
     return Measured(value=kt, std=float(np.hypot(weight.std, kt * shares.std_of_mean(load))))
+
+
+def bias_and_velocity_std(flight: LoadedFlight, source: Source) -> tuple[Measured, float]:
+    """Return the bias of a flight's vertical acceleration [m/s^2] and what its velocity is off."""
+    bias = bias_at_rest(flight.prepared.data) if source == "imu" else CAMERA_BIAS
+    return bias, ERROR if is_estimate(flight.log.format) else CAMERA_VELOCITY
 
 
 def thrust_shares(numbers: Numbers, vehicle: Vehicle) -> ThrustShares | None:

@@ -50,17 +50,24 @@ class PowerEntry(Strict):
 
 
 class VoltageEntry(Strict):
-    """Factor (V / nominal)^exponent of the speed, V being the log's battery voltage [V]."""
+    """Factor (V / nominal)^exponent of the speed, V being the log's battery voltage [V].
+
+    `exponent_std`: its deviation. `missing_std`: deviation of the speed, as a share, of a flight
+    whose log has no voltage; without it such a log is refused.
+    """
 
     nominal: Positive
     exponent: Annotated[Finite, Field(gt=0, le=3)] = 1.0
+    exponent_std: Annotated[Finite, Field(ge=0)] = 0.0
+    missing_std: Share | None = None
 
 
 class LawEntry(Strict):
     """Rotor speed over command [rad/s]: exactly one curve, and the battery's share.
 
     `speed_std`, `slope_std`: deviation of the speed in hover, and of how steeply it grows with the
-    command there, as shares of them.
+    command there, as shares of them; `usual_speed`: the speed at which they hold [rad/s], if not
+    that of the flight.
     """
 
     linear: tuple[Finite, Positive] | None = None
@@ -71,6 +78,7 @@ class LawEntry(Strict):
     voltage: VoltageEntry | None = None
     speed_std: Share = 0.0
     slope_std: Share = 0.0
+    usual_speed: Positive | None = None
 
     @model_validator(mode="after")
     def _one_curve(self) -> "LawEntry":
@@ -91,7 +99,9 @@ class LawEntry(Strict):
 def law_entry_of(law: SpeedLaw) -> LawEntry:
     """Convert a law from an autopilot's parameters to its entry."""
     voltage = law.voltage
-    factor = None if voltage is None else VoltageEntry(**asdict(voltage))
+    factor = None
+    if voltage is not None:
+        factor = VoltageEntry(nominal=voltage.nominal, exponent=voltage.exponent)
     match law.curve:
         case SquareRootLaw():
             return LawEntry(sqrt=SqrtEntry(**asdict(law.curve)), voltage=factor)
@@ -113,10 +123,11 @@ def _refuse_falling(table: tuple[tuple[float, float], ...]) -> None:
 def speed_law_of(entry: LawEntry) -> SpeedLaw:
     """Convert an entry to its law."""
     voltage = entry.voltage
-    return SpeedLaw(
-        curve=_curve_of(entry),
-        voltage=None if voltage is None else VoltageFactor(voltage.nominal, voltage.exponent),
-    )
+    factor = None
+    if voltage is not None:
+        optional = voltage.missing_std is not None
+        factor = VoltageFactor(voltage.nominal, voltage.exponent, optional=optional)
+    return SpeedLaw(curve=_curve_of(entry), voltage=factor)
 
 
 def _curve_of(entry: LawEntry) -> Curve:

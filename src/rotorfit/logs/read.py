@@ -2,8 +2,11 @@
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, cast
+
+import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import Progress, read_for, read_head
@@ -73,7 +76,26 @@ def _read(path: Path, chosen: ReadOptions) -> FlightLog:
         raise LogError(f"{path}: {form.map_refusal}: leave out {what}")
     if form.single and chosen.log_number not in (None, 1):
         raise LogError(f"{path}: {form.single} is one log, there is no log {chosen.log_number}")
-    return load(form.read)(path, **{name: getattr(chosen, name) for name in form.takes})
+    log = load(form.read)(path, **{name: getattr(chosen, name) for name in form.takes})
+    return _without_zero_volts(log)
+
+
+def _without_zero_volts(log: FlightLog) -> FlightLog:
+    """Mark samples of the battery's voltage that were not measured; drop a channel of such alone.
+
+    Before the first measurement, and where none is connected, autopilots log 0 V.
+    """
+    battery = log.channels.get("battery")
+    if battery is None or not (battery.values <= 0.0).any():
+        return log
+    channels = dict(log.channels)
+    volts = np.where(battery.values > 0.0, battery.values, np.nan)
+    if np.isfinite(volts).any():
+        channels["battery"] = replace(battery, values=volts)
+        return replace(log, channels=channels)
+    del channels["battery"]
+    note = f"{battery.source} is never above 0 V: no battery was measured"
+    return replace(log, channels=channels, notes=(*log.notes, note))
 
 
 def _format_named(name: str) -> Format:

@@ -73,11 +73,13 @@ class PowerLaw:
 class VoltageFactor:
     """What the battery does to the speed: a factor (V / nominal)^exponent, nominal in V.
 
-    The exponent is 1 where the speed goes with the voltage, 0.5 where the thrust does.
+    The exponent is 1 where the speed goes with the voltage, 0.5 where the thrust does. `optional`:
+    without a voltage the speed is that at the nominal one.
     """
 
     nominal: float
     exponent: float
+    optional: bool = False
 
 
 Curve = PolynomialLaw | TableLaw | SquareRootLaw | PowerLaw
@@ -103,6 +105,8 @@ def speed_from_command(
     if law.voltage is None:
         return speed
     if battery is None:
+        if law.voltage.optional:
+            return speed
         raise LogError(
             "the law of the motors has a voltage factor, but there is no battery voltage with "
             "the commands; log it, or give a law without voltage"

@@ -142,6 +142,8 @@ class FittedLaw:
         the other of speed and thrust; commands held, or smooth between those of the log.
     open_shifts
         Half of what noise of the commands moves, and quick motion: taken off, and as much is open.
+    voltage
+        The form with an exponent of the battery's voltage; None where that tells nothing.
     """
 
     recording: Recording
@@ -149,6 +151,7 @@ class FittedLaw:
     others: tuple[LawFit, ...]
     rivals: tuple[LawFit, ...]
     open_shifts: Float[np.ndarray, "s p"]
+    voltage: LawFit | None = None
 
     def number(
         self, function: Callable[["LawFit", Float[np.ndarray, " p"]], float]
@@ -160,6 +163,14 @@ class FittedLaw:
             reach = max(reach, abs(function(rival, rival.values) - value))
         moved = [function(self.best, self.best.values + shift) for shift in self.open_shifts]
         return value, reach + sum(abs(other - value) for other in moved)
+
+    @property
+    def voltage_exponent(self) -> tuple[float, float] | None:
+        """Exponent of the battery's voltage with half of its interval, where that changes."""
+        if self.voltage is None:
+            return None
+        at = self.voltage.layout.exponent
+        return float(self.voltage.values[at]), self.voltage.half_width(lambda x: float(x[at]))
 
     def own(self, index: int) -> tuple[float, float]:
         """Return a parameter of the chosen form, and half of its interval."""
@@ -204,7 +215,19 @@ def fit_law(recording: Recording) -> FittedLaw:
         others=others,
         rivals=tuple(f for f in alike if _surprise(f, best) < CLEAR),
         open_shifts=open_shifts,
+        voltage=_with_voltage(recording, best, scale),
     )
+
+
+def _with_voltage(recording: Recording, best: LawFit, scale: float) -> LawFit | None:
+    """Return the form with an exponent of the voltage; None where that hardly changes."""
+    if best.layout.voltage or not _voltage_changes(recording):
+        return best if best.layout.voltage else None
+    return _refitted(recording, replace(best.layout, voltage=True), best, scale)
+
+
+def _voltage_changes(recording: Recording) -> bool:
+    return recording.voltage is not None and float(recording.voltage.std()) > LEAST_VOLTS
 
 
 def _rough(recording: Recording) -> LawFit:
@@ -217,7 +240,7 @@ def _rough(recording: Recording) -> LawFit:
         form="offset power", voltage=False, two_way=False, rotors=rotors, flights=flights
     )
     rough = _fitted(recording, general, _first(general, recording))
-    if recording.voltage is not None and float(recording.voltage.std()) > LEAST_VOLTS:
+    if _voltage_changes(recording):
         layout = replace(general, voltage=True)
         rough = _likeliest([rough, _refitted(recording, layout, rough, np.inf)])
     scale = 1.4826 * float(np.median(np.abs(rough.residuals)))

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
+from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.preprocessing.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.preprocessing.clocks import UniformChannels
 from rotorfit.preprocessing.flight_data import FlightData
@@ -193,14 +194,25 @@ def _no_motors(log: FlightLog, motor_name: str, has: str) -> str:
     )
 
 
-def refuse_missing_battery(log: FlightLog) -> None:
-    """Raise where the motors' law asks for the battery's voltage, and the log has none."""
-    if "battery" not in log.channels:
-        raise LogError(
-            "the law of the motors has a voltage factor, but the log has no battery voltage "
-            f"(channel battery; it has {', '.join(log.channels)}); log it, or give a law without "
-            "voltage"
-        )
+def takes_battery(log: FlightLog, law: SpeedLaw | None) -> bool:
+    """Return whether speeds take the battery's voltage; raise where they must, and none is logged.
+
+    Raises
+    ------
+    LogError
+        If the law needs a voltage that the log does not have.
+    """
+    if law is None or law.voltage is None:
+        return False
+    if "battery" in log.channels:
+        return True
+    if law.voltage.optional:
+        return False
+    raise LogError(
+        "the law of the motors has a voltage factor, but the log has no battery voltage "
+        f"(channel battery; it has {', '.join(log.channels)}); log it, or give a law without "
+        "voltage"
+    )
 
 
 def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:

@@ -41,10 +41,10 @@ from rotorfit.preprocessing.flight_checks import (
     refuse_idle_motors,
     refuse_interpolated_commands,
     refuse_interpolated_speeds,
-    refuse_missing_battery,
     refuse_missing_channels,
     refuse_torn_log,
     refuse_wrong_gravity,
+    takes_battery,
 )
 from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.preprocessing.kinematics import climb_velocity
@@ -292,8 +292,7 @@ def _uniform(
     motor_name = "rotor_speed" if motors.speed == "measured" else "command"
     refuse_missing_channels(log, motor_name, rotor_count)
     names = {"gyro": "gyro", "accel": "accel", "motor": motor_name}
-    if motors.law is not None and motors.law.voltage is not None:
-        refuse_missing_battery(log)
+    if takes_battery(log, motors.law):
         names["battery"] = "battery"
     # A command that jumps is a command; a measured speed that jumps and returns is a glitch.
     noisy = ("gyro", "accel", "motor") if motors.speed == "measured" else ("gyro", "accel")

@@ -1,16 +1,17 @@
 """Tabulate the fitted law of the motors: numbers, verdicts, points of a picture."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.dataset.carried_weight import Measured
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError
 from rotorfit.findings import note
-from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
+from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import PARAMETERS, ROW_ORDER
 from rotorfit.motor_law.command_response import Recording, speed_response
 from rotorfit.motor_law.fit_law import FittedLaw, LawFit, bounded_recording, fit_law
@@ -39,19 +40,29 @@ POINTS: Final = 16
 FEWEST_IN_POINT: Final = 20
 SURE_LAG: Final = 0.05
 """Of the lag: a deviation that stands for what the next flight may differ in, at least."""
-ANY_CHARGE: Final = 0.03
-"""Deviation of the speed at one command between two flights, of a battery whose voltage the law
-does not have: 2.6 % between thirteen flights of one quadrotor, at the most 5.9."""
+USUAL_EXPONENT: Final = Measured(value=0.8, std=0.2)
+"""Of the voltage, in the speed at one command: 1 / (2 - e) of a motor that turns a share e of its
+power into torque (0.7 to 0.9), 0 where the autopilot makes up for the battery."""
+LEAST_EXPONENT: Final = 1e-3
+"""That a law is given, where an autopilot makes up for the battery."""
+CHARGE: Final = 0.034
+"""Deviation of the voltage between flights that begin at any charge, as a share: a lithium cell
+that carries a vehicle gives 3.6 to 4.05 V."""
+USUAL_FLIGHTS: Final = 2.0
+"""As many flights tell how far speeds at one command differ as is known before."""
 NEAR: Final = 0.05
 """To either side of a command, as a share of it, where the slope of a law is taken."""
 ONE_CHARGE: Final = (
     "the motors' law (command_law) holds for the battery charge of this flight, and on others its "
-    "speeds to +-{percent:.0f} %: {why}"
+    "speeds to +-{percent:.0f} %: {why}; log it to get a law for any charge"
 )
-NO_VOLTAGE: Final = "the log has no voltage; log it to get a law for any charge"
-UNUSED_VOLTAGE: Final = (
-    "the log's voltage says nothing of the speeds, or hardly changes; fly until the battery sags "
-    "to get a law for any charge"
+NO_VOLTAGE: Final = "the log has no voltage"
+SOME_VOLTAGE: Final = "not every log has the battery's voltage"
+STILL_VOLTAGE: Final = "the log's voltage stands still, as if none were measured"
+USUAL_VOLTAGE: Final = (
+    "the log's voltage hardly changes, or says little of the speeds: the motors' law (command_law) "
+    "holds at {nominal:.3g} V, and at others its speeds go with the voltage to the power of "
+    "{exponent:.2f} +- {half:.2f}, as motors usually do; fly until the battery sags to measure it"
 )
 
 Vector = Float[np.ndarray, " p"]
@@ -72,8 +83,15 @@ def add_motor_law(
         sentence = f"no law from command to rotor speed was found: {error}"
         return result.found(note("no-motor-law", sentence))
     law, parameters = law_tables(fitted, len(dataset.vehicle.rotors))
-    logged = recording.nominal_voltage is not None
-    return with_law(result, parameters, law, why=UNUSED_VOLTAGE if logged else NO_VOLTAGE)
+    why = _no_exponent(recording, [f.battery for c in dataset.configurations for f in c.flights])
+    return with_law(result, parameters, law, why=why)
+
+
+def _no_exponent(recording: Recording, voltages: Sequence[float | None]) -> str:
+    """Say why a law has no battery voltage, in flights of these mean voltages [V]."""
+    if recording.nominal_voltage is not None:
+        return STILL_VOLTAGE
+    return NO_VOLTAGE if all(volts is None for volts in voltages) else SOME_VOLTAGE
 
 
 def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[Parameter, ...]]:
@@ -113,10 +131,19 @@ def with_law(
     shared.sort(key=lambda p: ROW_ORDER.index(p.name))
     own = [p for p in every if p.configuration is not None]
     result = replace(result, parameters=(*shared, *own), command_law=law)
-    if law.nominal_voltage is not None:
+    if law.nominal_voltage is not None or not law.motors:
         return result
-    sentence = ONE_CHARGE.format(percent=196.0 * ANY_CHARGE, why=why)
-    return result.found(note("law-without-voltage", sentence))
+    return result.found(note("law-without-voltage", _of_one_charge(law.motors["law"], why)))
+
+
+def _of_one_charge(entry: Mapping[str, Any], why: str) -> str:
+    """Explain how a law holds that has no exponent of the voltage by its own flights."""
+    voltage = entry.get("voltage")
+    if voltage is None:
+        return ONE_CHARGE.format(percent=196.0 * entry["speed_std"], why=why)
+    half = 1.96 * voltage["exponent_std"]
+    exponent, nominal = voltage["exponent"], voltage["nominal"]
+    return USUAL_VOLTAGE.format(nominal=nominal, exponent=exponent, half=half)
 
 
 def _full_speed(fit: LawFit, x: Vector) -> float:
@@ -216,12 +243,10 @@ def _motors(fitted: FittedLaw, times: tuple[Parameter, ...]) -> dict[str, Any]:
             entry["sqrt"] = {"full_speed": _short(full_speed), "thr_mdl_fac": _short(factor)}
         case _:
             raise TypeError(f"no entry for {law.curve}")
-    match law.voltage:
-        case VoltageFactor(nominal, exponent) if 0.0 < exponent <= 3.0:
-            entry["voltage"] = {"nominal": _short(nominal), "exponent": _short(exponent)}
-        case _:
-            pass
-    entry |= {name: _short(std) for name, std in _deviations(fitted).items()}
+    voltage = _voltage(fitted)
+    if voltage is not None:
+        entry["voltage"] = voltage
+    entry |= _deviations(fitted, of_one_charge=voltage is None)
     table: dict[str, Any] = {"speed": "commanded", "law": entry}
     lag = next(p for p in times if p.name == "motor_lag")
     if lag.value is not None and lag.std is not None and is_time_identifiable(lag.value, lag.std):
@@ -232,8 +257,49 @@ def _motors(fitted: FittedLaw, times: tuple[Parameter, ...]) -> dict[str, Any]:
     return table
 
 
-def _deviations(fitted: FittedLaw) -> dict[str, float]:
-    """Return the deviations of the law's speed and slope at the usual command, as shares."""
+def _voltage(fitted: FittedLaw) -> dict[str, float] | None:
+    """Return the battery's share of a law, by its flights and by what is usual; None if unknown."""
+    nominal, volts = fitted.recording.nominal_voltage, fitted.recording.voltage
+    if nominal is None or volts is None or not nominal > 0.0 or float(np.ptp(volts)) == 0.0:
+        return None
+    exponent = voltage_exponent(fitted.voltage_exponent)
+    entry = {
+        "nominal": nominal,
+        "exponent": min(max(exponent.value, LEAST_EXPONENT), 3.0),
+        "exponent_std": exponent.std,
+        "missing_std": charge_std(np.zeros(1), exponent.value),
+    }
+    return {name: _short(value) for name, value in entry.items()}
+
+
+def voltage_exponent(found: tuple[float, float] | None) -> Measured:
+    """Weigh the exponent that flights tell, with half of its interval, against the usual one.
+
+    Where they differ by more than their deviations allow, that of the mean grows with it (Birge).
+    """
+    if found is None:
+        return USUAL_EXPONENT
+    own = Measured(value=found[0], std=found[1] / 1.96)
+    both = USUAL_EXPONENT.with_other(own)
+    off = abs(own.value - USUAL_EXPONENT.value) / float(np.hypot(own.std, USUAL_EXPONENT.std))
+    return replace(both, std=both.std * max(off, 1.0))
+
+
+def charge_std(factors: Vector, exponent: float = USUAL_EXPONENT.value) -> float:
+    """Return the deviation, as a share, of another flight's speed at the law's command.
+
+    `factors`: logarithms of what each flight's speeds are of the law's. The variance between
+    flights is that of usual charges, and that of these flights.
+    """
+    flights = len(factors)
+    usual = (exponent * CHARGE) ** 2
+    seen = float(factors @ factors)
+    variance = (USUAL_FLIGHTS * usual + seen) / (USUAL_FLIGHTS + flights - 1)
+    return float(np.sqrt(variance * (1.0 + 1.0 / flights)))
+
+
+def _deviations(fitted: FittedLaw, *, of_one_charge: bool) -> dict[str, float]:
+    """Return the deviations of the law's speed and slope, as shares, at the usual command."""
     recording = fitted.recording
     usual = float(np.median(recording.command))
     around = usual * (1.0 + NEAR * np.array([-1.0, 0.0, 1.0]))
@@ -247,11 +313,14 @@ def _deviations(fitted: FittedLaw) -> dict[str, float]:
 
     _, speed_half = fitted.number(lambda fit, x: float(logarithms(fit, x)[1]))
     steepness, slope_half = fitted.number(slope)
-    charge = 0.0 if fitted.best.layout.voltage else ANY_CHARGE
-    return {
-        "speed_std": float(np.hypot(speed_half / 1.96, charge)),
+    _, flights = scales_of(fitted.best.layout, fitted.best.values)
+    charge = charge_std(np.log(flights)) if of_one_charge else 0.0
+    deviations = {
+        "speed_std": min(float(np.hypot(speed_half / 1.96, charge)), 1.0),
         "slope_std": min(slope_half / 1.96 / abs(steepness), 1.0),
+        "usual_speed": float(np.exp(logarithms(fitted.best, fitted.best.values)[1])),
     }
+    return {name: _short(value) for name, value in deviations.items()}
 
 
 def _short(value: float) -> float:

@@ -9,7 +9,7 @@ the battery has. Where commands tell the speed, those two speeds are as open as 
 """
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, Literal
 
@@ -18,6 +18,7 @@ from jaxtyping import Float
 
 from rotorfit.dataset.dataset import Dataset, LoadedFlight, with_prepared
 from rotorfit.diagnostics.kt_from_weight import HELD_TO, kt_from_weight, kt_of
+from rotorfit.experiment.law_table import LawEntry
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit, shift_of
 from rotorfit.fit.intervals.numbers import Numbers
@@ -68,12 +69,31 @@ LAW: Final = "law-uncertain"
 def allow_for_law(fit: Fit) -> Fit:
     """Widen the intervals by the uncertainty of the law from command to speed."""
     law = fit.dataset.motors.law
-    if law is None or not (law.speed_std or law.slope_std):
+    if law is None:
         return fit
-    variance = fit.numbers.half_width**2 + (1.96 * scale_shift(fit.numbers, law.speed_std)) ** 2
+    std = speed_std(law, [f.battery for c in fit.dataset.configurations for f in c.flights])
+    if not (std or law.slope_std):
+        return fit
+    variance = fit.numbers.half_width**2 + (1.96 * scale_shift(fit.numbers, std)) ** 2
     if law.slope_std:
-        variance = variance + (1.96 * _slope_shift(fit, law.slope_std)) ** 2
-    return fit.with_half_width(np.sqrt(variance)).found(_uncertain(fit.numbers, law.speed_std))
+        variance = variance + (1.96 * _slope_shift(fit, law)) ** 2
+    return fit.with_half_width(np.sqrt(variance)).found(_uncertain(fit.numbers, std))
+
+
+def speed_std(law: LawEntry, voltages: Sequence[float | None]) -> float:
+    """Return the deviation of a law's speeds, as a share, on flights at these voltages [V].
+
+    None is a flight whose log has no voltage.
+    """
+    factor = law.voltage
+    if factor is None:
+        return law.speed_std
+    missing = factor.missing_std or 0.0
+    by_voltage = [
+        missing if volts is None else factor.exponent_std * abs(np.log(volts / factor.nominal))
+        for volts in voltages
+    ]
+    return float(np.hypot(law.speed_std, np.sqrt(np.mean(np.square(by_voltage)))))
 
 
 def scale_shift(numbers: Numbers, std: float) -> Float[np.ndarray, " q"]:
@@ -85,12 +105,12 @@ def _speed_powers(numbers: Numbers) -> list[int]:
     return [EVERY[name.partition("@")[0]].speed_power for name in numbers.names]
 
 
-def _slope_shift(fit: Fit, std: float) -> Float[np.ndarray, " q"]:
-    """Compute how far numbers go where the speed grows with the command by a share `std` more."""
+def _slope_shift(fit: Fit, law: LawEntry) -> Float[np.ndarray, " q"]:
+    """Compute how far numbers go where the speed grows more with the command, by a deviation."""
 
     def steeper(speed: Speeds, flown: Float[np.ndarray, "m N"]) -> Speeds:
-        hover = float(np.median(flown))
-        return hover * (np.maximum(speed, 0.0) / hover) ** (1.0 + std)
+        usual = law.usual_speed or float(np.median(flown))
+        return usual * (np.maximum(speed, 0.0) / usual) ** (1.0 + law.slope_std)
 
     return shift_by_speeds(fit, with_other_speeds(fit.dataset, steeper))
 

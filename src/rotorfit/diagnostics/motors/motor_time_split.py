@@ -5,6 +5,9 @@ A lag and a delay differ by how measured over predicted turns, H, go with freque
 takes noise to which the autopilot responds by commands as independent of these; what of it
 may go with them is in the deviations of the bands' ratios (`sensor_response`), by which the two are
 weighed once more: the sum is well known, the split where the rotors explain quick turns, too.
+
+An IMU on a soft mount, or speeds behind a filter, bend H as a shorter lag does: by how much the
+filter that fits these ratios best moves the lag is in its deviation, whether certain or not.
 """
 
 from collections.abc import Sequence
@@ -14,8 +17,14 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.sensors.sensor_response import LEAST_SPREAD, BandRatio, flight_ratios
+from rotorfit.diagnostics.sensors.sensor_response import (
+    LEAST_SPREAD,
+    BandRatio,
+    best_filter,
+    flight_ratios,
+)
 from rotorfit.fit.fit import Fit
+from rotorfit.fit.timing.onboard_filter import lowpass_of
 from rotorfit.reduction.motor_timing import MotorTiming
 
 TIMES: Final = ("motor_lag", "motor_delay")
@@ -36,7 +45,9 @@ def allow_for_noise_feedback(fit: Fit) -> Fit:
         ratios, free, lag=timing.response.mean_lag, prior=fit.dataset.lag_prior[1]
     )
     most = max(fit.dataset.lag_prior[1], timing.lag_std or 0.0)
-    widened = _widened(timing, free, covariance, most=most)
+    bent = None if lowpass_of(fit.dataset) is not None else best_filter(ratios, lagging=True)
+    by_filter = 0.0 if bent is None else bent.lag
+    widened = _widened(timing, free, covariance, most=most, by_filter=by_filter)
     return replace(fit, dataset=replace(fit.dataset, motor_timing=widened))
 
 
@@ -65,9 +76,18 @@ def times_covariance(
 
 
 def _widened(
-    timing: MotorTiming, free: Sequence[str], covariance: Float[np.ndarray, "t t"], *, most: float
+    timing: MotorTiming,
+    free: Sequence[str],
+    covariance: Float[np.ndarray, "t t"],
+    *,
+    most: float,
+    by_filter: float,
 ) -> MotorTiming:
-    """Add the deviations of a covariance to those of a timing; a lag's is `most` at most [s]."""
+    """Add deviations to those of a timing; a lag's is `most` at most [s].
+
+    `covariance` is that of the times `free`, `by_filter` half of the interval that a filter makes
+    of the lag [s].
+    """
     by = dict(zip(free, np.sqrt(np.diagonal(covariance)).tolist(), strict=True))
     assert timing.lag_std is not None
     delay = timing.delay_std
@@ -75,7 +95,9 @@ def _widened(
         delay = float(np.hypot(delay, by["motor_delay"]))
     return replace(
         timing,
-        lag_std=min(float(np.hypot(timing.lag_std, by["motor_lag"])), most),
+        lag_std=min(
+            float(np.linalg.norm([timing.lag_std, by["motor_lag"], by_filter / 1.96])), most
+        ),
         delay_std=delay,
         total_std=float(np.hypot(timing.total_std, np.sqrt(covariance.sum()))),
     )

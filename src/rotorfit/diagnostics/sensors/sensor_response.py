@@ -97,6 +97,9 @@ class FoundFilter:
         Of chi-square over its spread, against none.
     factors
         By which share it moves the factor of each axis, the mean of all flights.
+    delay, lag
+        By how much it moves the delay, the mean of all flights, and the motors' lag where that is
+        open [s].
     """
 
     shape: str
@@ -104,6 +107,8 @@ class FoundFilter:
     interval: tuple[float, float]
     gain: float
     factors: dict[int, float]
+    delay: float
+    lag: float
 
     @property
     def certain(self) -> bool:
@@ -169,31 +174,40 @@ def best_filter(ratios: Sequence[BandRatio], *, lagging: bool = False) -> FoundF
     if len(ratios) < FEWEST * len(flights) or not ratios:
         return None
     frequency = np.array([one.frequency for one in ratios])
-    none, factors = _left(ratios, np.zeros(len(ratios), dtype=complex), lagging=lagging)
+    without = _left(ratios, np.zeros(len(ratios), dtype=complex), lagging=lagging)
     best: FoundFilter | None = None
     for name, shape in SHAPES.items():
         tried = [_left(ratios, shape(frequency / f), lagging=lagging) for f in CUTOFFS]
-        chi2 = np.array([left for left, _ in tried])
+        chi2 = np.array([one.chi2 for one in tried])
         i = int(np.argmin(chi2))
         spread = max(float(chi2[i]) / (2.0 * len(ratios)), LEAST_SPREAD)
-        gain = float(none - chi2[i]) / spread
+        gain = float(without.chi2 - chi2[i]) / spread
         if best is None or gain > best.gain:
             near = CUTOFFS[chi2 < chi2[i] + 3.84 * spread]
-            moved = {k: float(tried[i][1][k] - factors[k]) for k in TURNS}
+            by = tried[i]
             best = FoundFilter(
                 shape=name,
                 cutoff=float(CUTOFFS[i]),
                 interval=(float(near[0]), float(near[-1])),
                 gain=gain,
-                factors=moved,
+                factors={k: by.factors[k] - without.factors[k] for k in TURNS},
+                delay=by.delay - without.delay,
+                lag=by.lag - without.lag,
             )
     return best
 
 
-def _left(
-    ratios: Sequence[BandRatio], shape: Complex[np.ndarray, " b"], *, lagging: bool
-) -> tuple[float, dict[int, float]]:
-    """Compute chi-square with the best factors and delays, and the mean factor of each axis."""
+class _Left(NamedTuple):
+    """What the best factors and times leave: chi-square, each axis' factor, delay and lag [s]."""
+
+    chi2: float
+    factors: dict[int, float]
+    delay: float
+    lag: float
+
+
+def _left(ratios: Sequence[BandRatio], shape: Complex[np.ndarray, " b"], *, lagging: bool) -> _Left:
+    """Fit factors, delays and, with `lagging`, the lag to ratios behind a filter."""
     omega: Float[np.ndarray, " b"] = 2.0 * np.pi * np.array([one.frequency for one in ratios])
     std: Float[np.ndarray, " b"] = np.array([one.std for one in ratios])
     logs: Complex[np.ndarray, " b"] = np.array([one.log for one in ratios])
@@ -213,7 +227,9 @@ def _left(
     left = b - A @ solution
     factors = {k: _mean([x for x, (_, axis) in zip(solution, keys, strict=False) if axis == k])
                for k in TURNS}  # fmt: skip
-    return float(left @ left), factors
+    rest = solution[len(keys) :].tolist()
+    lag = rest.pop() if lagging else 0.0
+    return _Left(float(left @ left), factors, _mean(rest), lag)
 
 
 def _mean(values: Sequence[float]) -> float:

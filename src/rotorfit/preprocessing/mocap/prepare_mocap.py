@@ -39,8 +39,8 @@ from rotorfit.preprocessing.flight_checks import (
     frozen_channels,
     refuse_empty_window,
     refuse_idle_motors,
-    refuse_missing_battery,
     refuse_missing_motors,
+    takes_battery,
 )
 from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.preprocessing.kinematics import (
@@ -191,8 +191,7 @@ def _motor_channel(log: FlightLog, motors: MotorModel) -> Channel:
     if motors.law is None:
         return channel
     battery = None
-    if motors.law.voltage is not None:
-        refuse_missing_battery(log)
+    if takes_battery(log, motors.law):
         volts = usable_samples(log.channels["battery"], "battery")
         battery = np.interp(channel.time, volts.time, volts.values[:, 0])[:, None]
     speed = speed_from_command(channel.values, motors.law, battery=battery)

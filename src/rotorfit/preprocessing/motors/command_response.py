@@ -71,7 +71,7 @@ def command_responses(
         return ()
     battery = log.channels.get("battery")
     volts = None if battery is None else _known(battery, 0)
-    volts = None if volts is None or len(volts[0]) < 2 or not (volts[1] > 0.0).all() else volts
+    volts = None if volts is None or len(volts[0]) < 2 else volts
     pieces = _pieces(speed)
     found: list[MeasuredResponse] = []
     for i in range(command.values.shape[1]):
