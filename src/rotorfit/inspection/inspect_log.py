@@ -354,7 +354,10 @@ def _gravity(look: _Look) -> Iterator[Finding]:
 
 
 def _identification(look: _Look) -> Iterator[Finding]:
-    if look.unidentified is not None:
+    present = look.log.channels.keys()
+    posed = {"position", "attitude"} <= present
+    # Without IMU and poses `_missing_channels` has said so.
+    if look.unidentified is not None and (posed or all(name in present for name in NEEDED)):
         yield _refusal("identification", look.unidentified)
     if look.result is not None:
         yield from look.result.findings

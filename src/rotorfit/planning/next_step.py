@@ -94,11 +94,8 @@ def next_step(result: IdentificationResult, *, predicted: Finding | None = None)
     """
     lacking = _lacking(result)
     stored = next((one for one in result.findings if one.kind == BEST_MANOEUVRE), predicted)
-    return (
-        _before_flying(result, lacking)
-        or (None if stored is None else _stored(stored))
-        or _advised(lacking)
-    )
+    step = _before_flying(result, lacking) or _advised(lacking)
+    return _stored(stored) if step.kind == "fly" and stored is not None else step
 
 
 def with_best_manoeuvre(
