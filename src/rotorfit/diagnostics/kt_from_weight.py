@@ -38,6 +38,7 @@ from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.frequency_bands import retimed
+from rotorfit.verdicts.judge import WEAK
 
 CHANGES_STD = 0.02
 """Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise
@@ -357,8 +358,11 @@ def open_law(numbers: Numbers, balance: Balance) -> Iterator[Finding]:
 
 
 def law_decides(reach: float, width: float) -> bool:
-    """Test whether what the law leaves open is the larger part of a half-width, both as shares."""
-    return reach**2 > 0.5 * width**2
+    """Test whether what the law leaves open is the larger part of a half-width, both as shares.
+
+    Or makes a number weak by itself, however it is flown.
+    """
+    return reach > WEAK or reach**2 > 0.5 * width**2
 
 
 def _half_of_ratio(changes: Measured, weight: Measured) -> float:
