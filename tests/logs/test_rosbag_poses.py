@@ -51,6 +51,14 @@ def test_a_bag_of_poses_is_identified_by_them(capsys, folder, flight, name):
         assert own[name][0] <= flight.truth.parameters()[name] <= own[name][1]
 
 
+def test_the_airframe_command_ends_with_what_works(capsys, folder, tmp_path):
+    answered = ("--layout", "quad-x", "--order", "px4", "--spacing", "350,350")
+    out = tmp_path / "airframe.toml"
+    code, text = said(capsys, "airframe", folder / "bag", "-o", out, *answered)
+    assert code == 0
+    assert text.rstrip().endswith(f"--airframe {out} --source mocap")
+
+
 def test_inspect_says_of_poses_what_to_do_once(capsys, folder):
     for airframe in ((), ("--airframe", folder / "airframe.toml")):
         code, text = said(capsys, "inspect", folder / "bag", *airframe)

@@ -193,14 +193,14 @@ def _next_step(
         return next_step(look.result)
     if look.prepared is None:
         needed = better_log(look.log, lacking - NO_SPEED - NO_BATTERY)
-        by_pose = NextStep(kind="done", action=BY_POSE) if _is_posed(look.log) else None
+        by_pose = NextStep(kind="done", action=BY_POSE) if is_posed(look.log) else None
         return by_pose if needed is None else NextStep(kind="log", action=needed)
     if foreseen is None:
         return None
     return foreseen_step(look.log, look.prepared, foreseen)
 
 
-def _is_posed(log: FlightLog) -> bool:
+def is_posed(log: FlightLog) -> bool:
     """Test whether a log without a whole IMU has motors and poses to take the motion from."""
     present = log.channels.keys()
     posed = {"position", "attitude"} <= present and bool({"rotor_speed", "command"} & present)
@@ -297,7 +297,7 @@ def _missing_channels(look: _Look) -> Iterator[Finding]:
     has_motors = bool({"rotor_speed", "command"} & present)
     loss = (
         'identify with source = "mocap" if position and attitude are those of motion capture'
-        if _is_posed(look.log)
+        if is_posed(look.log)
         else "nothing can be identified from this log"
     )
     measured = (("gyro", "rotation rates"), ("accel", "specific force"))
