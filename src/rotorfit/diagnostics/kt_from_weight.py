@@ -47,9 +47,7 @@ LAW_STD = 0.25
 """The same where no law is given and thrust goes with the command's power of one to two, or where
 the law that is given is wrong."""
 LAW_OPEN = "law-open"
-LAW_CURE = (
-    "measure thrust over command on a stand and give the law under [motors], or log the rotor speed"
-)
+LAW_FIRST = "find the motors' law first (by a thrust stand, or by rotor speed in the log)"
 LAW_MISTAKES = 0.05
 """Share of laws that are wrong: of another vehicle, or from command to thrust instead of speed."""
 REST_STD = 0.1
@@ -353,7 +351,7 @@ def open_law(numbers: Numbers, balance: Balance) -> Iterator[Finding]:
     if open_ones:
         because = f"the law from command to rotor speed leaves {100 * reach:.0f} % of it open"
         yield note(
-            LAW_OPEN, "", numbers=tuple(open_ones), next_step=LAW_CURE, useless_because=because
+            LAW_OPEN, "", numbers=tuple(open_ones), next_step=LAW_FIRST, useless_because=because
         )
 
 
@@ -385,7 +383,8 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
         power = 2.0 * changes.value / weight.value
         return (
             f"{seen}: the result has that of the weight, and the intervals of inertia cover both; "
-            f"in hover thrust grows with the command to the power of {power:.1f}, not 2: {LAW_CURE}"
+            f"in hover thrust grows with the command to the power of {power:.1f}, not 2: measure "
+            "thrust over command on a stand and give the law under [motors], or log the rotor speed"
         )
     cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"
     if motors.law is not None:

@@ -321,7 +321,7 @@ def _reason(axis: Excitation, found: Prospects) -> str:
     if axis.axis != "yaw" and found.thrust.prospect != "well":
         return "limited by how well kt is known"
     if axis.axis != "yaw" and law_decides(found.thrust.law_reach, axis.width or math.inf):
-        return "limited by how well changes of thrust tell kt, see thrust"
+        return "limited by the changes of thrust above"
     return "fly more of this motion"
 
 
