@@ -355,13 +355,13 @@ def provenance_of(
         (file_name(c.flight), c.sha256, "validated") for c in comparisons if c.sha256 not in fitted
     ]
     return Provenance(
-        settings=tuple(_leaves(_told(result.settings), "")),
+        settings=tuple(_leaves(_shown_settings(result.settings), "")),
         versions=tuple((name, str(version)) for name, version in result.versions.items()),
         hashes=tuple(hashes),
     )
 
 
-def _told(settings: Mapping[str, Any]) -> dict[str, Any]:
+def _shown_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Leave out what the page says elsewhere, and the motor order beside rotors that are listed."""
     out = dict(settings)
     if "used" in out:
