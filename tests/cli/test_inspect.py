@@ -251,6 +251,7 @@ def test_poses_next_to_motors_are_for_motion_capture(run, here):
     assert words in report["trouble"]
     shown = run("inspect", "posed.csv").out
     assert "airborne: not looked for, as the log has no IMU" in shown
+    assert report["next_step"]["action"].startswith("if the poses are those of motion capture")
 
 
 def with_commands(order=(0, 1, 2, 3)):

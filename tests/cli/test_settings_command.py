@@ -128,6 +128,13 @@ def test_a_parameter_some_firmware_lacks_is_written_where_it_is(logged, new):
     assert found["UAVCAN_ENABLE"].new is None  # in place of another
 
 
+def test_dshot_is_not_written_for_motors_on_pwm():
+    logged = {"DSHOT_BIDIR_EN": "0", "motor outputs": "PWM"}
+    found = {s.name: s for s in settings_for("ulog", frozenset({"no rotor speed"}), logged)}
+    assert found["DSHOT_BIDIR_EN"].new is None
+    assert found["DSHOT_BIDIR_EN"].value.endswith("(they are PWM now)")
+
+
 def test_every_autopilot_has_its_form():
     assert LINES["px4.params"][0]("SDLOG_PROFILE", "17") == "1\t1\tSDLOG_PROFILE\t17\t6"
     assert LINES["ardupilot.parm"][0]("LOG_BITMASK", "1") == "LOG_BITMASK,1"

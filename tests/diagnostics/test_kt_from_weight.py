@@ -14,6 +14,7 @@ from rotorfit.diagnostics.kt_from_weight import (
     bias_at_rest,
     kt_from_weight,
     law_mistaken,
+    open_law,
     pooled_weight,
     thrust_shares,
 )
@@ -144,6 +145,27 @@ def test_a_command_without_law_leaves_inertia_open():
     assert balance(0.75, 0.02).law_reach == 0.0
     unknown = Balance(changes=None, weight=found.weight, law_mistaken=1.0)
     assert unknown.law_reach == pytest.approx(1.96 * 0.25, rel=1e-4)
+
+
+def inertia(half_width):
+    return Numbers(
+        names=("Ixx@A", "Iyy@A", "kd"),
+        values=np.ones(3),
+        half_width=np.array([half_width, 0.9, 0.9]),
+        correlation=np.eye(3),
+        excitation={},
+    )
+
+
+def test_no_flying_sharpens_inertia_that_the_law_leaves_open():
+    apart = balance(0.8, 0.01, law_mistaken=1.0)
+    [found] = open_law(inertia(0.22), apart)
+    assert found.numbers == ("Ixx@A",)  # of Iyy the flight itself leaves more open
+    assert found.next_step.startswith("find the motors' law first")
+    assert found.useless_because.startswith("the law from command to rotor speed leaves 2")
+    assert not list(open_law(inertia(0.3), balance(0.75, 0.02)))
+    [wide] = open_law(inertia(0.9), balance(0.6, 0.02, law_mistaken=1.0))
+    assert wide.numbers == ("Ixx@A", "Iyy@A")  # weak by the law alone
 
 
 def test_a_law_that_the_weight_contradicts_leaves_inertia_open():

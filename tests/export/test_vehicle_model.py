@@ -39,10 +39,11 @@ from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import inertia_at_origin
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.export.write import export
-from rotorfit.findings import doubt
+from rotorfit.findings import doubt, note
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import INERTIA
 from rotorfit.preprocessing.motors.motor_model import thrust_curve
+from rotorfit.report.parameters import body_entry
 from rotorfit.results.command_units import effective_unit
 from rotorfit.verdicts.judge import body_verdict
 
@@ -94,7 +95,9 @@ def test_terms_that_are_left_out_are_named_in_the_file(target):
     term = parameter("rotor_drag", 1.2e-5)
     lost = replace(parameter("twist", 0.0, "A"), **UNKNOWN, verdict="not-identified")
     text = text_of(with_numbers(a_result(), term, lost), target)
-    assert "known, but left out of this file: rotor_drag = 1.2e-05 +- 1.2e-07 N s^2/(m rad)" in text
+    assert (
+        "known, but left out of this file: rotor_drag = (1.200 +- 0.012)e-05 N s^2/(m rad)" in text
+    )
     assert "left out here" not in text_of(with_numbers(a_result(), lost), target)
 
 
@@ -489,6 +492,29 @@ def test_a_missing_lag_says_why_it_is_missing():
     assert "--assume motor_lag=VALUE --assume max_speed=VALUE" in words
 
 
+def test_a_lag_is_not_blamed_on_speeds_that_no_log_has():
+    made = a_result(law=None)
+    motors = {**made.settings["motors"], "speed": "commanded"}
+    with pytest.raises(OutputError, match=r"motor_lag is not in the result \(the flights do not"):
+        text_of(replace(made, settings={**made.settings, "motors": motors}), "gazebo")
+
+
+def test_the_mass_alone_does_not_help_what_the_log_cannot_show():
+    step = note("log-too-slow", "", numbers=("Ixx",), next_step="set it", useless_because="slow")
+    lost = changed(a_result(), mass=UNKNOWN, Ixx=not_identified(), Ixx_com=UNKNOWN).found(step)
+    with pytest.raises(OutputError, match=r"set it, then identify with the weighed mass \(--mass"):
+        vehicle_model(lost)
+
+
+def test_numbers_weak_for_one_reason_are_one_line():
+    reason = "these flights hardly show how a rotor differs from the average one"
+    weak = {"verdict": "weak", "reason": reason}
+    found = numbers_of(changed(a_result(), kd=weak, kt=weak), "A", assumed={}, full_speed=None)
+    [line] = number_warnings([found["kt"], found["kd"]])
+    assert line.startswith("kt = ") and ", kd = " in line
+    assert line.endswith(f"are weak: {reason}")
+
+
 def test_what_is_not_known_is_never_written():
     with pytest.raises(ValueError, match="not known was to be written"):
         file_format.text(float("nan"))
@@ -565,6 +591,21 @@ def test_what_is_about_the_com_is_weak_where_the_report_says_so(name, interval, 
     assert body_verdict(kin[name], result.parameter(at_origin), kin) == origin
     if name == "Ixx_com" and origin == "weak":
         assert number.remark is None  # the interval says so
+
+
+SMALL = "small, with an interval 1.4 times as wide as wanted"
+
+
+def test_a_number_about_the_com_is_explained_by_its_own_width():
+    """The product at the origin has the CoM's place in it, and is known less well."""
+    wide = half_width(6e-4, 4e-4)
+    result = changed(a_result(), Ixz_com=wide, Ixz=WEAK_AT_THE_ORIGIN)
+    own = next(d for d in result.derived if d.name == "Ixz_com")
+    kin = {d.name: d for d in result.derived}
+    assert body_entry(own, result.parameter("Ixz"), kin).reason == SMALL
+    little = {"verdict": "weak", "reason": "the motors explain too little of the motion in roll"}
+    twin = changed(a_result(), Ixz=little).parameter("Ixz")
+    assert body_entry(own, twin, kin).reason == little["reason"]
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ def test_the_controller_has_the_rates_and_the_mixer_the_commands(tmp_path):
     assert command[-2] == pytest.approx([50000, 50000, 65535, 65535])
     assert command[-1] == pytest.approx([0, 0, 11000, 11000])
     assert "legacy mixer" in log.channels["command"].source
-    assert any(note.startswith("No accel: controller.accelz alone is no") for note in log.notes)
+    assert any(note.startswith("No accel (controller.accelz alone is no") for note in log.notes)
     assert log.notes[-1] == "Left out: controller.accelz."
 
 

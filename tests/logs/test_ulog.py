@@ -179,6 +179,14 @@ def test_versions_and_settings(tmp_path):
     assert log.metadata["Firmware revision"] == "PX4 1.16.0 beta"
 
 
+@pytest.mark.parametrize(("timer", "pwm"), [(400, True), (-1, True), (-4, False), (None, False)])
+def test_motors_on_pwm_outputs_are_told(tmp_path, timer, pwm):
+    wired = {f"PWM_MAIN_FUNC{i}": 100 + i for i in range(1, 5)}
+    timers = {} if timer is None else {"PWM_MAIN_TIM0": timer, "PWM_AUX_TIM0": 400}
+    log = read(tmp_path, IMU, parameters=wired | timers)
+    assert (log.metadata.get("motor outputs") == "PWM") is pwm
+
+
 # Sensors
 
 

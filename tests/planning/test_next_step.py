@@ -62,6 +62,7 @@ def test_what_a_simulator_lacks_is_nothing_to_fly_for():
 
 
 def test_nothing_is_flown_for_nothing():
+    assert step(note(BEST_MANOEUVRE, ""), kd="identified").action == DONE
     assert step(note(BEST_MANOEUVRE, "")).action == UNHELPED
     assert step(kd="identified").action == DONE
     assert step().action == FLOWN["turns"]

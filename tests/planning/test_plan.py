@@ -15,6 +15,7 @@ from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors
 from rotorfit.planning.after import values_of
 from rotorfit.planning.bound import bound, combined, evidence, fly, planned_problem, predicted
+from rotorfit.planning.next_step import next_step, with_best_manoeuvre
 from rotorfit.planning.plan import PlanRequest, plan
 from rotorfit.planning.vehicle import (
     Assumptions,
@@ -294,12 +295,14 @@ def test_wanted_that_cannot_be_read_is_refused(text, words):
 # After a flight
 
 
+def rolling_flight():
+    return gusty_flight(problem(), "roll", 20.0, np.random.default_rng(1), 1)
+
+
 @pytest.fixture(scope="module")
 def after_rolling(tmp_path_factory):
     """Return the result of a flight that only rolled."""
-    rng = np.random.default_rng(1)
-    flight = gusty_flight(problem(), "roll", 20.0, rng, 1)
-    return flown.identified(tmp_path_factory.mktemp("after"), [flight])
+    return flown.identified(tmp_path_factory.mktemp("after"), [rolling_flight()])
 
 
 def test_after_a_flight_missing_numbers_and_remedies_are_named(after_rolling, usual_plan):
@@ -380,6 +383,22 @@ def test_a_result_per_kilogram_is_refused(after_rolling):
     )
     with pytest.raises(ExperimentError, match="per kilogram"):
         plan(request(after=replace(after_rolling, parameters=unknown)))
+
+
+def test_the_best_manoeuvre_does_not_depend_on_the_mass(after_rolling, tmp_path):
+    unweighed = flown.identified(tmp_path, [rolling_flight()], mass="unknown")
+    weighed, per_kilogram = (
+        next_step(with_best_manoeuvre(result)) for result in (after_rolling, unweighed)
+    )
+    assert per_kilogram.gain is not None
+    assert per_kilogram.sentence == weighed.sentence
+
+
+def test_a_vehicle_that_is_not_weighed_may_have_any_size():
+    large = Vehicle(rotors=layout_rotors("quad-x", arm=1.5))
+    with pytest.raises(ExperimentError, match="kg per square metre"):
+        rough_vehicle(large, mass=1.0)
+    assert rough_vehicle(large, mass=None).truth.mass == 1.0
 
 
 # What it refuses

@@ -18,6 +18,7 @@ from hand_made_logs import (
 )
 from plain_loops import plain_loops
 from rotorfit.errors import ExperimentError, FlightError, FrameError, LogError
+from rotorfit.findings import doubt
 from rotorfit.logs.speed_law import (
     PolynomialLaw,
     SpeedLaw,
@@ -183,6 +184,22 @@ def test_slow_motor_data_are_despiked_as_recorded(hover):
         "motor data come at 50 Hz, the gyro at 200 Hz: fast motion is used only up to 20 Hz; log "
         "motors faster"
     ) in result.warnings
+
+
+def test_what_the_reader_says_of_slow_motor_data_is_said_once(hover):
+    t, slow = hover.channels["gyro"].time, hover.channels["rotor_speed"]
+    log = with_channel(hover, rotor_speed=channel(t[::4], slow.values[::4]))
+    log = replace(log, findings=(doubt("slow-motor-data", "set it"),))
+    assert not [one for one in prepared(log).findings if one.kind == "slow-motor-data"]
+
+
+def test_motor_data_are_fast_enough_from_150_hz_on():
+    log = motion_log(hover_thrust(10), rate=500)
+    t, speed = log.channels["gyro"].time, log.channels["rotor_speed"]
+    third = with_channel(log, rotor_speed=channel(t[::3], speed.values[::3]))
+    fourth = with_channel(log, rotor_speed=channel(t[::4], speed.values[::4]))
+    assert not any("log motors faster" in words for words in prepared(third).warnings)
+    assert any("motor data come at 125 Hz" in words for words in prepared(fourth).warnings)
 
 
 def test_spikes_are_counted_and_taken_out(hover):
@@ -459,8 +476,9 @@ def test_fast_flight_is_doubted(hover, speed, said):
     velocity[:, 0] = speed
     result = prepared(with_channel(hover, velocity=channel(t, velocity)))
     message = (
-        "the vehicle flies at up to 8.0 m/s; over 5 m/s the air drag of the frame matters, and "
-        "the model has it only with the term drag: use a slower part of the flight"
+        "the vehicle flies at up to 8.0 m/s; over 5 m/s the air changes thrust and torque, which "
+        "the model has to first order only (terms drag, inflow): use a slower part of the flight, "
+        "if there is one"
     )
     assert (message in result.warnings) == said
     assert result.slowest_rate == pytest.approx(200)

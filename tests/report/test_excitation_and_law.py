@@ -67,13 +67,26 @@ def test_a_given_law_is_drawn_with_what_was_flown() -> None:
     assert "speeds in flight were 200 to 800 rad/s, at commands of about 0.20 to 0.80" in " ".join(
         section.sentences
     )
-    assert 'class="seen"' in section.picture
+    assert 'class="seen"' in section.picture and ">rad/s<" in section.picture
     alone = law_section(result)
     assert alone is not None
     assert 'class="seen"' not in alone.picture
     assert "rotor speed is by the given law" in report_html(result, comparisons=[flown])
     measured = {**TOLD, "motors": {"speed": "measured"}}
     assert law_section(a_result(configurations=("A",), settings=measured), [flown]) is None
+
+
+def test_a_law_without_speeds_is_shown_as_shares() -> None:
+    flown = replace(a_comparison(seconds=2.0), speeds=(0.2, 0.8))
+    law = {"speed": "commanded", "law": {"linear": [0.0, 1.0]}}
+    result = a_result(configurations=("A",), settings={**TOLD, "motors": law})
+    relative = tuple(
+        replace(p, unit="N per squared command") if p.name == "kt" else p for p in result.parameters
+    )
+    section = law_section(replace(result, parameters=relative), [flown])
+    assert section is not None
+    assert "speeds in flight were 0.20 to 0.80 of that at full command" in section.sentences[1]
+    assert ">of full<" in section.picture
 
 
 def test_an_identified_law_has_a_band_dashed_beyond_the_flight() -> None:

@@ -135,6 +135,13 @@ def test_an_axis_that_waits_for_kt():
     )
 
 
+def test_an_axis_of_which_the_law_leaves_most_open():
+    open_law = replace(THRUST, law_reach=0.35)
+    assert said(open_law, replace(ROLL, rho=40.0))[1].endswith(
+        "limited by the changes of thrust above"
+    )
+
+
 def report(**changes):
     return LogReport(file="a", format="table", log="1 of 1", seconds=10.0, **changes)
 

@@ -253,6 +253,19 @@ def test_without_vehicle_or_comparison_the_page_says_so() -> None:
     assert page.count("svg") > 20
 
 
+def test_what_no_flight_can_check_is_a_list_and_no_setting() -> None:
+    rotors = [{"position": [0.1, 0.1, 0.0], "spin": "ccw"}]
+    settings = {
+        "airframe": {"rotors": rotors, "order": "px4", "axes": "FLU"},
+        "used": {"band": "0 to 30 Hz", "hangs_on": ["kt is proportional to the mass"]},
+    }
+    text = " ".join(Page(report_html(a_result(settings=settings))).text.split())
+    assert "make sure that they are right kt is proportional to the mass" in text
+    assert text.count("kt is proportional to the mass") == 1
+    assert "band = 0 to 30 Hz" in text and "airframe.axes FLU" in text
+    assert "airframe.order" not in text
+
+
 def test_a_result_that_knows_nothing_is_reported() -> None:
     nothing = a_result(
         parameters=(parameter("kt", None, **UNKNOWN, verdict="not-identified"),),

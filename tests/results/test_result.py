@@ -59,8 +59,8 @@ def test_too_little_excitation_is_the_reason_that_is_named(half, verdict):
 
 def test_a_percentage_says_of_what_it_is():
     assert judge(0.8, 0.6, scale=0.2, axis="force").reason == "known only to +-75 %"
-    near_zero = judge(0.1, 0.12, scale=0.2, axis="force").reason
-    assert near_zero == "near zero, with an interval 2.4 times as wide as wanted"
+    small = judge(0.1, 0.12, scale=0.2, axis="force").reason
+    assert small == "small, with an interval 2.4 times as wide as wanted"
 
 
 @pytest.mark.parametrize(

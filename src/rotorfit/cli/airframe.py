@@ -130,7 +130,9 @@ def airframe(
     else:
         if table is not None:
             print_result(f"  rotorfit inspect {log} --airframe {output}")
-        print_result(f"  rotorfit identify {log or 'LOG'} --mass KG --airframe {output}")
+        # Of a table its columns say so.
+        source = " --source mocap" if seen.posed and table is None else ""
+        print_result(f"  rotorfit identify {log or 'LOG'} --mass KG --airframe {output}{source}")
 
 
 def _table_of(

@@ -161,9 +161,10 @@ def _experiment_of_log(
 ) -> Experiment:
     from rotorfit.experiment.experiment import single_flight_experiment
     from rotorfit.logs.files import read_head
-    from rotorfit.logs.read import own_kind, read_log
+    from rotorfit.logs.read import format_of, own_kind, read_log
 
-    read_head(source, 1)  # a missing log is reported before missing options
+    if not source.is_dir() or format_of(source) is None:
+        read_head(source, 1)  # a missing log is reported before missing options
     if own_kind(source) is not None:
         read_log(source)  # which says what it is
     described = airframe

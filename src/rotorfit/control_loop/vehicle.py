@@ -11,10 +11,12 @@ from rotorfit.control_loop.plant import GyroFilter, Plant, from_lag
 from rotorfit.errors import EstimationError, LogError
 from rotorfit.experiment.declared_vehicle import motor_model_of, vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
+from rotorfit.formatting.digits import with_interval
 from rotorfit.logs.controller_log import ControllerLog
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.speed_law import speed_from_command
 from rotorfit.preprocessing.signals import true_runs
+from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import Derived, IdentificationResult
 from rotorfit.results.samples import Values, about_com, normal_draws
 
@@ -234,6 +236,13 @@ RATIOS = {
 }
 
 
+def _advice(result: IdentificationResult, parts: tuple[str, str], owner: str) -> str:
+    """Say what a result advises for the moment of inertia of a ratio."""
+    names = [part.removesuffix("_com") for part in parts]
+    found = (p.advice for p in result.parameters if p.name in names and p.configuration == owner)
+    return next((one for one in found if one), "fly the axis briskly")
+
+
 def _of(
     result: IdentificationResult, name: str, owner: str, drawn: Values
 ) -> Float[np.ndarray, " D"]:
@@ -243,7 +252,7 @@ def _of(
     if number is None or number.value is None or number.interval is None:
         raise EstimationError(
             f"{name} of configuration {owner} is not known from these flights: the loop of that "
-            "axis has no gain; fly the axis briskly and identify again"
+            f"axis has no gain; {_advice(result, RATIOS[name], owner)}, and identify again"
         )
     above, below = parts
     if above is None or below is None:
@@ -273,18 +282,18 @@ def _times(
 def known_words(result: IdentificationResult, owner: str) -> str:
     """Say what a result knows of the loop without its controller: effectiveness and delays."""
     found = [
-        *(_turned(number) for number in result.derived
+        *(_turned(number, per_command=is_per_command(result)) for number in result.derived
           if number.name in RATIOS and number.configuration == owner),
-        *(f"{p.name} {1e3 * p.value:.0f} +- {1e3 * half_width(p.interval):.1g} ms"
+        *(f"{p.name} {with_interval(p.value, p.interval)} s"
           for p in result.parameters if p.name in TIMES and p.value is not None),
     ]  # fmt: skip
     words = ", ".join(word for word in found if word)
     if not words:
         return "The result knows neither effectiveness nor delays: fly roll and pitch briskly"
-    return f"Of the loop the result knows: {words} (SI)"
+    return f"Of the loop the result knows: {words}"
 
 
-def _turned(number: Derived) -> str:
+def _turned(number: Derived, *, per_command: bool) -> str:
     """Write an effectiveness, kt / I or kd / I; nothing where it is not known."""
     if not number.value or number.interval is None:
         return ""
@@ -293,14 +302,10 @@ def _turned(number: Derived) -> str:
         if low <= 0.0:
             return ""
         name, value, low, high = f"kt / {number.name[:3]}", 1.0 / number.value, 1 / high, 1 / low
+        unit = "1/(m s^2) per squared command" if per_command else "1/(m rad^2)"
     else:
-        name, value = "kd / Izz", number.value
-    return f"{name} {value:.3g} +- {half_width((low, high)):.1g}"
-
-
-def half_width(interval: tuple[float, float] | None) -> float:
-    """Return half of an interval; 0 of a given number."""
-    return 0.0 if interval is None else 0.5 * (interval[1] - interval[0])
+        name, value, unit = "kd / Izz", number.value, number.unit
+    return f"{name} {with_interval(value, (low, high))} {unit}"
 
 
 def controller_response(

@@ -12,7 +12,7 @@ in twenty laws that are given is wrong: how likely this one is after the flight 
 the weight's k_t that of the changes may be, and inertia with it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +27,7 @@ from rotorfit.diagnostics.sensors.sensor_faults import ERROR, is_estimate
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.effective_blocks import half_width_of_parameter
 from rotorfit.experiment.experiment import MotorsEntry, Source
-from rotorfit.findings import Evidence, Finding, doubt_or_passed
+from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import widen_by_settings
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
@@ -38,6 +38,7 @@ from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.frequency_bands import retimed
+from rotorfit.verdicts.judge import WEAK
 
 CHANGES_STD = 0.02
 """Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise
@@ -45,6 +46,8 @@ that an altitude hold feeds back."""
 LAW_STD = 0.25
 """The same where no law is given and thrust goes with the command's power of one to two, or where
 the law that is given is wrong."""
+LAW_OPEN = "law-open"
+LAW_FIRST = "find the motors' law first (by a thrust stand, or by rotor speed in the log)"
 LAW_MISTAKES = 0.05
 """Share of laws that are wrong: of another vehicle, or from command to thrust instead of speed."""
 REST_STD = 0.1
@@ -166,7 +169,7 @@ def weigh_thrust(fit: Fit) -> Fit:
     mistaken = law_mistaken(commanded=commanded, law_given=motors.law is not None)
     balance = Balance(changes=kt_from_changes(fit), weight=weight, law_mistaken=mistaken)
     held = held_at(fit, balance.kt, law_reach=balance.law_reach)
-    return held.found(agreement(balance, dataset.motors))
+    return held.found(agreement(balance, dataset.motors), *open_law(held.numbers, balance))
 
 
 def law_mistaken(*, commanded: bool, law_given: bool) -> float:
@@ -337,6 +340,30 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
     )
     sentence = difference(balance, motors) if abs(balance.deviations) > DOUBTED else None
     return replace(doubt_or_passed(kind, sentence, numbers=("kt",)), evidence=evidence)
+
+
+def open_law(numbers: Numbers, balance: Balance) -> Iterator[Finding]:
+    """Note of which inertia the law leaves more open than all else does: no flying sharpens it."""
+    reach = balance.law_reach / balance.kt.value
+    open_ones = [
+        name
+        for name in numbers.names
+        if name.partition("@")[0] in ("Ixx", "Iyy")
+        if law_decides(reach, numbers.number(name)[1] / abs(numbers.number(name)[0]))
+    ]
+    if open_ones:
+        because = f"the law from command to rotor speed leaves {100 * reach:.0f} % of it open"
+        yield note(
+            LAW_OPEN, "", numbers=tuple(open_ones), next_step=LAW_FIRST, useless_because=because
+        )
+
+
+def law_decides(reach: float, width: float) -> bool:
+    """Test whether what the law leaves open is the larger part of a half-width, both as shares.
+
+    Or makes a number weak by itself, however it is flown.
+    """
+    return reach > WEAK or reach**2 > 0.5 * width**2
 
 
 def _half_of_ratio(changes: Measured, weight: Measured) -> float:

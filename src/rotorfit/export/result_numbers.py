@@ -165,12 +165,16 @@ def _physical(name: str, text: str) -> float:
 
 
 def number_warnings(numbers: Iterable[Number]) -> list[str]:
-    """List the numbers that are not simply identified, and why."""
+    """List the numbers that are not simply identified, and why; those of one reason together."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for n in numbers:
+        if n.origin in DOUBTFUL:
+            shown = f"{n.name} = {_with_margin(n)} {n.unit}"
+            groups.setdefault((n.origin, n.remark or shown), []).append(shown)
     return [
-        f"{n.name} = {_with_margin(n)} {n.unit} is {n.origin}"
-        + ("" if n.remark is None else f": {n.remark}")
-        for n in numbers
-        if n.origin in DOUBTFUL
+        f"{', '.join(shown)} {'is' if len(shown) == 1 else 'are'} {origin}"
+        + ("" if [reason] == shown else f": {reason}")
+        for (origin, reason), shown in groups.items()
     ]
 
 

@@ -31,6 +31,7 @@ from rotorfit.export.vehicle import (
     projected,
     refuse_signs,
 )
+from rotorfit.formatting.digits import with_interval
 from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.terms.registry import OPTIONAL
@@ -159,7 +160,9 @@ def _refuse_missing(
 ) -> None:
     """Raise if a needed number is not known: which, why, and what would allow the export."""
     gaps = [
-        gap for name in needed if isinstance(gap := numbers.get(name) or _absent(name), Missing)
+        gap
+        for name in needed
+        if isinstance(gap := numbers.get(name) or _absent(name, result), Missing)
     ]
     if not gaps:
         return
@@ -171,11 +174,11 @@ def _refuse_missing(
         for (verdict, reason), names in reasons.items()
     )
     cures = list(dict.fromkeys(gap.cure or gap.name for gap in gaps))
-    flown = any(verdict != ABSENT for verdict, _ in reasons)
+    flown = any(verdict != ABSENT for verdict, _ in reasons) and cures != ["mass"]
     then = next_step(result) if flown else None
-    advice = f"{then.action}; or " if then is not None and then.kind != "done" else ""
-    if "mass" in cures:
-        advice = "identify again with the weighed mass (--mass KG), or "
+    steps = [] if then is None or then.kind == "done" else [then.action]
+    steps += ["identify with the weighed mass (--mass KG)"] * ("mass" in cures)
+    advice = f"{', then '.join(steps)}; or " if steps else ""
     needed = "and is needed" if len(gaps) == 1 else "and all of these are needed"
     message = f"{explained}, {needed}: {advice}{_supply(cures)}"
     raise MissingNumbersError(" ".join(message.split()), names=cures)
@@ -201,8 +204,10 @@ _WHY_ABSENT: Final = {
 }
 
 
-def _absent(name: str) -> Missing:
-    return Missing(name=name, verdict=ABSENT, reason=_WHY_ABSENT.get(name, "it was not estimated"))
+def _absent(name: str, result: IdentificationResult) -> Missing:
+    measured = experiment_of_settings(result.settings).motors.speed == "measured"
+    reason = _WHY_ABSENT.get(name) if measured or name == "max_speed" else None
+    return Missing(name=name, verdict=ABSENT, reason=reason or "the flights do not show it")
 
 
 def _assembled(
@@ -300,12 +305,8 @@ def terms_left_out(
     result: IdentificationResult, owner: str, *, written: Collection[str] = ()
 ) -> list[str]:
     """List the known terms that a target is not written with, with half-widths."""
-
-    def margin(ends: tuple[float, float] | None) -> str:
-        return "" if ends is None else f" +- {0.5 * (ends[1] - ends[0]):.2g}"
-
     return [
-        f"{p.name} = {p.value:.3g}{margin(p.interval)} {p.unit}"
+        f"{p.name} = {with_interval(p.value, p.interval)} {p.unit}"
         f"{'' if p.verdict == 'identified' else f' ({p.verdict})'}"
         for p in result.parameters
         if p.name in _TERMS

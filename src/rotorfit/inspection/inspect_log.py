@@ -57,6 +57,10 @@ NEEDED: Final = ("gyro", "accel")
 WITH_AIRFRAME: Final = (
     "give --airframe FILE to check motor order, spins and arm, and to get a verdict for each number"
 )
+BY_POSE: Final = (
+    "if the poses are those of motion capture, identify by them: rotorfit identify LOG --mass KG "
+    "--airframe AIRFRAME --source mocap"
+)
 READER_NOTE: Final = "reader-note"
 NO_AIRFRAME: Final = "no-airframe"
 VERDICT: Final = "verdict"
@@ -189,10 +193,18 @@ def _next_step(
         return next_step(look.result)
     if look.prepared is None:
         needed = better_log(look.log, lacking - NO_SPEED - NO_BATTERY)
-        return None if needed is None else NextStep(kind="log", action=needed)
+        by_pose = NextStep(kind="done", action=BY_POSE) if is_posed(look.log) else None
+        return by_pose if needed is None else NextStep(kind="log", action=needed)
     if foreseen is None:
         return None
     return foreseen_step(look.log, look.prepared, foreseen)
+
+
+def is_posed(log: FlightLog) -> bool:
+    """Test whether a log without a whole IMU has motors and poses to take the motion from."""
+    present = log.channels.keys()
+    posed = {"position", "attitude"} <= present and bool({"rotor_speed", "command"} & present)
+    return posed and not all(name in present for name in NEEDED)
 
 
 def _flight(log: FlightLog) -> tuple[PreparedFlight | None, str | None]:
@@ -265,7 +277,10 @@ def _identified(
             warnings.simplefilter("ignore")
             return with_best_manoeuvre(identify(experiment)), None
     except (LogError, FlightError) as error:
-        return None, str(error)
+        # Without an IMU `_missing_channels` says so, and what to do.
+        by_imu = experiment.identification.source == "imu"
+        lacking = by_imu and not all(name in log.channels for name in NEEDED)
+        return None, None if lacking else str(error)
 
 
 def _reader_findings(look: _Look) -> Iterator[Finding]:
@@ -282,7 +297,7 @@ def _missing_channels(look: _Look) -> Iterator[Finding]:
     has_motors = bool({"rotor_speed", "command"} & present)
     loss = (
         'identify with source = "mocap" if position and attitude are those of motion capture'
-        if {"position", "attitude"} <= present and has_motors
+        if is_posed(look.log)
         else "nothing can be identified from this log"
     )
     measured = (("gyro", "rotation rates"), ("accel", "specific force"))

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rotorfit.inspection.inspect_log import NAMED_LAYOUT, LogReport
+from rotorfit.inspection.inspect_log import NAMED_LAYOUT, LogReport, is_posed
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.formats import BY_NAME
 
@@ -32,6 +32,8 @@ class SeenAirframe:
     rotors_table
         The rotors with their places [m] by the log's parameters, as ``[airframe]`` has them, where
         somebody has set them; empty otherwise.
+    posed
+        Whether only poses show the motion.
     """
 
     rotors: int | None = None
@@ -42,6 +44,7 @@ class SeenAirframe:
     speed: str | None = None
     sites: tuple[tuple[float, float, str], ...] = ()
     rotors_table: tuple[Mapping[str, Any], ...] = ()
+    posed: bool = False
 
 
 def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
@@ -57,7 +60,12 @@ def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
     if found is None:
         sites = tuple((r["position"][0], r["position"][1], r["spin"]) for r in listed)
         return SeenAirframe(
-            rotors=count, order=_usual_order(log), speed=speed, sites=sites, rotors_table=table
+            rotors=count,
+            order=_usual_order(log),
+            speed=speed,
+            sites=sites,
+            rotors_table=table,
+            posed=is_posed(log),
         )
     return SeenAirframe(
         rotors=count,

@@ -382,10 +382,10 @@ def _notes(recording: _Recording, found: dict[str, _Found]) -> tuple[str, ...]:
     """Say what was taken, what is missing, and what was left out."""
     notes = [one.note for one in found.values() if one.note]
     if "accel" not in found:
-        half = f" {_ACCEL_Z} alone is no specific force." if recording.has(_ACCEL_Z) else ""
+        half = f" ({_ACCEL_Z} alone is no specific force)" if recording.has(_ACCEL_Z) else ""
         notes.append(
-            f"No accel:{half} Without all of {', '.join(_ACCEL)} the flight gives no mass, thrust "
-            "or centre of mass: add them to config.txt on the card."
+            f"No accel{half}: without all of {', '.join(_ACCEL)} the flight gives no mass, thrust "
+            "or centre of mass; add them to config.txt on the card."
         )
     if "gyro" not in found:
         notes.append(f"No gyro: add {', '.join(_GYRO)} to config.txt on the card.")

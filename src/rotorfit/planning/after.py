@@ -19,7 +19,14 @@ from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
 from rotorfit.planning.wanted import IN_MM, WANTABLE
-from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict, verdict_of
+from rotorfit.results.result import (
+    Derived,
+    IdentificationResult,
+    Parameter,
+    Verdict,
+    configuration_names,
+    verdict_of,
+)
 from rotorfit.simulation.pilot import Manoeuvre
 from rotorfit.verdicts.judge import (
     ADVICE,
@@ -163,11 +170,7 @@ def result_mass(result: IdentificationResult, mass: float | None) -> tuple[str, 
 
     Raises `ExperimentError` where the result has no such mass.
     """
-    weighed = {
-        p.configuration or "": p.value
-        for p in result.parameters
-        if p.name == "mass" and p.value is not None
-    }
+    weighed = _weighed(result)
     if not weighed:
         raise ExperimentError(
             "the result was made without a mass, everything in it is per kilogram: identify the "
@@ -185,13 +188,28 @@ def result_mass(result: IdentificationResult, mass: float | None) -> tuple[str, 
     )
 
 
+def scaled_mass(result: IdentificationResult) -> tuple[str, float | None]:
+    """Return the first configuration of a result and its mass [kg], None: all is per kilogram."""
+    weighed = _weighed(result)
+    return result_mass(result, None) if weighed else (configuration_names(result)[0], None)
+
+
+def _weighed(result: IdentificationResult) -> dict[str, float]:
+    """Collect the masses of the configurations that were weighed [kg]."""
+    return {
+        p.configuration or "": p.value
+        for p in result.parameters
+        if p.name == "mass" and p.value is not None
+    }
+
+
 def values_of(result: IdentificationResult, vehicle: Vehicle) -> dict[str, float]:
-    """Return the rough values of a result, by the names that a plan takes.
+    """Return the rough values of a result, by the names that a plan takes; SI or per kilogram.
 
     Raises `ExperimentError` where the result is of another vehicle.
     """
     check_same_vehicle(result, vehicle)
-    configuration, _ = result_mass(result, None)
+    configuration, _ = scaled_mass(result)
     entries = {name: _entry(result, source, configuration) for name, source in _ROUGH.items()}
     values = {name: None if e is None else e.value for name, e in entries.items()}
     speed = result.derived_value("hover_speed", configuration).unit
@@ -207,8 +225,13 @@ _ROUGH: Final = {
 
 
 def knowledge_of(result: IdentificationResult, problem: Problem) -> Knowledge:
-    """Convert a result to information about a plan's free parameters."""
-    configuration, _ = result_mass(result, problem.configurations[0].mass)
+    """Convert a result to information about a plan's free parameters.
+
+    A result per kilogram goes with a plan for one kilogram.
+    """
+    configuration, mass = scaled_mass(result)
+    if mass is not None:
+        configuration, _ = result_mass(result, problem.configurations[0].mass)
     halves: dict[str, float] = {}
     values: dict[str, float] = {}
     for name, full in WANTABLE.items():

@@ -24,12 +24,13 @@ from rotorfit.planning.after import (
     judged_numbers,
     knowledge_of,
     missing_numbers,
-    result_mass,
+    scaled_mass,
     values_of,
 )
 from rotorfit.planning.bound import BARE, Problem, evidence, fly, planned_problem
 from rotorfit.planning.vehicle import (
     GUESSABLE,
+    PER_KILOGRAM,
     assumptions_for,
     default_payload,
     payload_pair,
@@ -93,11 +94,8 @@ def next_step(result: IdentificationResult, *, predicted: Finding | None = None)
     """
     lacking = _lacking(result)
     stored = next((one for one in result.findings if one.kind == BEST_MANOEUVRE), predicted)
-    return (
-        _before_flying(result, lacking)
-        or (None if stored is None else _stored(stored))
-        or _advised(lacking)
-    )
+    step = _before_flying(result, lacking) or _advised(lacking)
+    return _stored(stored) if step.kind == "fly" and stored is not None else step
 
 
 def with_best_manoeuvre(
@@ -105,7 +103,8 @@ def with_best_manoeuvre(
 ) -> IdentificationResult:
     """Add to a result which manoeuvre sharpens it most, and how far, by simulated flights.
 
-    The result stays as it is where something else comes first, where all is known, and where no
+    A result per kilogram is judged as one of one kilogram: no share depends on the mass. The result
+    stays as it is where something else comes first, where all is known, and where no
     flight of the vehicle can be simulated.
     """
     if next_step(result).kind != "fly":
@@ -113,8 +112,7 @@ def with_best_manoeuvre(
     try:
         if report is not None:
             report("simulating what to fly next")
-        _, mass = result_mass(result, None)
-        problem = _problem(result, mass)
+        problem = _problem(result)
         asked = _asked([one.name for one in _lacking(result) if one.advice in FLOWN.values()])
         pieces: dict[Manoeuvre, bound.Evidence] = {
             m: evidence(problem, fly(problem, m, BARE), BARE) for m in asked
@@ -228,14 +226,16 @@ def _asked(names: Sequence[str]) -> list[Manoeuvre]:
     return sorted(set(asked), key=lambda m: (-asked.count(m), m))
 
 
-def _problem(result: IdentificationResult, mass: float) -> Problem:
+def _problem(result: IdentificationResult) -> Problem:
     """Return the problem of a plan for the vehicle of a result, as `rotorfit plan` poses it."""
+    _, weighed = scaled_mass(result)
+    mass = PER_KILOGRAM if weighed is None else weighed
     experiment = experiment_of_settings(result.settings)
     vehicle, motors = vehicle_of(experiment.airframe), experiment.motors
     assumed = assumptions_for(mass)
     known = {n: v for n, v in values_of(result, vehicle).items() if n in GUESSABLE}
     return planned_problem(
-        rough_vehicle(vehicle, mass=mass, known=known),
+        rough_vehicle(vehicle, mass=weighed, known=known),
         payload_pair(vehicle, default_payload(mass), mass_std=0.5 * assumed.mass_step),
         assumed=assumed,
         commanded=motors.speed == "commanded",

@@ -40,6 +40,8 @@ from rotorfit.simulation.body import allocation
 LIGHTEST: Final = 0.01
 HEAVIEST: Final = 200.0
 """Masses that are believed [kg]."""
+PER_KILOGRAM: Final = 1.0
+"""The mass of a vehicle that is not weighed, in whose numbers all is per kilogram [kg]."""
 SHORTEST: Final = 0.02
 LONGEST: Final = 3.0
 """Arms that are believed [m]."""
@@ -76,14 +78,18 @@ class RoughVehicle:
 
 
 def rough_vehicle(
-    vehicle: Vehicle, *, mass: float, known: Mapping[str, float] | None = None
+    vehicle: Vehicle, *, mass: float | None, known: Mapping[str, float] | None = None
 ) -> RoughVehicle:
     """Guess the unknown values of a vehicle, by the names of `GUESSABLE`, SI.
 
-    Raises `ExperimentError` where mass or arm cannot be right, or the rotors cannot steer it.
+    A `mass` of None: not weighed; a vehicle of one kilogram, whatever its size. Raises
+    `ExperimentError` where mass or arm cannot be right, or the rotors cannot steer it.
     """
     known = known or {}
-    _check_size(vehicle, mass)
+    _check_arm(vehicle)
+    if mass is not None:
+        _check_mass(vehicle, mass)
+    mass = PER_KILOGRAM if mass is None else mass
     _check_known(known)
     check_rotors(vehicle)
     arm = vehicle.arm
@@ -170,16 +176,19 @@ def loaded(truth: Truth, payload: tuple[PointMass, ...]) -> Truth:
     return truth
 
 
-def _check_size(vehicle: Vehicle, mass: float) -> None:
-    if not (math.isfinite(mass) and LIGHTEST <= mass <= HEAVIEST):
-        raise ExperimentError(
-            f"a mass of {mass:g} kg, expected {LIGHTEST:g} to {HEAVIEST:g} kg; weigh the vehicle "
-            "as it flies, battery included, and give kilograms"
-        )
+def _check_arm(vehicle: Vehicle) -> None:
     if not SHORTEST <= vehicle.arm <= LONGEST:
         raise ExperimentError(
             f"the rotors are {vehicle.arm:g} m from their centre, expected {SHORTEST:g} to "
             f"{LONGEST:g} m; lengths in the airframe file are metres"
+        )
+
+
+def _check_mass(vehicle: Vehicle, mass: float) -> None:
+    if not (math.isfinite(mass) and LIGHTEST <= mass <= HEAVIEST):
+        raise ExperimentError(
+            f"a mass of {mass:g} kg, expected {LIGHTEST:g} to {HEAVIEST:g} kg; weigh the vehicle "
+            "as it flies, battery included, and give kilograms"
         )
     load = mass / (math.pi * vehicle.arm**2)
     if not 0.3 <= load <= 300.0:

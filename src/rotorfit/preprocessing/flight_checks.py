@@ -127,6 +127,8 @@ FASTEST_TURN = 40.0
 
 LONGEST_BLOW = 3.0
 """From first to last such turn of a crash [s]; a gyro in deg/s reads them all over the flight."""
+ENOUGH_RATE: Final = 150.0
+"""Of commands, speeds and IMU, from which on nothing is lost that an estimate uses [Hz]."""
 FEWEST_FAST = 3
 """Samples of such a turn from which it is one, and no glitch."""
 UNIT_OF_GYRO = 'declare its unit (columns = { gyro_x = { name = "...", unit = "deg/s" } })'
@@ -437,7 +439,7 @@ def imu_doubts(
             "calibrate it",
         )
     motor_rate, gyro_rate = uniform.rates["motor"], uniform.rates["gyro"]
-    if motor_rate < 0.4 * gyro_rate:
+    if motor_rate < min(0.4 * gyro_rate, ENOUGH_RATE):
         yield doubt(
             "slow-motor-data",
             f"motor data come at {motor_rate:.0f} Hz, the gyro at {gyro_rate:.0f} Hz: fast "
@@ -475,7 +477,7 @@ def _speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> Iterator[Finding]:
     if fast > 5.0:
         yield doubt(
             "fast-flight",
-            f"the vehicle flies at up to {fast:.1f} m/s; over 5 m/s the air drag of the frame "
-            "matters, and the model has it only with the term drag: use a slower part of the "
-            "flight",
+            f"the vehicle flies at up to {fast:.1f} m/s; over 5 m/s the air changes thrust and "
+            "torque, which the model has to first order only (terms drag, inflow): use a slower "
+            "part of the flight, if there is one",
         )

@@ -135,12 +135,15 @@ class OneClock:
         Smallest step of measured rotor speed [rad/s]; 0 where unknown.
     takes_columns
         Whether units and axes of the log can be declared.
+    said
+        Kinds of what the log's reader doubts already.
     """
 
     uniform: UniformChannels
     spikes: dict[str, int]
     speed_step: float
     takes_columns: bool = True
+    said: frozenset[str] = frozenset()
 
 
 def prepare(
@@ -198,6 +201,7 @@ def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> One
         spikes=spikes,
         speed_step=step or 0.0,
         takes_columns=log.takes_columns,
+        said=frozenset(one.kind for one in log.findings),
     )
 
 
@@ -254,7 +258,7 @@ def prepared_from(
         cuts=_cuts(data, uniform, window, standing),
         findings=(
             *ground_doubts(uniform.time, standing),
-            *imu_doubts(data, uniform, bias),
+            *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
             *frozen,
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),

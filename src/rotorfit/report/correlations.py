@@ -100,14 +100,9 @@ def _pairs(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Pair, ..
 
 
 def _pair_phrase(value: float) -> str:
-    together = "an error in one goes with an error of the same sign in the other"
-    against = "an error in one is offset by an error of the opposite sign in the other"
     # Knowing one would leave sqrt(1 - r^2) of the other's uncertainty.
     left = 100 * math.sqrt(max(0.0, 1 - value**2))
-    return (
-        f"{together if value > 0 else against}; if one were known, "
-        f"the other's interval would shrink to {left:.0f} % of its width"
-    )
+    return f"{left:.0f} %"
 
 
 def _directions(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Direction, ...]:

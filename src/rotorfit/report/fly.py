@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.formatting.digits import short
 from rotorfit.formatting.sheet import listed, table_lines, wrapped
 from rotorfit.logs.files import file_name
 from rotorfit.report.pages import (
@@ -198,7 +199,7 @@ def _stand(axis: str, ratio: float) -> str:
     if not math.isfinite(ratio):
         return f"{axis} -"
     word = "even" if abs(ratio - 1.0) < EVEN else "better" if ratio < 1.0 else "WORSE"
-    return f"{axis} {word} (error x {ratio:.2f})"
+    return f"{axis} {word} (error x {short(ratio)})"
 
 
 def manoeuvre_summary(outcome: FlyOutcome, label: str) -> str:

@@ -1,10 +1,12 @@
 """The report on one inspected log: one screen of text, or JSON."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, Final
 
 from rotorfit.dataset.plausible_units import GravitySeen
+from rotorfit.diagnostics.kt_from_weight import law_decides
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
 from rotorfit.formatting.digits import short
 from rotorfit.formatting.sheet import wrapped
@@ -318,6 +320,8 @@ def _reason(axis: Excitation, found: Prospects) -> str:
         )
     if axis.axis != "yaw" and found.thrust.prospect != "well":
         return "limited by how well kt is known"
+    if axis.axis != "yaw" and law_decides(found.thrust.law_reach, axis.width or math.inf):
+        return "limited by the changes of thrust above"
     return "fly more of this motion"
 
 

@@ -17,6 +17,7 @@ from rotorfit.preprocessing.motors.motor_model import speeds
 from rotorfit.report.pages import drawing, label, tag, text, tick_label, ticks
 from rotorfit.report.parameters import unit_words
 from rotorfit.results.command_law import CommandLaw, LawPoint
+from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import WrenchComparison
 
@@ -98,7 +99,7 @@ def _declared_section(
     if law is None:
         return None
     seen = [c.speeds for c in comparisons if c.speeds is not None]
-    commands = None
+    per_command, commands = is_per_command(result), None
     sentences = ["the law is the declared one: the log has no rotor speed to check it by"]
     if seen:
         low, high = min(s[0] for s in seen), max(s[1] for s in seen)
@@ -109,8 +110,13 @@ def _declared_section(
             float(grid[min(np.searchsorted(reached, high), 1000)]),
         )
         sentences.append(
-            f"speeds in flight were {low:.0f} to {high:.0f} rad/s, at commands of about "
-            f"{commands[0]:.2f} to {commands[1]:.2f}: there the law must hold"
+            (
+                f"speeds in flight were {low:.2f} to {high:.2f} of that at full command, "
+                if per_command
+                else f"speeds in flight were {low:.0f} to {high:.0f} rad/s, "
+            )
+            + f"at commands of about {commands[0]:.2f} to {commands[1]:.2f}: there the law must "
+            "hold"
         )
     return LawSection(
         declared=True,
@@ -118,7 +124,7 @@ def _declared_section(
         rows=(),
         sentences=tuple(sentences),
         motors=(),
-        picture=_picture(law, commands=commands),
+        picture=_picture(law, commands=commands, unit="of full" if per_command else "rad/s"),
     )
 
 
@@ -179,6 +185,7 @@ def _picture(
     commands: tuple[float, float] | None,
     points: Sequence[LawPoint] = (),
     spread: float = 0.0,
+    unit: str = "rad/s",
 ) -> str:
     """Draw a law, dashed where nobody flew, with a band of a share of it to either side."""
     u = np.linspace(0.0, 1.0, CURVE_POINTS)
@@ -225,7 +232,7 @@ def _picture(
         parts.append(tag("path", {"class": "curve rotor", "d": f"M{path(u[flown], speed[flown])}"}))
     middle = LEFT + 0.5 * wide
     parts.append(label("command", {"class": "axis-name middle", "x": middle, "y": HEIGHT - 8}))
-    parts.append(label("rad/s", {"class": "axis-name", "x": 8, "y": TOP + 12}))
+    parts.append(label(unit, {"class": "axis-name", "x": 8, "y": TOP + 12}))
     measured = "measured, and the law" if points else "the given law"
     name = f"Rotor speed over command: {measured}"
     shown = {"class": "motor-law chart", "role": "img", "aria-label": name}

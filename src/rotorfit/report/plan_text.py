@@ -116,7 +116,7 @@ def step_after(plan: FlightPlan) -> NextStep | None:
 
 def _conclusion(plan: FlightPlan, width: int) -> list[str]:
     if plan.enough:
-        return _paragraphs(width, "Nothing more to fly: the result reaches this already.")
+        return _paragraphs(width, "Nothing to fly for this target: the result reaches it already.")
     if plan.recommended is not None:
         return _paragraphs(width, f"Fly: {flight_phrase(plan.recommended)}.", *_with_payload(plan))
     return _paragraphs(

@@ -31,6 +31,7 @@ from rotorfit.report.parameters import (
     unit_words,
 )
 from rotorfit.report.summary import summary_of, used_flights
+from rotorfit.report.text import assumptions_of
 from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.wrenches import (
     TOO_SHORT,
@@ -242,6 +243,7 @@ def report_html(
         configurations=configuration_names(result),
         meanings=VERDICT_MEANING,
         summary=summary_of(result),
+        assumptions=assumptions_of(result),
         tables=parameter_tables(result),
         vehicle=vehicle_drawings(result),
         law=law_section(result, comparisons),
@@ -353,10 +355,20 @@ def provenance_of(
         (file_name(c.flight), c.sha256, "validated") for c in comparisons if c.sha256 not in fitted
     ]
     return Provenance(
-        settings=tuple(_leaves(result.settings, "")),
+        settings=tuple(_leaves(_shown_settings(result.settings), "")),
         versions=tuple((name, str(version)) for name, version in result.versions.items()),
         hashes=tuple(hashes),
     )
+
+
+def _shown_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Leave out what the page says elsewhere, and the motor order beside rotors that are listed."""
+    out = dict(settings)
+    if "used" in out:
+        out["used"] = {k: v for k, v in out["used"].items() if k != "hangs_on"}
+    if out.get("airframe", {}).get("rotors"):
+        out["airframe"] = {k: v for k, v in out["airframe"].items() if k != "order"}
+    return out
 
 
 def _leaves(value: Any, path: str) -> list[tuple[str, str]]:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.formatting.digits import short
 from rotorfit.formatting.series import Series, thinned
 from rotorfit.logs.files import file_name
 from rotorfit.report.chart import (
@@ -277,7 +278,7 @@ def _component_sentence(found: WrenchSpectra, name: str) -> str:
     coherence, ratio = found.coherence[name], found.ratio[name]
     axis, best = NAMES[name].capitalize(), int(np.argmax(ratio))
     rotors = (
-        f"the rotors give up to {ratio[best]:.2g} times what is left, at "
+        f"the rotors give up to {short(float(ratio[best]))} times what is left, at "
         f"{found.frequency[best]:.2g} Hz"
     )
     good = (coherence >= max(COHERENT, found.random_level)) & (ratio > 1.0)

@@ -173,9 +173,7 @@ def judge(
         return Judgement(verdict="identified")
     little = excitation is not None and excitation < LEAST_EXCITATION
     hopeless = not relative <= (HOPELESS_YAW if little and axis == "yaw" else HOPELESS)
-    reason = f"known only to +-{100 * relative:.0f} %"
-    if abs(value) < scale:
-        reason = f"near zero, with an interval {relative / WEAK:.1f} times as wide as wanted"
+    reason = _width_words(relative, small=abs(value) < scale)
     if hopeless:
         reason = "the interval is wider than the value itself"
     if little:
@@ -185,7 +183,14 @@ def judge(
     )
 
 
-WIDTHS: Final = ("known only to", "near zero, with an interval")
+WIDTHS: Final = ("known only to", "small, with an interval")
+
+
+def _width_words(relative: float, *, small: bool) -> str:
+    """Say how wide an interval is, of a `small` number over what matters."""
+    if small:
+        return f"small, with an interval {relative / WEAK:.1f} times as wide as wanted"
+    return f"known only to +-{100 * relative:.0f} %"
 
 
 def is_width(reason: str | None) -> bool:
@@ -221,6 +226,19 @@ def body_verdict(
     return "identified" if measured and verdict == "identified" else "weak"
 
 
+def body_reason(
+    derived: Derived, verdict: Verdict, twin: Parameter | None, kin: Mapping[str, Derived]
+) -> str | None:
+    """Say why a number about the CoM has its verdict: by its own width, else as its twin."""
+    if twin is None or verdict == "identified":
+        return None
+    relative = relative_width(derived, kin) if verdict == "weak" else None
+    if relative is None or (twin.verdict == "weak" and not is_width(twin.reason)):
+        return twin.reason
+    small = abs(_known(derived.value) or 0.0) < (_size(derived, kin) or 0.0)
+    return _width_words(relative, small=small)
+
+
 DEPENDS: Final[Mapping[str, tuple[str, ...]]] = {
     "hover_speed": ("kt",),
     "kd_over_kt": ("kd", "kt"),
@@ -253,8 +271,7 @@ def _about_com(
     twin = next((p for p in twins if p.name == twin_of(number.name)), None)
     kin = {d.name: d for d in derived if d.configuration == number.configuration}
     verdict = body_verdict(number, twin, kin)
-    reason = twin.reason if twin is not None and twin.verdict == verdict else None
-    return replace(number, verdict=verdict, reason=reason)
+    return replace(number, verdict=verdict, reason=body_reason(number, verdict, twin, kin))
 
 
 def _of_parts(number: Derived, parameters: Sequence[Parameter]) -> Derived:

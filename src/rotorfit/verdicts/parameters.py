@@ -340,7 +340,7 @@ def _judgement(rotors: int, *, grouped: bool) -> Judgement:
         advice = 'give the rotors that are alike the same group (group = "..." in [airframe])'
     else:
         # Kept: with the CoM they make the trim of hover, and one without the other is none.
-        reason = "the flights hardly separate this rotor from the average one"
+        reason = "these flights hardly show how a rotor differs from the average one"
         advice = "roll, pitch and yaw more briskly"
         return Judgement(verdict="weak", reason=reason, advice=advice)
     return Judgement(verdict="not-identified", reason=reason, advice=advice)

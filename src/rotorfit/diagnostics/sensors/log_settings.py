@@ -17,6 +17,8 @@ from rotorfit.logs.firmware import (
 )
 from rotorfit.logs.flight_log import LEAVES_OUT, FlightLog
 from rotorfit.model.parameters import EVERY
+from rotorfit.model.terms.rotors import ROTOR_SPREAD
+from rotorfit.preprocessing.flight_checks import ENOUGH_RATE
 from rotorfit.preprocessing.prepare import PreparedFlight
 
 TOO_SLOW: Final = "log-too-slow"
@@ -25,12 +27,12 @@ NOT_SIMULATED: Final = "not-simulated"
 NO_INERTIA: Final = "no rotor inertia"
 LEAST_RATE: Final = 40.0
 """Of commands and IMU, below which all of the motion is lost that inertia shows in [Hz]."""
-WANTED_RATE: Final = 150.0
-"""From which on nothing is lost [Hz]."""
 FAST: Final = tuple(
     name
     for name, info in EVERY.items()
-    if info.motion in ("roll", "pitch", "yaw", "height") or name.startswith("motor_")
+    if info.motion in ("roll", "pitch", "yaw", "height")
+    or name.startswith("motor_")
+    or name in ROTOR_SPREAD.parameters
 )
 """Numbers that show in quick motion."""
 USE_SPEED: Final = (
@@ -65,7 +67,7 @@ def absent_in_simulator(fit: Fit) -> Iterator[Finding]:
     simulators = {flight.log.metadata.get("Simulator", "") for flight in flights}
     if any(NO_INERTIA in LEAVES_OUT.get(name, "") for name in simulators):
         because = f"the simulator has {NO_INERTIA}"
-        step = f"nothing: {because}"
+        step = "nothing to fly in this simulator"
         yield note(NOT_SIMULATED, "", numbers=("Jr",), next_step=step, useless_because=because)
 
 
@@ -73,9 +75,9 @@ def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
     """Say how to log commands and IMU faster; None where they are fast enough for inertia."""
     if prepared.slowest_rate >= LEAST_RATE:
         return None
-    slow_imu = prepared.data.sample_rate < WANTED_RATE
+    slow_imu = prepared.data.sample_rate < ENOUGH_RATE
     wanted = _settings(log, SLOW_MOTORS | SLOW_IMU if slow_imu else SLOW_MOTORS)
-    plain = f"log gyro, accelerometer and motors {WANTED_RATE:.0f} times a second or faster"
+    plain = f"log gyro, accelerometer and motors {ENOUGH_RATE:.0f} times a second or faster"
     return f"{wanted or plain}, then fly again"
 
 

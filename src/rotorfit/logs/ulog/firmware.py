@@ -29,6 +29,13 @@ from rotorfit.logs.firmware import (
 )
 from rotorfit.logs.flight_log import FlightLog
 
+MOTOR_OUTPUTS: Final = "motor outputs"
+PWM: Final = "PWM"
+"""The metadata's word for motors on outputs that do not speak DShot."""
+DSHOT_FIRST: Final = (
+    "1, where the ESCs can DShot and it is chosen for the motors' outputs in the actuator "
+    "configuration (they are PWM now)"
+)
 PROFILE_BITS: Final = {0: "default set", 4: "high rate"}
 """Bits of SDLOG_PROFILE."""
 SETTINGS: Final = settings_of(
@@ -87,7 +94,11 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
     if found and found[0].name == "SDLOG_PROFILE":
         profile = bits_set(logged_integer(metadata, "SDLOG_PROFILE"), PROFILE_BITS)
         found = (*with_value(found[0], profile), *found[1:])
-    if "DSHOT_BIDIR_EN" in metadata:  # by name: PX4 1.18 has none
+    if metadata.get(MOTOR_OUTPUTS) == PWM:
+        found = tuple(
+            replace(s, value=DSHOT_FIRST) if s.name == "DSHOT_BIDIR_EN" else s for s in found
+        )
+    elif "DSHOT_BIDIR_EN" in metadata:  # by name: PX4 1.18 has none
         found = tuple(
             replace(s, value="1", new="1") if s.name == "DSHOT_BIDIR_EN" else s for s in found
         )

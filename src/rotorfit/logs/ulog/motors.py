@@ -26,6 +26,8 @@ TOPICS: Final = {**SPEED_TOPICS, **COMMAND_TOPICS}
 FIRST_MOTOR, LAST_MOTOR = 101, 112
 """Numbers of the output functions Motor 1 to Motor 12."""
 MOST_MOTORS: Final = LAST_MOTOR - FIRST_MOTOR + 1
+ONESHOT: Final = -1
+"""PWM_MAIN_TIM0 and so on of OneShot; above are rates of PWM [Hz], below the kinds of DShot."""
 _RPM: Final = 2.0 * math.pi / 60.0
 FASTEST: Final = 300_000
 """No rotor turns as fast [rpm]: a telemetry value beyond it is damaged."""
@@ -59,6 +61,16 @@ def motor_count(scan: Scan) -> int | None:
         return int(declared)
     airframe = scan.number("SYS_AUTOSTART")
     return None if airframe is None else _AIRFRAMES.get(int(airframe) // 1000)
+
+
+def has_pwm_motors(scan: Scan) -> bool:
+    """Tell whether the motors are on outputs of which no timer speaks DShot (PX4 1.13 on)."""
+    wired = any(
+        re.fullmatch(r"PWM_(MAIN|AUX)_FUNC\d+", name) and FIRST_MOTOR <= value <= LAST_MOTOR
+        for name, value in scan.parameters.items()
+    )
+    timers = [v for n, v in scan.parameters.items() if re.fullmatch(r"PWM_(MAIN|AUX)_TIM\d", n)]
+    return wired and bool(timers) and all(value >= ONESHOT for value in timers)
 
 
 def is_vtol(scan: Scan) -> bool:

@@ -11,9 +11,11 @@ from jaxtyping import Bool, Float
 from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import GAZEBO, PX4_OTHER, SIH, Circumstances, LoggedMotors, in_air
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
+from rotorfit.logs.ulog.firmware import MOTOR_OUTPUTS, PWM
 from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.motors import (
     commanded_law,
+    has_pwm_motors,
     is_vtol,
     motor_count,
     output_speeds,
@@ -171,6 +173,8 @@ def metadata_of(scan: Scan) -> dict[str, str]:
         if key in scan.info:
             found[name] = str(scan.info[key])
     found |= {name: f"{scan.parameters[name]:g}" for name in _SETTINGS if name in scan.parameters}
+    if has_pwm_motors(scan):
+        found[MOTOR_OUTPUTS] = PWM
     sites = rotor_sites(scan)
     if sites:
         found["airframe"] = airframe_text(sites)
