@@ -219,7 +219,7 @@ def test_what_is_known_of_other_loops_is_said(result, tmp_path):
     with pytest.raises(rotorfit.LogError) as caught:
         rotorfit.loop_margins(result, log)
     assert "TPA" in str(caught.value)
-    assert "kt / Ixx 310.1 +- 2.8 1/(m s^2) per squared command" in str(caught.value)
+    assert "kt / Ixx 309.9 +- 3.3 1/(m s^2) per squared command" in str(caught.value)
     assert "motor_lag 0.0331 +- 0.0018 s" in str(caught.value)
 
 

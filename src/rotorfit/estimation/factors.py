@@ -224,29 +224,13 @@ def borrowed_rows(factors: Factors) -> Float[np.ndarray, " b"]:
 
 
 def _with_neighbours(sums: Float[np.ndarray, "b k"], factors: Factors) -> Float[np.ndarray, "b k"]:
-    """Return the sums of blocks, with half of their neighbours' where rows are few.
-
-    Slow gusts are larger than quick ones: the mean of a phase has the other means of its flight as
-    its neighbours, and the band above it only where these are few, too.
-    """
-    total, few = _with_other_means(sums, factors)
+    """Add to each block half of its neighbours' sums where rows are few."""
+    few = factors.rows < FEW_ROWS
     same = factors.segment[1:] == factors.segment[:-1]
+    total = sums.copy()
     for here, other in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
         total[here] += 0.5 * (same & few[here])[:, None] * sums[other]
     return total
-
-
-def _with_other_means(
-    sums: Float[np.ndarray, "b k"], factors: Factors
-) -> tuple[Float[np.ndarray, "b k"], Bool[np.ndarray, " b"]]:
-    """Return the sums with half of those of a flight's other means, and where rows stay few."""
-    total, rows = sums.copy(), factors.rows.astype(float)
-    means = (factors.band[:, 0] == 0.0) & (factors.rows < FEW_ROWS)
-    for own in flights_of(factors):
-        these = own & means
-        total[these] += 0.5 * (sums[these].sum(axis=0) - sums[these])
-        rows[these] += 0.5 * (rows[these].sum() - rows[these])
-    return total, rows < FEW_ROWS
 
 
 def time_block_factors(Z: Float[np.ndarray, "n z"], *, block_rows: int) -> Factors:

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Bool, Complex, Float, Int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +43,7 @@ class ClosedLoopResponses:
         Derivative of the logarithm of what the inputs do, by what moves their signals, per error.
     """
 
-    rows: Float[np.ndarray, "b e"]
+    rows: Int[np.ndarray, "b e"]
     moves: Complex[np.ndarray, "b e u"]
     complementary_sensitivity: Complex[np.ndarray, "b e"]
     uncertainty: Complex[np.ndarray, "b e"]

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float, Int
 
 from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
+from rotorfit.estimation.factors import flights_of
 from rotorfit.fit.joint.joint_problem import (
     NOISY,
     TURN_ERRORS,
@@ -52,15 +53,16 @@ _TINY: Final = float(np.finfo(float).tiny)
 def select_slow_bands(configuration: JointConfiguration) -> JointConfiguration:
     """Count turns in the pilot's band alone, each axis of the flights that move it.
 
-    A flight in which an axis is calm holds the autopilot's response to gusts, which would pull the
-    first fit of that axis; where no flight moves it, all count, and without a response.
+    A flight in which an axis is calm holds the autopilot's response to gusts, which would bias the
+    first fit of that axis; where no flight moves it, all count.
     """
     c = configuration
     counted = np.ones((len(c.factors), len(NOISY)), dtype=bool)
-    turned = turned_flights(c.factors, c.model, mass=c.mass)
-    slow = slow_bands(c.factors)
-    counted[:, list(TURNS)] = slow & or_every(turned)
-    return replace(c, counted=counted, with_response=slow & turned)
+    counted[:, list(TURNS)] = slow_bands(c.factors)
+    if len(flights_of(c.factors)) > 1:
+        turned = turned_flights(c.factors, c.model, mass=c.mass)
+        counted[:, list(TURNS)] &= or_every(turned)
+    return replace(c, counted=counted)
 
 
 def select_informative_bands(
@@ -113,7 +115,7 @@ def with_counted_bands(
         factors, signal[:, turns], residual[:, turns], least_ratio=least_ratio
     )
     counted = counted_bands(factors, flown)
-    with_response = (counted & flown.any(axis=0))[:, [NOISY.index(n) for n in TURN_ERRORS]]
+    with_response = flown[:, [NOISY.index(name) for name in TURN_ERRORS]]
     return replace(configuration, counted=counted, with_response=with_response)
 
 

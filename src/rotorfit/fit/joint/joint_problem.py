@@ -21,7 +21,7 @@ from rotorfit.estimation.banded import (
     banded,
     log_likelihood,
 )
-from rotorfit.estimation.factors import Factors, flights_of, of_even_rows
+from rotorfit.estimation.factors import flights_of, of_even_rows
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.experiment.payload import tolerances
@@ -236,7 +236,7 @@ def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopRespon
     assert with_response is not None and counted is not None
     turn = 2.0 * np.pi * factors.band.mean(axis=1)
     counted_errors = counted[:, [NOISY.index(name) for name in RESPONSE_ERRORS]]
-    moving = factors.rows - _trim_share(factors)
+    moving = factors.rows - (factors.band[:, 0] == 0.0)  # trim is nobody's answer
     rate, climb = nominal_response(turn), first_order(turn, CLIMB_BANDWIDTH)
     slow_yaw = (turn < 2.0 * np.pi * SLOW_YAW) * first_order(turn, YAW_BANDWIDTH)
     usual = np.stack([rate, rate, rate, climb], axis=1)
@@ -251,18 +251,6 @@ def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopRespon
         uncertainty=usual * np.array(configuration.response.open),
         log_effect_slopes=_of_turns(np.array(late, dtype=complex).reshape(len(late), len(turn)).T),
     )
-
-
-def _trim_share(factors: Factors) -> Float[np.ndarray, " b"]:
-    """Return how much of a row of each block is the trim of its flight, which no gust moves.
-
-    One row of all mean bands together: what the means of its phases differ by, gusts do.
-    """
-    trim = factors.band[:, 0] == 0.0
-    share = np.zeros(len(factors))
-    for own in flights_of(factors):
-        share[own & trim] = 1.0 / max(int((own & trim).sum()), 1)
-    return share
 
 
 def _of_turns(slopes: Complex[np.ndarray, "b t"]) -> Complex[np.ndarray, "b e t"]:

@@ -141,7 +141,9 @@ def fitted_timing(
     late = total > 0.0 and (response.mean_lag > LEAST_LAG or bias == 0.0)
     if "motor_lag" in names and (bias > UNIDENTIFIABLE_BIAS or not late):
         return unidentifiable_timing(dataset, delay_free="motor_delay" in names)
-    found = timing_with_deviations(dataset, free, fit, gusts=bias)
+    # Above, the fit knows what the autopilot answers; below, nothing confirms that.
+    gusts = bias if bias > UNIDENTIFIABLE_BIAS else 0.0
+    found = timing_with_deviations(dataset, free, fit, gusts=gusts)
     return replace(found, bands=timed.found_with()) if _near(free, fit) else found
 
 
