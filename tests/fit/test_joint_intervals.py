@@ -618,6 +618,19 @@ def test_a_known_payload_gives_the_scale_and_shares_the_height():
     assert half["com_z@A"] == half["com_z@B"] == np.inf
 
 
+def test_flights_that_do_not_count_for_an_axis_leave_it_alone():
+    """Roll of the second flight counts in its mean alone: rho is that of the first one."""
+    bands = [(0.0, 0.3), (1.0, 2.0)] * 2
+    factors = made_fit.blocks(bands, rows=[7, 10] * 2, source=[0, 0, 1, 1])
+    counted = np.ones((4, 6), dtype=bool)
+    counted[3, 3] = False
+    body = made_fit.configuration(factors=factors, counted=counted)
+    signal = np.array([1.0, 61.0, 1.0, 1.0])[:, None] * np.ones((4, 6))
+    fit = made_fit.fit_of([body], std={}, powers=(signal, np.ones((4, 6))))
+    found = weighed_excitation(fit, [body])
+    assert found == pytest.approx({"roll@A": 60.0, "pitch@A": 30.0, "yaw@A": 30.0})
+
+
 def test_a_short_lively_phase_of_a_calm_flight_is_what_counts():
     """Of 40 rows 10 at a rho of 60, the rest at none: 15 by block, 2.4 as a whole."""
     factors = made_fit.blocks([(1.0, 2.0)] * 2, rows=[10, 30])

@@ -93,7 +93,7 @@ COVARIANCE = [[16.0, -6.0], [-6.0, 9.0]]
 """Of lag and delay: 4 and 3 ms, and 13 ms^2 of their sum."""
 
 
-def deviations(*, names=BOTH, hold=0.0, shifts=None, motors=COMMANDED, influence=None):
+def deviations(*, names=BOTH, hold=0.0, shifts=None, motors=COMMANDED, influence=None, gusts=0.0):
     """Return the timing where a command may hold longer by `hold` [ms]."""
     free = FreeTiming(at=AT, names=names)
     covariance = COVARIANCE if len(names) == 2 else [[16.0 if names[0] == "motor_lag" else 9.0]]
@@ -103,7 +103,7 @@ def deviations(*, names=BOTH, hold=0.0, shifts=None, motors=COMMANDED, influence
         rows[:, [fit.estimate.names.index(name) for name in names]] = MS * np.array(shifts)
         fit = made_fit.moved_by_responses(fit, rows)
     flight = made_fit.prepared(motor_rate=0.25 / (hold * MS) if hold else np.inf)
-    return timing_with_deviations(dataset(flight, motors=motors), free, fit)
+    return timing_with_deviations(dataset(flight, motors=motors), free, fit, gusts=gusts * MS)
 
 
 def test_lag_and_delay_deviations_add_fit_and_model_faults():
@@ -152,6 +152,15 @@ def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold():
         found.delay_std == found.total_std == pytest.approx(norm(3 * chance(1), 0.1, 1.5), rel=1e-6)
     )
     assert found.lag_std is None
+
+
+def test_what_gusts_leave_open_is_in_the_delay_or_in_a_lag_alone():
+    found, c = deviations(gusts=10.0), chance(2)
+    assert found.lag_std == pytest.approx(norm(4 * c, 0.3), rel=1e-6)
+    assert found.delay_std == pytest.approx(norm(3 * c, 0.3, 10.0), rel=1e-6)
+    assert found.total_std == pytest.approx(norm(13**0.5 * c, 0.1, 10.0), rel=1e-6)
+    alone = deviations(names=("motor_lag",), gusts=10.0)
+    assert alone.lag_std == pytest.approx(norm(4 * chance(1), 0.1, 10.0), rel=1e-6)
 
 
 @pytest.mark.parametrize(("cutoffs", "fault"), [((None, 20.0), 1.125), ((40.0, None), 0.563)])
