@@ -15,7 +15,7 @@ import argparse
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -140,24 +140,33 @@ def report(study: Sequence[Row]) -> list[str]:
 
 def main() -> None:
     """Fly a study, or show one."""
+    print("\n".join(report(studied(__doc__, "joint.jsonl", rows))))
+
+
+def studied(
+    words: str | None, output: str, fly_rows: Callable[[int, Sequence[int]], Iterable[Row]]
+) -> list[Row]:
+    """Fly what is left of the study that the command line asks for, and return its rows.
+
+    `words`: the program's help; `output`: where its rows go unless said otherwise; `fly_rows`: by
+    seed and the numbers of some worlds.
+    """
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+        description=words, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--seed", type=int, default=71)
     parser.add_argument("--worlds", type=int, default=48)
-    parser.add_argument("-o", "--output", type=Path, default=Path("joint.jsonl"))
+    parser.add_argument("-o", "--output", type=Path, default=Path(output))
     parser.add_argument("--show", type=Path)
     asked = parser.parse_args()
     path = asked.show or asked.output
-    done = read_studied(path)
     if asked.show is None:
-        left = sorted(set(range(asked.worlds)) - {row["index"] for row in done})
+        left = sorted(set(range(asked.worlds)) - {row["index"] for row in read_studied(path)})
         for first in range(0, len(left), BATCH):
-            for row in rows(asked.seed, left[first : first + BATCH]):
+            for row in fly_rows(asked.seed, left[first : first + BATCH]):
                 with path.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
-        done = read_studied(path)
-    print("\n".join(report(done)))
+    return read_studied(path)
 
 
 def read_studied(path: Path) -> list[Row]:

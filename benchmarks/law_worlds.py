@@ -11,8 +11,6 @@ second, or neither. Prints by that, number by number, how often intervals of the
 their half-width and the rms error.
 """
 
-import argparse
-import json
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -23,7 +21,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from benchmarks.joint_worlds import SECONDS, SOUND, given, read_studied
+from benchmarks.joint_worlds import SECONDS, SOUND, given, studied
 from benchmarks.worlds.engine import fly
 from benchmarks.worlds.sensing import truth, write_world
 from benchmarks.worlds.study import identified
@@ -39,7 +37,6 @@ CHARGED = (0.89, 1.0)
 """Voltage at the begin of a flight, as a share of the full one."""
 LOGGED = ("both", "first", "second", "neither")
 SHOWN = ("kt", "kd", "Jr", "Ixx_com", "Iyy_com", "Izz_com", "motor_lag")
-BATCH = 16
 
 
 def flights(seed: int, index: int) -> tuple[World, World]:
@@ -129,24 +126,7 @@ def report(study: Sequence[Row]) -> list[str]:
 
 def main() -> None:
     """Fly a study, or show one."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--seed", type=int, default=71)
-    parser.add_argument("--worlds", type=int, default=48)
-    parser.add_argument("-o", "--output", type=Path, default=Path("laws.jsonl"))
-    parser.add_argument("--show", type=Path)
-    asked = parser.parse_args()
-    path = asked.show or asked.output
-    done = read_studied(path)
-    if asked.show is None:
-        left = sorted(set(range(asked.worlds)) - {row["index"] for row in done})
-        for first in range(0, len(left), BATCH):
-            for row in rows(asked.seed, left[first : first + BATCH]):
-                with path.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(row) + "\n")
-        done = read_studied(path)
-    print("\n".join(report(done)))
+    print("\n".join(report(studied(__doc__, "laws.jsonl", rows))))
 
 
 if __name__ == "__main__":

@@ -370,8 +370,8 @@ ROOMS: Final[dict[str, Room]] = {
         changed=(
             ("np.maximum(signal - left, 0.0)", "signal"),
             ("rows = factors.rows[:, None] * inside", "rows = 1.0 * inside"),
-            ("inside = kept & _is_pilots(factors)[:, None]", "inside = kept"),
-            ("kept[own] = turns[own & moving].any(axis=0)", "kept[own] = turns[own].any(axis=0)"),
+            ("inside = kept & in_pilot_band(factors)[:, None]", "inside = kept"),
+            ("counted[own & moving, 3:]", "counted[own, 3:]"),
             ("return or_every(kept)", "return or_every(kept & False)"),
         ),
     ),

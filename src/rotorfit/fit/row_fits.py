@@ -53,7 +53,7 @@ from rotorfit.model.regressor import Regressor
 from rotorfit.model.terms.body import ACCEL_BIAS_STD, MOUNTING_STD
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.frequency_bands import PILOT_BAND, excited_bands, slow_bands
+from rotorfit.reduction.frequency_bands import excited_bands, in_pilot_band, slow_bands
 
 ROWS = ("force", "roll", "pitch", "yaw")
 EQUATIONS = {
@@ -157,10 +157,13 @@ def excited_turns(factors: Factors, model: Regressor, *, mass: float) -> Bool[np
 def turned_flights(factors: Factors, model: Regressor, *, mass: float) -> Bool[np.ndarray, "b 3"]:
     """Mark for roll, pitch and yaw the blocks of the flights in which a pilot moves that axis.
 
-    Each flight is judged by itself, in the pilot's band.
+    Each of several flights is judged by itself, in the pilot's band; of one alone all are marked.
     """
+    flights = flights_of(factors)
+    if len(flights) == 1:
+        return np.ones((len(factors), 3), dtype=bool)
     turned = np.zeros((len(factors), 3), dtype=bool)
-    for own in flights_of(factors):
+    for own in flights:
         one = factors.select(own)
         with suppress(EstimationError):  # too short or too still a flight to judge by itself
             pilots = slow_bands(one) & (one.band[:, :1] > 0.0)
@@ -298,8 +301,7 @@ def _fitted_row(model: Regressor, row: str, fit: BandedFit) -> Float[np.ndarray,
 
 def row_excitation(fit: BandedFit, factors: Factors) -> float:
     """Compute the explained over the residual power of a row's angular acceleration."""
-    low, high = PILOT_BAND
-    inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
+    inside = in_pilot_band(factors)
     residual = float(fit.residual_power[inside].sum())
     explained = float(fit.known_power[inside].sum()) - residual
     return max(explained, 0.0) / max(residual, np.finfo(float).tiny)

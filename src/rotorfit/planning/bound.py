@@ -37,7 +37,7 @@ from rotorfit.planning.vehicle import (
     row_variances,
 )
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.reduction.frequency_bands import EDGES, PILOT_BAND, STRETCH
+from rotorfit.reduction.frequency_bands import EDGES, STRETCH, in_pilot_band
 from rotorfit.reduction.reduce import BandPlan, band_factors
 from rotorfit.simulation import Scenario, Truth, exact_flight_data, simulate_flight
 from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre
@@ -312,8 +312,7 @@ def _power(
     factors: Factors, variance: Float[np.ndarray, "b 6"], noisy: tuple[int, ...]
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Compute explained and residual power of the angular accelerations where a pilot flies."""
-    low, high = PILOT_BAND
-    chosen = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
+    chosen = in_pilot_band(factors)
     R = factors.R[chosen][:, :, list(noisy[3:])]
     explained = np.einsum("bmk,bmk->k", R, R)
     residual = factors.rows[chosen] @ variance[chosen, 3:]

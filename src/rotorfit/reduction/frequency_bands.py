@@ -46,6 +46,12 @@ def slow_bands(factors: Factors) -> Bool[np.ndarray, "b 3"]:
     return np.repeat((factors.band[:, 0] < PILOT_BAND[1])[:, None], 3, axis=1)
 
 
+def in_pilot_band(factors: Factors) -> Bool[np.ndarray, " b"]:
+    """Mark the blocks that reach into the pilot's band."""
+    low, high = PILOT_BAND
+    return (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
+
+
 def excited_bands(
     factors: Factors,
     signal: Float[np.ndarray, "b k"],

@@ -13,7 +13,7 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import Factors, flights_of
 from rotorfit.fit.intervals.numbers import AXES
 from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.reduction.frequency_bands import PILOT_BAND, or_every
+from rotorfit.reduction.frequency_bands import in_pilot_band, or_every
 
 
 def excitation(
@@ -44,19 +44,14 @@ def _every_turn(configuration: JointConfiguration) -> Bool[np.ndarray, "b 3"]:
 
 def _fitted_flights(configuration: JointConfiguration) -> Bool[np.ndarray, "b 3"]:
     """Mark roll, pitch and yaw of the flights of which the fit counts any motion of that axis."""
-    kept = np.zeros((len(configuration.factors), 3), dtype=bool)
-    moving = (configuration.factors.band[:, 0] > 0.0) & _is_pilots(configuration.factors)
-    counted = configuration.counted
-    turns = kept | True if counted is None else counted[:, 3:]
-    for own in flights_of(configuration.factors):
-        kept[own] = turns[own & moving].any(axis=0)
+    factors, counted = configuration.factors, configuration.counted
+    if counted is None:
+        return _every_turn(configuration)
+    kept = np.zeros((len(factors), 3), dtype=bool)
+    moving = (factors.band[:, 0] > 0.0) & in_pilot_band(factors)
+    for own in flights_of(factors):
+        kept[own] = counted[own & moving, 3:].any(axis=0)
     return or_every(kept)
-
-
-def _is_pilots(factors: Factors) -> Bool[np.ndarray, " b"]:
-    """Mark the blocks that reach into the pilot's band."""
-    low, high = PILOT_BAND
-    return (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
 
 
 def _ratios(
@@ -95,7 +90,7 @@ def _mean_ratios(
     kept
         Blocks that are averaged, axis by axis.
     """
-    inside = kept & _is_pilots(factors)[:, None]
+    inside = kept & in_pilot_band(factors)[:, None]
     rows = factors.rows[:, None] * inside
     total = np.zeros(3)
     for number in np.unique(parts):

@@ -19,7 +19,6 @@ from jaxtyping import Bool, Float, Int
 
 from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
-from rotorfit.estimation.factors import flights_of
 from rotorfit.fit.joint.joint_problem import (
     NOISY,
     TURN_ERRORS,
@@ -58,10 +57,8 @@ def select_slow_bands(configuration: JointConfiguration) -> JointConfiguration:
     """
     c = configuration
     counted = np.ones((len(c.factors), len(NOISY)), dtype=bool)
-    counted[:, list(TURNS)] = slow_bands(c.factors)
-    if len(flights_of(c.factors)) > 1:
-        turned = turned_flights(c.factors, c.model, mass=c.mass)
-        counted[:, list(TURNS)] &= or_every(turned)
+    turned = turned_flights(c.factors, c.model, mass=c.mass)
+    counted[:, list(TURNS)] = slow_bands(c.factors) & or_every(turned)
     return replace(c, counted=counted)
 
 

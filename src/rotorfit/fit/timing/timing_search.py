@@ -141,10 +141,8 @@ def pilot_band_costs(dataset: TimedDataset, trials: Sequence[MotorResponse]) -> 
     total = np.zeros(len(trials))
     for configured, own in zip(dataset.configurations, zip(*bands, strict=True), strict=True):
         mass = configured.mass
-        counted = slow_bands(own[0])
-        if len(configured.flights) > 1:
-            turned = [turned_flights(f, dataset.model, mass=mass) for f in own]
-            counted &= or_every(np.logical_or.reduce(turned))
+        turned = [turned_flights(f, dataset.model, mass=mass) for f in own]
+        counted = slow_bands(own[0]) & or_every(np.logical_or.reduce(turned))
         total -= [angular_log_likelihood(f, dataset.model, mass=mass, counted=counted) for f in own]
     return total.tolist()
 
