@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import pytest
 import typer.main
+from click.core import ParameterSource
 
 import rotorfit
 from rotorfit.cli.main import app, main
@@ -122,7 +123,16 @@ SHOWN = [
 @pytest.mark.parametrize("line", sorted({line for line in SHOWN if line.startswith("rotorfit ")}))
 def test_every_command_that_is_shown_is_one(line):
     _, name, *words = shlex.split(line, comments=True)
-    COMMANDS[name].make_context(name, words)  # an option or a choice that is not there is refused
+    given = COMMANDS[name].make_context(name, words)  # refuses an unknown option or choice
+    options = {param.name: [*param.opts, *param.secondary_opts] for param in given.command.params}
+    flags = {word.split("=")[0] for word in words if word.startswith("-")}
+    taken = {
+        flag
+        for param, names in options.items()
+        for flag in flags.intersection(names)
+        if given.get_parameter_source(param) is ParameterSource.COMMANDLINE
+    }
+    assert taken == flags
 
 
 def test_every_command_has_an_example():
