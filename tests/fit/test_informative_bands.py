@@ -144,6 +144,33 @@ def test_bands_that_are_flown_have_a_response_and_count():
     assert steered.counted[:, PITCH].all()
 
 
+def climbing(rng, *, followed):
+    """Blocks of a body that accelerates upwards as its rotors push in some bands alone."""
+    bands = [(0.0, 0.3), (1.0, 1.5), (3.0, 4.0), (11.0, 15.0)]
+    body = made_fit.configuration(factors=made_fit.blocks(bands))
+    index = body.model.layout.index
+    R = rng.normal(size=body.factors.R.shape)
+    squares = R[:, :, [index(f"O2_{k}") for k in range(1, 5)]].sum(axis=2)
+    R[followed, :, index("az")] = 2e-6 * squares[followed]
+    return replace(body, factors=replace(body.factors, R=R))
+
+
+@pytest.mark.parametrize(
+    ("commanded", "followed", "counted"),
+    [
+        (True, [False, True, True, False], [True, True, True, False]),  # the mean always counts
+        (True, [False] * 4, [True] * 4),
+        (False, [False, True, True, False], [True] * 4),
+    ],
+)
+def test_commanded_thrust_counts_where_the_climb_follows_it(rng, commanded, followed, counted):
+    body = climbing(rng, followed=followed)
+    calm = np.ones((4, 6))
+    steered = with_counted_bands(body, calm, calm, commanded=commanded)
+    assert steered.counted[:, NOISY.index("az")].tolist() == counted
+    assert steered.counted[:, [NOISY.index("ax"), NOISY.index("ay")]].all()
+
+
 def test_a_band_is_excited_where_rotors_explain_thrice_the_rest():
     factors = made_fit.blocks([(1.0, 1.5)])
     for explained, flown_there in ((2.9, False), (3.1, True)):
