@@ -236,3 +236,10 @@ def test_parts_are_pooled_by_the_inverse_of_their_variance():
     assert both.ratio == pytest.approx((16 * 1.0 + 9 * 2.0) / 25)
     assert both.std == pytest.approx(0.24)  # 3 and 4 make 12/5
     assert both.seconds == 12.0
+
+
+@pytest.mark.parametrize(("changes", "doubted"), [(1.01, False), (0.77, True)])
+def test_a_law_that_is_likely_wrong_makes_thrust_doubtful(changes, doubted):
+    found = agreement(balance(changes, 0.015, law_mistaken=0.05), COMMANDED)
+    assert (found.doubtful_because is not None) == doubted
+    assert ("max_thrust" in found.numbers) == doubted

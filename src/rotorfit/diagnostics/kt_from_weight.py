@@ -63,6 +63,9 @@ HELD_TO = 1e-4
 """Share of itself to which k_t is held: what is open of it is in the interval."""
 OF_WEIGHT = ("kt", "hover_speed")
 """What is known by the weight alone, whatever the law."""
+LAW_LIKELY_WRONG = 0.5
+"""Probability from which a law that is given is likelier wrong than right."""
+WRONG_LAW = "thrust changes with the command otherwise than the motors' law says"
 DOUBTED = 2.58
 """Deviations by which weight and changes differ once in a hundred sound flights."""
 _SPEED = {"measured": "rotor speed", "commanded": "command"}
@@ -339,7 +342,11 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
         Evidence(name="kt_of_weight", value=weight.value),
     )
     sentence = difference(balance, motors) if abs(balance.deviations) > DOUBTED else None
-    return replace(doubt_or_passed(kind, sentence, numbers=("kt",)), evidence=evidence)
+    found = doubt_or_passed(kind, sentence, numbers=("kt",))
+    if sentence and balance.law_mistaken < 1.0 and balance.law_is_wrong > LAW_LIKELY_WRONG:
+        of_law = ("kt", "thrust_to_weight", "max_thrust")
+        found = replace(found, numbers=of_law, doubtful_because=WRONG_LAW)
+    return replace(found, evidence=evidence)
 
 
 def open_law(numbers: Numbers, balance: Balance) -> Iterator[Finding]:
