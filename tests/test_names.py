@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+Function = ast.FunctionDef | ast.AsyncFunctionDef
 LONGEST = 60
 TESTS = Path(__file__).parent
 ASSERTING = ("raises", "warns", "fail")
@@ -16,22 +17,22 @@ def parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def own_tests(path: Path) -> list[ast.FunctionDef]:
+def own_tests(path: Path) -> list[Function]:
     """Return the tests of a file."""
     return [
         node
         for node in ast.walk(parsed(path))
-        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+        if isinstance(node, Function) and node.name.startswith("test_")
     ]
 
 
 @cache
-def helpers(path: Path) -> dict[str, ast.FunctionDef]:
+def helpers(path: Path) -> dict[str, Function]:
     """Return what else is defined in a file, by name."""
     return {
         node.name: node
         for node in ast.walk(parsed(path))
-        if isinstance(node, ast.FunctionDef) and not node.name.startswith("test_")
+        if isinstance(node, Function) and not node.name.startswith("test_")
     }
 
 
@@ -54,7 +55,7 @@ def places(path: Path, name: str) -> Iterator[Path]:
             yield fixtures
 
 
-def called(node: ast.FunctionDef) -> Iterator[str]:
+def called(node: Function) -> Iterator[str]:
     """Yield the names of the functions, methods and fixtures that a function calls."""
     for call in (n for part in node.body for n in ast.walk(part) if isinstance(n, ast.Call)):
         if isinstance(call.func, ast.Name):
@@ -63,7 +64,7 @@ def called(node: ast.FunctionDef) -> Iterator[str]:
             yield call.func.attr
 
 
-def asserts(path: Path, node: ast.FunctionDef, seen: tuple[str, ...] = ()) -> bool:
+def asserts(path: Path, node: Function, seen: tuple[str, ...] = ()) -> bool:
     """Return whether a function asserts, itself or by a helper of the tests that it calls."""
     if any(isinstance(n, ast.Assert) for part in node.body for n in ast.walk(part)):
         return True

@@ -63,8 +63,6 @@ HELD_TO = 1e-4
 """Share of itself to which k_t is held: what is open of it is in the interval."""
 OF_WEIGHT = ("kt", "hover_speed")
 """What is known by the weight alone, whatever the law."""
-LAW_LIKELY_WRONG = 0.5
-"""Probability from which a law that is given is likelier wrong than right."""
 WRONG_LAW = "thrust changes with the command otherwise than the motors' law says"
 DOUBTED = 2.58
 """Deviations by which weight and changes differ once in a hundred sound flights."""
@@ -121,6 +119,11 @@ class Balance:
         right, wrong = (float(stats.norm.pdf(off, scale=one)) for one in either)
         wrong *= self.law_mistaken
         return wrong / ((1.0 - self.law_mistaken) * right + wrong)
+
+    @property
+    def given_law_is_wrong(self) -> bool:
+        """Whether a law is given, and is likelier wrong than right after the flight."""
+        return self.law_mistaken < 1.0 and self.law_is_wrong > 0.5
 
     @property
     def _law_std(self) -> float:
@@ -342,10 +345,10 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
         Evidence(name="kt_of_weight", value=weight.value),
     )
     sentence = difference(balance, motors) if abs(balance.deviations) > DOUBTED else None
-    found = doubt_or_passed(kind, sentence, numbers=("kt",))
-    if sentence and balance.law_mistaken < 1.0 and balance.law_is_wrong > LAW_LIKELY_WRONG:
-        of_law = ("kt", "thrust_to_weight", "max_thrust")
-        found = replace(found, numbers=of_law, doubtful_because=WRONG_LAW)
+    of_law = ("thrust_to_weight", "max_thrust") if balance.given_law_is_wrong else ()
+    found = doubt_or_passed(
+        kind, sentence, numbers=("kt", *of_law), doubtful_because=WRONG_LAW if of_law else None
+    )
     return replace(found, evidence=evidence)
 
 
