@@ -24,20 +24,25 @@ def result(on_commands):
 
 
 def test_thrust_per_mass_is_what_carries_the_weight(result):
-    """Changes of thrust, at the lag that is found, have 18 to 19 for a slope."""
-    kt = result.parameter("kt")
-    assert kt.value == pytest.approx(19.6, abs=0.3)
-    assert kt.interval[0] < 18.5
-    assert kt.interval[1] > 20.1  # by the commands themselves, not the speeds behind them
+    """A quarter of the weight at the rms command, whatever the law: 19.6 N/kg a squared command."""
+    hover = result.derived_value("hover_throttle")
+    assert hover.value == pytest.approx((9.81 / 4 / 19.6) ** 0.5, rel=0.04)
+    assert hover.interval[1] - hover.interval[0] < 0.1 * hover.value
+    # Changes of thrust, at the lag of speeds in proportion to the command, are 18 to 19.
     (seen,) = (e for f in result.findings for e in f.evidence if e.name == "thrust_over_weight")
-    low, high = (end * kt.value for end in seen.interval)
-    assert low < 18.0 < 19.0 < high
+    assert seen.interval[0] < 18.0 / 19.6 < 19.0 / 19.6 < seen.interval[1]
+
+
+def test_thrust_at_full_command_is_as_open_as_the_law(result):
+    kt, ratio = result.parameter("kt"), result.derived_value("thrust_to_weight")
+    assert kt.interval[1] - kt.interval[0] > 0.5 * kt.value
+    assert ratio.interval[0] < 4 * kt.value / 9.81 < ratio.interval[1]
 
 
 def test_lag_and_delay_are_those_of_the_likeliest_fit(result):
     """Once it was 0, 34 or 150 ms, whichever end of the flight one sample was taken from."""
-    assert result.parameter("motor_lag").value == pytest.approx(0.0244, abs=0.0005)
-    assert result.parameter("motor_delay").value == pytest.approx(0.0053, abs=0.0003)
+    assert result.parameter("motor_lag").value == pytest.approx(0.0314, abs=0.0005)
+    assert result.parameter("motor_delay").value == pytest.approx(0.0035, abs=0.0003)
     # A delay and a lag look alike to slow commands: their sum is known better than the lag.
     total = result.derived_value("motor_lag_total")
     assert total.verdict == "identified"
@@ -64,5 +69,5 @@ def test_a_window_whose_fit_went_round_its_bottom_settles(flight_data_dir, tmp_p
     window = f'flights = [{{ file = "{log}", start = 0.0, end = 6.70361 }}]'
     path.write_text(path.read_text().replace(whole, window))
     assert window in path.read_text()
-    kt = flown.quietly_identified(path).parameter("kt")
-    assert kt.value == pytest.approx(20.1, rel=0.2)  # of the whole flight; the battery is fresh
+    hover = flown.quietly_identified(path).derived_value("hover_throttle")
+    assert hover.value == pytest.approx(0.345, rel=0.1)  # of the whole flight; the battery is fresh

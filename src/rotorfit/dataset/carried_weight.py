@@ -183,6 +183,11 @@ class Measured:
     value: float
     std: float
 
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval."""
+        return self.value - 1.96 * self.std, self.value + 1.96 * self.std
+
     def with_other(self, other: "Measured") -> "Measured":
         """Combine two independent measurements of one number."""
         own, theirs = self.std**-2.0, other.std**-2.0

@@ -6,10 +6,10 @@ nothing, and k_t is their mean with the weights of their variances. Where they d
 these allow, one of the two is wrong by what nobody has allowed for: the variance of the mean is
 scaled by :math:`\chi^2` of their difference (Birge, Phys. Rev. 40, 1932).
 
-Inertia goes with the torque that changes of command make. Where no law between command and speed is
-given, that is not what carries the weight: thrust goes with the command's power of one to two. One
-in twenty laws that are given is wrong: how likely this one is after the flight says how far from
-the weight's k_t that of the changes may be, and inertia with it.
+Inertia goes with the torque that changes of command make. One in twenty laws from command to speed
+that are given is wrong: how likely this one is after the flight says how far from the weight's k_t
+that of the changes may be, and inertia with it. Where no law is given, both find one
+(`motors/law_from_flight.py`), and k_t is that of the weight.
 """
 
 from collections.abc import Iterator, Sequence
@@ -44,8 +44,7 @@ CHANGES_STD = 0.02
 """Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise
 that an altitude hold feeds back."""
 LAW_STD = 0.25
-"""The same where no law is given and thrust goes with the command's power of one to two, or where
-the law that is given is wrong."""
+"""The same where the law that is given is wrong."""
 LAW_OPEN = "law-open"
 LAW_FIRST = "find the motors' law first (by a thrust stand, or by rotor speed in the log)"
 LAW_MISTAKES = 0.05
@@ -93,7 +92,7 @@ class Balance:
     weight
         By what carries the weight.
     law_mistaken
-        How likely a law between command and speed is wrong, or is not given, before the flight.
+        How likely a given law from command to speed is wrong, before the flight.
     """
 
     changes: Measured | None
@@ -111,7 +110,7 @@ class Balance:
     @property
     def law_is_wrong(self) -> float:
         """Posterior probability that the law is wrong, by their difference."""
-        if self.changes is None or not 0.0 < self.law_mistaken < 1.0:
+        if self.changes is None or not self.law_mistaken:
             return self.law_mistaken
         off = self.changes.value - self.weight.value
         std = float(np.hypot(self.changes.std, self.weight.std))
@@ -123,7 +122,7 @@ class Balance:
     @property
     def given_law_is_wrong(self) -> bool:
         """Whether a law is given, and is likelier wrong than right after the flight."""
-        return self.law_mistaken < 1.0 and self.law_is_wrong > 0.5
+        return self.law_is_wrong > 0.5
 
     @property
     def _law_std(self) -> float:
@@ -160,33 +159,28 @@ class Balance:
 
 def weigh_thrust(fit: Fit) -> Fit:
     """Take k_t from changes of thrust and from the weight, and the intervals at that k_t."""
+    dataset, weight = fit.dataset, weight_of(fit)
+    if weight is None:
+        return widen_by_settings(fit)
+    given = dataset.motors.law is not None and not dataset.law_found
+    # With changes of thrust a law was found: they say nothing more of k_t.
+    changes = None if dataset.law_found else kt_from_changes(fit)
+    balance = Balance(changes=changes, weight=weight, law_mistaken=LAW_MISTAKES if given else 0.0)
+    held = held_at(fit, balance.kt, law_reach=balance.law_reach)
+    open_ones = open_law(held.numbers, balance.law_reach / balance.kt.value)
+    return held.found(agreement(balance, dataset.motors), *open_ones)
+
+
+def weight_of(fit: Fit) -> Measured | None:
+    """Estimate the thrust coefficient that carries the weight in the flights of a fit."""
     dataset = fit.dataset
-    weight = kt_from_weight(
+    return kt_from_weight(
         dataset.configurations,
         dataset.vehicle,
         source=dataset.source,
         timing=dataset.timing,
         shares=thrust_shares(fit.numbers, dataset.vehicle),
     )
-    if weight is None:
-        return widen_by_settings(fit)
-    motors = dataset.motors
-    commanded = motors.speed == "commanded" and not dataset.speeds_commanded
-    mistaken = law_mistaken(commanded=commanded, law_given=motors.law is not None)
-    balance = Balance(changes=kt_from_changes(fit), weight=weight, law_mistaken=mistaken)
-    held = held_at(fit, balance.kt, law_reach=balance.law_reach)
-    return held.found(agreement(balance, dataset.motors), *open_law(held.numbers, balance))
-
-
-def law_mistaken(*, commanded: bool, law_given: bool) -> float:
-    """Return the prior probability that the law from command to speed is wrong.
-
-    `commanded`: the log has shares of full command, and no rotor speeds; where no law is given, it
-    is surely wrong that speed is proportional to the command.
-    """
-    if not commanded:
-        return 0.0
-    return LAW_MISTAKES if law_given else 1.0
 
 
 def kt_from_changes(fit: Fit) -> Measured | None:
@@ -352,9 +346,11 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
     return replace(found, evidence=evidence)
 
 
-def open_law(numbers: Numbers, balance: Balance) -> Iterator[Finding]:
-    """Note of which inertia the law leaves more open than all else does: no flying sharpens it."""
-    reach = balance.law_reach / balance.kt.value
+def open_law(numbers: Numbers, reach: float) -> Iterator[Finding]:
+    """Note of which inertia the law leaves more open than all else does: no flying sharpens it.
+
+    `reach`: half of the 95 % interval that the law leaves, as a share.
+    """
     open_ones = [
         name
         for name in numbers.names
@@ -392,13 +388,6 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
         f"{100 * abs(off):.0f} +- {100 * half:.0f} % {'higher' if off > 0 else 'lower'} than by "
         "the weight"
     )
-    if balance.law_mistaken == 1.0:
-        power = 2.0 * changes.value / weight.value
-        return (
-            f"{seen}: the result has that of the weight, and the intervals of inertia cover both; "
-            f"in hover thrust grows with the command to the power of {power:.1f}, not 2: measure "
-            "thrust over command on a stand and give the law under [motors], or log the rotor speed"
-        )
     cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"
     if motors.law is not None:
         cure = f"measure the law under [motors] again, {cure}"

@@ -2,7 +2,7 @@
 
 import dataclasses
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.dataset.load import Method, Progress, load_dataset, resolved_method
 from rotorfit.diagnostics.diagnose import diagnose, every_step
+from rotorfit.diagnostics.motors.law_from_flight import find_law, with_found_law
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.experiment.experiment import Experiment, MotorsEntry
 from rotorfit.findings import Finding, note
@@ -111,12 +112,20 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
     """Fit the joint likelihood of all bands, diagnose the fit, and tabulate it."""
     experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
     wanted = experiment.identification.terms
-    fit = fit_flights(dataset, wanted)
-    fit = fit_by_noise(fit, wanted)
+    fit = _fitted(dataset, wanted)
+    law = find_law(fit)
+    if law is not None:
+        dataset = time_motors(with_found_law(dataset, law), lag=True, report=_silent)
+        experiment = experiment.model_copy(update={"motors": dataset.motors})
+        fit = _fitted(dataset, wanted).found(law.finding)
     fit = every_step(fit)
     result = joint_result(fit, experiment, diagnose(fit))
     result = dataclasses.replace(result, findings=(*tilt, *result.findings))
     return Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
+
+
+def _fitted(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:
+    return fit_by_noise(fit_flights(dataset, wanted), wanted)
 
 
 def by_rows(experiment: Experiment, dataset: TimedDataset) -> Identified:

@@ -12,11 +12,12 @@ from rotorfit.dataset.weight_balance import turning
 from rotorfit.diagnostics.kt_from_weight import (
     CHANGES_STD,
     DOUBTED,
+    LAW_MISTAKES,
     Balance,
     bias_at_rest,
-    law_mistaken,
     pooled_weight,
 )
+from rotorfit.diagnostics.motors.law_from_flight import FULL_STD, exponent_of, thrust_ratio
 from rotorfit.diagnostics.sensors.log_settings import (
     LEAST_RATE,
     faster_log,
@@ -45,6 +46,7 @@ from rotorfit.verdicts.judge import ADVISED, FLOWN, judge
 
 Axis = Literal["roll", "pitch", "yaw"]
 Prospect = Literal["well", "roughly", "not"]
+Law = Literal["given", "unknown"]
 AXES: Final[tuple[Axis, ...]] = ("roll", "pitch", "yaw")
 PROSPECT: Final[dict[Verdict, Prospect]] = {
     "identified": "well",
@@ -99,7 +101,9 @@ class Thrust:
     followed
         Whether the vehicle turns with the motor data at all: else commands may be no rotor speeds.
     law_reach
-        Share by which changes of thrust, with which inertia goes, are open for an unknown law.
+        Share by which changes of thrust, with which inertia goes, are open for the law.
+    law_full
+        Share by which kt, the thrust at full command, is open for an unknown law.
     """
 
     change: float
@@ -109,11 +113,20 @@ class Thrust:
     width: float | None
     followed: bool
     law_reach: float = 0.0
+    law_full: float = 0.0
 
     @property
     def prospect(self) -> Prospect:
         """How well kt can be found."""
         return _prospect(self.width, axis="force")
+
+    @property
+    def of_inertia(self) -> float | None:
+        """The share of an inertia that kt leaves open, for the thrust at the flight's commands."""
+        if self.width is None:
+            return None
+        carried = max(self.width**2 - self.law_full**2, 0.0)
+        return float(np.sqrt(carried + self.law_reach**2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,7 +236,7 @@ def prospects(
         vehicle,
         fits,
         followed=followed or not commanded,
-        mistaken=law_mistaken(commanded=commanded, law_given=law_known),
+        law=("given" if law_known else "unknown") if commanded else None,
     )
     return Prospects(
         excitation=tuple(
@@ -299,18 +312,25 @@ def _likelihood(
 
 
 def _thrust(
-    data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool, mistaken: float
+    data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool, law: Law | None
 ) -> Thrust:
     """Estimate kt from changes of thrust and from the weight.
 
-    `mistaken`: how likely the law from command to speed is wrong.
+    `law`: from command to speed; None of rotor speeds.
     """
     squares = (data.rotor_speed[data.used_rows] ** 2).sum(axis=1)
     kt, random = _with_width(fits, "force.kt")
     changes = Measured(value=kt, std=float(np.hypot(random / 1.96, CHANGES_STD * kt)))
     weighed = kt_by_weight(data, vehicle)
-    agree, width, reach = True, _relative(random, kt), 0.0
-    if weighed is not None:
+    agree, width, reach, full = True, _relative(random, kt), 0.0, 0.0
+    if law == "unknown":
+        found = exponent_of(thrust_ratio(changes, weighed))
+        reach = 1.96 * found.std / found.value
+        full = _open_at_full(found, data)
+        held = width if weighed is None else _relative(1.96 * weighed.std, weighed.value)
+        width = float(np.hypot(held, full))
+    elif weighed is not None:
+        mistaken = LAW_MISTAKES if law == "given" else 0.0
         balance = Balance(changes=changes, weight=weighed, law_mistaken=mistaken)
         agree = abs(balance.deviations) <= DOUBTED
         reach = balance.law_reach / weighed.value
@@ -323,7 +343,15 @@ def _thrust(
         width=_finite(width),
         followed=followed,
         law_reach=reach,
+        law_full=full,
     )
+
+
+def _open_at_full(exponent: Measured, data: FlightData) -> float:
+    """Compute the share by which thrust at full command is open for the exponent of its law."""
+    squares = data.rotor_speed[data.used_rows] ** 2
+    span = 0.5 * abs(float(np.log(squares.mean())))
+    return 2.0 * 1.96 * span * float(np.hypot(exponent.std, FULL_STD))
 
 
 def kt_by_weight(data: FlightData, vehicle: Vehicle) -> Measured | None:
@@ -346,9 +374,9 @@ def _width(axis: Axis, fits: RowFits, thrust: Thrust) -> float | None:
     value, random = _with_width(fits, "yaw.kd" if axis == "yaw" else f"{axis}.kt")
     if axis == "yaw":
         return _finite(float(np.hypot(_relative(random, value), bias)))
-    if thrust.width is None:
+    scale = thrust.of_inertia
+    if scale is None:
         return None
-    scale = float(np.hypot(thrust.width, thrust.law_reach))
     return _finite(float(np.hypot(np.hypot(_relative(random, value), bias), scale)))
 
 

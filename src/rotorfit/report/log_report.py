@@ -256,13 +256,16 @@ def _thrust_message(found: Prospects) -> str:
     if not thrust.followed:
         by_weight = "" if thrust.prospect == "not" else " by the weight"
         return f"thrust changes by {change:.0f} %: {verdict}{by_weight}. {_unexplained(found)}"
+    if thrust.law_full:
+        return (
+            f"thrust changes by {change:.0f} %: {verdict}; no law from command to rotor speed is "
+            f"given, which leaves {100 * thrust.law_full:.0f} % of the largest thrust open: "
+            "give it under [motors], or log the rotor speed"
+        )
     if thrust.agree or thrust.from_weight is None:
         sure = " well" if thrust.prospect == "well" else ": too few changes of thrust"
         return f"thrust changes by {change:.0f} %: {verdict}{sure}"
     why = "drag in climb and descent may be the cause, or the accelerometer's scale: calibrate it"
-    if found.commanded and not (found.commands is not None and found.commands.law_known):
-        why = "thrust is not proportional to the square of the command: give its law under "
-        why += "[motors], or log the rotor speed"
     off = thrust.from_changes / thrust.from_weight - 1.0
     return (
         f"thrust changes by {change:.0f} %: {verdict}, but two estimates differ: by changes of "

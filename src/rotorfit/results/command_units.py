@@ -12,8 +12,9 @@ from typing import Final
 import numpy as np
 
 from rotorfit.dataset.dataset import Dataset
+from rotorfit.diagnostics.motors.commanded_speeds import hover_share
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.experiment.law_table import speed_law_of
+from rotorfit.experiment.law_table import LawEntry, speed_law_of
 from rotorfit.findings import doubt, note
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
 from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS
@@ -39,6 +40,8 @@ NO_COMMANDS: Final = (
 NO_MASS: Final = "weigh the vehicle as it flies, battery included"
 NO_KT: Final = "the flights do not give the thrust coefficients"
 
+SURE_SHARE: Final = 0.1
+"""To which share of itself the part of the law in a width is known."""
 SEEN_IN_TRIM: Final = 0.1
 """Difference between motors that matters to a pilot, as a share of the mean one."""
 
@@ -88,11 +91,11 @@ def with_flight_numbers(result: IdentificationResult, motors: MotorsEntry) -> Id
     """Add hover throttle, thrust over weight, largest thrust of a motor and their imbalance."""
     law = _law(result, motors)
     full = None if law is None else _full_speed(result, law)
-    bodies = [
-        number
-        for owner in configuration_names(result)
-        for number in (_throttle(result, owner, law, full), _thrust_to_weight(result, owner, full))
-    ]
+    bodies: list[Derived] = []
+    for owner in configuration_names(result):
+        hover = _hover_speed(result, owner)
+        own = hover and _without_law(hover, motors.law)
+        bodies += [_throttle(own, owner, law, full), _thrust_to_weight(hover, owner, full)]
     shared = (_max_thrust(result, full), _imbalance(result))
     return replace(result, derived=(*result.derived, *shared, *bodies))
 
@@ -126,11 +129,20 @@ def _hover_speed(result: IdentificationResult, owner: str) -> Range | None:
     return next((_range(d) for d in hover), None)
 
 
-def _throttle(
-    result: IdentificationResult, owner: str, law: SpeedLaw | None, full: Range | None
-) -> Derived:
+def _without_law(hover: Range, law: LawEntry | None) -> Range:
+    """Take the law's share out of the uncertainty of the speed in hover.
+
+    The command in hover does not hang on it: a law that gives a larger speed there gives it to the
+    same command.
+    """
+    if law is None:
+        return hover
+    by_law = 1.96 * hover_share(law, hover[0], law.speed_std)
+    return hover[0], sqrt(max(hover[1] ** 2 - by_law**2, (SURE_SHARE * by_law) ** 2))
+
+
+def _throttle(hover: Range | None, owner: str, law: SpeedLaw | None, full: Range | None) -> Derived:
     """Return the command, 0 to 1, whose speed carries the weight."""
-    hover = _hover_speed(result, owner)
     if law is None or full is None or hover is None:
         return _unknown("hover_throttle", owner, NO_COMMANDS if hover else NO_KT)
     speed, share = hover[0], hypot(hover[1], full[1])
@@ -141,9 +153,8 @@ def _throttle(
     return _known("hover_throttle", owner, value, max(high - value, value - low))
 
 
-def _thrust_to_weight(result: IdentificationResult, owner: str, full: Range | None) -> Derived:
+def _thrust_to_weight(hover: Range | None, owner: str, full: Range | None) -> Derived:
     """Return the thrust of all rotors at full command over the weight."""
-    hover = _hover_speed(result, owner)
     if full is None or hover is None:
         return _unknown("thrust_to_weight", owner, NO_COMMANDS if hover else NO_KT)
     value = (full[0] / hover[0]) ** 2

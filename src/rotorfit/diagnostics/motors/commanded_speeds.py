@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.dataset.dataset import Dataset, LoadedFlight, with_prepared
-from rotorfit.diagnostics.kt_from_weight import HELD_TO, kt_from_weight, kt_of
+from rotorfit.diagnostics.kt_from_weight import HELD_TO, kt_from_weight, kt_of, open_law
 from rotorfit.experiment.law_table import LawEntry
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit, shift_of
@@ -77,7 +77,10 @@ def allow_for_law(fit: Fit) -> Fit:
     variance = fit.numbers.half_width**2 + (1.96 * scale_shift(fit.numbers, std)) ** 2
     if law.slope_std:
         variance = variance + (1.96 * _slope_shift(fit, law)) ** 2
-    return fit.with_half_width(np.sqrt(variance)).found(_uncertain(fit.numbers, std))
+    fit = fit.with_half_width(np.sqrt(variance))
+    open_ones = open_law(fit.numbers, 1.96 * law.slope_std)
+    said = () if fit.dataset.law_found else _uncertain(fit.numbers, std)
+    return fit.found(*said, *open_ones)
 
 
 def speed_std(law: LawEntry, voltages: Sequence[float | None]) -> float:
@@ -115,9 +118,20 @@ def _slope_shift(fit: Fit, law: LawEntry) -> Float[np.ndarray, " q"]:
     return shift_by_speeds(fit, with_other_speeds(fit.dataset, steeper))
 
 
-def _uncertain(numbers: Numbers, std: float) -> Finding:
-    """Explain the uncertainty of the law."""
-    return Finding(
+def hover_share(law: LawEntry, speed: float, std: float) -> float:
+    """Return the deviation, as a share, of a speed in hover by the law alone.
+
+    The command in hover does not hang on it. `std`: deviation of all speeds (`speed_std`).
+    """
+    usual = law.usual_speed or speed
+    return float(np.hypot(std, (speed / usual) ** law.slope_std - 1.0))
+
+
+def _uncertain(numbers: Numbers, std: float) -> Iterator[Finding]:
+    """Explain the uncertainty of the law's speeds."""
+    if not std:
+        return
+    yield Finding(
         kind=LAW,
         severity="note",
         sentence=(

@@ -24,12 +24,15 @@ class TimedDataset(Dataset):
     ----------
     motor_timing
         Where it was found.
+    law_found
+        Whether the law from command to speed was found in these flights, with changes of thrust.
     body
         Lines of the signals that the rotors have no part in, of each flight of each configuration:
         made once (`reduced`), they serve every timing of the motors.
     """
 
     motor_timing: MotorTiming | None = None
+    law_found: bool = False
     body: tuple[tuple[tuple[Lines, ...], ...], ...] | None = None
 
     @classmethod

@@ -1,0 +1,154 @@
+r"""Find the law from command to rotor speed in the flight, where none is given.
+
+In hover the weight says how much thrust a command makes, and changes of thrust say how steeply the
+thrust grows there. Their ratio is the exponent :math:`p` of the relative speed :math:`u^p` over the
+command :math:`u`, as thrust goes with the squared speed. That speed is 1 at full command: k_t and
+k_d are thrust and drag torque of one rotor there.
+
+The exponent is measured about hover. What it may differ up to full command widens k_t and k_d.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from rotorfit.dataset.carried_weight import Measured
+from rotorfit.dataset.dataset import Kind
+from rotorfit.diagnostics.kt_from_weight import kt_from_changes, weight_of
+from rotorfit.diagnostics.motors.commanded_speeds import with_other_speeds
+from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.experiment.law_table import LawEntry, PowerEntry
+from rotorfit.findings import Evidence, Finding
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.reduction.frequency_bands import retimed
+
+USUAL: Final = Measured(value=0.8, std=0.2)
+"""Exponent of the speed over the command before the flight: thrust goes with the command's power of
+one to two."""
+FULL_STD: Final = 0.05
+"""Deviation of the mean exponent from hover to full command from that in hover: rms of thrust
+curves f u^2 + (1 - f) u, f from 0 to 1, that start at -10 to 15 % of the command, with hover at 30
+to 70 %."""
+FOUND: Final = "law-found"
+GIVE: Final = "log the rotor speed, or measure thrust over command and give law under [motors]"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundLaw:
+    """The law from command to relative speed by a flight.
+
+    Attributes
+    ----------
+    exponent
+        Of the relative speed over the command.
+    ratio
+        k_t by changes of thrust over k_t by the weight, with speeds in proportion to the command;
+        None where the flight does not show it.
+    hover
+        Rms command of the flights, 0 to 1.
+    """
+
+    exponent: Measured
+    ratio: Measured | None
+    hover: float
+
+    @property
+    def entry(self) -> LawEntry:
+        """The law as the experiment file has it."""
+        level = FULL_STD * abs(float(np.log(self.hover)))
+        return LawEntry(
+            power=PowerEntry(full_speed=1.0, exponent=self.exponent.value),
+            slope_std=min(self.exponent.std / self.exponent.value, 1.0),
+            speed_std=min(level, 1.0),
+            usual_speed=1.0,
+        )
+
+    @property
+    def finding(self) -> Finding:
+        """Say which law was taken, and from where."""
+        power, half = 2.0 * self.exponent.value, 2.0 * 1.96 * self.exponent.std
+        shown = (
+            "this flight does not show it either: as motors usually do, thrust is taken to grow"
+            if self.ratio is None
+            else "weight and changes of thrust show that thrust grows"
+        )
+        return Finding(
+            kind=FOUND,
+            severity="note",
+            sentence=(
+                f"no law from command to rotor speed is given; {shown} with the command to the "
+                f"power of {power:.2f} +- {half:.2f} (2: speed in proportion to the command), and "
+                "the intervals cover what that leaves open, up to full command; for narrower ones "
+                f"{GIVE}"
+            ),
+            next_step=GIVE,
+            evidence=self._evidence,
+        )
+
+    @property
+    def _evidence(self) -> tuple[Evidence, ...]:
+        numbers = {"law_exponent": self.exponent, "thrust_over_weight": self.ratio}
+        return tuple(
+            Evidence(name=name, value=one.value, interval=one.interval)
+            for name, one in numbers.items()
+            if one is not None
+        )
+
+
+def find_law(fit: Fit) -> FoundLaw | None:
+    """Find the exponent of the speed over the command; None where a law or speeds are given.
+
+    `fit`: with speeds in proportion to the command.
+    """
+    dataset = fit.dataset
+    if dataset.motors.speed != "commanded" or dataset.motors.law or dataset.speeds_commanded:
+        return None
+    # Without an accelerometer, whose bias can be free, changes of thrust hang on the weight.
+    free = any(name.startswith("accel_bias_z@") for name in fit.estimate.estimate.names)
+    ratio = thrust_ratio(kt_from_changes(fit), weight_of(fit)) if free else None
+    return FoundLaw(exponent=exponent_of(ratio), ratio=ratio, hover=hover_command(dataset))
+
+
+def thrust_ratio(changes: Measured | None, weight: Measured | None) -> Measured | None:
+    """Divide k_t by changes of thrust by k_t by the weight; None where either is unknown."""
+    if changes is None or weight is None:
+        return None
+    ratio = changes.value / weight.value
+    std = abs(ratio) * float(np.hypot(changes.std / changes.value, weight.std / weight.value))
+    return Measured(value=ratio, std=std)
+
+
+def exponent_of(ratio: Measured | None) -> Measured:
+    """Estimate the exponent of the speed by that ratio and by what motors usually have."""
+    return USUAL if ratio is None else USUAL.with_other(ratio)
+
+
+def hover_command(dataset: TimedDataset) -> float:
+    """Compute the rms command in flight, 0 to 1."""
+    flights = [f for c in dataset.configurations for f in c.flights]
+    data = [retimed(flight.prepared, dataset.timing) for flight in flights]
+    squares = np.concatenate([one.rotor_speed[one.used_rows].ravel() ** 2 for one in data])
+    return float(np.sqrt(squares.mean()))
+
+
+def with_found_law(dataset: TimedDataset, found: FoundLaw) -> TimedDataset:
+    """Return flights with the speeds of a found law in place of commands, motors not timed."""
+    power = found.exponent.value
+    dataset = replace(dataset, motor_timing=None, law_found=True)
+    dataset = with_other_speeds(dataset, lambda speed, _: np.maximum(speed, 0.0) ** power)
+    return _declared(dataset, found.entry)
+
+
+def _declared(dataset: Kind, law: LawEntry) -> Kind:
+    """Return a dataset whose motors, and those of its flights, have a law."""
+
+    def with_it(motors: MotorsEntry) -> MotorsEntry:
+        return motors.model_copy(update={"law": law})
+
+    configurations = tuple(
+        replace(c, flights=[replace(f, motors=with_it(f.motors)) for f in c.flights])
+        for c in dataset.configurations
+    )
+    return replace(dataset, motors=with_it(dataset.motors), configurations=configurations)
