@@ -11,16 +11,10 @@ Severity = Literal["refusal", "doubt", "note", "passed"]
 class Evidence:
     """A quantity that a check measured, such as ``thrust_over_weight``.
 
-    Attributes
-    ----------
-    name
-        Under which it stands among the diagnostics of a result.
-    value
-        Measured, SI.
-    interval
-        Its 95 % interval, where the check has one.
-    limit
-        The value beyond which the check objects.
+    - `name`: under which it stands among the diagnostics of a result.
+    - `value`: measured, SI.
+    - `interval`: its 95 % interval, where the check has one.
+    - `limit`: the value beyond which the check objects.
     """
 
     name: str
@@ -33,31 +27,20 @@ class Evidence:
 class Finding:
     """What one check says of a log, a flight or a fit.
 
-    Attributes
-    ----------
-    kind
-        Of the check, such as ``residual-peak``.
-    severity
-        ``refusal`` (nothing can be identified), ``doubt`` (a number may be wrong), ``note`` (to
-        know), or ``passed`` (the check was made and objects to nothing).
-    sentence
-        What was met, what was expected and what to do; empty where the check passed.
-    numbers
-        Names of the numbers it is about, such as ``kt`` or ``Ixx@A``; ``Ixx`` is that of every
-        configuration; empty: all.
-    flights
-        Files of the flights it is about; empty: all.
-    evidence
-        The quantities behind it.
-    next_step
-        What to do, where that is not in the sentence alone.
-    withheld_because
-        Why the numbers are withheld from the result; None where they are not.
-    doubtful_because
-        Why the numbers may be outside their intervals, which makes them `doubtful`; None where the
-        intervals cover what the check found.
-    useless_because
-        Why no flying helps the numbers before the next step is taken; None where it does.
+    - `kind`: of the check, such as ``residual-peak``.
+    - `severity`: ``refusal`` (nothing can be identified), ``doubt`` (a number may be wrong),
+      ``note`` (to know), or ``passed`` (the check was made and objects to nothing).
+    - `sentence`: what was met, what was expected and what to do; empty where the check passed.
+    - `numbers`: names of the numbers it is about, such as ``kt`` or ``Ixx@A``; ``Ixx`` is that of
+      every configuration; empty: all.
+    - `flights`: files of the flights it is about; empty: all.
+    - `evidence`: the quantities behind it.
+    - `next_step`: what to do, where that is not in the sentence alone.
+    - `withheld_because`: why the numbers are withheld from the result; None where they are not.
+    - `doubtful_because`: why the numbers may be outside their intervals, which makes them
+      `doubtful`; None where the intervals cover what the check found.
+    - `useless_because`: why no flying helps the numbers before the next step is taken; None where
+      it does.
     """
 
     kind: str

@@ -50,17 +50,12 @@ ALLOWED: Final = ACCEL_BIAS_STD / GRAVITY
 class GravitySeen:
     """Readings of the accelerometer where gravity is known.
 
-    Attributes
-    ----------
-    at_rest
-        Mean size of the specific force on the ground, over gravity; None without a second of rest.
-    rest_seconds
-        How long that was looked at [s].
-    in_flight
-        Mean of the specific force along the vertical where the flight hovers, over gravity; None
-        where no such stretch is long enough.
-    in_flight_std
-        Its standard deviation, from the unknown change of velocity.
+    - `at_rest`: mean size of the specific force on the ground, over gravity; None without a second
+      of rest.
+    - `rest_seconds`: how long that was looked at [s].
+    - `in_flight`: mean of the specific force along the vertical where the flight hovers, over
+      gravity; None where no such stretch is long enough.
+    - `in_flight_std`: its standard deviation, from the unknown change of velocity.
     """
 
     at_rest: float | None

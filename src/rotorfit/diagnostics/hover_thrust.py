@@ -56,19 +56,9 @@ LEAST_SAG = 0.05
 class HoverThrust:
     """The estimated thrust over the weight in one flight.
 
-    Attributes
-    ----------
-    configuration
-        That flew.
-    flight
-        File of the flight.
-    thrust
-        Mean upward thrust over the weight.
-    sag
-        The same in the second half of the flight over that in the first, less one; None where
-        they are too short.
-    sag_std
-        Of the sag.
+    - `thrust`: mean upward thrust over the weight.
+    - `sag`: the same in the second half of the flight over that in the first, less one; None where
+      they are too short.
     """
 
     configuration: str

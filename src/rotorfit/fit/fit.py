@@ -26,22 +26,14 @@ NO_COUPLING: Final = "no-coupling"
 class Fit:
     """The dataset of an experiment, its estimate, and the numbers of the vehicle.
 
-    Attributes
-    ----------
-    dataset
-        The flights, with the timing of their motors.
-    terms, choice
-        Optional terms of the model, and why those.
-    estimate
-        The maximum of the joint likelihood.
-    configurations
-        Factors of every configuration, with the bands that are informative.
-    numbers
-        Physical numbers with 95 % intervals.
-    findings
-        Of the steps so far.
-    known
-        Mean and standard deviation of free parameters from elsewhere, with which it was made.
+    - `dataset`: the flights, with the timing of their motors.
+    - `terms`, `choice`: optional terms of the model, and why those.
+    - `estimate`: the maximum of the joint likelihood.
+    - `configurations`: factors of every configuration, with the bands that are informative.
+    - `numbers`: physical numbers with 95 % intervals.
+    - `findings`: of the steps so far.
+    - `known`: mean and standard deviation of free parameters from elsewhere, with which it was
+      made.
     """
 
     dataset: TimedDataset

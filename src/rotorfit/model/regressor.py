@@ -50,14 +50,10 @@ from rotorfit.model.vehicle import Vehicle
 class Regressor:
     """The tensor A of a vehicle.
 
-    Attributes
-    ----------
-    names
-        Parameter p of theta.
-    tensor
-        ``tensor[p, j]`` is the row vector A_p,j: equation j (Fx Fy Fz Mx My Mz) of parameter p.
-    layout
-        The signals that its last axis stands for.
+    - `names`: parameter p of theta.
+    - `tensor`: ``tensor[p, j]`` is the row vector A_p,j: equation j (Fx Fy Fz Mx My Mz) of
+      parameter p.
+    - `layout`: the signals that its last axis stands for.
     """
 
     names: tuple[str, ...]
@@ -85,15 +81,10 @@ def regressor(
 ) -> Regressor:
     """Return the constant tensor of a vehicle.
 
-    Parameters
-    ----------
-    vehicle
-        Geometry. With a known IMU position the specific force among the signals is the one at the
-        IMU, and the equations hold at the body origin all the same.
-    terms
-        Names of terms; by default all whose signals are there.
-    added
-        Signals of terms that are not always there (`terms.registry.added_signals`).
+    - `vehicle`: geometry. With a known IMU position the specific force among the signals is the one
+      at the IMU, and the equations hold at the body origin all the same.
+    - `terms`: names of terms; by default all whose signals are there.
+    - `added`: signals of terms that are not always there (`terms.registry.added_signals`).
     """
     layout = signal_layout(vehicle, added)
     blocks: dict[str, Block] = {}

@@ -28,30 +28,17 @@ _ROTOR_KT: Final = re.compile(r"kt_[0-9]+")
 class ReplayVehicle:
     """D vehicles of one geometry, the nominal one first, body axes FLU.
 
-    Attributes
-    ----------
-    mass
-        [kg]
-    com
-        From the origin [m].
-    inertia
-        About the CoM [kg m^2].
-    thrust
-        Force of each rotor per squared speed [N s^2/rad^2].
-    torque
-        Torque of each rotor about the CoM per squared speed [N m s^2/rad^2].
-    speed_torque
-        Torque of each rotor per speed [N m s/rad].
-    spin
-        Angular momentum of each rotor per speed [kg m^2].
-    damping
-        Torque of each rotor against a turn about z, per rate and speed [N m s^2/rad^2].
-    offset
-        Torque that does not change [N m].
-    accel_bias
-        [m/s^2]
-    imu
-        Place of the accelerometer from the origin [m].
+    - `mass`: [kg]
+    - `com`: from the origin [m].
+    - `inertia`: about the CoM [kg m^2].
+    - `thrust`: force of each rotor per squared speed [N s^2/rad^2].
+    - `torque`: torque of each rotor about the CoM per squared speed [N m s^2/rad^2].
+    - `speed_torque`: torque of each rotor per speed [N m s/rad].
+    - `spin`: angular momentum of each rotor per speed [kg m^2].
+    - `damping`: torque of each rotor against a turn about z, per rate and speed [N m s^2/rad^2].
+    - `offset`: torque that does not change [N m].
+    - `accel_bias`: [m/s^2]
+    - `imu`: place of the accelerometer from the origin [m].
     """
 
     mass: Float[np.ndarray, " D"]

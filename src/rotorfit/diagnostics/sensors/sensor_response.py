@@ -167,19 +167,12 @@ class BandRatio(NamedTuple):
 class FoundFilter:
     """The filter or mount that fits best.
 
-    Attributes
-    ----------
-    shape
-        Of `SHAPES`.
-    cutoff, interval
-        Its frequency and that one's 95 % interval [Hz].
-    gain
-        Of chi-square over its spread, against none.
-    factors
-        By which share it moves the factor of each axis, the mean of all flights.
-    delay, lag
-        By how much it moves the delay, the mean of all flights, and the motors' lag where that is
-        open [s].
+    - `shape`: of `SHAPES`.
+    - `cutoff`, `interval`: its frequency and that one's 95 % interval [Hz].
+    - `gain`: of chi-square over its spread, against none.
+    - `factors`: by which share it moves the factor of each axis, the mean of all flights.
+    - `delay`, `lag`: by how much it moves the delay, the mean of all flights, and the motors' lag
+      where that is open [s].
     """
 
     shape: str

@@ -33,14 +33,9 @@ SMALLEST_BODY: Final = 1e-6
 class FittedFactors:
     """A fit's factors and values, to fit it again alone or with other flights; without samples.
 
-    Attributes
-    ----------
-    configurations
-        Factors at the timing that was found, with what counts of them.
-    terms
-        Optional terms of the model.
-    values
-        Free parameters of the fit by name, to begin with.
+    - `configurations`: factors at the timing that was found, with what counts of them.
+    - `terms`: optional terms of the model.
+    - `values`: free parameters of the fit by name, to begin with.
     """
 
     configurations: tuple[JointConfiguration, ...]
@@ -60,23 +55,14 @@ def joint_fit(
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit of all flights, and its configurations with what counts.
 
-    Parameters
-    ----------
-    dataset
-        With the timing of the motors, and what the fit may move of it.
-    top
-        Only bands that begin under this edge are fitted [Hz].
-    terms
-        Optional terms of the model.
-    begin
-        Where to begin, near enough to tell the pilot's motion from disturbances; None: where a
-        first fit ends, of the turns in the pilot's band alone or, if that does not settle, of all.
-    guess
-        Where that one begins; None: at the row fits.
-    known
-        Mean and standard deviation of free parameters from elsewhere, by name.
-    least_ratio
-        As for `select_informative_bands`.
+    - `dataset`: with the timing of the motors, and what the fit may move of it.
+    - `top`: only bands that begin under this edge are fitted [Hz].
+    - `terms`: optional terms of the model.
+    - `begin`: where to begin, near enough to tell the pilot's motion from disturbances; None: where
+      a first fit ends, of the turns in the pilot's band alone or, if that does not settle, of all.
+    - `guess`: where that one begins; None: at the row fits.
+    - `known`: mean and standard deviation of free parameters from elsewhere, by name.
+    - `least_ratio`: as for `select_informative_bands`.
     """
     joint = [
         JointConfiguration(
