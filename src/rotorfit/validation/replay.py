@@ -316,7 +316,6 @@ def replay_flights(
     *,
     others: Sequence[Path] = (),
     log_number: int | None = None,
-    seconds: float = WINDOW,
     report: Callable[[str], None] | None = None,
 ) -> list[Replay]:
     """Replay a configuration's flights, of the fit and kept apart, or other logs in their place.
@@ -332,7 +331,7 @@ def replay_flights(
         if report is not None:
             report(f"replaying {Path(entry.file).name}")
         used = load_flight(entry, experiment) if entries else _unchanged(result, experiment, entry)
-        replays.append(_replayed(result, used, owner, vehicles, seconds=seconds))
+        replays.append(_replayed(result, used, owner, vehicles))
     return replays
 
 
@@ -341,8 +340,6 @@ def _replayed(
     used: LoadedFlight,
     owner: str,
     vehicles: Mapping[str, Timed],
-    *,
-    seconds: float = WINDOW,
 ) -> Replay:
     """Replay one loaded flight, and compare its wrenches."""
     found = replay(
@@ -357,7 +354,6 @@ def _replayed(
         flight=Path(used.entry.file).name,
         sha256=used.log.sha256,
         configuration=owner,
-        seconds=seconds,
     )
     try:
         compared = compare_wrenches(result, used, configuration=owner)
