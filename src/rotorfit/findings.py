@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Final, Literal
+from typing import Any, Literal, TypedDict, Unpack
 
 Severity = Literal["refusal", "doubt", "note", "passed"]
 
@@ -68,11 +68,19 @@ class Finding:
         return bool({full_name, base, base.rstrip("0123456789").rstrip("_")} & {*self.numbers})
 
 
-DISOWNING: Final = ("doubtful_because", "next_step")
-"""Fields that a check which objects to nothing does not fill."""
+class About(TypedDict, total=False):
+    """The fields of a finding that most checks leave empty."""
+
+    numbers: tuple[str, ...]
+    flights: tuple[str, ...]
+    evidence: tuple[Evidence, ...]
+    next_step: str | None
+    withheld_because: str | None
+    doubtful_because: str | None
+    useless_because: str | None
 
 
-def doubt(kind: str, sentence: str, **about: Any) -> Finding:
+def doubt(kind: str, sentence: str, **about: Unpack[About]) -> Finding:
     """Return a doubt; `about` are further fields of `Finding`."""
     return Finding(kind=kind, severity="doubt", sentence=sentence, **about)
 
@@ -82,29 +90,28 @@ def doubts(kind: str, said: Iterable[str]) -> Iterator[Finding]:
     return (doubt(kind, sentence) for sentence in said)
 
 
-def note(kind: str, sentence: str, **about: Any) -> Finding:
+def note(kind: str, sentence: str, **about: Unpack[About]) -> Finding:
     """Return a note; `about` are further fields of `Finding`."""
     return Finding(kind=kind, severity="note", sentence=sentence, **about)
 
 
 def doubt_or_passed(
-    kind: str, sentence: str | None, measured: Mapping[str, float] | None = None, **about: Any
+    kind: str,
+    sentence: str | None,
+    measured: Mapping[str, float] | None = None,
+    **about: Unpack[About],
 ) -> Finding:
     """Return a doubt where there is a sentence, else that the check passed.
 
     `kind`: of the check. `sentence`: None where it objects to nothing. `measured`: quantities by
-    name. `about`: further fields of `Finding`; what a doubt alone has (`DISOWNING`) is left out of
-    a pass.
+    name. `about`: further fields of `Finding`; a pass has no next step, and no reason to doubt.
     """
-    if sentence is None:
-        about = {name: value for name, value in about.items() if name not in DISOWNING}
-    return Finding(
-        kind=kind,
-        severity="passed" if sentence is None else "doubt",
-        sentence=sentence or "",
-        evidence=tuple(Evidence(name=name, value=v) for name, v in (measured or {}).items()),
-        **about,
-    )
+    evidence = tuple(Evidence(name=name, value=v) for name, v in (measured or {}).items())
+    about = {"evidence": evidence, **about}
+    if sentence is not None:
+        return doubt(kind, sentence, **about)
+    about |= {"next_step": None, "doubtful_because": None}
+    return Finding(kind=kind, severity="passed", **about)
 
 
 def sentences(findings: Iterable[Finding]) -> tuple[str, ...]:

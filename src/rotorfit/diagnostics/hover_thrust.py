@@ -297,8 +297,12 @@ def force_by_height(fit: Fit) -> Iterator[Finding]:
             if worst.probability > LIKELY_FORCE:
                 flights.append(file_name(flight.entry.file))
                 sentences.append(f"{flights[-1]}: {_height_force_sentence(worst)}")
-    checked = doubt_or_passed("force-by-height", "; ".join(sentences) or None, flights=flights)
-    yield replace(checked, evidence=tuple(measured))
+    yield doubt_or_passed(
+        "force-by-height",
+        "; ".join(sentences) or None,
+        flights=tuple(flights),
+        evidence=tuple(measured),
+    )
 
 
 def _by_height(force: HeightForce) -> Evidence:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import Final, TypedDict
 
 import numpy as np
 
@@ -41,6 +41,16 @@ class FittedFactors:
     configurations: tuple[JointConfiguration, ...]
     terms: tuple[str, ...]
     values: Mapping[str, float]
+
+
+class FitSettings(TypedDict, total=False):
+    """The options of `joint_fit` with which a fit is made again; as there by default."""
+
+    top: float
+    begin: Mapping[str, float] | None
+    guess: Mapping[str, float] | None
+    known: Mapping[str, tuple[float, float]]
+    least_ratio: float
 
 
 def joint_fit(
