@@ -55,7 +55,7 @@ def read(tmp_path, *messages, options=None):
 
 
 def differences(log, flight):
-    """List the channels and warnings of a bag that are not those of the flight written."""
+    """List what of a bag is not as in the flight written: format, channels, times, warnings."""
     expected = {
         "gyro": flight.gyro,
         "accel": flight.accel,
@@ -63,11 +63,11 @@ def differences(log, flight):
         "position": flight.position_measured,
         "attitude": flight.attitude_wxyz_measured,
     }
-    found = [*(set(log.channels) ^ set(expected)), *log.warnings]
+    found = [*({log.format} ^ {"rosbag"}), *(set(log.channels) ^ set(expected)), *log.warnings]
     for name in set(log.channels) & set(expected):
         channel = log.channels[name]
-        exact = 1e-15 if name == "attitude" else 0.0
-        if not np.allclose(channel.values, expected[name], rtol=1e-7 * (exact > 0), atol=exact):
+        rounded = 1e-15 if name == "attitude" else 0.0
+        if not np.allclose(channel.values, expected[name], rtol=0.0, atol=rounded):
             found.append(name)
         if not np.allclose(channel.time - channel.time[0], flight.time, rtol=1e-7, atol=1e-9):
             found.append(f"time of {name}")
