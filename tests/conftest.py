@@ -52,17 +52,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture
 def golden(request: pytest.FixtureRequest):
-    """Compare a text with a file of tests/golden, or write it there with --update-golden."""
+    """Return what a file of tests/golden holds; with --update-golden a text is written there."""
     folder = Path(__file__).parent / "golden"
 
-    def compare(name: str, text: str) -> None:
+    def expected(name: str, text: str) -> str:
         path = folder / name
         if request.config.getoption("--update-golden"):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8", newline="\n")
         if not path.exists():
             pytest.fail(f"no {path}: make it with  pytest --update-golden")
-        expected = path.read_text(encoding="utf-8")
-        assert text == expected, "meant so? then  pytest --update-golden"
+        kept = path.read_text(encoding="utf-8")
+        if kept != text:
+            request.node.add_report_section("call", name, "meant so? then  pytest --update-golden")
+        return kept
 
-    return compare
+    return expected

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Final, Literal
+from typing import Any, Literal, TypedDict, Unpack
 
 Severity = Literal["refusal", "doubt", "note", "passed"]
 
@@ -11,16 +11,10 @@ Severity = Literal["refusal", "doubt", "note", "passed"]
 class Evidence:
     """A quantity that a check measured, such as ``thrust_over_weight``.
 
-    Attributes
-    ----------
-    name
-        Under which it stands among the diagnostics of a result.
-    value
-        Measured, SI.
-    interval
-        Its 95 % interval, where the check has one.
-    limit
-        The value beyond which the check objects.
+    - `name`: under which it stands among the diagnostics of a result.
+    - `value`: measured, SI.
+    - `interval`: its 95 % interval, where the check has one.
+    - `limit`: the value beyond which the check objects.
     """
 
     name: str
@@ -33,31 +27,20 @@ class Evidence:
 class Finding:
     """What one check says of a log, a flight or a fit.
 
-    Attributes
-    ----------
-    kind
-        Of the check, such as ``residual-peak``.
-    severity
-        ``refusal`` (nothing can be identified), ``doubt`` (a number may be wrong), ``note`` (to
-        know), or ``passed`` (the check was made and objects to nothing).
-    sentence
-        What was met, what was expected and what to do; empty where the check passed.
-    numbers
-        Names of the numbers it is about, such as ``kt`` or ``Ixx@A``; ``Ixx`` is that of every
-        configuration; empty: all.
-    flights
-        Files of the flights it is about; empty: all.
-    evidence
-        The quantities behind it.
-    next_step
-        What to do, where that is not in the sentence alone.
-    withheld_because
-        Why the numbers are withheld from the result; None where they are not.
-    doubtful_because
-        Why the numbers may be outside their intervals, which makes them `doubtful`; None where the
-        intervals cover what the check found.
-    useless_because
-        Why no flying helps the numbers before the next step is taken; None where it does.
+    - `kind`: of the check, such as ``residual-peak``.
+    - `severity`: ``refusal`` (nothing can be identified), ``doubt`` (a number may be wrong),
+      ``note`` (to know), or ``passed`` (the check was made and objects to nothing).
+    - `sentence`: what was met, what was expected and what to do; empty where the check passed.
+    - `numbers`: names of the numbers it is about, such as ``kt`` or ``Ixx@A``; ``Ixx`` is that of
+      every configuration; empty: all.
+    - `flights`: files of the flights it is about; empty: all.
+    - `evidence`: the quantities behind it.
+    - `next_step`: what to do, where that is not in the sentence alone.
+    - `withheld_because`: why the numbers are withheld from the result; None where they are not.
+    - `doubtful_because`: why the numbers may be outside their intervals, which makes them
+      `doubtful`; None where the intervals cover what the check found.
+    - `useless_because`: why no flying helps the numbers before the next step is taken; None where
+      it does.
     """
 
     kind: str
@@ -85,11 +68,19 @@ class Finding:
         return bool({full_name, base, base.rstrip("0123456789").rstrip("_")} & {*self.numbers})
 
 
-DISOWNING: Final = ("doubtful_because", "next_step")
-"""Fields that a check which objects to nothing does not fill."""
+class About(TypedDict, total=False):
+    """The fields of a finding that most checks leave empty."""
+
+    numbers: tuple[str, ...]
+    flights: tuple[str, ...]
+    evidence: tuple[Evidence, ...]
+    next_step: str | None
+    withheld_because: str | None
+    doubtful_because: str | None
+    useless_because: str | None
 
 
-def doubt(kind: str, sentence: str, **about: Any) -> Finding:
+def doubt(kind: str, sentence: str, **about: Unpack[About]) -> Finding:
     """Return a doubt; `about` are further fields of `Finding`."""
     return Finding(kind=kind, severity="doubt", sentence=sentence, **about)
 
@@ -99,29 +90,28 @@ def doubts(kind: str, said: Iterable[str]) -> Iterator[Finding]:
     return (doubt(kind, sentence) for sentence in said)
 
 
-def note(kind: str, sentence: str, **about: Any) -> Finding:
+def note(kind: str, sentence: str, **about: Unpack[About]) -> Finding:
     """Return a note; `about` are further fields of `Finding`."""
     return Finding(kind=kind, severity="note", sentence=sentence, **about)
 
 
 def doubt_or_passed(
-    kind: str, sentence: str | None, measured: Mapping[str, float] | None = None, **about: Any
+    kind: str,
+    sentence: str | None,
+    measured: Mapping[str, float] | None = None,
+    **about: Unpack[About],
 ) -> Finding:
     """Return a doubt where there is a sentence, else that the check passed.
 
     `kind`: of the check. `sentence`: None where it objects to nothing. `measured`: quantities by
-    name. `about`: further fields of `Finding`; what a doubt alone has (`DISOWNING`) is left out of
-    a pass.
+    name. `about`: further fields of `Finding`; a pass has no next step, and no reason to doubt.
     """
-    if sentence is None:
-        about = {name: value for name, value in about.items() if name not in DISOWNING}
-    return Finding(
-        kind=kind,
-        severity="passed" if sentence is None else "doubt",
-        sentence=sentence or "",
-        evidence=tuple(Evidence(name=name, value=v) for name, v in (measured or {}).items()),
-        **about,
-    )
+    evidence = tuple(Evidence(name=name, value=v) for name, v in (measured or {}).items())
+    about = {"evidence": evidence, **about}
+    if sentence is not None:
+        return doubt(kind, sentence, **about)
+    about |= {"next_step": None, "doubtful_because": None}
+    return Finding(kind=kind, severity="passed", **about)
 
 
 def sentences(findings: Iterable[Finding]) -> tuple[str, ...]:

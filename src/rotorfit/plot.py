@@ -38,14 +38,9 @@ def intervals(
 ) -> list[Axes]:
     """Draw values with their 95 % intervals, one axes a number, results beside one another.
 
-    Parameters
-    ----------
-    results
-        One, or several to compare.
-    names
-        Of parameters or derived numbers; what no result knows is left out.
-    axes
-        To draw on, one for each number that is known; made if None.
+    - `results`: one, or several to compare.
+    - `names`: of parameters or derived numbers; what no result knows is left out.
+    - `axes`: to draw on, one for each number that is known; made if None.
     """
     several = [results] if isinstance(results, IdentificationResult) else list(results)
     shown = {name: _found(several, name) for name in names}
@@ -69,12 +64,8 @@ def intervals(
 def wrenches(comparison: WrenchComparison, *, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw what the motion needs against what the rotors produce, over time.
 
-    Parameters
-    ----------
-    comparison
-        From `validate_file`, `validation_comparisons` or `fitted_comparisons`.
-    axes
-        Four to draw on; made if None.
+    - `comparison`: from `validate_file`, `validation_comparisons` or `fitted_comparisons`.
+    - `axes`: four to draw on; made if None.
     """
     series = series_of(comparison)
     components = [name for name in SHOWN if f"{name} body" in series.values]
@@ -97,12 +88,8 @@ def wrenches(comparison: WrenchComparison, *, axes: Sequence[Axes] | None = None
 def correlations(result: IdentificationResult, *, axes: Axes | None = None) -> Axes:
     """Draw how the errors of the parameters go together: -1 to 1.
 
-    Parameters
-    ----------
-    result
-        With a covariance.
-    axes
-        To draw on; made if None.
+    - `result`: with a covariance.
+    - `axes`: to draw on; made if None.
     """
     names = [name.replace("@", " ") for name in result.covariance_names]
     size = 1.5 + 0.27 * len(names)
@@ -125,18 +112,11 @@ def replay(
 ) -> list[Axes]:
     """Draw the rates of a flight as flown and as predicted from the start of each half second.
 
-    Parameters
-    ----------
-    result
-        Whose model flies; its logs are read again.
-    configuration
-        Which of its configurations; not needed if there is only one.
-    flight
-        Another log of the vehicle; the first flight of the result if None.
-    seconds
-        From and to, since the log's first sample [s]; all of it if None.
-    axes
-        Three to draw on; made if None.
+    - `result`: whose model flies; its logs are read again.
+    - `configuration`: which of its configurations; not needed if there is only one.
+    - `flight`: another log of the vehicle; the first flight of the result if None.
+    - `seconds`: from and to, since the log's first sample [s]; all of it if None.
+    - `axes`: three to draw on; made if None.
     """
     owner = owner_of(result, configuration)
     timed = Timed(vehicle=replay_vehicle(result, owner), response=fitted_response(result))

@@ -24,7 +24,7 @@ def message(refused, here, golden, request):
     def compared(*arguments: object) -> str:
         line = refused(*arguments)
         name = re.sub(r"\W+", "_", request.node.name.removeprefix("test_")).strip("_")
-        golden(f"errors/{name}.txt", masked(line, here))
+        assert masked(line, here) == golden(f"errors/{name}.txt", masked(line, here))
         return line
 
     return compared
@@ -101,7 +101,7 @@ def test_a_broken_ulog(refused, here):
 
 def test_text_that_is_no_table(message, here):
     (here / "flight.csv").write_text("Dear pilot,\nthe battery is charged.\n")
-    message("identify", *LOG)
+    assert "no column 'time'; the file has Dear pilot" in message("identify", *LOG)
 
 
 # -- what the log holds --------------------------------------------------------------------------
@@ -150,7 +150,7 @@ def test_another_number_of_rotors(message, here):
 
 def test_motors_that_never_turn(message, changed):
     changed(lambda c: {n: 0.0 * v if n.startswith("rotor") else v for n, v in c.items()})
-    message("identify", *LOG)
+    assert "the motors never turn in this log" in message("identify", *LOG)
 
 
 def test_time_that_goes_backwards(message, changed):
@@ -180,7 +180,7 @@ def test_accelerometer_in_g(message, changed):
 def test_never_airborne(message, changed):
     # The first three seconds stand on the ground.
     changed(lambda c: {n: v[:500] for n, v in c.items()})
-    message("identify", *LOG)
+    assert "the motors turn but the vehicle never flies" in message("identify", *LOG)
 
 
 # -- what is declared ----------------------------------------------------------------------------

@@ -330,13 +330,13 @@ def test_plain_lines_where_stderr_is_no_terminal():
     assert re.match(r"rotorfit: fitting \(", lines[-1])
 
 
-def lines_until(words, stream):
-    """Wait until a line says so; where none does, the last one is shown."""
+def awaited(words, stream):
+    """Wait until a line says so, and return all that was said until then."""
     for _ in range(1000):
         if words in stream.getvalue():
-            return
+            break
         time.sleep(0.01)
-    pytest.fail(stream.getvalue().splitlines()[-1])
+    return stream.getvalue()
 
 
 def test_a_pace_is_until_now_not_until_the_last_log():
@@ -349,9 +349,11 @@ def test_a_pace_is_until_now_not_until_the_last_log():
     ):
         seconds[0] = 1.0
         report_progress(10, 100)
-        lines_until("10 of 100, 10.0 a second, about 9 s left", stream)
+        pace = "10 of 100, 10.0 a second, about 9 s left"
+        assert pace in awaited(pace, stream)
         seconds[0] = 20.0
-        lines_until("10 of 100, 0.5 a second, about 3 min left", stream)
+        pace = "10 of 100, 0.5 a second, about 3 min left"
+        assert pace in awaited(pace, stream)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,8 @@ def squeezed(text: str) -> str:
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_help(run, golden, name):
-    golden(f"help/{name}.txt", described(name))
+    text = described(name)
+    assert text == golden(f"help/{name}.txt", text)
     ended = run(name, "--help")
     assert (ended.code, ended.err) == (0, "")
     shown = squeezed(ended.out)
@@ -37,7 +38,8 @@ def test_help(run, golden, name):
 
 
 def test_help_of_the_program(run, golden):
-    golden("help/rotorfit.txt", "\n".join(sorted(COMMANDS)) + "\n")
+    text = "\n".join(sorted(COMMANDS)) + "\n"
+    assert text == golden("help/rotorfit.txt", text)
     for arguments in ((), ("--help",)):
         ended = run(*arguments)
         text = squeezed(ended.out + ended.err)
@@ -62,7 +64,8 @@ def outline(text: str) -> str:
 def test_result_as_text(run, here, golden):
     ended = run("identify", "experiment.toml", "--full")
     assert (ended.code, ended.err) == (0, "")
-    golden("result.txt", outline(ended.out))
+    text = outline(ended.out)
+    assert text == golden("result.txt", text)
 
 
 def test_a_result_in_about_ten_lines(run, here, golden, monkeypatch):
@@ -70,13 +73,15 @@ def test_a_result_in_about_ten_lines(run, here, golden, monkeypatch):
     ended = run("identify", "experiment.toml")
     assert (ended.code, ended.err) == (0, "")
     assert len(ended.out.splitlines()) <= 14
-    golden("result-in-short.txt", re.sub(r"\d+(?:\.\d+)?", "x", ended.out))
+    text = re.sub(r"\d+(?:\.\d+)?", "x", ended.out)
+    assert text == golden("result-in-short.txt", text)
 
 
 def test_inspection_as_text(run, here, golden, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     ended = run("inspect", "flight.csv")
-    golden("inspect.txt", re.sub(r"\d+\.\d+", "x", ended.out))
+    text = re.sub(r"\d+\.\d+", "x", ended.out)
+    assert text == golden("inspect.txt", text)
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS.keys() - {"inspect"}))

@@ -30,7 +30,8 @@ def planned():
 
 
 def test_the_plan_as_text(planned, golden):
-    golden("plan.txt", plan_text(planned))
+    text = plan_text(planned)
+    assert text == golden("plan.txt", text)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +49,8 @@ def test_what_was_tried_in_vain_is_what_was_left_to_try(planned, speed, words):
 
 
 def test_the_card_as_text(planned, golden):
-    golden("plan_card.txt", card_text(planned))
+    text = card_text(planned)
+    assert text == golden("plan_card.txt", text)
     assert max(map(len, card_text(planned).splitlines())) <= 78
 
 

@@ -11,7 +11,7 @@ import made_fit
 from rotorfit.diagnostics import lever_arms
 from rotorfit.diagnostics.lever_arms import FrameSides
 from rotorfit.diagnostics.sensors.clocks import accelerometer_delay, late_speeds
-from rotorfit.diagnostics.sensors.sensor_spectra import deviation_by_chance
+from rotorfit.diagnostics.sensors.sensor_response import deviation_by_chance
 from rotorfit.diagnostics.vehicle_size import unusual_loading
 from rotorfit.errors import FrameError
 from rotorfit.experiment.experiment import MotorsEntry

@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 import made_fit
-from rotorfit.diagnostics.motors.thrust_change import allow_for_thrust_change
+from rotorfit.diagnostics.motors.changed_thrust import allow_for_thrust_change
 from rotorfit.diagnostics.sensors.sensor_response import allow_for_sensor_response, found_filter
 
 RATE, SECONDS = 200.0, 40.0

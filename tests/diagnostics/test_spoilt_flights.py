@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.diagnostics.motors.changed_rotor import (
+from rotorfit.diagnostics.motors.changed_thrust import (
     LEAST_UNLIKE,
     most_unlike,
     unlike_rotors,

@@ -13,7 +13,6 @@ from rotorfit.errors import UnsettledError
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.fit.timing import timing_fit, timing_search
-from rotorfit.fit.timing.onboard_filter import shape_fault
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import (
     find_timing,
@@ -21,6 +20,7 @@ from rotorfit.fit.timing.timing_fit import (
     fitted_timing,
     hold_fault,
     settled_fit,
+    shape_fault,
     timed_again,
     timing_with_deviations,
     unidentifiable_timing,

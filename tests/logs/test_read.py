@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from reading_ends import ended, faults
 
 from rotorfit.errors import LogError
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
-from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.formats import FORMATS, load
 from rotorfit.logs.read import kind_of
 
@@ -140,22 +140,6 @@ def test_the_names_of_the_formats_are_distinct():
     assert len(set(names)) == len(names) >= 2
 
 
-def ends_well(path):
-    """Read whatever is there: a sound log, or one line that names the file."""
-    try:
-        log = read_log(path)
-    except LogError as error:
-        assert str(path) in str(error)
-        assert "\n" not in str(error)
-        return
-    assert isinstance(log, FlightLog)
-    for name, channel in log.channels.items():
-        assert channel.values.shape == (len(channel.time), CHANNELS[name][0] or 1)
-        assert np.isfinite(channel.time).all()
-        assert not np.isinf(channel.values).any()
-        assert (np.diff(channel.time) >= 0).all()
-
-
 fuzzed = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 
 
@@ -170,7 +154,8 @@ fuzzed = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], d
 @example(b"#")
 @example(b",")
 def test_any_bytes_end_in_a_log_or_a_log_error(tmp_path, content):
-    ends_well(written(tmp_path, content))
+    path = written(tmp_path, content)
+    assert faults(path, ended(path)) == []
 
 
 @fuzzed
@@ -204,7 +189,8 @@ def test_a_damaged_table_ends_in_a_log_or_a_log_error(tmp_path, damage):
     content = TABLE
     for start, length, inserted in damage:
         content = content[:start] + inserted + content[start + length :]
-    ends_well(written(tmp_path, content or b" "))
+    path = written(tmp_path, content or b" ")
+    assert faults(path, ended(path)) == []
 
 
 def test_importing_the_readers_is_cheap():

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from reading_ends import ended, faults
 from rosbag_writers import EPOCH, Sent, write_messages_ros1, write_messages_ros2
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import StoragePlugin
 
-from rotorfit.errors import LogError
 from rotorfit.logs import read_log
-from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.rosbag.contents import Decoder, Definitions, parsed
 from rotorfit.logs.rosbag.stream import LARGEST_CHUNK, Topic
 
@@ -23,30 +22,12 @@ MCAP = b"\x89MCAP0\r\n"
 IMU = "sensor_msgs/msg/Imu"
 
 
-def ends_well(path):
-    """Read whatever is there: a sound log, or one line that names the file."""
-    try:
-        log = read_log(path)
-    except LogError as error:
-        assert str(path) in str(error)
-        assert "\n" not in str(error)
-        return str(error)
-    assert isinstance(log, FlightLog)
-    for name, channel in log.channels.items():
-        assert channel.values.shape[0] == len(channel.time)
-        assert channel.values.shape[1] == (CHANNELS[name][0] or channel.values.shape[1])
-        assert np.isfinite(channel.time).all()
-        assert not np.isinf(channel.values).any()
-        assert (np.diff(channel.time) >= 0).all()
-    return log
-
-
 def peak_of(path):
     """Return how a file ends, and how much memory it took [bytes]."""
-    ends_well(path)  # what is imported does not count
+    ended(path)  # what is imported does not count
     tracemalloc.start()
     try:
-        return ends_well(path), tracemalloc.get_traced_memory()[1]
+        return ended(path), tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
 
@@ -114,7 +95,7 @@ def test_damaged_bags_end_in_a_log_or_a_log_error(tmp_path, samples, name, damag
         content = content[:start] + inserted + content[start + length :]
     path = tmp_path / "bag"
     path.write_bytes(content[: max(int(end * len(content)), 1)])
-    ends_well(path)
+    assert faults(path, ended(path)) == []
 
 
 @fuzzed
@@ -128,14 +109,15 @@ def test_flipped_bits_end_in_a_log_or_a_log_error(tmp_path, samples, name, flips
         content[int(place * len(content))] ^= 1 << bit
     path = tmp_path / "bag"
     path.write_bytes(content)
-    ends_well(path)
+    assert faults(path, ended(path)) == []
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_whole_samples_are_whole(tmp_path, samples, name):
     path = tmp_path / "bag"
     path.write_bytes(samples[name])
-    log = ends_well(path)
+    log = read_log(path)
+    assert faults(path, log) == []
     assert len(log.channels["rotor_speed"].time) == 12
     assert log.warnings == ()
 
@@ -144,14 +126,18 @@ def test_a_schema_that_is_no_text_is_damage(tmp_path, samples):
     """Found by fuzzing: the database's own error message cannot be decoded then."""
     path = tmp_path / "bag"
     path.write_bytes(samples["db3"].replace(b"CREATE INDEX", b"CREATE I\x80DEX"))
-    assert "damaged SQLite database (" in ends_well(path)
+    said = ended(path)
+    assert "damaged SQLite database (" in said
+    assert faults(path, said) == []
 
 
 def test_a_schema_of_several_lines_is_reported_in_one(tmp_path, samples):
     """Found by fuzzing: the database quotes its damaged statement, line breaks and all."""
     path = tmp_path / "bag"
     path.write_bytes(samples["db3"].replace(b"type_description_hash", b"ty`e_description_hash"))
-    assert "damaged SQLite database (" in ends_well(path)
+    said = ended(path)
+    assert "damaged SQLite database (" in said
+    assert faults(path, said) == []
 
 
 # Made to hurt
@@ -294,7 +280,7 @@ def test_messages_of_both_ros_in_mcap(tmp_path, coding):
     fields = VECTORS.format("angular_velocity").encode()
     definition = b"uint8 maximum = 3  # \xb0/s\n" + fields
     path.write_bytes(mcap_of(definition, head + struct.pack("<3d", 1, 2, 3), coding=coding))
-    np.testing.assert_array_equal(ends_well(path).channels["gyro"].values, 20 * [[1, 2, 3]])
+    np.testing.assert_array_equal(read_log(path).channels["gyro"].values, 20 * [[1, 2, 3]])
 
 
 def test_messages_each_of_its_own_length_are_read(tmp_path):
@@ -307,7 +293,7 @@ def test_messages_each_of_its_own_length_are_read(tmp_path):
             for body in bodies
         )
     )
-    assert "topics: /imu (1599 messages)" in ends_well(path)
+    assert "topics: /imu (1599 messages)" in ended(path)
 
 
 # The decoder against plain reading

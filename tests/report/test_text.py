@@ -216,7 +216,8 @@ def test_a_narrow_terminal_gets_columns_below_one_another():
 
 
 def test_word_by_word(golden):
-    golden("report/text.txt", result_text(sample()))
+    text = result_text(sample())
+    assert text == golden("report/text.txt", text)
 
 
 def test_every_verdict_is_shown_next_to_its_number():

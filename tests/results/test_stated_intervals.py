@@ -33,11 +33,13 @@ def number(tables, name):
     return next(n for n in (*tables.parameters, *tables.derived) if n.name == name)
 
 
-def states(found, value, half):
-    """Whether a number is there with its interval of 95 % and its deviation."""
-    assert found.value == value
-    assert found.interval == pytest.approx((value - half, value + half), rel=1e-12)
-    assert found.std == pytest.approx(half / 1.96, rel=1e-12)
+def stated(number):
+    """Return value, interval and deviation of a number."""
+    return [number.value, *number.interval, number.std]
+
+
+def interval_of_95(value, half):
+    return pytest.approx([value, value - half, value + half, half / 1.96], rel=1e-12)
 
 
 def joint(excitation=None):
@@ -62,19 +64,6 @@ def flights():
 def tabulated(body, numbers):
     fit = made_fit.fit(flights(), numbers, bodies=[body])
     return joint_result(fit, EXPERIMENT).found(*little_excitation(fit))
-
-
-def states_all(tables):
-    states(number(tables, "kt"), 2e-6, 1.96e-8)
-    states(number(tables, "Ixx"), 0.01, 1.96e-3)
-    states(number(tables, "kd_over_Izz"), 1.5e-6, 1.96e-7)
-    assert tables.covariance_names == ("kt", "Ixx@A")
-    expected = CORRELATION[:2, :2] * np.outer(STD[:2], STD[:2])
-    np.testing.assert_allclose(tables.covariance, expected, rtol=1e-9)
-
-
-def test_a_joint_result_states_half_widths_and_their_1_96th_part():
-    states_all(joint())
 
 
 RHOS = [(4.9, False), (5.0, True), (9.9, True), (10.1, False)]
@@ -117,8 +106,15 @@ def by_rows(rho=50.0):
     return row_tables(numbers, fits, EXPERIMENT, flights())
 
 
-def test_a_result_by_rows_states_half_widths_and_deviations():
-    states_all(by_rows())
+@pytest.mark.parametrize("made", [joint, by_rows])
+def test_a_result_states_half_widths_and_their_1_96th_part(made):
+    tables = made()
+    assert stated(number(tables, "kt")) == interval_of_95(2e-6, 1.96e-8)
+    assert stated(number(tables, "Ixx")) == interval_of_95(0.01, 1.96e-3)
+    assert stated(number(tables, "kd_over_Izz")) == interval_of_95(1.5e-6, 1.96e-7)
+    assert tables.covariance_names == ("kt", "Ixx@A")
+    expected = CORRELATION[:2, :2] * np.outer(STD[:2], STD[:2])
+    np.testing.assert_allclose(tables.covariance, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize(("rho", "warned"), RHOS)
@@ -139,7 +135,7 @@ def test_lag_plus_delay_has_the_interval_of_the_sum():
         response=MotorResponse(lag=0.04, delay=0.01), total_std=0.002, lag_std=0.02, delay_std=0.02
     )
     (total,) = with_timing_total((), timing)
-    states(total, 0.05, 0.00392)
+    assert stated(total) == interval_of_95(0.05, 0.00392)
 
 
 def paper(relative):
@@ -159,7 +155,7 @@ def paper(relative):
 
 def test_the_papers_sigma_makes_an_interval_of_1_96():
     kt = paper(0.01)
-    states(kt, 2e-6, 1.96 * 2e-8)
+    assert stated(kt) == interval_of_95(2e-6, 1.96 * 2e-8)
     assert kt.verdict == "identified"
 
 

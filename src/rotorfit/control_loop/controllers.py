@@ -40,22 +40,13 @@ class RateController:
 
     u = P e + I int e + D e' (or - D y') + FF r, e = r - y; cut-offs [Hz] are 0 without a filter.
 
-    Attributes
-    ----------
-    P, I, D, FF
-        Gains on the rate error, its integral, the slope, and the set point.
-    angle
-        Rate asked for per angle [1/s]; 0 where the outer loop is not known.
-    period
-        Between two runs [s].
-    set_point_lowpass, error_lowpass, slope_lowpass, output_lowpass
-        First-order low-passes.
-    slope_of
-        Whether D acts on the error or on the measured rate.
-    set_point_age
-        How many runs old the set point is when it is used.
-    gyro_filters
-        Filters between the gyro and the rate.
+    - `P`, `I`, `D`, `FF`: gains on the rate error, its integral, the slope, and the set point.
+    - `angle`: rate asked for per angle [1/s]; 0 where the outer loop is not known.
+    - `period`: between two runs [s].
+    - `set_point_lowpass`, `error_lowpass`, `slope_lowpass`, `output_lowpass`: first-order
+      low-passes.
+    - `slope_of`: whether D acts on the error or on the measured rate.
+    - `set_point_age`: how many runs old the set point is when it is used.
     """
 
     P: float

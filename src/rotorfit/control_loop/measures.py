@@ -16,20 +16,11 @@ from rotorfit.control_loop.controllers import RateController
 class Margins:
     """Margins of D open loops; NaN where a loop has none.
 
-    Attributes
-    ----------
-    crossover
-        Frequency at which the gain falls to 1 for the last time [Hz].
-    phase
-        Phase left at any crossing of gain 1, the least [deg].
-    gain
-        Factor of the gain at which the loop oscillates.
-    delay
-        Time by which the loop may be later until it oscillates, the least [s].
-    sensitivity
-        Peak of 1 / |1 + L|: by how much disturbances are amplified at worst.
-    stable
-        Whether the closed loop is stable.
+    - `crossover`: frequency at which the gain falls to 1 for the last time [Hz].
+    - `phase`: phase left at any crossing of gain 1, the least [deg].
+    - `gain`: factor of the gain at which the loop oscillates.
+    - `delay`: time by which the loop may be later until it oscillates, the least [s].
+    - `sensitivity`: peak of 1 / |1 + L|: by how much disturbances are amplified at worst.
     """
 
     crossover: Float[np.ndarray, " D"]

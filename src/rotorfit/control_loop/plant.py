@@ -54,16 +54,10 @@ class GyroFilter:
     `LowPassFilter2p` and `NotchFilter` of PX4 and ArduPilot, in continuous time: what their samples
     add is in the delay that the log shows (`controller_response`).
 
-    Attributes
-    ----------
-    frequency
-        Cut-off of a low-pass, middle of a notch [Hz].
-    order
-        Of a low-pass: 1, or 2 (Butterworth); 0 is a notch.
-    width
-        Of a notch [Hz].
-    floor
-        Share that a notch leaves in its middle.
+    - `frequency`: cut-off of a low-pass, middle of a notch [Hz].
+    - `order`: of a low-pass: 1, or 2 (Butterworth); 0 is a notch.
+    - `width`: of a notch [Hz].
+    - `floor`: share that a notch leaves in its middle.
     """
 
     frequency: float
@@ -94,14 +88,9 @@ def from_lag(
 class Plant:
     """One axis of D vehicles, the nominal one first, hovering.
 
-    Attributes
-    ----------
-    gain
-        Angular acceleration per output [rad/s^2].
-    damping
-        Rate that air drag takes off per time [1/s].
-    lag, delay
-        Of the motors, without what the filter of the gyro adds [s].
+    - `gain`: angular acceleration per output [rad/s^2].
+    - `damping`: rate that air drag takes off per time [1/s].
+    - `lag`, `delay`: of the motors, without what the filter of the gyro adds [s].
     """
 
     gain: Float[np.ndarray, " D"]

@@ -78,13 +78,10 @@ class ReplayedOutput:
 class ReplayedMixer:
     """The motors' commands over the output of an axis.
 
-    Attributes
-    ----------
-    name, factor
-        Of the parameter that bends the curve from thrust to command, and as the commands have it.
-    slope, half_width
-        Of the thrust by the output, over that with the parameter's own value; half of its 95 %
-        interval.
+    - `name`, `factor`: of the parameter that bends the curve from thrust to command, and as the
+      commands have it.
+    - `slope`, `half_width`: of the thrust by the output, over that with the parameter's own value;
+      half of its 95 % interval.
     """
 
     name: str
@@ -140,16 +137,11 @@ def pieces(count: int) -> list[slice]:
 class Band:
     """The closed loop in a band, measured over predicted.
 
-    Attributes
-    ----------
-    low, high
-        [Hz]
-    ratio, degrees
-        Measured over predicted: size, and phase [deg].
-    uncertainty
-        Half of the 95 % interval of the complex ratio.
-    by_gain, by_delay
-        Slope of the prediction's logarithm by that of the effectiveness, and by the delay [1/s].
+    - `low`, `high`: [Hz]
+    - `ratio`, `degrees`: measured over predicted: size, and phase [deg].
+    - `uncertainty`: half of the 95 % interval of the complex ratio.
+    - `by_gain`, `by_delay`: slope of the prediction's logarithm by that of the effectiveness, and
+      by the delay [1/s].
     """
 
     low: float
@@ -175,14 +167,9 @@ class Band:
 class LoopError:
     """The error of the predicted loop, by the closed loop as flown.
 
-    Attributes
-    ----------
-    gain
-        Effectiveness over the predicted one.
-    delay
-        By how much later the loop is than predicted [s].
-    covariance
-        Of the gain's logarithm and the delay.
+    - `gain`: effectiveness over the predicted one.
+    - `delay`: by how much later the loop is than predicted [s].
+    - `covariance`: of the gain's logarithm and the delay.
     """
 
     gain: float
@@ -260,16 +247,11 @@ def _followed(
 class MeasuredLoop:
     """Spectra of one axis: of set point r and rate y, and across with the instrument z.
 
-    Attributes
-    ----------
-    frequency
-        [Hz]
-    zr, zy, zv, ry
-        Cross-spectra; v is what motors at an end of their range add to the output.
-    zz, rr, yy
-        Power spectra.
-    count
-        Of independent windows.
+    - `frequency`: [Hz]
+    - `zr`, `zy`, `zv`, `ry`: cross-spectra; v is what motors at an end of their range add to the
+      output.
+    - `zz`, `rr`, `yy`: power spectra.
+    - `count`: of independent windows.
     """
 
     frequency: Float[np.ndarray, " b"]

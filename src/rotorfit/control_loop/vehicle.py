@@ -40,18 +40,11 @@ TIMES = ("motor_lag", "motor_delay")
 class Flown:
     """The rows of a controller's log in flight, and the squared speeds that it commanded.
 
-    Attributes
-    ----------
-    log
-        Of the controller, flying rows only.
-    commands
-        Of each motor, as logged.
-    squares
-        Squared speed of each rotor, in the result's units.
-    free
-        Whether no motor was at an end of its range.
-    held
-        How long a command holds until the next one of the log [s].
+    - `log`: of the controller, flying rows only.
+    - `commands`: of each motor, as logged.
+    - `squares`: squared speed of each rotor, in the result's units.
+    - `free`: whether no motor was at an end of its range.
+    - `held`: how long a command holds until the next one of the log [s].
     """
 
     log: ControllerLog

@@ -61,14 +61,9 @@ LARGEST: Final = 1.5
 class HeightForce:
     """The growth of a force over mass with height [m/s^2 a metre].
 
-    Attributes
-    ----------
-    value, std
-        By the regression.
-    probability
-        That there is one.
-    half_width
-        Of its 95 % interval from none, by the mixture.
+    - `value`, `std`: by the regression.
+    - `probability`: that there is one.
+    - `half_width`: of its 95 % interval from none, by the mixture.
     """
 
     value: float
@@ -199,16 +194,10 @@ class Measured:
 class VerticalMotion:
     """Of one stretch without gaps, along the vertical as the gyro carries it.
 
-    Attributes
-    ----------
-    step
-        Between samples [s].
-    read
-        Specific force by the accelerometer [m/s^2].
-    push
-        Thrust over mass and k_t.
-    velocity
-        Upwards [m/s], where the log has it.
+    - `step`: between samples [s].
+    - `read`: specific force by the accelerometer [m/s^2].
+    - `push`: thrust over mass and k_t.
+    - `velocity`: upwards [m/s], where the log has it.
     """
 
     step: float

@@ -70,16 +70,10 @@ class ConfigurationData:
 class Dataset:
     """All that was flown, and with what.
 
-    Attributes
-    ----------
-    vehicle, model
-        The geometry and its tensor.
-    motors
-        As declared.
-    configurations
-        In the order of the experiment.
-    source
-        What measured the motion.
+    - `vehicle`, `model`: the geometry and its tensor.
+    - `motors`: as declared.
+    - `configurations`: in the order of the experiment.
+    - `source`: what measured the motion.
     """
 
     vehicle: Vehicle

@@ -259,12 +259,8 @@ def yaw_by_drag(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> float:
 
     With the sign of the drag's.
 
-    Parameters
-    ----------
-    R
-        Factor of the signals.
-    vehicle
-        The rotors.
+    - `R`: factor of the signals.
+    - `vehicle`: the rotors.
     """
     layout = signal_layout(vehicle)
     squares = R[:, _square_columns(vehicle)]

@@ -63,12 +63,8 @@ Normal = tuple[Float[np.ndarray, "p p"], Float[np.ndarray, " p"]]
 class GyroScale:
     """By which share a gyro reads too much about each axis.
 
-    Attributes
-    ----------
-    value, std
-        By the velocity.
-    degrees
-        Of freedom of that deviation.
+    - `value`, `std`: by the velocity.
+    - `degrees`: of freedom of that deviation.
     """
 
     value: Float[np.ndarray, "3"]

@@ -50,21 +50,14 @@ ALLOWED: Final = ACCEL_BIAS_STD / GRAVITY
 class GravitySeen:
     """Readings of the accelerometer where gravity is known.
 
-    Attributes
-    ----------
-    at_rest
-        Mean size of the specific force on the ground, over gravity; None without a second of rest.
-    rest_seconds
-        How long that was looked at [s].
-    in_flight
-        Mean of the specific force along the vertical where the flight hovers, over gravity; None
-        where no such stretch is long enough.
-    in_flight_std
-        Its standard deviation, from the unknown change of velocity.
+    - `at_rest`: mean size of the specific force on the ground, over gravity; None without a second
+      of rest.
+    - `in_flight`: mean of the specific force along the vertical where the flight hovers, over
+      gravity; None where no such stretch is long enough.
+    - `in_flight_std`: its standard deviation, from the unknown change of velocity.
     """
 
     at_rest: float | None
-    rest_seconds: float
     in_flight: float | None
     in_flight_std: float | None
 
@@ -76,7 +69,6 @@ def gravity_seen(data: FlightData) -> GravitySeen:
     held = held_up(turning(hovering(data)), data.specific_force)
     return GravitySeen(
         at_rest=float(np.median(rest)) / GRAVITY if is_enough else None,
-        rest_seconds=len(rest) * WINDOW,
         in_flight=None if held is None else held.ratio,
         in_flight_std=None if held is None else held.std,
     )

@@ -35,14 +35,9 @@ MOST_OUTSIDE = 0.1
 class Held:
     """The mean force that held a vehicle up, over gravity: 1 where everything is right.
 
-    Attributes
-    ----------
-    ratio
-        Mean of the upward specific force over gravity.
-    std
-        Of the ratio, from the unknown change of velocity.
-    seconds
-        How long it was looked at [s].
+    - `ratio`: mean of the upward specific force over gravity.
+    - `std`: of the ratio, from the unknown change of velocity.
+    - `seconds`: how long it was looked at [s].
     """
 
     ratio: float
@@ -54,17 +49,11 @@ class Held:
 class Turning:
     """The turn of the body axes within windows of a flight, for every force of that flight.
 
-    Attributes
-    ----------
-    windows
-        In which the specific force is averaged.
-    attitude
-        Quaternions (scalar first) from the body's axes to those at the start of the window, one
-        for each group of samples.
-    group
-        Samples in a group.
-    sample_rate
-        Of the flight [Hz].
+    - `windows`: in which the specific force is averaged.
+    - `attitude`: quaternions (scalar first) from the body's axes to those at the start of the
+      window, one for each group of samples.
+    - `group`: samples in a group.
+    - `sample_rate`: of the flight [Hz].
     """
 
     windows: tuple[Segment, ...]

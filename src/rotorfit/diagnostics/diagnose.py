@@ -21,10 +21,10 @@ from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.impossible_inertia import impossible_inertia
 from rotorfit.diagnostics.kt_from_weight import weigh_thrust
 from rotorfit.diagnostics.lever_arms import allow_for_sides
-from rotorfit.diagnostics.motors import changed_rotor, commanded_speeds
+from rotorfit.diagnostics.motors import changed_thrust, commanded_speeds
+from rotorfit.diagnostics.motors.changed_thrust import allow_for_thrust_change
 from rotorfit.diagnostics.motors.commanded_speeds import allow_for_law, allow_for_motor_limits
 from rotorfit.diagnostics.motors.motor_time_split import allow_for_noise_feedback
-from rotorfit.diagnostics.motors.thrust_change import allow_for_thrust_change
 from rotorfit.diagnostics.sensors import clocks, log_settings, sensor_faults
 from rotorfit.diagnostics.sensors.gyro_scale import allow_for_gyro_scale
 from rotorfit.diagnostics.sensors.sensor_faults import (
@@ -86,7 +86,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *lever_arms.REFUSALS,
     weak_directions,
     *vehicle_size.CHECKS,
-    *changed_rotor.CHECKS,
+    *changed_thrust.CHECKS,
     impossible_inertia,
     *hover_thrust.WRENCH_CHECKS,
     *clocks.CHECKS,
@@ -95,7 +95,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *commanded_speeds.CHECKS,
     *residual_peaks.CHECKS,
     *flights_agree.CHECKS,
-    *changed_rotor.FLIGHT_CHECKS,
+    *changed_thrust.FLIGHT_CHECKS,
     *hover_thrust.YAW_CHECKS,
     *flights_agree.PAYLOAD_CHECKS,
     *reference_test.CHECKS,

@@ -127,19 +127,12 @@ flight hold no better."""
 class PayloadCheck:
     """A declared payload, and the payload that the flights show.
 
-    Attributes
-    ----------
-    name, bare
-        The configuration that carries it, and the one without.
-    declared, flown, std
-        What each of `MOMENTS` should grow by, what it grows by, and the deviation of the difference
-        (tolerances of the payload included) [kg m, kg m^2].
-    chi2, probability
-        Of the nine differences together, and of chance making them that large.
-    arm, arm_std
-        The factor s by which the declared arm is too long.
-    rest_probability
-        The same of what that factor leaves.
+    - `name`, `bare`: the configuration that carries it, and the one without.
+    - `declared`, `flown`, `std`: what each of `MOMENTS` should grow by, what it grows by, and the
+      deviation of the difference (tolerances of the payload included) [kg m, kg m^2].
+    - `chi2`, `probability`: of the nine differences together, and of chance making them that large.
+    - `arm`, `arm_std`: the factor s by which the declared arm is too long.
+    - `rest_probability`: the same of what that factor leaves.
     """
 
     name: str

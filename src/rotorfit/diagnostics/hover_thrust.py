@@ -56,19 +56,9 @@ LEAST_SAG = 0.05
 class HoverThrust:
     """The estimated thrust over the weight in one flight.
 
-    Attributes
-    ----------
-    configuration
-        That flew.
-    flight
-        File of the flight.
-    thrust
-        Mean upward thrust over the weight.
-    sag
-        The same in the second half of the flight over that in the first, less one; None where
-        they are too short.
-    sag_std
-        Of the sag.
+    - `thrust`: mean upward thrust over the weight.
+    - `sag`: the same in the second half of the flight over that in the first, less one; None where
+      they are too short.
     """
 
     configuration: str
@@ -307,8 +297,12 @@ def force_by_height(fit: Fit) -> Iterator[Finding]:
             if worst.probability > LIKELY_FORCE:
                 flights.append(file_name(flight.entry.file))
                 sentences.append(f"{flights[-1]}: {_height_force_sentence(worst)}")
-    checked = doubt_or_passed("force-by-height", "; ".join(sentences) or None, flights=flights)
-    yield replace(checked, evidence=tuple(measured))
+    yield doubt_or_passed(
+        "force-by-height",
+        "; ".join(sentences) or None,
+        flights=tuple(flights),
+        evidence=tuple(measured),
+    )
 
 
 def _by_height(force: HeightForce) -> Evidence:

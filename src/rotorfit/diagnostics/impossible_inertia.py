@@ -38,12 +38,8 @@ FLY = "fly longer and livelier about all three axes, 20 s each, then identify al
 class SecondMoment:
     """The smallest second moment of the mass about the CoM; negative for an impossible body.
 
-    Attributes
-    ----------
-    value, half_width
-        With half of its 95 % interval [kg m^2].
-    share
-        The value over half the trace of the inertia, which no second moment can exceed.
+    - `value`, `half_width`: with half of its 95 % interval [kg m^2].
+    - `share`: the value over half the trace of the inertia, which no second moment can exceed.
     """
 
     value: float

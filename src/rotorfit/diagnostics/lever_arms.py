@@ -83,18 +83,12 @@ _GRID: Final = np.linspace(-0.95, 0.95, 3801)
 class FrameSides:
     """The sides of the frame: s, by which the flights would have x longer and y shorter.
 
-    Attributes
-    ----------
-    declared
-        Ratio of the rotors' distances, front to back over left to right.
-    ruler
-        Deviation of s of sides that were measured.
-    value, std
-        Of s, by the flights alone; zero and infinite where they do not tell it.
-    blocks
-        Independent ones that tell it.
-    slopes, by_mistake
-        Of the numbers by s, positive: with the mean arm as declared, and with one side wrong alone.
+    - `declared`: ratio of the rotors' distances, front to back over left to right.
+    - `ruler`: deviation of s of sides that were measured.
+    - `value`, `std`: of s, by the flights alone; zero and infinite where they do not tell it.
+    - `blocks`: independent ones that tell it.
+    - `slopes`, `by_mistake`: of the numbers by s, positive: with the mean arm as declared, and with
+      one side wrong alone.
     """
 
     declared: float

@@ -61,18 +61,12 @@ _TINY: Final = 1e-200
 class Instrumented:
     """The response of an axis over the model's.
 
-    Attributes
-    ----------
-    ratio
-        By the instrument.
-    plain
-        By least squares, biased by the autopilot's response.
-    std
-        Of the ratio, by chance: the larger of what single lines and whole blocks show.
-    difference_std
-        Of what the ratio differs from that of an efficient estimate by chance.
-    of_blocks, degrees
-        What whole blocks show of `std`, as a share of it, and the effective number of them.
+    - `ratio`: by the instrument.
+    - `plain`: by least squares, biased by the autopilot's response.
+    - `std`: of the ratio, by chance: the larger of what single lines and whole blocks show.
+    - `difference_std`: of what the ratio differs from that of an efficient estimate by chance.
+    - `of_blocks`, `degrees`: what whole blocks show of `std`, as a share of it, and the effective
+      number of them.
     """
 
     ratio: float
@@ -175,18 +169,11 @@ def _of_blocks(asked: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> 
 class ReferenceLines:
     """Lines about x, y and z, of all bands of a fit in order.
 
-    Attributes
-    ----------
-    reference
-        Time derivative of the angular velocity that was asked for [rad/s^2].
-    predicted
-        What the rotors make of it by the fit [rad/s^2].
-    error
-        What was measured, less all that the fit has [rad/s^2].
-    block
-        Of a stretch and a frequency band.
-    excited
-        In which blocks a pilot moves the axis.
+    - `reference`: time derivative of the angular velocity that was asked for [rad/s^2].
+    - `predicted`: what the rotors make of it by the fit [rad/s^2].
+    - `error`: what was measured, less all that the fit has [rad/s^2].
+    - `block`: of a stretch and a frequency band.
+    - `excited`: in which blocks a pilot moves the axis.
     """
 
     reference: Complex[np.ndarray, "l 3"]

@@ -45,23 +45,13 @@ AXES = ("forward force", "side force", "lift", "roll", "pitch", "yaw")
 class Peak:
     """The highest peak in the errors of one configuration.
 
-    Attributes
-    ----------
-    configuration, axis
-        Where it is.
-    frequency
-        Its place [Hz].
-    ratio
-        Its power over that around it.
-    probability
-        Of chance alone making the highest of all bins that high.
-    push_ratio
-        Power of the rotors' push at the peak over that around it, along the axis that has the peak,
-        too, and goes with the errors most.
-    coherence
-        Of errors and that push at the peak.
-    lines
-        Of spectra in it.
+    - `frequency`: its place [Hz].
+    - `ratio`: its power over that around it.
+    - `probability`: of chance alone making the highest of all bins that high.
+    - `push_ratio`: power of the rotors' push at the peak over that around it, along the axis that
+      has the peak, too, and goes with the errors most.
+    - `coherence`: of errors and that push at the peak.
+    - `lines`: of spectra in it.
     """
 
     configuration: str

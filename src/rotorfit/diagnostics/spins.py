@@ -80,12 +80,8 @@ KIND: Final = "wrong-spin"
 class RotorDrags:
     """The drag torque of each rotor over its squared speed, positive where it spins as declared.
 
-    Attributes
-    ----------
-    values, covariance
-        [N m s^2/rad^2]
-    blocks
-        The effective number of independent ones.
+    - `values`, `covariance`: [N m s^2/rad^2]
+    - `blocks`: the effective number of independent ones.
     """
 
     values: Float[np.ndarray, " N"]

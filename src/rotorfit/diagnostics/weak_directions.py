@@ -41,13 +41,9 @@ SAME = 0.2
 class WeakDirection:
     """A combination of parameters.
 
-    Attributes
-    ----------
-    strength
-        Its information, relative to the best known combination.
-    parts
-        The parameters that make it up, the largest first, and by what share of its value each
-        changes along it.
+    - `strength`: its information, relative to the best known combination.
+    - `parts`: the parameters that make it up, the largest first, and by what share of its value
+      each changes along it.
     """
 
     strength: float

@@ -68,25 +68,16 @@ UNKNOWN = 10.0
 class BandedEstimate:
     """An estimate, and the influence of each block on it.
 
-    Attributes
-    ----------
-    estimate
-        Free parameters with the covariance of the fit.
-    influence
-        First-order change of each parameter if a block were counted twice; blocks of all
-        configurations, one after the other.
-    variance
-        Of each noisy signal's error in each block, infinite where it does not count.
-    signal_power, residual_power
-        Sum of squares of each noisy signal, and of its error, in each block.
-    log_likelihood
-        Up to a constant; for comparing models and delays on the same flights.
-    iterations
-        Until the steps were small.
-    problem
-        What was solved: for looking at parts of it afterwards.
-    residual
-        Error of the noisy signals in the rows of each block's factor.
+    - `estimate`: free parameters with the covariance of the fit.
+    - `influence`: first-order change of each parameter if a block were counted twice; blocks of all
+      configurations, one after the other.
+    - `variance`: of each noisy signal's error in each block, infinite where it does not count.
+    - `signal_power`, `residual_power`: sum of squares of each noisy signal, and of its error, in
+      each block.
+    - `log_likelihood`: up to a constant; for comparing models and delays on the same flights.
+    - `iterations`: until the steps were small.
+    - `problem`: what was solved: for looking at parts of it afterwards.
+    - `residual`: error of the noisy signals in the rows of each block's factor.
     """
 
     estimate: Estimate
@@ -104,12 +95,8 @@ class BandedEstimate:
 class NormalEquations:
     """The linearised equations of some blocks of an estimate, at the estimate.
 
-    Attributes
-    ----------
-    information
-        Of the free parameters, the prior's included.
-    scores
-        What each block asks for, zeros for blocks left out; last what the prior asks for.
+    - `information`: of the free parameters, the prior's included.
+    - `scores`: what each block asks for, zeros for blocks left out; last what the prior asks for.
     """
 
     information: Float[np.ndarray, "f f"]
@@ -383,10 +370,7 @@ UNDETERMINED = 1e-10
 class Shift:
     """Shifts of numbers, and their covariance by chance.
 
-    Attributes
-    ----------
-    values, covariance
-        Of the shift.
+    - `values`, `covariance`: of the shift.
     """
 
     values: Float[np.ndarray, " q"]

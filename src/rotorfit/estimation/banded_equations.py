@@ -38,14 +38,8 @@ made of the rows themselves there. What only a prior determines would drown besi
 class State:
     """Where the equations are linearised.
 
-    Attributes
-    ----------
-    phi
-        The point.
-    residual
-        Error of the noisy signals in the rows of every block's factor.
-    variance
-        Of each noisy signal's error in each block, infinite where it does not count.
+    - `residual`: error of the noisy signals in the rows of every block's factor.
+    - `variance`: of each noisy signal's error in each block, infinite where it does not count.
     """
 
     phi: Float[np.ndarray, " f"]
@@ -57,14 +51,10 @@ class State:
 class Evaluated(State):
     """The likelihood at such a point.
 
-    Attributes
-    ----------
-    cost
-        Minus twice the log-likelihood.
-    squares
-        Of the errors of each block, without what known noise of the regressors adds to them.
-    rest
-        What the prior and the responses of a controller add to the cost.
+    - `cost`: minus twice the log-likelihood.
+    - `squares`: of the errors of each block, without what known noise of the regressors adds to
+      them.
+    - `rest`: what the prior and the responses of a controller add to the cost.
     """
 
     cost: float
@@ -83,16 +73,10 @@ class Evaluated(State):
 class CorrectedEquations:
     """The linearised equations of some blocks, and what known noise of the regressors adds.
 
-    Attributes
-    ----------
-    plain
-        The information of the blocks and of the prior.
-    taken
-        What of it is only the regressors' noise.
-    scores
-        What each block asks for, corrected for that noise.
-    pull
-        What the prior asks for.
+    - `plain`: the information of the blocks and of the prior.
+    - `taken`: what of it is only the regressors' noise.
+    - `scores`: what each block asks for, corrected for that noise.
+    - `pull`: what the prior asks for.
     """
 
     information: Float[np.ndarray, "f f"]

@@ -23,14 +23,9 @@ may be exact, and without a floor its likelihood is a valley that the iteration 
 class Part:
     """Blocks in succession that have a theta of their own.
 
-    Attributes
-    ----------
-    configuration, place
-        Whose they are, and which of its parts.
-    local, blocks
-        The blocks among those of their configuration, and among all.
-    moved
-        Free parameters that move their theta or their signals.
+    - `configuration`, `place`: whose they are, and which of its parts.
+    - `local`, `blocks`: the blocks among those of their configuration, and among all.
+    - `moved`: free parameters that move their theta or their signals.
     """
 
     configuration: int
@@ -48,32 +43,22 @@ class Part:
 class BandedProblem:
     """The problem of the banded estimator: factors, map and priors.
 
-    Attributes
-    ----------
-    factors
-        One per configuration, a block per stretch and frequency band.
-    tensors
-        A_p of each configuration.
-    map
-        From the free parameters to theta of each configuration, or of each of its parts.
-    parts
-        How many blocks in succession have a theta of their own, of each configuration; none: all of
-        each configuration have one.
-    noisy
-        Which signals carry the noise, as many as there are equations.
-    prior_mean, prior_std
-        Of free parameters that are known beforehand.
-    counted
-        Which errors of each block count, one array per configuration; all where there is none.
-    feedback
-        Where a controller responds to the errors, by the same parts.
-    moving
-        Free parameters that move the signals, in the order of the factors' slopes.
-    error_correlation
-        How much of each error (row) comes with the others (column), and is taken off it: strictly
-        lower triangular up to the order of the errors, one per configuration; nothing by default.
-    error_correlation_std
-        Deviation of these shares about zero before the flight, one per configuration.
+    - `factors`: one per configuration, a block per stretch and frequency band.
+    - `tensors`: A_p of each configuration.
+    - `map`: from the free parameters to theta of each configuration, or of each of its parts.
+    - `parts`: how many blocks in succession have a theta of their own, of each configuration; none:
+      all of each configuration have one.
+    - `noisy`: which signals carry the noise, as many as there are equations.
+    - `prior_mean`, `prior_std`: of free parameters that are known beforehand.
+    - `counted`: which errors of each block count, one array per configuration; all where there is
+      none.
+    - `feedback`: where a controller responds to the errors, by the same parts.
+    - `moving`: free parameters that move the signals, in the order of the factors' slopes.
+    - `error_correlation`: how much of each error (row) comes with the others (column), and is taken
+      off it: strictly lower triangular up to the order of the errors, one per configuration;
+      nothing by default.
+    - `error_correlation_std`: deviation of these shares about zero before the flight, one per
+      configuration.
     """
 
     factors: tuple[Factors, ...]

@@ -20,14 +20,9 @@ from rotorfit.estimation.parameter_map import ParameterMap
 class Linearised:
     """The noisy signals' error of one configuration, linearised in the free parameters.
 
-    Attributes
-    ----------
-    error
-        e = error z.
-    slope
-        d error / d phi.
-    of_residual
-        e = of_residual r for a residual r of the equations.
+    - `error`: e = error z.
+    - `slope`: d error / d phi.
+    - `of_residual`: e = of_residual r for a residual r of the equations.
     """
 
     error: Float[np.ndarray, "k z"]

@@ -19,12 +19,7 @@ that a program that demands strict inequality accepts it too."""
 class Nearest:
     """A point that keeps the constraint.
 
-    Attributes
-    ----------
-    values
-        The point.
-    distance
-        To the given one, in standard deviations: sqrt((x - x_hat)^T C^-1 (x - x_hat)).
+    - `distance`: to the given one, in standard deviations: sqrt((x - x_hat)^T C^-1 (x - x_hat)).
     """
 
     values: Float[np.ndarray, " q"]

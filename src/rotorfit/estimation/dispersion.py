@@ -33,12 +33,8 @@ LEAST: Final = 1e-9
 class Dispersion:
     """Variances between parts of a fit over the formal ones, and their degrees of freedom.
 
-    Attributes
-    ----------
-    ratio
-        One where the parts scatter as stated.
-    degrees
-        Of freedom; 0 where no part can differ from another.
+    - `ratio`: one where the parts scatter as stated.
+    - `degrees`: of freedom; 0 where no part can differ from another.
     """
 
     ratio: float

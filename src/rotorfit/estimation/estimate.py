@@ -15,16 +15,10 @@ from rotorfit.estimation.parameter_map import ParameterMap
 class LinearProblem:
     """Equations B(theta) z = 0 for every row z of every configuration's signals.
 
-    Attributes
-    ----------
-    factors
-        One per configuration.
-    tensors
-        A_p of each configuration: equation j of parameter p is row ``tensors[c][p, j]``.
-    map
-        From the free parameters to theta.
-    weights
-        Of each equation of each configuration.
+    - `factors`: one per configuration.
+    - `tensors`: A_p of each configuration: equation j of parameter p is row ``tensors[c][p, j]``.
+    - `map`: from the free parameters to theta.
+    - `weights`: of each equation of each configuration.
     """
 
     factors: tuple[Factors, ...]
@@ -44,12 +38,8 @@ class LinearProblem:
 class Estimate:
     """Free parameters with their covariance, and how well the equations determine them.
 
-    Attributes
-    ----------
-    names, values, covariance
-        Of the free parameters.
-    condition_number
-        Of the equations with every column scaled to unit length.
+    - `names`, `values`, `covariance`: of the free parameters.
+    - `condition_number`: of the equations with every column scaled to unit length.
     """
 
     names: tuple[str, ...]

@@ -27,25 +27,16 @@ FEW_ROWS = 28
 class Factors:
     """Upper triangular factors of blocks of a signal matrix.
 
-    Attributes
-    ----------
-    R
-        One factor per block; R^T R is the block's Gram matrix.
-    rows
-        How many rows of Z each block stands for.
-    segment
-        Which segment (phase of a flight) each block comes from.
-    band
-        Lower and upper edge of its frequency band [Hz]; 0 and inf for blocks of time.
-    noise
-        Variance per row that known errors of measurement add to each signal, where they are
-        known: for signals that stand among the regressors. None: nothing is known, or none.
-    source
-        Which recording (flight) each block comes from, where that is known.
-    slopes
-        Derivative of the block's rows by what moves the signals themselves (the motors' lag and
-        delay), for few of them: the rows are then R, `m - z` rows of zeros below it, plus slopes
-        times how far each of them has moved.
+    - `R`: one factor per block; R^T R is the block's Gram matrix.
+    - `rows`: how many rows of Z each block stands for.
+    - `segment`: which segment (phase of a flight) each block comes from.
+    - `band`: lower and upper edge of its frequency band [Hz]; 0 and inf for blocks of time.
+    - `noise`: variance per row that known errors of measurement add to each signal, where they are
+      known: for signals that stand among the regressors. None: nothing is known, or none.
+    - `source`: which recording (flight) each block comes from, where that is known.
+    - `slopes`: derivative of the block's rows by what moves the signals themselves (the motors' lag
+      and delay), for few of them: the rows are then R, `m - z` rows of zeros below it, plus slopes
+      times how far each of them has moved.
     """
 
     R: Float[np.ndarray, "b z z"]

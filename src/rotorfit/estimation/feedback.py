@@ -29,18 +29,12 @@ from jaxtyping import Bool, Complex, Float, Int
 class ClosedLoopResponses:
     """The controller's response to the errors in the blocks of one configuration.
 
-    Attributes
-    ----------
-    rows
-        How many rows of each block the controller may respond to, per error.
-    moves
-        By how much each input moves in response to an error, up to a factor.
-    complementary_sensitivity
-        T of each block and error.
-    uncertainty
-        By how much T may be wrong.
-    log_effect_slopes
-        Derivative of the logarithm of what the inputs do, by what moves their signals, per error.
+    - `rows`: how many rows of each block the controller may respond to, per error.
+    - `moves`: by how much each input moves in response to an error, up to a factor.
+    - `complementary_sensitivity`: T of each block and error.
+    - `uncertainty`: by how much T may be wrong.
+    - `log_effect_slopes`: derivative of the logarithm of what the inputs do, by what moves their
+      signals, per error.
     """
 
     rows: Int[np.ndarray, "b e"]

@@ -33,16 +33,10 @@ class Product:
 class ParameterMap:
     """The map theta_c = constant_c + matrix_c phi + products, one row c per configuration.
 
-    Attributes
-    ----------
-    names
-        Of the free parameters phi.
-    constant
-        theta at phi = 0.
-    matrix
-        d theta / d phi there.
-    products
-        The bilinear terms; none in an affine map.
+    - `names`: of the free parameters phi.
+    - `constant`: theta at phi = 0.
+    - `matrix`: d theta / d phi there.
+    - `products`: the bilinear terms; none in an affine map.
     """
 
     names: tuple[str, ...]

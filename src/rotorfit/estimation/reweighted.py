@@ -29,18 +29,12 @@ RELATIVE_FLOOR = 1e-20
 class BandedFit:
     """An estimate, and the influence of each block of the factors on it.
 
-    Attributes
-    ----------
-    estimate
-        Covariance from the bands' own variances.
-    influence
-        Of each block on each parameter: the first-order change if it were counted twice.
-    variance
-        Of one residual in each block.
-    known_power, residual_power
-        Sum of squares of the known signal and of the residual in each block.
-    log_likelihood
-        Of the normal distribution, up to a constant; to compare delays and models.
+    - `estimate`: covariance from the bands' own variances.
+    - `influence`: of each block on each parameter: the first-order change if it were counted twice.
+    - `variance`: of one residual in each block.
+    - `known_power`, `residual_power`: sum of squares of the known signal and of the residual in
+      each block.
+    - `log_likelihood`: of the normal distribution, up to a constant; to compare delays and models.
     """
 
     estimate: Estimate

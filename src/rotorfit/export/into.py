@@ -285,14 +285,9 @@ SECTION: Final = re.compile(r"(rate)?profile \d+|# (restore|rateprofile)\b|save\
 class Patched:
     """The user's file with the parameters of an export.
 
-    Attributes
-    ----------
-    text
-        The whole file.
-    changed
-        Old and new line of each parameter that differs; the old one is empty where it is added.
-    same
-        How many had their value already.
+    - `changed`: old and new line of each parameter that differs; the old one is empty where it is
+      added.
+    - `same`: how many had their value already.
     """
 
     text: str

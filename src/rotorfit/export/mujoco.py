@@ -148,12 +148,11 @@ def fly_manoeuvre(
     manoeuvre: Manoeuvre,
     *,
     believed: VehicleModel | None = None,
-    gains: Gains | None = None,
 ) -> ModelFlight:
     """Fly one manoeuvre in MuJoCo; OutputError where that is not installed or refuses the file.
 
     The motors of `model` are known (`flyable`). The autopilot takes the vehicle for `believed`, by
-    default for what it is; its stock `gains` hold the place in hover alone.
+    default for what it is; its stock gains hold the place in hover alone.
     """
     mujoco = require_mujoco()
     world = _loaded(mujoco, model)
@@ -166,7 +165,7 @@ def fly_manoeuvre(
         vehicle,
         thrust_to_weight=float((model.max_speed / model.hover_speed) ** 2),
         period=period,
-        gains=gains or (Gains() if manoeuvre == "hover" else FREE),
+        gains=Gains() if manoeuvre == "hover" else FREE,
     )
     memory, rows = _trimmed(model, pilot), list[list[float]]()
     kt = np.array([rotor.kt for rotor in model.rotors])

@@ -58,16 +58,11 @@ MAY_BE_ASSUMED: Final = (
 class Number:
     """One number as it is exported.
 
-    Attributes
-    ----------
-    value, interval
-        SI; the interval is 95 %, None where there is none.
-    origin
-        ``identified`` or ``weak`` from the flights, ``given`` in the experiment, ``removed`` from
-        the model (zero), ``assumed`` by the user, ``from-ratio`` to an assumed number, ``law`` of
-        the motors.
-    remark
-        Why it is weak, or from what it was made.
+    - `value`, `interval`: SI; the interval is 95 %, None where there is none.
+    - `origin`: ``identified`` or ``weak`` from the flights, ``given`` in the experiment,
+      ``removed`` from the model (zero), ``assumed`` by the user, ``from-ratio`` to an assumed
+      number, ``law`` of the motors.
+    - `remark`: why it is weak, or from what it was made.
     """
 
     name: str

@@ -59,27 +59,16 @@ _GROUPS: Final = dict(
 class Target:
     """A kind of file.
 
-    Attributes
-    ----------
-    title
-        As the page offers it.
-    consumer
-        The program that reads the file; the tests load it there where it is installed.
-    suffix
-        Of the file, where nobody names another.
-    needs
-        Numbers without which the file cannot be written.
-    tilted_needs
-        More of them, where a rotor is not upright.
-    module
-        Of `rotorfit.export`, with the function ``write_TARGET``.
-    speed
-        Whether the file holds rotor speeds, only what a rotor does at full command, or speeds of
-        which a nominal one will do, since the consumer flies by thrust and torque alone.
-    terms
-        Optional terms of the model that it holds.
-    intervals
-        Whether its writer takes drawn vehicles, too, from which it writes intervals.
+    - `title`: as the page offers it.
+    - `consumer`: the program that reads the file; the tests load it there where it is installed.
+    - `suffix`: of the file, where nobody names another.
+    - `needs`: numbers without which the file cannot be written.
+    - `tilted_needs`: more of them, where a rotor is not upright.
+    - `module`: of `rotorfit.export`, with the function ``write_TARGET``.
+    - `speed`: whether the file holds rotor speeds, only what a rotor does at full command, or
+      speeds of which a nominal one will do, since the consumer flies by thrust and torque alone.
+    - `terms`: optional terms of the model that it holds.
+    - `intervals`: whether its writer takes drawn vehicles, too, from which it writes intervals.
     """
 
     title: str

@@ -41,16 +41,10 @@ NOT_MEASURED: Final = ("assumed", "from-ratio", "removed")
 class ExportedRotor:
     """One rotor, in the order of the log's motors.
 
-    Attributes
-    ----------
-    position
-        From the origin, FLU [m].
-    axis
-        Unit vector of the thrust, FLU.
-    spin
-        +1 for counter-clockwise seen from above, -1 for clockwise.
-    kt
-        Thrust over speed squared, its own where it is known [N s^2/rad^2].
+    - `position`: from the origin, FLU [m].
+    - `axis`: unit vector of the thrust, FLU.
+    - `spin`: +1 for counter-clockwise seen from above, -1 for clockwise.
+    - `kt`: thrust over speed squared, its own where it is known [N s^2/rad^2].
     """
 
     position: Float[np.ndarray, " 3"]
@@ -63,31 +57,19 @@ class ExportedRotor:
 class VehicleModel:
     """One configuration, ready to be written; positions from the origin, FLU [m].
 
-    Attributes
-    ----------
-    inertia_com
-        About the CoM, FLU [kg m^2].
-    kd
-        Drag torque over speed squared [N m s^2/rad^2].
-    Jr
-        Spin inertia of a rotor [kg m^2]; None where it is not known.
-    lag_up, lag_down
-        Time constants of the motors [s]; NaN where not asked for and not known.
-    max_speed
-        Of a rotor [rad/s]; NaN where not asked for and not known. 1 with `in_commands`.
-    in_commands
-        Whether kt, kd and Jr are per (squared) command, so that kt is the thrust at full command.
-    law
-        From command to speed; None where there is none.
-    imu
-        Of the accelerometer.
-    numbers
-        All of the above as they are known, for the head of the file.
-    notes
-        What a reader of the file has to know beyond them.
-    air
-        Coefficients of the air besides thrust and drag torque, by the names of the parameters,
-        where the flights show them.
+    - `inertia_com`: about the CoM, FLU [kg m^2].
+    - `kd`: drag torque over speed squared [N m s^2/rad^2].
+    - `Jr`: spin inertia of a rotor [kg m^2]; None where it is not known.
+    - `lag_up`, `lag_down`: time constants of the motors [s]; NaN where not asked for and not known.
+    - `max_speed`: of a rotor [rad/s]; NaN where not asked for and not known. 1 with `in_commands`.
+    - `in_commands`: whether kt, kd and Jr are per (squared) command, so that kt is the thrust at
+      full command.
+    - `law`: from command to speed; None where there is none.
+    - `imu`: of the accelerometer.
+    - `numbers`: all of the above as they are known, for the head of the file.
+    - `notes`: what a reader of the file has to know beyond them.
+    - `air`: coefficients of the air besides thrust and drag torque, by the names of the parameters,
+      where the flights show them.
     """
 
     name: str
@@ -277,14 +259,9 @@ LEVELS: Final = (2.5, 97.5)
 class Effectiveness:
     """Body axes FRD, one column a rotor.
 
-    Attributes
-    ----------
-    force
-        Specific force over squared speed [m/s^2 per (rad/s)^2].
-    turn
-        Angular acceleration over squared speed [rad/s^2 per (rad/s)^2].
-    spin_up
-        Angular acceleration over that of the rotor [1]; None where Jr is not known.
+    - `force`: specific force over squared speed [m/s^2 per (rad/s)^2].
+    - `turn`: angular acceleration over squared speed [rad/s^2 per (rad/s)^2].
+    - `spin_up`: angular acceleration over that of the rotor [1]; None where Jr is not known.
     """
 
     force: Float[np.ndarray, "3 N"]

@@ -37,16 +37,10 @@ FEWEST_BLOCKS: Final = 2.0
 class Added:
     """A parameter additional to the parameters of a fit.
 
-    Attributes
-    ----------
-    name, entries
-        Its column of the equations of motion.
-    times
-        The free parameter that it multiplies; None: it stands by itself.
-    prior
-        Its deviation about zero before the flight.
-    begin
-        Where its estimate begins.
+    - `name`, `entries`: its column of the equations of motion.
+    - `times`: the free parameter that it multiplies; None: it stands by itself.
+    - `prior`: its deviation about zero before the flight.
+    - `begin`: where its estimate begins.
     """
 
     name: str
@@ -60,14 +54,9 @@ class Added:
 class Additional:
     """Estimates of parameters additional to the parameters of a fit.
 
-    Attributes
-    ----------
-    values, covariance
-        Of the added parameters.
-    blocks
-        Effective number of independent ones: degrees of freedom of their covariance.
-    estimate
-        Of all parameters, the added ones last.
+    - `values`, `covariance`: of the added parameters.
+    - `blocks`: effective number of independent ones: degrees of freedom of their covariance.
+    - `estimate`: of all parameters, the added ones last.
     """
 
     values: Float[np.ndarray, " a"]

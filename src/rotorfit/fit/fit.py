@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final, Unpack
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,7 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.findings import Finding
 from rotorfit.fit.intervals.joint_numbers import joint_numbers, physical
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.joint.joint_fit import FittedFactors, joint_fit
+from rotorfit.fit.joint.joint_fit import FitSettings, FittedFactors, joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, at_values
 from rotorfit.fit.joint.term_choice import Choice
 from rotorfit.fit.timing.timed_dataset import TimedDataset
@@ -26,22 +26,14 @@ NO_COUPLING: Final = "no-coupling"
 class Fit:
     """The dataset of an experiment, its estimate, and the numbers of the vehicle.
 
-    Attributes
-    ----------
-    dataset
-        The flights, with the timing of their motors.
-    terms, choice
-        Optional terms of the model, and why those.
-    estimate
-        The maximum of the joint likelihood.
-    configurations
-        Factors of every configuration, with the bands that are informative.
-    numbers
-        Physical numbers with 95 % intervals.
-    findings
-        Of the steps so far.
-    known
-        Mean and standard deviation of free parameters from elsewhere, with which it was made.
+    - `dataset`: the flights, with the timing of their motors.
+    - `terms`, `choice`: optional terms of the model, and why those.
+    - `estimate`: the maximum of the joint likelihood.
+    - `configurations`: factors of every configuration, with the bands that are informative.
+    - `numbers`: physical numbers with 95 % intervals.
+    - `findings`: of the steps so far.
+    - `known`: mean and standard deviation of free parameters from elsewhere, with which it was
+      made.
     """
 
     dataset: TimedDataset
@@ -87,12 +79,12 @@ class Fit:
         return dataclasses.replace(self, numbers=numbers)
 
 
-def refit(fit: Fit, dataset: TimedDataset, **settings: Any) -> Fit:
+def refit(fit: Fit, dataset: TimedDataset, **settings: Unpack[FitSettings]) -> Fit:
     """Fit a dataset with the terms of a fit and what is known, and compute its numbers.
 
     `settings` are those of `joint_fit`.
     """
-    settings = {"known": fit.known} | settings
+    known = settings.setdefault("known", fit.known)
     estimate, joint = joint_fit(dataset, terms=fit.terms, **settings)
     return dataclasses.replace(
         fit,
@@ -100,7 +92,7 @@ def refit(fit: Fit, dataset: TimedDataset, **settings: Any) -> Fit:
         estimate=estimate,
         configurations=tuple(joint),
         numbers=numbers_of(dataset, estimate, joint),
-        known=settings["known"],
+        known=known,
     )
 
 
@@ -113,16 +105,17 @@ def numbers_of(
 
 
 def shift_of(
-    fit: Fit, dataset: TimedDataset, *, begin: Mapping[str, float] | None = None, **settings: Any
+    fit: Fit, dataset: TimedDataset, **settings: Unpack[FitSettings]
 ) -> Float[np.ndarray, " q"]:
     """Compute the shift of the numbers with another dataset, or other settings of its fit.
 
-    `begin`: where the other fit begins; None: where this one ended.
+    The other fit begins where this one ended, unless `settings` say where.
     """
-    begin = fit.estimate.estimate.by_name if begin is None else begin
-    settings = {"known": fit.known} | settings
+    settings.setdefault("known", fit.known)
+    if settings.get("begin") is None:
+        settings["begin"] = fit.estimate.estimate.by_name
     try:
-        estimate, joint = joint_fit(dataset, begin=begin, terms=fit.terms, **settings)
+        estimate, joint = joint_fit(dataset, terms=fit.terms, **settings)
     except UnsettledError as error:
         # It wanders off from the numbers: by so much at least they are open.
         return _values_at(error.reached, fit.estimate, fit.configurations) - fit.numbers.values

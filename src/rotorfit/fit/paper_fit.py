@@ -27,15 +27,10 @@ OWN_FREE = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 class PaperSettings:
     """What the paper chose, each of which can be overridden.
 
-    Attributes
-    ----------
-    cutoff
-        Of the low-pass [Hz].
-    samples_per_period
-        Kept per cut-off period.
-    r_sigma
-        Largest over smallest relative standard deviation at which elimination stops; None keeps
-        every parameter.
+    - `cutoff`: of the low-pass [Hz].
+    - `samples_per_period`: kept per cut-off period.
+    - `r_sigma`: largest over smallest relative standard deviation at which elimination stops; None
+      keeps every parameter.
     """
 
     cutoff: float = 3.0

@@ -81,17 +81,12 @@ cannot tell more than that from products of inertia."""
 class RowFits:
     """The four fits, and the joint covariance of all their parameters.
 
-    Attributes
-    ----------
-    fits
-        By the names of `ROWS`.
-    excitation
-        rho of roll, pitch and yaw: explained over residual power of the angular acceleration
-        between 0.3 and 3 Hz. Disturbances beat the excitation where it is small.
-    covariance
-        Of the concatenated parameters: from the scatter of the blocks; of a single one `formal`.
-    formal
-        The same from the bands' variances, block diagonal.
+    - `fits`: by the names of `ROWS`.
+    - `excitation`: rho of roll, pitch and yaw: explained over residual power of the angular
+      acceleration between 0.3 and 3 Hz. Disturbances beat the excitation where it is small.
+    - `covariance`: of the concatenated parameters: from the scatter of the blocks; of a single one
+      `formal`.
+    - `formal`: the same from the bands' variances, block diagonal.
     """
 
     fits: Mapping[str, BandedFit]

@@ -56,12 +56,9 @@ ALIKE: Final = 1.0 - 1e-9
 class Shapes:
     """Every way of changing that is tried on a series.
 
-    Attributes
-    ----------
-    values
-        One row a shape: 0 before, then 1 (step), 1, 2, 3 ... (ramp), or 1 at one value (once).
-    kind, first
-        Of each row; the index of the first value that it concerns.
+    - `values`: one row a shape: 0 before, then 1 (step), 1, 2, 3 ... (ramp), or 1 at one value
+      (once).
+    - `kind`, `first`: of each row; the index of the first value that it concerns.
     """
 
     values: Float[np.ndarray, "k n"]
@@ -73,20 +70,13 @@ class Shapes:
 class Change:
     """What changed in a series.
 
-    Attributes
-    ----------
-    kind, first
-        How, and the index of the first value concerned.
-    earliest, latest
-        95 % interval of `first`.
-    size, low, high
-        Of a step or of what happened once; of a ramp the change per value; with the 95 % interval,
-        over all moments in theirs.
-    p
-        Bound on the chance of such a change, or a clearer one, anywhere in a series in which
-        nothing (else) changed.
-    shape
-        The row of `Shapes`.
+    - `kind`, `first`: how, and the index of the first value concerned.
+    - `earliest`, `latest`: 95 % interval of `first`.
+    - `size`, `low`, `high`: of a step or of what happened once; of a ramp the change per value;
+      with the 95 % interval, over all moments in theirs.
+    - `p`: bound on the chance of such a change, or a clearer one, anywhere in a series in which
+      nothing (else) changed.
+    - `shape`: the row of `Shapes`.
     """
 
     kind: Kind
@@ -109,12 +99,8 @@ class Change:
 class Changes:
     """What changed in the series of some vehicles.
 
-    Attributes
-    ----------
-    of_group
-        The changes of each vehicle, the clearest first.
-    share
-        Of the stated variances by which the values really scatter; 1 unless asked for.
+    - `of_group`: the changes of each vehicle, the clearest first.
+    - `share`: of the stated variances by which the values really scatter; 1 unless asked for.
     """
 
     of_group: tuple[tuple[Change, ...], ...]

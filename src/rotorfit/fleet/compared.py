@@ -54,16 +54,10 @@ IN_METRES: Final = ("com_x", "com_y", "com_z", *TRIM[:2])
 class NumberTable:
     """Some numbers of some flights, in order of vehicle and time.
 
-    Attributes
-    ----------
-    configuration
-        In which they were flown; None where it does not matter.
-    rows
-        Indices of the records.
-    values, covariance
-        SI, NaN where a flight does not have a number.
-    weather
-        Of each number: whether the density of the air is taken out.
+    - `configuration`: in which they were flown; None where it does not matter.
+    - `rows`: indices of the records.
+    - `values`, `covariance`: SI, NaN where a flight does not have a number.
+    - `weather`: of each number: whether the density of the air is taken out.
     """
 
     names: tuple[str, ...]

@@ -57,12 +57,9 @@ CONNECT_SECONDS: Final = 15
 class Workspace:
     """Where and how long to work on a log.
 
-    Attributes
-    ----------
-    cache
-        Folder of the entries.
-    time_limit
-        Of a log [s], after which its process is ended; None: none, and no process is ended.
+    - `cache`: folder of the entries.
+    - `time_limit`: of a log [s], after which its process is ended; None: none, and no process is
+      ended.
     """
 
     cache: Path

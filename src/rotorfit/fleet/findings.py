@@ -58,12 +58,8 @@ WEATHER: Final = (
 class VehicleFinding(Finding):
     """A finding about one vehicle of a fleet.
 
-    Attributes
-    ----------
-    vehicle
-        Index into the fleet's vehicles.
-    record
-        The first flight concerned, by the index of its record; None: all of them.
+    - `vehicle`: index into the fleet's vehicles.
+    - `record`: the first flight concerned, by the index of its record; None: all of them.
     """
 
     vehicle: int

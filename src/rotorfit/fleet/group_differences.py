@@ -36,12 +36,8 @@ SET_ASIDE: Final = 0.05
 class Contrasts:
     """How far the first group of each pair is from the second; NaN where the scatter is not known.
 
-    Attributes
-    ----------
-    difference, low, high
-        With its 95 % interval.
-    p
-        Chance of a difference as large between groups that are alike.
+    - `difference`, `low`, `high`: with its 95 % interval.
+    - `p`: chance of a difference as large between groups that are alike.
     """
 
     difference: Float[np.ndarray, " k"]
@@ -54,14 +50,10 @@ class Contrasts:
 class OutlierTest:
     """How far each group is from the others.
 
-    Attributes
-    ----------
-    difference
-        From the mean of the others.
-    std
-        Of the difference: of the group's own number, of the mean, and the spread between groups.
-    p
-        Chance of a difference as large in a group that is like the others; NaN where not known.
+    - `difference`: from the mean of the others.
+    - `std`: of the difference: of the group's own number, of the mean, and the spread between
+      groups.
+    - `p`: chance of a difference as large in a group that is like the others; NaN where not known.
     """
 
     difference: Float[np.ndarray, " g"]

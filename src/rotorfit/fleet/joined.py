@@ -54,13 +54,9 @@ LoadedVehicle = tuple[str, str, float | None]
 class Joined:
     """What the flights of a vehicle say together.
 
-    Attributes
-    ----------
-    names, values
-        Physical numbers, SI; ``kt``, ``Ixx_com`` and so on.
-    std
-        Random: the larger of what the fit says and what the flights scatter. What settings and
-        assumptions shift in every flight alike is not in it: the flights' own intervals have that.
+    - `names`, `values`: physical numbers, SI; ``kt``, ``Ixx_com`` and so on.
+    - `std`: random: the larger of what the fit says and what the flights scatter. What settings and
+      assumptions shift in every flight alike is not in it: the flights' own intervals have that.
     """
 
     names: tuple[str, ...]

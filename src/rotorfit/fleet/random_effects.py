@@ -42,17 +42,11 @@ of four."""
 class Repeated:
     """Numbers that were estimated several times for each of several groups.
 
-    Attributes
-    ----------
-    values
-        One row a repeat; NaN where it does not have the number.
-    covariance
-        Of each row's error; ignored for numbers that a row does not have.
-    group
-        Of each repeat, from 0.
-    changes
-        Columns of what changed within a group; each has one coefficient for every group in which
-        it is not zero.
+    - `values`: one row a repeat; NaN where it does not have the number.
+    - `covariance`: of each row's error; ignored for numbers that a row does not have.
+    - `group`: of each repeat, from 0.
+    - `changes`: columns of what changed within a group; each has one coefficient for every group in
+      which it is not zero.
     """
 
     values: Float[np.ndarray, "n p"]
@@ -75,19 +69,14 @@ class Repeated:
 class RandomEffects:
     """What groups and repeats say together.
 
-    Attributes
-    ----------
-    mean, mean_covariance
-        Of the population the groups are drawn from.
-    between, within
-        Standard deviations between groups and between the repeats of a group; NaN with too few
-        groups or repeats.
-    level, level_covariance
-        Each group's level by its own repeats only; NaN where they do not have it. Levels are those
-        where all columns of changes are zero.
-    shrunk, shrunk_covariance
-        Each group's level by its repeats and the population, with the uncertainty of the mean
-        and of both deviations in the covariance; NaN with fewer than `LEAST_GROUPS` groups.
+    - `mean`, `mean_covariance`: of the population the groups are drawn from.
+    - `between`, `within`: standard deviations between groups and between the repeats of a group;
+      NaN with too few groups or repeats.
+    - `level`, `level_covariance`: each group's level by its own repeats only; NaN where they do not
+      have it. Levels are those where all columns of changes are zero.
+    - `shrunk`, `shrunk_covariance`: each group's level by its repeats and the population, with the
+      uncertainty of the mean and of both deviations in the covariance; NaN with fewer than
+      `LEAST_GROUPS` groups.
     """
 
     mean: Float[np.ndarray, " p"]

@@ -141,16 +141,11 @@ def refusal(kind: str, reason: str, next_step: str) -> Finding:
 class Entry:
     """What one log came to.
 
-    Attributes
-    ----------
-    record
-        Its row, with file, vehicle and configuration left empty: they do not follow from the log.
-    refusal
-        Why it was not identified; there may be a record of its motors all the same.
-    hardware
-        The autopilot's own number; empty where the log has none.
-    factors
-        Arrays by `one_flight.factor_arrays`; empty where there are none, or not asked for.
+    - `record`: its row, with file, vehicle and configuration left empty: they do not follow from
+      the log.
+    - `refusal`: why it was not identified; there may be a record of its motors all the same.
+    - `hardware`: the autopilot's own number; empty where the log has none.
+    - `factors`: arrays by `one_flight.factor_arrays`; empty where there are none, or not asked for.
     """
 
     record: FlightRecord | None

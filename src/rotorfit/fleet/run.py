@@ -81,12 +81,8 @@ class Progress:
 class Fleet:
     """What all logs came to, in the order of their names.
 
-    Attributes
-    ----------
-    records, cached
-        Flights with a row, and where the factors of each are.
-    refused
-        Logs that were not identified; some have a row of what their motors show.
+    - `records`, `cached`: flights with a row, and where the factors of each are.
+    - `refused`: logs that were not identified; some have a row of what their motors show.
     """
 
     records: tuple[FlightRecord, ...]

@@ -28,29 +28,19 @@ FALSE_DISCOVERY_RATE: Final = 0.05
 class NumberStatistics:
     """One number of the type, of each vehicle, and of each flight. SI; NaN where not known.
 
-    Attributes
-    ----------
-    name, configuration, weather
-        As in `NumberTable`.
-    rows, vehicle_of_row, values, std
-        Flights that have it, by the index of their record; place in `vehicles`; estimates.
-    vehicles
-        Indices into the fleet's vehicles.
-    mean, mean_std
-        Of the type.
-    between, within
-        Standard deviations between vehicles, and between flights of one beyond what each states.
-    level, level_std
-        By each vehicle's own flights only, before any change.
-    shrunk, shrunk_std
-        By these and by the type; NaN for outliers.
-    now, now_std
-        After the changes, by the vehicle's own flights.
-    changes
-        Of each vehicle, the clearest first; places count the vehicle's rows.
-    difference, difference_std, p, outlying
-        From the mean of the other vehicles, its chance among like ones, and whether the vehicle is
-        an outlier.
+    - `name`, `configuration`, `weather`: as in `NumberTable`.
+    - `rows`, `vehicle_of_row`, `values`, `std`: flights that have it, by the index of their record;
+      place in `vehicles`; estimates.
+    - `vehicles`: indices into the fleet's vehicles.
+    - `mean`, `mean_std`: of the type.
+    - `between`, `within`: standard deviations between vehicles, and between flights of one beyond
+      what each states.
+    - `level`, `level_std`: by each vehicle's own flights only, before any change.
+    - `shrunk`, `shrunk_std`: by these and by the type; NaN for outliers.
+    - `now`, `now_std`: after the changes, by the vehicle's own flights.
+    - `changes`: of each vehicle, the clearest first; places count the vehicle's rows.
+    - `difference`, `difference_std`, `p`, `outlying`: from the mean of the other vehicles, its
+      chance among like ones, and whether the vehicle is an outlier.
     """
 
     name: str
@@ -86,17 +76,12 @@ class NumberStatistics:
 class LoadingDifference:
     """By how much one number of a vehicle differs between two of its loadings.
 
-    Attributes
-    ----------
-    number
-        As the vehicle was loaded; `number.configuration` says how.
-    vehicle
-        Index into the fleet's vehicles.
-    reference, reference_level
-        The loading of comparison, of the vehicle's loadings the one most flown in the fleet, and
-        the number's level there.
-    difference, low, high, p
-        From that level, its 95 % interval, and its chance if both were alike.
+    - `number`: as the vehicle was loaded; `number.configuration` says how.
+    - `vehicle`: index into the fleet's vehicles.
+    - `reference`, `reference_level`: the loading of comparison, of the vehicle's loadings the one
+      most flown in the fleet, and the number's level there.
+    - `difference`, `low`, `high`, `p`: from that level, its 95 % interval, and its chance if both
+      were alike.
     """
 
     number: NumberStatistics
@@ -113,16 +98,11 @@ class LoadingDifference:
 class FleetStatistics:
     """What a fleet's flights say together.
 
-    Attributes
-    ----------
-    vehicles
-        Their names.
-    loadings
-        Differences between the configurations of a vehicle.
-    alarm, rate
-        Chance of a false change in the whole fleet; expected share of false outliers.
-    tests
-        In how many series of flights a change was looked for.
+    - `vehicles`: their names.
+    - `loadings`: differences between the configurations of a vehicle.
+    - `alarm`, `rate`: chance of a false change in the whole fleet; expected share of false
+      outliers.
+    - `tests`: in how many series of flights a change was looked for.
     """
 
     vehicles: tuple[str, ...]

@@ -16,14 +16,9 @@ def short(value: float) -> str:
 class Number:
     """A number as it is printed: digits cut to two of the interval's half-width.
 
-    Attributes
-    ----------
-    half
-        Empty where there is no interval.
-    low, high
-        The interval where it is not even about the value, else empty.
-    exponent
-        Power of ten of all digits; 0: none.
+    - `half`: empty where there is no interval.
+    - `low`, `high`: the interval where it is not even about the value, else empty.
+    - `exponent`: power of ten of all digits; 0: none.
     """
 
     value: str

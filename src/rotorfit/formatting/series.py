@@ -13,10 +13,7 @@ MOST_COLUMNS = 8192
 class Series:
     """Curves by name over one rising axis, in general time since the log's first sample [s].
 
-    Attributes
-    ----------
-    gap
-        A longer step than this is a cut, over which no line is drawn.
+    - `gap`: a longer step than this is a cut, over which no line is drawn.
     """
 
     time: Float[np.ndarray, " n"]

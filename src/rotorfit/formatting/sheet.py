@@ -33,12 +33,8 @@ def wrapped(text: str, width: int, first: str = "", later: str | None = None) ->
 class Sheet:
     """A heading, a table and remarks.
 
-    Attributes
-    ----------
-    hints
-        Explanations of the first cell of each row; none, or one for each row.
-    more
-        How to see the rest.
+    - `hints`: explanations of the first cell of each row; none, or one for each row.
+    - `more`: how to see the rest.
     """
 
     heading: str

@@ -53,12 +53,8 @@ MarkKind = Literal["cut", "gap", "limit"]
 class Trace:
     """One channel over time; columns that lack other samples than the rest have their own clock.
 
-    Attributes
-    ----------
-    channel, unit
-        As in `CHANNELS`.
-    curves
-        Each with one column or more by its name.
+    - `channel`, `unit`: as in `CHANNELS`.
+    - `curves`: each with one column or more by its name.
     """
 
     channel: str
@@ -70,13 +66,9 @@ class Trace:
 class Mark:
     """A stretch that is marked, in seconds since the log's first sample.
 
-    Attributes
-    ----------
-    kind
-        ``cut``: not used; ``gap``: samples are missing; ``limit``: a sensor or a command at its
-        end.
-    channel
-        None: all.
+    - `kind`: ``cut``: not used; ``gap``: samples are missing; ``limit``: a sensor or a command at
+      its end.
+    - `channel`: None: all.
     """
 
     kind: MarkKind
@@ -90,16 +82,10 @@ class Mark:
 class Activity:
     """The motion of one axis, window by window.
 
-    Attributes
-    ----------
-    axis
-        ``roll``, ``pitch``, ``yaw`` or ``thrust``.
-    unit
-        Of `size`: ``deg/s`` rms, or ``g`` rms of the change of thrust.
-    start, step
-        Of the first window, and of each [s].
-    size
-        NaN where nothing was recorded.
+    - `axis`: ``roll``, ``pitch``, ``yaw`` or ``thrust``.
+    - `unit`: of `size`: ``deg/s`` rms, or ``g`` rms of the change of thrust.
+    - `start`, `step`: of the first window, and of each [s].
+    - `size`: NaN where nothing was recorded.
     """
 
     axis: str
@@ -318,14 +304,9 @@ def _activity(
 class LogPictures:
     """The pictures of one log; their size does not grow with the log's length.
 
-    Attributes
-    ----------
-    bands
-        Of the rotors' harmonics; none where rotor speed was not measured.
-    filters
-        On board, by the log's settings.
-    left_out
-        What cannot be drawn, and why: one sentence each.
+    - `bands`: of the rotors' harmonics; none where rotor speed was not measured.
+    - `filters`: on board, by the log's settings.
+    - `left_out`: what cannot be drawn, and why: one sentence each.
     """
 
     time: TimePicture | None

@@ -83,17 +83,11 @@ LEAST_EXPLAINED: Final = 0.3
 class ChannelReport:
     """One channel of a log, measured.
 
-    Attributes
-    ----------
-    rate, true_rate
-        Of the recorded samples outside of gaps, and of new ones: without repeats and samples on
-        straight lines [Hz].
-    jitter
-        Deviation of the steps from their median, without gaps [s].
-    gaps, longest_gap
-        Steps over 2.5 median ones, and the longest [s].
-    at_limit
-        Share of the samples at the sensor's limit, see `share_at_limit`.
+    - `rate`, `true_rate`: of the recorded samples outside of gaps, and of new ones: without repeats
+      and samples on straight lines [Hz].
+    - `jitter`: deviation of the steps from their median, without gaps [s].
+    - `gaps`, `longest_gap`: steps over 2.5 median ones, and the longest [s].
+    - `at_limit`: share of the samples at the sensor's limit, see `share_at_limit`.
     """
 
     name: str

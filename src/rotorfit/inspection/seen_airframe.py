@@ -14,26 +14,16 @@ from rotorfit.logs.formats import BY_NAME
 class SeenAirframe:
     """The airframe as far as a log shows it.
 
-    Attributes
-    ----------
-    rotors
-        How many; None where the log has no motors.
-    layout, order
-        That the flight confirms, else the order that is usual for such a log.
-    borne_out
-        Whether it is the flight that says so.
-    turned
-        Whether every rotor turns the other way (props out).
-    speed
-        ``measured`` or ``commanded``.
-    sites
-        Forward, left and spin of each rotor by the log's parameters, of any size; none where it has
-        no such, or the flight itself shows the layout.
-    rotors_table
-        The rotors with their places [m] by the log's parameters, as ``[airframe]`` has them, where
-        somebody has set them; empty otherwise.
-    posed
-        Whether only poses show the motion.
+    - `rotors`: how many; None where the log has no motors.
+    - `layout`, `order`: that the flight confirms, else the order that is usual for such a log.
+    - `borne_out`: whether it is the flight that says so.
+    - `turned`: whether every rotor turns the other way (props out).
+    - `speed`: ``measured`` or ``commanded``.
+    - `sites`: forward, left and spin of each rotor by the log's parameters, of any size; none where
+      it has no such, or the flight itself shows the layout.
+    - `rotors_table`: the rotors with their places [m] by the log's parameters, as ``[airframe]``
+      has them, where somebody has set them; empty otherwise.
+    - `posed`: whether only poses show the motion.
     """
 
     rotors: int | None = None

@@ -49,12 +49,8 @@ STRONGER: Final = 2.0
 class RotorBand:
     """The band of a multiple of the rotors' frequency, 10 % to 90 % of the time.
 
-    Attributes
-    ----------
-    harmonic
-        1 for the rotors' own frequency.
-    low, high
-        Ends [Hz].
+    - `harmonic`: 1 for the rotors' own frequency.
+    - `low`, `high`: ends [Hz].
     """
 
     harmonic: int
@@ -66,16 +62,12 @@ class RotorBand:
 class Peak:
     """A peak of a spectrum.
 
-    Attributes
-    ----------
-    frequency
-        Where it stands in the log [Hz].
-    rise
-        Power over that of its surroundings.
-    harmonic
-        Of the rotors, where they make it; None where they do not, or their speed is not known.
-    true_frequency
-        Of the vibration, where the log samples too slowly for it and folds it down [Hz].
+    - `frequency`: where it stands in the log [Hz].
+    - `rise`: power over that of its surroundings.
+    - `harmonic`: of the rotors, where they make it; None where they do not, or their speed is not
+      known.
+    - `true_frequency`: of the vibration, where the log samples too slowly for it and folds it down
+      [Hz].
     """
 
     frequency: float
@@ -99,20 +91,13 @@ class Peak:
 class Spectrum:
     """The spectrum of one sensor.
 
-    Attributes
-    ----------
-    channel, unit
-        As in `CHANNELS`.
-    seconds, airborne
-        How much of the flight is in it [s], and whether of the airborne part alone.
-    sample_rate
-        Of the recorded samples [Hz].
-    frequency
-        Rising, without 0 [Hz]; up to half the rate of new samples.
-    density
-        Amplitude of each axis, `unit` per root hertz.
-    peaks
-        The clearest, by frequency.
+    - `channel`, `unit`: as in `CHANNELS`.
+    - `seconds`, `airborne`: how much of the flight is in it [s], and whether of the airborne part
+      alone.
+    - `sample_rate`: of the recorded samples [Hz].
+    - `frequency`: rising, without 0 [Hz]; up to half the rate of new samples.
+    - `density`: amplitude of each axis, `unit` per root hertz.
+    - `peaks`: the clearest, by frequency.
     """
 
     channel: str

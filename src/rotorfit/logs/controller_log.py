@@ -23,24 +23,16 @@ TURNED: Final = np.array([1.0, -1.0, -1.0])
 class ControllerLog:
     """The rate controller of one flight, one row a run of it, body axes FLU.
 
-    Attributes
-    ----------
-    autopilot, firmware
-        Whose controller it is, and its version in the log's words.
-    parameters
-        By their names, as the log left them.
-    changed
-        Names of those that changed in the log.
-    time
-        When the controller ran [s].
-    set_point, rate
-        Rates that it used: the reference, and of the gyro behind the filters on board [rad/s].
-    output
-        Torque that it asked the mixer for, in parts of full output.
-    set_point_std
-        Deviation of the time at which a set point came [s]; 0 where the log has it.
-    slope
-        Derivative of the rate as the controller used it [rad/s^2]; None where it makes its own.
+    - `autopilot`, `firmware`: whose controller it is, and its version in the log's words.
+    - `parameters`: by their names, as the log left them.
+    - `changed`: names of those that changed in the log.
+    - `time`: when the controller ran [s].
+    - `set_point`, `rate`: rates that it used: the reference, and of the gyro behind the filters on
+      board [rad/s].
+    - `output`: torque that it asked the mixer for, in parts of full output.
+    - `set_point_std`: deviation of the time at which a set point came [s]; 0 where the log has it.
+    - `slope`: derivative of the rate as the controller used it [rad/s^2]; None where it makes its
+      own.
     """
 
     autopilot: Literal["PX4", "ArduCopter"]

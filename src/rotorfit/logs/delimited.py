@@ -28,18 +28,10 @@ _LINES_PER_WORD: Final = 100
 class DelimitedText:
     """A text file that begins with a row of names.
 
-    Attributes
-    ----------
-    text
-        The whole file, its lines ended by line feeds; in memory, or mapped.
-    start
-        Where the rows of numbers begin in it.
-    names
-        Names of the columns.
-    delimiter
-        Between cells; None: any run of spaces and tabs.
-    first_line
-        Number of the line at `start`, from 1.
+    - `text`: the whole file, its lines ended by line feeds; in memory, or mapped.
+    - `start`: where the rows of numbers begin in it.
+    - `delimiter`: between cells; None: any run of spaces and tabs.
+    - `first_line`: number of the line at `start`, from 1.
     """
 
     text: Content

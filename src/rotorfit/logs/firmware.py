@@ -37,13 +37,9 @@ FIRMWARE: Final = "firmware"
 class Setting:
     """One setting of a firmware, what it is for, and what in a log asks for it.
 
-    Attributes
-    ----------
-    value
-        What it is to be, in words.
-    old, new
-        As the log has it, None where that is not known; and exactly as it is to be written, None
-        where only the owner of the vehicle knows it.
+    - `value`: what it is to be, in words.
+    - `old`, `new`: as the log has it, None where that is not known; and exactly as it is to be
+      written, None where only the owner of the vehicle knows it.
     """
 
     name: str
@@ -138,21 +134,14 @@ SENSORS: Final = {"gyro": "the gyro", "accel": "the accelerometer"}
 class Filter:
     """One filter on board.
 
-    Attributes
-    ----------
-    channel
-        ``gyro`` or ``accel``.
-    low, high
-        The cut-off of a low-pass, or the edges of a notch [Hz]; where it moves, the range; the
-        same twice where it is fixed. Of one that follows the rotors, `low` is where it begins.
-    middle
-        Of a fixed notch [Hz].
-    harmonics
-        Multiples of the rotors' frequency that it follows.
-    setting
-        Its name in the log's settings.
-    passed
-        Whether the samples of this log went through it.
+    - `channel`: ``gyro`` or ``accel``.
+    - `low`, `high`: the cut-off of a low-pass, or the edges of a notch [Hz]; where it moves, the
+      range; the same twice where it is fixed. Of one that follows the rotors, `low` is where it
+      begins.
+    - `middle`: of a fixed notch [Hz].
+    - `harmonics`: multiples of the rotors' frequency that it follows.
+    - `setting`: its name in the log's settings.
+    - `passed`: whether the samples of this log went through it.
     """
 
     channel: str

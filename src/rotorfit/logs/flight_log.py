@@ -120,15 +120,10 @@ AIR_CONSTANT: Final = 287.05
 class Circumstances:
     """Whose log it is, when it began, and in what air; what the log does not say is None.
 
-    Attributes
-    ----------
-    hardware
-        The autopilot's own number; empty where the log has none.
-    started
-        When the log began, seconds since 1970 (UTC).
-    air_pressure, air_temperature
-        Medians over the log [Pa], [K], as the barometer's chip has them: in its housing it is some
-        degrees warmer than the air.
+    - `hardware`: the autopilot's own number; empty where the log has none.
+    - `started`: when the log began, seconds since 1970 (UTC).
+    - `air_pressure`, `air_temperature`: medians over the log [Pa], [K], as the barometer's chip has
+      them: in its housing it is some degrees warmer than the air.
     """
 
     hardware: str = ""

@@ -44,22 +44,12 @@ LARGEST_ROWS: Final = 200_000
 class Proposal:
     """The columns of a table, as far as its names and values show them.
 
-    Attributes
-    ----------
-    columns
-        Canonical name to column, as an experiment file maps them.
-    axes
-        The body axes of the table, by gravity.
-    reasons
-        How unit, axes and signs were found, a sentence each.
-    doubts
-        What to look at before the map is used.
-    questions
-        Questions that are open.
-    unused
-        Names of the other columns.
-    preview
-        Canonical name to values as recorded, of the first, the middle and the last row.
+    - `columns`: canonical name to column, as an experiment file maps them.
+    - `axes`: the body axes of the table, by gravity.
+    - `reasons`: how unit, axes and signs were found, a sentence each.
+    - `doubts`: what to look at before the map is used.
+    - `unused`: names of the other columns.
+    - `preview`: canonical name to values as recorded, of the first, the middle and the last row.
     """
 
     columns: Mapping[str, ColumnSpec]

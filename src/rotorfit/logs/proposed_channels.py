@@ -48,14 +48,8 @@ _RANGES: Final = {"us": (1000.0, 2000.0), "counts": (0.0, 65535.0)}
 class Question:
     """A unit that neither names nor values of the table show.
 
-    Attributes
-    ----------
-    channel
-        ``gyro`` or ``motors``.
-    words
-        The question.
-    choices
-        Units of which one is right, the likeliest first.
+    - `channel`: ``gyro`` or ``motors``.
+    - `choices`: units of which one is right, the likeliest first.
     """
 
     channel: str

@@ -27,12 +27,8 @@ _LEAST_ALIKE: Final = 0.7
 class Lean:
     """How the acceleration by position goes with the lean of the attitude.
 
-    Attributes
-    ----------
-    slope
-        Acceleration in units of the position over the horizontal part of the body's z axis.
-    alike
-        Their correlation.
+    - `slope`: acceleration in units of the position over the horizontal part of the body's z axis.
+    - `alike`: their correlation.
     """
 
     slope: float

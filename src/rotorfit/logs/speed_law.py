@@ -32,14 +32,11 @@ class SquareRootLaw:
     Relative thrust f u^2 + (1 - f) u is what PX4 takes for its parameter THR_MDL_FAC, and thrust
     goes with the square of the speed.
 
-    Attributes
-    ----------
-    full_speed
-        At full command [rad/s].
-    thr_mdl_fac
-        The factor f, 0 (thrust in proportion to the command) to 1 (speed in proportion to it).
-    start, end
-        Commands between which u goes from 0 to 1: MOT_SPIN_MIN and MOT_SPIN_MAX of ArduPilot.
+    - `full_speed`: at full command [rad/s].
+    - `thr_mdl_fac`: the factor f, 0 (thrust in proportion to the command) to 1 (speed in proportion
+      to it).
+    - `start`, `end`: commands between which u goes from 0 to 1: MOT_SPIN_MIN and MOT_SPIN_MAX of
+      ArduPilot.
     """
 
     full_speed: float
@@ -54,14 +51,9 @@ class PowerLaw:
 
     full_speed (b + (1 - b) u)^p: with b = 0 a power of the command, with p = 1 a straight line.
 
-    Attributes
-    ----------
-    full_speed
-        At full command [rad/s].
-    offset
-        b, what the motors get at command 0 as a share of full command; below 0 a dead zone.
-    exponent
-        p.
+    - `full_speed`: at full command [rad/s].
+    - `offset`: b, what the motors get at command 0 as a share of full command; below 0 a dead zone.
+    - `exponent`: p.
     """
 
     full_speed: float

@@ -33,7 +33,7 @@ constant torques in `terms/body.py`, of the rotors in `terms/rotors.py`, of the 
 `terms/air.py`; `terms/registry.py` lists them.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,14 +50,10 @@ from rotorfit.model.vehicle import Vehicle
 class Regressor:
     """The tensor A of a vehicle.
 
-    Attributes
-    ----------
-    names
-        Parameter p of theta.
-    tensor
-        ``tensor[p, j]`` is the row vector A_p,j: equation j (Fx Fy Fz Mx My Mz) of parameter p.
-    layout
-        The signals that its last axis stands for.
+    - `names`: parameter p of theta.
+    - `tensor`: ``tensor[p, j]`` is the row vector A_p,j: equation j (Fx Fy Fz Mx My Mz) of
+      parameter p.
+    - `layout`: the signals that its last axis stands for.
     """
 
     names: tuple[str, ...]
@@ -80,25 +76,18 @@ class Regressor:
 def regressor(
     vehicle: Vehicle,
     *,
-    terms: Collection[str] | None = None,
     added: Sequence[AddedSignals] = (),
 ) -> Regressor:
     """Return the constant tensor of a vehicle.
 
-    Parameters
-    ----------
-    vehicle
-        Geometry. With a known IMU position the specific force among the signals is the one at the
-        IMU, and the equations hold at the body origin all the same.
-    terms
-        Names of terms; by default all whose signals are there.
-    added
-        Signals of terms that are not always there (`terms.registry.added_signals`).
+    - `vehicle`: geometry. With a known IMU position the specific force among the signals is the one
+      at the IMU, and the equations hold at the body origin all the same.
+    - `added`: signals of terms that are not always there (`terms.registry.added_signals`).
     """
     layout = signal_layout(vehicle, added)
     blocks: dict[str, Block] = {}
     for term in terms_in(layout):
-        if term.entries is not None and (terms is None or term.name in terms):
+        if term.entries is not None:
             blocks |= term.entries(vehicle, layout)
     tensor = np.array(list(blocks.values())) @ imu_lever(vehicle, layout)
     return Regressor(names=tuple(blocks), tensor=tensor, layout=layout)

@@ -32,14 +32,10 @@ DERIVATIVES = ("dwx", "dwy", "dwz", "dHx", "dHy", "dHz")
 class AddedSignals:
     """Signals that a layout has only for terms that need them: more columns round otherwise.
 
-    Attributes
-    ----------
-    names
-        From the vehicle to their names.
-    of_body, of_rotors
-        From a flight and its rows to their columns; the one where the rotors have no part in them.
-    sloped
-        Whether their slopes by the motors' times are made, too.
+    - `names`: from the vehicle to their names.
+    - `of_body`, `of_rotors`: from a flight and its rows to their columns; the one where the rotors
+      have no part in them.
+    - `sloped`: whether their slopes by the motors' times are made, too.
     """
 
     name: str

@@ -16,12 +16,8 @@ FEWEST_BLOCKS: Final = 8
 class Jackknife:
     """What leaving out one block after the other does.
 
-    Attributes
-    ----------
-    shifts
-        Of the parameters, one row per block.
-    held_out
-        Residuals of each block under the fit to all others, squared and summed.
+    - `shifts`: of the parameters, one row per block.
+    - `held_out`: residuals of each block under the fit to all others, squared and summed.
     """
 
     shifts: Float[np.ndarray, "B p"]

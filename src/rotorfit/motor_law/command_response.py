@@ -34,32 +34,18 @@ STRETCH_DISTANCE: Final = 1e4
 class Recording:
     """All stretches of all rotors, one after the other on one clock.
 
-    Attributes
-    ----------
-    command_time
-        Rising throughout [s].
-    command
-        0 to 1.
-    voltage
-        Over its median, at the commands; None where there is none.
-    nominal_voltage
-        That median [V].
-    rotor
-        Of each command, among `rotors`.
-    rotors
-        Those that are there, from 0 in the log's order.
-    flight, since
-        In which flight each command was given, and how long after its middle [s].
-    begins
-        Commands at which a stretch begins.
-    time
-        Of the measured speeds, on the same clock [s].
-    speed
-        [rad/s]
-    speed_rotor, speed_flight
-        Of each speed.
-    flight_time
-        When it was measured on the flight's own clock [s].
+    - `command_time`: rising throughout [s].
+    - `command`: 0 to 1.
+    - `voltage`: over its median, at the commands; None where there is none.
+    - `nominal_voltage`: that median [V].
+    - `rotor`: of each command, among `rotors`.
+    - `rotors`: those that are there, from 0 in the log's order.
+    - `flight`, `since`: in which flight each command was given, and how long after its middle [s].
+    - `begins`: commands at which a stretch begins.
+    - `time`: of the measured speeds, on the same clock [s].
+    - `speed`: [rad/s]
+    - `speed_rotor`, `speed_flight`: of each speed.
+    - `flight_time`: when it was measured on the flight's own clock [s].
     """
 
     command_time: Float[np.ndarray, " n"]

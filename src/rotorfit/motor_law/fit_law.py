@@ -82,20 +82,11 @@ def held_between(recording: Recording) -> Recording:
 class LawFit:
     """One form, fitted.
 
-    Attributes
-    ----------
-    layout
-        Of the parameters.
-    values
-        The parameters.
-    slopes, residuals
-        Of the prediction, and measured less predicted, weighted [rad/s].
-    speed
-        Predicted [rad/s].
-    held_out
-        Squared error of each block under the fit to the others, over its rows [rad^2/s^2].
-    jackknives
-        Of all lengths of blocks that are many enough.
+    - `slopes`, `residuals`: of the prediction, and measured less predicted, weighted [rad/s].
+    - `speed`: predicted [rad/s].
+    - `held_out`: squared error of each block under the fit to the others, over its rows
+      [rad^2/s^2].
+    - `jackknives`: of all lengths of blocks that are many enough.
     """
 
     layout: Layout
@@ -129,21 +120,13 @@ class LawFit:
 class FittedLaw:
     """The law of the motors, and what else it might be.
 
-    Attributes
-    ----------
-    recording
-        What it was fitted to.
-    best
-        The form that was chosen.
-    others
-        The other forms, with the same terms beside the curve.
-    rivals
-        Those that are as good, in practice or as far as the flights tell: other forms; the lag on
-        the other of speed and thrust; commands held, or smooth between those of the log.
-    open_shifts
-        Half of what noise of the commands moves, and quick motion: taken off, and as much is open.
-    voltage
-        The form with an exponent of the battery's voltage; None where that tells nothing.
+    - `best`: the form that was chosen.
+    - `others`: the other forms, with the same terms beside the curve.
+    - `rivals`: those that are as good, in practice or as far as the flights tell: other forms; the
+      lag on the other of speed and thrust; commands held, or smooth between those of the log.
+    - `open_shifts`: half of what noise of the commands moves, and quick motion: taken off, and as
+      much is open.
+    - `voltage`: the form with an exponent of the battery's voltage; None where that tells nothing.
     """
 
     recording: Recording

@@ -20,14 +20,10 @@ TINY: Final = 1e-6
 class Form:
     """A curve of relative speed, 1 at full command.
 
-    Attributes
-    ----------
-    start, lower, upper
-        Of its parameters.
-    logarithm
-        From commands and parameters to the logarithm of the relative speed and its derivatives.
-    curve
-        With a speed at full command.
+    - `start`, `lower`, `upper`: of its parameters.
+    - `logarithm`: from commands and parameters to the logarithm of the relative speed and its
+      derivatives.
+    - `curve`: with a speed at full command.
     """
 
     start: tuple[float, ...]
@@ -101,17 +97,11 @@ FORMS: Final[Mapping[FormName, Form]] = {
 class Layout:
     """Which parameters a fit has, and where they are.
 
-    Attributes
-    ----------
-    form
-        Of the curve.
-    voltage, two_way
-        Whether there is an exponent of the battery's voltage, and a lag of its own when falling.
-    rotors, flights
-        How many: all but one have a factor of their own, and each flight a drift, where there is
-        no voltage.
-    on_thrust
-        Whether the lag acts on the squared speed, not on the speed.
+    - `voltage`, `two_way`: whether there is an exponent of the battery's voltage, and a lag of its
+      own when falling.
+    - `rotors`, `flights`: how many: all but one have a factor of their own, and each flight a
+      drift, where there is no voltage.
+    - `on_thrust`: whether the lag acts on the squared speed, not on the speed.
     """
 
     form: FormName

@@ -61,14 +61,9 @@ LACKING: Final = ("doubtful", "weak", "ratio-only", "not-identified")
 class Knowledge:
     """An earlier result in the terms of a plan.
 
-    Attributes
-    ----------
-    configuration
-        Of the result, for which the plan is.
-    information
-        About the plan's free parameters.
-    half_widths, values
-        By the names of `WANTABLE`, where the result has them.
+    - `configuration`: of the result, for which the plan is.
+    - `information`: about the plan's free parameters.
+    - `half_widths`, `values`: by the names of `WANTABLE`, where the result has them.
     """
 
     result: IdentificationResult
@@ -91,22 +86,15 @@ class Knowledge:
 class Missing:
     """A number that the earlier result lacks.
 
-    Attributes
-    ----------
-    name, full_name, verdict
-        As in the result; those of a body about its CoM, of the plan's configuration.
-    now
-        Half of its interval over the value (or its scale); None where it has none to trust.
-    manoeuvre
-        Which of the plan helps most; None where none helps.
-    relative, predicted
-        The same as `now` after 20 s of it, never more, and the verdict then.
-    after
-        The same after 20 s of each manoeuvre.
-    size
-        Its value, or the size below which its error does not matter: what all of them are over.
-    advice
-        What to do.
+    - `name`, `full_name`, `verdict`: as in the result; those of a body about its CoM, of the plan's
+      configuration.
+    - `now`: half of its interval over the value (or its scale); None where it has none to trust.
+    - `manoeuvre`: which of the plan helps most; None where none helps.
+    - `relative`, `predicted`: the same as `now` after 20 s of it, never more, and the verdict then.
+    - `after`: the same after 20 s of each manoeuvre.
+    - `size`: its value, or the size below which its error does not matter: what all of them are
+      over.
+    - `advice`: what to do.
     """
 
     name: str

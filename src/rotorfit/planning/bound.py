@@ -63,22 +63,15 @@ TRIALS: Final = 3
 class Problem:
     """The identification problem of a plan: the bare vehicle, and the vehicle with a payload.
 
-    Attributes
-    ----------
-    bodies
-        Of the bare and the loaded vehicle.
-    configurations
-        As the joint estimate sees them, without flights.
-    mapped, phi
-        Free parameters, and their values.
-    scale
-        A size of each free parameter.
-    assumed
-        Noise and disturbance.
-    commanded, timed
-        Whether rotor speeds come from commands, and whether the motors' timing is searched for.
-    physical, jacobian
-        The shared numbers and those of the bare vehicle, and their derivatives by phi.
+    - `bodies`: of the bare and the loaded vehicle.
+    - `configurations`: as the joint estimate sees them, without flights.
+    - `mapped`, `phi`: free parameters, and their values.
+    - `scale`: a size of each free parameter.
+    - `assumed`: noise and disturbance.
+    - `commanded`, `timed`: whether rotor speeds come from commands, and whether the motors' timing
+      is searched for.
+    - `physical`, `jacobian`: the shared numbers and those of the bare vehicle, and their
+      derivatives by phi.
     """
 
     bodies: Mapping[str, Truth]
@@ -97,14 +90,10 @@ class Problem:
 class Evidence:
     """The information of flights: of one manoeuvre a second, or of any sum.
 
-    Attributes
-    ----------
-    information
-        About the free parameters.
-    timing
-        J^T e / v for motor data that are late by a second, to first order.
-    explained, residual
-        Power of the angular accelerations in the pilot's band, by ``roll@A``.
+    - `information`: about the free parameters.
+    - `timing`: J^T e / v for motor data that are late by a second, to first order.
+    - `explained`, `residual`: power of the angular accelerations in the pilot's band, by
+      ``roll@A``.
     """
 
     information: Float[np.ndarray, "f f"]

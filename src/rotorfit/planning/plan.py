@@ -130,12 +130,8 @@ class PlanRequest:
 class Remedy:
     """A change that reaches the wanted accuracy, where no candidate does.
 
-    Attributes
-    ----------
-    kind
-        ``measured-speed``: log the rotor speed; ``longer``: fly longer.
-    candidate
-        What to fly then.
+    - `kind`: ``measured-speed``: log the rotor speed; ``longer``: fly longer.
+    - `candidate`: what to fly then.
     """
 
     kind: Literal["measured-speed", "longer"]

@@ -247,23 +247,15 @@ REFERENCE_RATE: Final = 200.0
 class Assumptions:
     """Levels of noise and disturbance.
 
-    Attributes
-    ----------
-    gyro_std, accel_std
-        Of a sample at 200 Hz, vibration included [rad/s, m/s^2].
-    speed_noise
-        Of a measured rotor speed at 200 Hz, as a share of the hover speed.
-    speed_error
-        Of a commanded rotor speed: the motor's deviation from its command, a first-order
-        Gauss-Markov process of the gusts' corner, as a share of the hover speed.
-    force, torque
-        Gusts: each force [weights]; torques about x, y, z [weights times arm].
-    corner
-        Of gusts and speed errors [Hz].
-    mass_step
-        The scale's [kg]: mass is known to half of it.
-    log_rate
-        Samples per second of the log; motor data are timed to a fraction of a sample [Hz].
+    - `gyro_std`, `accel_std`: of a sample at 200 Hz, vibration included [rad/s, m/s^2].
+    - `speed_noise`: of a measured rotor speed at 200 Hz, as a share of the hover speed.
+    - `speed_error`: of a commanded rotor speed: the motor's deviation from its command, a
+      first-order Gauss-Markov process of the gusts' corner, as a share of the hover speed.
+    - `force`, `torque`: gusts: each force [weights]; torques about x, y, z [weights times arm].
+    - `corner`: of gusts and speed errors [Hz].
+    - `mass_step`: the scale's [kg]: mass is known to half of it.
+    - `log_rate`: samples per second of the log; motor data are timed to a fraction of a sample
+      [Hz].
     """
 
     gyro_std: float = 0.02
@@ -317,18 +309,11 @@ def row_variances(
     A row is the real or the imaginary part of a line scaled to unit window energy: of a process
     with the one-sided density S it has the variance S times the sample rate over four.
 
-    Parameters
-    ----------
-    assumed
-        Levels of noise.
-    model
-        How residuals of the equations and noise of the rotors' signals become acceleration.
-    factors
-        Of the flight, their `noise` that of the measured rotor speeds.
-    disturbance
-        Deviation of force and torque [N, N m].
-    sample_rate
-        Of the flight [Hz].
+    - `assumed`: levels of noise.
+    - `model`: how residuals of the equations and noise of the rotors' signals become acceleration.
+    - `factors`: of the flight, their `noise` that of the measured rotor speeds.
+    - `disturbance`: deviation of force and torque [N, N m].
+    - `sample_rate`: of the flight [Hz].
     """
     f = factors.band.mean(axis=1)[:, None]
     white = 0.5 * sample_rate / REFERENCE_RATE

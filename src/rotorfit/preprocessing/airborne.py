@@ -56,18 +56,11 @@ LONGEST_LEVEL: Final = 1200
 class Motion:
     """The signals of the search for flight, on one uniform clock.
 
-    Attributes
-    ----------
-    sample_rate
-        [Hz]
-    specific_force, angular_velocity
-        Body axes FLU [m/s^2], [rad/s].
-    rotor_speed
-        Or the commands: anything whose square is proportional to thrust.
-    arm
-        A length of the vehicle [m], for the force that rotation adds at the accelerometer.
-    stretches
-        Start and stop (exclusive) of the rows where every channel has data.
+    - `sample_rate`: [Hz]
+    - `specific_force`, `angular_velocity`: body axes FLU [m/s^2], [rad/s].
+    - `rotor_speed`: or the commands: anything whose square is proportional to thrust.
+    - `arm`: a length of the vehicle [m], for the force that rotation adds at the accelerometer.
+    - `stretches`: start and stop (exclusive) of the rows where every channel has data.
     """
 
     sample_rate: float
@@ -87,14 +80,9 @@ class Motion:
 class _Features:
     """A stretch as the search sees it, all low-passed.
 
-    Attributes
-    ----------
-    excess
-        Force that the rotors do not explain, over what flight allows.
-    upward
-        Its part along z [m/s^2].
-    rates
-        Angular velocity [rad/s].
+    - `excess`: force that the rotors do not explain, over what flight allows.
+    - `upward`: its part along z [m/s^2].
+    - `rates`: angular velocity [rad/s].
     """
 
     excess: Float[np.ndarray, " n"]

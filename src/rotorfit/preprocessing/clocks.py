@@ -27,21 +27,13 @@ JITTER_STEPS = 0.05
 class UniformChannels:
     """Channels on one clock.
 
-    Attributes
-    ----------
-    sample_rate
-        Of the uniform clock [Hz].
-    time
-        In the log's own time [s]; steps over a gap are longer.
-    values
-        Each channel by name. Rows where a channel has no data nearby are outside every stretch;
-        do not use what stands there.
-    stretches
-        Start and stop (exclusive) of the rows without a gap in any channel.
-    rates
-        True rate of each channel [Hz].
-    gaps
-        Start and end of every gap in any channel [s], with the channel's name.
+    - `sample_rate`: of the uniform clock [Hz].
+    - `time`: in the log's own time [s]; steps over a gap are longer.
+    - `values`: each channel by name. Rows where a channel has no data nearby are outside every
+      stretch; do not use what stands there.
+    - `stretches`: start and stop (exclusive) of the rows without a gap in any channel.
+    - `rates`: True rate of each channel [Hz].
+    - `gaps`: start and end of every gap in any channel [s], with the channel's name.
     """
 
     sample_rate: float

@@ -36,18 +36,11 @@ central difference by 0.2 %, at a third of its frequency by 0.003 %."""
 class AsRecorded:
     """A flight as recorded, however many samples are kept of it.
 
-    Attributes
-    ----------
-    sample_rate
-        Of the clock of all channels [Hz].
-    start
-        Time of the first sample, on the log's own clock [s].
-    samples, seconds
-        In all airborne stretches.
-    spans
-        Start and end of every airborne stretch, on the log's own clock [s].
-    cut_off
-        What the ends of gyro and accelerometer cut off.
+    - `sample_rate`: of the clock of all channels [Hz].
+    - `start`: time of the first sample, on the log's own clock [s].
+    - `samples`, `seconds`: in all airborne stretches.
+    - `spans`: start and end of every airborne stretch, on the log's own clock [s].
+    - `cut_off`: what the ends of gyro and accelerometer cut off.
     """
 
     sample_rate: float

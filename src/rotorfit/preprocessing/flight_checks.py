@@ -34,16 +34,9 @@ FLAT: Final = 0.01
 class FrozenChannel:
     """A rotor whose motor channel stands still.
 
-    Attributes
-    ----------
-    rotor
-        From 1, in the log's order.
-    value
-        At which it stands, in the longest stretch.
-    share
-        Of the flight.
-    rows
-        Start and stop (exclusive) of the longest stretch.
+    - `rotor`: from 1, in the log's order.
+    - `value`: at which it stands, in the longest stretch.
+    - `rows`: start and stop (exclusive) of the longest stretch.
     """
 
     rotor: int

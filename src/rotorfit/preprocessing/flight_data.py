@@ -35,14 +35,9 @@ class HeldCommands:
 
     A lag that differs between up and down acts on every one of them, and not their mean.
 
-    Attributes
-    ----------
-    speed
-        That each would settle at [rad/s].
-    sample_rate
-        As recorded [Hz].
-    jumps
-        First rows after a gap.
+    - `speed`: that each would settle at [rad/s].
+    - `sample_rate`: as recorded [Hz].
+    - `jumps`: first rows after a gap.
     """
 
     speed: Float[np.ndarray, "r N"]

@@ -26,12 +26,8 @@ LEAST_TILT: Final = float(np.radians(5.0))
 class ImuTilt:
     """The tilt of the IMU in the vehicle.
 
-    Attributes
-    ----------
-    roll
-        Of the IMU, right side down [rad].
-    pitch
-        Of the IMU, nose up [rad].
+    - `roll`: of the IMU, right side down [rad].
+    - `pitch`: of the IMU, nose up [rad].
     """
 
     roll: float = 0.0

@@ -46,14 +46,10 @@ OWN_LINE: Final = 5.0
 class BendSource:
     """The likeliest source of a signal.
 
-    Attributes
-    ----------
-    rate
-        Of its samples [Hz].
-    chance
-        Log of the chance that motion without a rhythm bends so regularly.
-    share
-        Of the bends that come at that rate: one where lines are drawn and nothing is rounded.
+    - `rate`: of its samples [Hz].
+    - `chance`: log of the chance that motion without a rhythm bends so regularly.
+    - `share`: of the bends that come at that rate: one where lines are drawn and nothing is
+      rounded.
     """
 
     rate: float

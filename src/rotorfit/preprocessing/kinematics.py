@@ -74,14 +74,10 @@ def _cross(a: Vectors, b: Vectors) -> Vectors:
 class BodyMotion:
     """The motion by a pose, body axes, every column at the instant of its sample.
 
-    Attributes
-    ----------
-    specific_force
-        Acceleration minus gravity at the body origin [m/s^2].
-    angular_velocity, angular_acceleration
-        Of the body relative to the world [rad/s], [rad/s^2].
-    velocity
-        Of the body origin [m/s].
+    - `specific_force`: acceleration minus gravity at the body origin [m/s^2].
+    - `angular_velocity`, `angular_acceleration`: of the body relative to the world [rad/s],
+      [rad/s^2].
+    - `velocity`: of the body origin [m/s].
     """
 
     specific_force: Float[np.ndarray, "n 3"]

@@ -125,18 +125,11 @@ class PreparedFlight:
 class OneClock:
     """The part of a log that `prepare` needs, so that the log need not stay in memory.
 
-    Attributes
-    ----------
-    uniform
-        Gyro, accelerometer, motors and what else is used, despiked.
-    spikes
-        Samples replaced, by channel.
-    speed_step
-        Smallest step of measured rotor speed [rad/s]; 0 where unknown.
-    takes_columns
-        Whether units and axes of the log can be declared.
-    said
-        Kinds of what the log's reader doubts already.
+    - `uniform`: gyro, accelerometer, motors and what else is used, despiked.
+    - `spikes`: samples replaced, by channel.
+    - `speed_step`: smallest step of measured rotor speed [rad/s]; 0 where unknown.
+    - `takes_columns`: whether units and axes of the log can be declared.
+    - `said`: kinds of what the log's reader doubts already.
     """
 
     uniform: UniformChannels

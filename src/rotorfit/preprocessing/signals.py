@@ -307,17 +307,11 @@ DAMPED: Final = 100.0
 class Stretch:
     """Recorded rows without a gap in the clock, and which of them are kept.
 
-    Attributes
-    ----------
-    start, stop
-        Recorded rows, `stop` exclusive.
-    step
-        Rows that one kept row stands for.
-    first
-        What the first kept row becomes. It is before `start`, so that the second recorded row is
-        kept and has a neighbour; the last is behind `stop` likewise.
-    borders
-        Recorded rows, the first to the last, between which parts are filtered apart.
+    - `start`, `stop`: recorded rows, `stop` exclusive.
+    - `step`: rows that one kept row stands for.
+    - `first`: what the first kept row becomes. It is before `start`, so that the second recorded
+      row is kept and has a neighbour; the last is behind `stop` likewise.
+    - `borders`: recorded rows, the first to the last, between which parts are filtered apart.
     """
 
     start: int
@@ -370,14 +364,8 @@ def kept_rows(within: Sequence[Stretch], start: int, stop: int) -> tuple[int, in
 class Thinning:
     """A filter, and the rows that are kept behind it.
 
-    Attributes
-    ----------
-    within
-        The stretches, with the rows that are kept.
-    weights
-        Of consecutive samples.
-    before
-        How many of them are before the row.
+    - `weights`: of consecutive samples.
+    - `before`: how many of them are before the row.
     """
 
     within: tuple[Stretch, ...]

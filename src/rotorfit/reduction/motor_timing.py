@@ -25,14 +25,10 @@ round."""
 class FreeTiming:
     """Times that a fit may move, from where its signals were made.
 
-    Attributes
-    ----------
-    at
-        Lag and delay with which the signals were made.
-    names
-        Of ``motor_delay``, ``motor_lag`` and ``motor_skew`` (lag (1 - s) up and (1 + s) down).
-    lag_prior
-        Mean and standard deviation of the lag before the flight [s].
+    - `at`: lag and delay with which the signals were made.
+    - `names`: of ``motor_delay``, ``motor_lag`` and ``motor_skew`` (lag (1 - s) up and (1 + s)
+      down).
+    - `lag_prior`: mean and standard deviation of the lag before the flight [s].
     """
 
     at: MotorResponse
@@ -80,14 +76,9 @@ def skew_of(response: MotorResponse) -> float:
 class TimedBands:
     """Band factors that a timing was found with: they serve the next fit of the same flights.
 
-    Attributes
-    ----------
-    at
-        Lag and delay with which the signals were made, within a little of those found.
-    made_of
-        Vehicle, flights and whatever else the signals were made of.
-    factors
-        One per configuration.
+    - `at`: lag and delay with which the signals were made, within a little of those found.
+    - `made_of`: vehicle, flights and whatever else the signals were made of.
+    - `factors`: one per configuration.
     """
 
     at: MotorResponse
@@ -103,23 +94,16 @@ class TimedBands:
 class MotorTiming:
     """The motors' timing by the flights.
 
-    Attributes
-    ----------
-    response
-        Lag and delay, found or given [s].
-    lag_std, delay_std
-        Their standard deviations [s]; None for what was given or has no meaning.
-    total_std
-        Standard deviation of lag plus delay [s].
-    free
-        Which times a fit finds again together with everything else (`FreeTiming.names`): the
-        identifiable ones.
-    additional
-        Times by which the signals' slopes are made, too: one may be set free later.
-    reached
-        Where the other parameters of the fit that found it ended: the next one begins there.
-    bands
-        What that fit was made to.
+    - `response`: lag and delay, found or given [s].
+    - `lag_std`, `delay_std`: their standard deviations [s]; None for what was given or has no
+      meaning.
+    - `total_std`: standard deviation of lag plus delay [s].
+    - `free`: which times a fit finds again together with everything else (`FreeTiming.names`): the
+      identifiable ones.
+    - `additional`: times by which the signals' slopes are made, too: one may be set free later.
+    - `reached`: where the other parameters of the fit that found it ended: the next one begins
+      there.
+    - `bands`: what that fit was made to.
     """
 
     response: MotorResponse

@@ -40,14 +40,9 @@ CHUNK_ROWS = 16_384
 class LowPass:
     """A zero-phase Butterworth low-pass, and the decimation that follows it.
 
-    Attributes
-    ----------
-    cutoff
-        Of the forward and backward pass together [Hz].
-    samples_per_period
-        How many samples to keep per cut-off period; None keeps all.
-    order
-        Of one pass.
+    - `cutoff`: of the forward and backward pass together [Hz].
+    - `samples_per_period`: how many samples to keep per cut-off period; None keeps all.
+    - `order`: of one pass.
     """
 
     cutoff: float
@@ -144,17 +139,11 @@ def _filtered_chunks(
 class BandPlan:
     """How a flight is cut into stretches and frequency bands.
 
-    Attributes
-    ----------
-    edges
-        Of the bands [Hz]; lines below the first and above the last are not used. A first edge of
-        0 keeps the lines up to the second edge, which hold the mean, as a band of their own.
-    longest
-        A stretch longer than this is cut into equal parts [s].
-    fewest_lines
-        A band with fewer frequency lines is merged with the next.
-    taper
-        Share of a stretch in the two cosine ends of its window.
+    - `edges`: of the bands [Hz]; lines below the first and above the last are not used. A first
+      edge of 0 keeps the lines up to the second edge, which hold the mean, as a band of their own.
+    - `longest`: a stretch longer than this is cut into equal parts [s].
+    - `fewest_lines`: a band with fewer frequency lines is merged with the next.
+    - `taper`: share of a stretch in the two cosine ends of its window.
     """
 
     edges: tuple[float, ...]

@@ -15,17 +15,11 @@ from rotorfit.results.result import Derived, IdentificationResult, Parameter, ve
 class Entry:
     """A number as one result has it.
 
-    Attributes
-    ----------
-    value, interval
-        SI; None where the result has none. The interval is 95 %.
-    verdict
-        None for derived numbers that have none, and for what is not in the result.
-    difference
-        From the first result, as a fraction of its value; None for the first, where either has no
-        value, and where the first is zero.
-    overlap
-        Whether the interval meets that of the first; None where either has none.
+    - `value`, `interval`: SI; None where the result has none. The interval is 95 %.
+    - `verdict`: None for derived numbers that have none, and for what is not in the result.
+    - `difference`: from the first result, as a fraction of its value; None for the first, where
+      either has no value, and where the first is zero.
+    - `overlap`: whether the interval meets that of the first; None where either has none.
     """
 
     value: float | None

@@ -33,12 +33,8 @@ _NOT_BELOW_ZERO: Final = re.compile(r"Jr|motor_lag(_up|_down)?")
 class Estimated:
     """A number of a vehicle as it was estimated.
 
-    Attributes
-    ----------
-    value, std, unit
-        SI; a number of which no std is known (0) stands still.
-    column
-        Its place in the joint covariance; None where it stands apart.
+    - `value`, `std`, `unit`: SI; a number of which no std is known (0) stands still.
+    - `column`: its place in the joint covariance; None where it stands apart.
     """
 
     value: float

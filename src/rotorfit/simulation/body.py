@@ -125,16 +125,12 @@ against a turn about z per rate [N m s/rad]."""
 class RigidBody:
     """The inertial parameters, in the form that the inner loop reads.
 
-    Attributes
-    ----------
-    mass, first_moments, inertia
-        Mass, mass times centre of mass, and inertia Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the origin.
-    inverse_com_inertia
-        The same elements of the inverse of the inertia about the centre of mass [1/(kg m^2)].
-    drag
-        Force per velocity along each body axis [N s/m].
-    drag_position
-        Where it acts, from the origin [m].
+    - `mass`, `first_moments`, `inertia`: mass, mass times centre of mass, and inertia Ixx, Iyy,
+      Izz, Ixy, Ixz, Iyz about the origin.
+    - `inverse_com_inertia`: the same elements of the inverse of the inertia about the centre of
+      mass [1/(kg m^2)].
+    - `drag`: force per velocity along each body axis [N s/m].
+    - `drag_position`: where it acts, from the origin [m].
     """
 
     mass: float
@@ -273,16 +269,11 @@ Decay = tuple[Float[np.ndarray, "k 1"], Float[np.ndarray, "k 1"]]
 class Rotors:
     """The rotors of one vehicle, as constant matrices.
 
-    Attributes
-    ----------
-    wrench_matrix
-        Columns: force [N] and torque about the body origin [N m], angular momentum relative to the
-        body [N m s], and torque against a turn about z per rate [N m s/rad]. Rows: per squared
-        speed, per speed, and per slope of the speed of each rotor.
-    lag
-        Time constant of the speed towards its command [s].
-    lag_down
-        The same while it falls [s].
+    - `wrench_matrix`: columns: force [N] and torque about the body origin [N m], angular momentum
+      relative to the body [N m s], and torque against a turn about z per rate [N m s/rad]. Rows:
+      per squared speed, per speed, and per slope of the speed of each rotor.
+    - `lag`: time constant of the speed towards its command [s].
+    - `lag_down`: the same while it falls [s].
     """
 
     wrench_matrix: Float[np.ndarray, "three_N 10"]

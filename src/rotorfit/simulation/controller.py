@@ -33,23 +33,15 @@ from rotorfit.simulation.truth import GRAVITY, Truth
 class Gains:
     """Gains of the loops, from the outermost to the innermost.
 
-    Attributes
-    ----------
-    position, velocity
-        Horizontal acceleration per error [1/s^2, 1/s].
-    height, climb
-        Vertical acceleration per error [1/s^2, 1/s].
-    hold_tilt
-        Largest tilt that the position hold may add to a stick [rad].
-    attitude
-        Rate per angle about each body axis [1/s].
-    rate
-        Angular acceleration per rate error about each body axis [1/s].
-    damping
-        Fraction of the angular acceleration that is fed back; 1 halves the motor lag. None about
-        yaw, where the reaction of rotors with inertia acts at once and would ring.
-    integral
-        Growth of the torque trim about each body axis, as angular acceleration per angle [1/s^2].
+    - `position`, `velocity`: horizontal acceleration per error [1/s^2, 1/s].
+    - `height`, `climb`: vertical acceleration per error [1/s^2, 1/s].
+    - `hold_tilt`: largest tilt that the position hold may add to a stick [rad].
+    - `attitude`: rate per angle about each body axis [1/s].
+    - `rate`: angular acceleration per rate error about each body axis [1/s].
+    - `damping`: fraction of the angular acceleration that is fed back; 1 halves the motor lag. None
+      about yaw, where the reaction of rotors with inertia acts at once and would ring.
+    - `integral`: growth of the torque trim about each body axis, as angular acceleration per angle
+      [1/s^2].
     """
 
     position: float = 0.5
@@ -67,19 +59,12 @@ class Gains:
 class Autopilot:
     """The autopilot of one vehicle.
 
-    Attributes
-    ----------
-    mass, inertia
-        What it believes of the vehicle: mass [kg] and diagonal of the inertia [kg m^2].
-    mixer
-        Squared speeds per vertical force and torque, the pseudo-inverse of the allocation; a row
-        for each rotor.
-    speed_limits
-        Lowest speed of a running motor and highest speed [rad/s].
-    period
-        Time between two commands [s].
-    gains
-        Of the loops.
+    - `mass`, `inertia`: what it believes of the vehicle: mass [kg] and diagonal of the inertia [kg
+      m^2].
+    - `mixer`: squared speeds per vertical force and torque, the pseudo-inverse of the allocation; a
+      row for each rotor.
+    - `speed_limits`: lowest speed of a running motor and highest speed [rad/s].
+    - `period`: time between two commands [s].
     """
 
     mass: float
@@ -93,16 +78,10 @@ class Autopilot:
 class Memory(NamedTuple):
     """What the autopilot remembers from one sample to the next.
 
-    Attributes
-    ----------
-    yaw
-        Heading asked for [rad].
-    trim
-        Integrated torque [N m].
-    angular_velocity
-        Of the last sample [rad/s].
-    asked
-        Body rates that the attitude loop asked for [rad/s].
+    - `yaw`: heading asked for [rad].
+    - `trim`: integrated torque [N m].
+    - `angular_velocity`: of the last sample [rad/s].
+    - `asked`: body rates that the attitude loop asked for [rad/s].
     """
 
     yaw: float

@@ -45,12 +45,8 @@ PAPER_ARM: Final = 0.20
 class SimulatedVehicle(NamedTuple):
     """A vehicle to simulate.
 
-    Attributes
-    ----------
-    truth
-        What it really is.
-    vehicle
-        What is known of it: where its rotors and its IMU are.
+    - `truth`: what it really is.
+    - `vehicle`: what is known of it: where its rotors and its IMU are.
     """
 
     truth: Truth
@@ -189,16 +185,10 @@ PAIR_ANGLE: Final = pi / 4
 class FlownConfiguration:
     """One configuration of a simulated experiment.
 
-    Attributes
-    ----------
-    name
-        Its name; flights are named after it.
-    simulated
-        What flies, and what is known of it.
-    sensors
-        What measures it.
-    weight
-        The paper's k_w.
+    - `name`: its name; flights are named after it.
+    - `simulated`: what flies, and what is known of it.
+    - `sensors`: what measures it.
+    - `weight`: the paper's k_w.
     """
 
     name: str
@@ -211,12 +201,9 @@ class FlownConfiguration:
 class ExperimentPlan:
     """A simulated experiment, before it is flown.
 
-    Attributes
-    ----------
-    scenario, quality, seed, seconds
-        As asked for; seconds between take-off and landing of each flight [s].
-    configurations
-        Each is flown once for the fit and once for validation.
+    - `scenario`, `quality`, `seed`, `seconds`: as asked for; seconds between take-off and landing
+      of each flight [s].
+    - `configurations`: each is flown once for the fit and once for validation.
     """
 
     scenario: ScenarioName

@@ -54,26 +54,17 @@ from rotorfit.simulation.truth import GRAVITY, Truth
 class Scenario:
     """How the vehicle is flown and what measures it.
 
-    Attributes
-    ----------
-    seconds
-        Duration of the flight between take-off and landing [s].
-    ground_seconds
-        Rest before take-off and after landing; 0: the flight begins and ends in hover [s].
-    sticks
-        What the pilot does.
-    sensors
-        Errors of what is logged.
-    sample_rate
-        Of the autopilot and of the log [Hz].
-    physics_rate
-        Least number of Runge-Kutta steps per second [Hz].
-    thrust_to_weight
-        Full thrust over weight.
-    gains
-        Of the autopilot.
-    gyro_noise_in_loop
-        Whether the autopilot acts on the noise of its gyro, as real ones do, or on the true rates.
+    - `seconds`: duration of the flight between take-off and landing [s].
+    - `ground_seconds`: rest before take-off and after landing; 0: the flight begins and ends in
+      hover [s].
+    - `sticks`: what the pilot does.
+    - `sensors`: errors of what is logged.
+    - `sample_rate`: of the autopilot and of the log [Hz].
+    - `physics_rate`: least number of Runge-Kutta steps per second [Hz].
+    - `thrust_to_weight`: full thrust over weight.
+    - `gains`: of the autopilot.
+    - `gyro_noise_in_loop`: whether the autopilot acts on the noise of its gyro, as real ones do, or
+      on the true rates.
     """
 
     seconds: float = 75.0
@@ -94,16 +85,11 @@ class Scenario:
 class _Stretch(NamedTuple):
     """A part of the time between two samples in which the command that acts is constant.
 
-    Attributes
-    ----------
-    samples_ago
-        How old that command is.
-    h
-        Length of a Runge-Kutta step [s].
-    fractions
-        Beginning, middle, end, middle, end ... of the steps, as fractions of the sample period.
-    decay
-        exp(-t/lag) at the same instants, t from the beginning of the stretch.
+    - `samples_ago`: how old that command is.
+    - `h`: length of a Runge-Kutta step [s].
+    - `fractions`: beginning, middle, end, middle, end ... of the steps, as fractions of the sample
+      period.
+    - `decay`: exp(-t/lag) at the same instants, t from the beginning of the stretch.
     """
 
     samples_ago: int

@@ -24,16 +24,11 @@ Shape = Literal["noise", "turns", "doublets"]
 class Stick:
     """One stick of the pilot.
 
-    Attributes
-    ----------
-    band
-        Lowest and highest frequency of its movement [Hz].
-    rms
-        Of its movement, in the unit of what it commands.
-    shape
-        ``"noise"``: anything within the band. ``"turns"``: to one side and to the other, half a
-        period of the band's lowest frequency each. ``"doublets"``: out and back to the other side
-        within a period of the highest frequency, again after each period of the lowest.
+    - `band`: lowest and highest frequency of its movement [Hz].
+    - `rms`: of its movement, in the unit of what it commands.
+    - `shape`: ``"noise"``: anything within the band. ``"turns"``: to one side and to the other,
+      half a period of the band's lowest frequency each. ``"doublets"``: out and back to the other
+      side within a period of the highest frequency, again after each period of the lowest.
     """
 
     band: tuple[float, float]
@@ -45,14 +40,9 @@ class Stick:
 class Sticks:
     """The pilot's four sticks; the defaults fill a hall of 6 x 4 x 4 m.
 
-    Attributes
-    ----------
-    roll, pitch
-        Angles in the heading's axes [rad].
-    yaw
-        Rate about the vertical [rad/s].
-    climb
-        Vertical acceleration [m/s^2].
+    - `roll`, `pitch`: angles in the heading's axes [rad].
+    - `yaw`: rate about the vertical [rad/s].
+    - `climb`: vertical acceleration [m/s^2].
     """
 
     roll: Stick = Stick(band=(0.2, 1.3), rms=0.16)
@@ -73,16 +63,12 @@ STILL: Final = Sticks(
 class Reference(NamedTuple):
     """What the pilot asks for at one instant.
 
-    Attributes
-    ----------
-    roll, pitch, yaw_rate, climb
-        The sticks, see `Sticks`.
-    height, height_rate
-        Where the origin should be above the start, and how fast it should rise [m, m/s].
-    throttle
-        Factor of the thrust: 0 with the motors off, 1 in flight, between while they spool up.
-    landing
-        1 from the end of the flight on: touching the ground stops the motors.
+    - `roll`, `pitch`, `yaw_rate`, `climb`: the sticks, see `Sticks`.
+    - `height`, `height_rate`: where the origin should be above the start, and how fast it should
+      rise [m, m/s].
+    - `throttle`: factor of the thrust: 0 with the motors off, 1 in flight, between while they spool
+      up.
+    - `landing`: 1 from the end of the flight on: touching the ground stops the motors.
     """
 
     roll: float

@@ -16,20 +16,15 @@ from rotorfit.simulation.truth import Truth
 class Sensors:
     """Errors of the sensors: white noise, constant bias, and the smallest step of the log.
 
-    Attributes
-    ----------
-    gyro_std, accel_std, rotor_speed_std
-        Standard deviation of the noise of each component [rad/s, m/s^2, rad/s].
-    gyro_bias, accel_bias
-        Constant, body axes [rad/s, m/s^2].
-    gyro_resolution, accel_resolution, rotor_speed_resolution
-        Smallest step; 0 for none [rad/s, m/s^2, rad/s].
-    position_std, attitude_std
-        Noise of each component of the motion-capture pose [m, rad].
-    pose_rate
-        Frames of the motion capture per second; 0: one with every sample of the log [Hz].
-    pose_delay
-        How much later than it was a pose stands in the log [s].
+    - `gyro_std`, `accel_std`, `rotor_speed_std`: standard deviation of the noise of each component
+      [rad/s, m/s^2, rad/s].
+    - `gyro_bias`, `accel_bias`: constant, body axes [rad/s, m/s^2].
+    - `gyro_resolution`, `accel_resolution`, `rotor_speed_resolution`: smallest step; 0 for none
+      [rad/s, m/s^2, rad/s].
+    - `position_std`, `attitude_std`: noise of each component of the motion-capture pose [m, rad].
+    - `pose_rate`: frames of the motion capture per second; 0: one with every sample of the log
+      [Hz].
+    - `pose_delay`: how much later than it was a pose stands in the log [s].
     """
 
     gyro_std: float = 0.0
@@ -103,47 +98,27 @@ class SimulatedFlight:
     acceleration and, where rotors have inertia, the angular acceleration and the specific force:
     the values given are the limits from the right, under the new command.
 
-    Attributes
-    ----------
-    truth, vehicle
-        What flew.
-    sensors
-        What measured it.
-    sample_rate
-        Samples per second [Hz].
-    time
-        From the first sample [s].
-    attitude_wxyz
-        Rotation of body (FLU) to world (z up) as a unit quaternion.
-    position
-        Of the body origin, world axes [m].
-    velocity
-        Of the body origin, world axes [m/s].
-    specific_force
-        Acceleration minus gravity at the body origin, body axes [m/s^2].
-    specific_force_imu
-        The same at the accelerometer's place.
-    angular_velocity, angular_acceleration
-        Body axes [rad/s, rad/s^2].
-    rotor_speed, rotor_acceleration
-        Magnitude [rad/s], and its time derivative [rad/s^2].
-    commanded_speed
-        Set at this sample and held until the next [rad/s].
-    reference
-        Body rates that the attitude loop asked the rate loop for [rad/s].
-    max_speed
-        The speed that a full command asks for [rad/s].
-    external_wrench
-        Force and torque about the body origin that neither rotors nor gravity exert: drag,
-        disturbance, and the ground's reaction, body axes [N, N m].
-    airborne
-        False while the vehicle stands on the ground.
-    gyro, accel, rotor_speed_measured
-        As logged: body axes [rad/s], at the accelerometer's place [m/s^2], and [rad/s].
-    pose_time
-        When each frame of the motion capture was logged [s].
-    position_measured, attitude_wxyz_measured
-        As logged by motion capture, at `pose_time`.
+    - `truth`, `vehicle`: what flew.
+    - `sensors`: what measured it.
+    - `sample_rate`: samples per second [Hz].
+    - `time`: from the first sample [s].
+    - `attitude_wxyz`: rotation of body (FLU) to world (z up) as a unit quaternion.
+    - `position`: of the body origin, world axes [m].
+    - `velocity`: of the body origin, world axes [m/s].
+    - `specific_force`: acceleration minus gravity at the body origin, body axes [m/s^2].
+    - `specific_force_imu`: the same at the accelerometer's place.
+    - `angular_velocity`, `angular_acceleration`: body axes [rad/s, rad/s^2].
+    - `rotor_speed`, `rotor_acceleration`: magnitude [rad/s], and its time derivative [rad/s^2].
+    - `commanded_speed`: set at this sample and held until the next [rad/s].
+    - `reference`: body rates that the attitude loop asked the rate loop for [rad/s].
+    - `max_speed`: the speed that a full command asks for [rad/s].
+    - `external_wrench`: force and torque about the body origin that neither rotors nor gravity
+      exert: drag, disturbance, and the ground's reaction, body axes [N, N m].
+    - `airborne`: False while the vehicle stands on the ground.
+    - `gyro`, `accel`, `rotor_speed_measured`: as logged: body axes [rad/s], at the accelerometer's
+      place [m/s^2], and [rad/s].
+    - `pose_time`: when each frame of the motion capture was logged [s].
+    - `position_measured`, `attitude_wxyz_measured`: as logged by motion capture, at `pose_time`.
     """
 
     truth: Truth

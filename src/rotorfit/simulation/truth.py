@@ -15,40 +15,26 @@ GRAVITY = 9.80665
 class Truth:
     """The physical parameters of a simulated multirotor, body axes FLU, SI units.
 
-    Attributes
-    ----------
-    mass
-        Of the whole vehicle [kg].
-    first_moments
-        Mass times the position of the centre of mass from the body origin [kg m].
-    inertia
-        Tensor elements Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the body origin, rotors (as if they
-        stood still) included; Ixy = -int x y dm [kg m^2].
-    kt, kd
-        Thrust and drag torque of a rotor per squared speed [N s^2/rad^2, N m s^2/rad^2].
-    Jr
-        Inertia of one rotor about its axis [kg m^2].
-    kt_spread
-        Factor of each rotor's own thrust coefficient to kt; empty for all ones.
-    motor_lag
-        Time constant of the rotor speed towards the commanded one; 0 follows at once [s].
-    motor_lag_down
-        The same while the speed falls [s]; None: as it rises.
-    motor_delay
-        Time that a command takes before the motor sees it [s].
-    drag
-        Force per velocity along each body axis [N s/m].
-    drag_position
-        Where it acts, by the velocity there, from the body origin [m].
-    rotor_drag
-        Force on a rotor per speed and per velocity with which a turn about z carries it through
-        the air [N s^2/(m rad)].
-    kd_linear
-        Drag torque of a rotor per speed [N m s/rad].
-    disturbance_force_std, disturbance_torque_std
-        Of each component of the disturbing wrench about the body origin [N, N m].
-    disturbance_bandwidth
-        Corner frequency of the disturbance, a first-order Gauss-Markov process [Hz].
+    - `mass`: of the whole vehicle [kg].
+    - `first_moments`: mass times the position of the centre of mass from the body origin [kg m].
+    - `inertia`: tensor elements Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the body origin, rotors (as if
+      they stood still) included; Ixy = -int x y dm [kg m^2].
+    - `kt`, `kd`: thrust and drag torque of a rotor per squared speed [N s^2/rad^2, N m s^2/rad^2].
+    - `Jr`: inertia of one rotor about its axis [kg m^2].
+    - `kt_spread`: factor of each rotor's own thrust coefficient to kt; empty for all ones.
+    - `motor_lag`: time constant of the rotor speed towards the commanded one; 0 follows at once
+      [s].
+    - `motor_lag_down`: the same while the speed falls [s]; None: as it rises.
+    - `motor_delay`: time that a command takes before the motor sees it [s].
+    - `drag`: force per velocity along each body axis [N s/m].
+    - `drag_position`: where it acts, by the velocity there, from the body origin [m].
+    - `rotor_drag`: force on a rotor per speed and per velocity with which a turn about z carries it
+      through the air [N s^2/(m rad)].
+    - `kd_linear`: drag torque of a rotor per speed [N m s/rad].
+    - `disturbance_force_std`, `disturbance_torque_std`: of each component of the disturbing wrench
+      about the body origin [N, N m].
+    - `disturbance_bandwidth`: corner frequency of the disturbance, a first-order Gauss-Markov
+      process [Hz].
     """
 
     mass: float

@@ -82,19 +82,12 @@ def settling_time(flight: ModelFlight) -> float | None:
 class FlyOutcome:
     """Everything that was flown with one configuration of a result.
 
-    Attributes
-    ----------
-    seconds
-        Length of a window [s].
-    draws
-        From the covariance of the result, which make the band.
-    labels
-        Whose parameters: ``identified``, then the others.
-    manoeuvres
-        By label: the identified model, flown by an autopilot tuned to those parameters; empty
-        where there is no MuJoCo.
-    doubtful
-        Names of doubtful numbers that the model rests on.
+    - `seconds`: length of a window [s].
+    - `draws`: from the covariance of the result, which make the band.
+    - `labels`: whose parameters: ``identified``, then the others.
+    - `manoeuvres`: by label: the identified model, flown by an autopilot tuned to those parameters;
+      empty where there is no MuJoCo.
+    - `doubtful`: names of doubtful numbers that the model rests on.
     """
 
     name: str

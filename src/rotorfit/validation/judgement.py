@@ -55,19 +55,14 @@ WORDS: Final[Mapping[Level, str]] = {
 class AxisJudgement:
     """The judgement of thrust or one axis of a model.
 
-    Attributes
-    ----------
-    axis
-        ``thrust``, ``roll``, ``pitch`` or ``yaw``.
-    level
-        ``good``; ``with-feedback``: slow moments are right, rates without feedback are soon worse
-        than constant ones; ``rough``; ``nothing``: the error is as large as what is predicted.
-    wrench_error
-        Force or moment below 3 Hz that the rotors leave, over theirs; None where not known.
-    over_held
-        Error of the rates at the end of a window over that of rates held; None without a replay.
-    right_for
-        How long the rates stay within `GOOD_SHARE` of what was flown [s].
+    - `axis`: ``thrust``, ``roll``, ``pitch`` or ``yaw``.
+    - `level`: ``good``; ``with-feedback``: slow moments are right, rates without feedback are soon
+      worse than constant ones; ``rough``; ``nothing``: the error is as large as what is predicted.
+    - `wrench_error`: force or moment below 3 Hz that the rotors leave, over theirs; None where not
+      known.
+    - `over_held`: error of the rates at the end of a window over that of rates held; None without a
+      replay.
+    - `right_for`: how long the rates stay within `GOOD_SHARE` of what was flown [s].
     """
 
     axis: str

@@ -60,12 +60,9 @@ NORMAL_95: Final = 1.96
 class Predicted:
     """Predictions by one set of parameters in K windows.
 
-    Attributes
-    ----------
-    rates, rates_std
-        At each instant, and the deviation of the draws; zeros without draws [rad/s].
-    force
-        Specific force at the accelerometer, means over blocks [m/s^2].
+    - `rates`, `rates_std`: at each instant, and the deviation of the draws; zeros without draws
+      [rad/s].
+    - `force`: specific force at the accelerometer, means over blocks [m/s^2].
     """
 
     label: str
@@ -78,18 +75,11 @@ class Predicted:
 class Replay:
     """One flight in windows: flown, and predicted by one or more sets of parameters.
 
-    Attributes
-    ----------
-    time
-        Since the log's first sample [s].
-    block
-        Duration of a block of the accelerations [s].
-    rates, force
-        As flown, smoothed [rad/s], and means over blocks [m/s^2].
-    predicted
-        The first one is the result's.
-    comparison
-        Of the wrenches of the same flight; None where it is too short.
+    - `time`: since the log's first sample [s].
+    - `block`: duration of a block of the accelerations [s].
+    - `rates`, `force`: as flown, smoothed [rad/s], and means over blocks [m/s^2].
+    - `predicted`: the first one is the result's.
+    - `comparison`: of the wrenches of the same flight; None where it is too short.
     """
 
     flight: str
@@ -326,7 +316,6 @@ def replay_flights(
     *,
     others: Sequence[Path] = (),
     log_number: int | None = None,
-    seconds: float = WINDOW,
     report: Callable[[str], None] | None = None,
 ) -> list[Replay]:
     """Replay a configuration's flights, of the fit and kept apart, or other logs in their place.
@@ -342,7 +331,7 @@ def replay_flights(
         if report is not None:
             report(f"replaying {Path(entry.file).name}")
         used = load_flight(entry, experiment) if entries else _unchanged(result, experiment, entry)
-        replays.append(_replayed(result, used, owner, vehicles, seconds=seconds))
+        replays.append(_replayed(result, used, owner, vehicles))
     return replays
 
 
@@ -351,8 +340,6 @@ def _replayed(
     used: LoadedFlight,
     owner: str,
     vehicles: Mapping[str, Timed],
-    *,
-    seconds: float = WINDOW,
 ) -> Replay:
     """Replay one loaded flight, and compare its wrenches."""
     found = replay(
@@ -367,7 +354,6 @@ def _replayed(
         flight=Path(used.entry.file).name,
         sha256=used.log.sha256,
         configuration=owner,
-        seconds=seconds,
     )
     try:
         compared = compare_wrenches(result, used, configuration=owner)

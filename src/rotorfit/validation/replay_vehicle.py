@@ -28,30 +28,17 @@ _ROTOR_KT: Final = re.compile(r"kt_[0-9]+")
 class ReplayVehicle:
     """D vehicles of one geometry, the nominal one first, body axes FLU.
 
-    Attributes
-    ----------
-    mass
-        [kg]
-    com
-        From the origin [m].
-    inertia
-        About the CoM [kg m^2].
-    thrust
-        Force of each rotor per squared speed [N s^2/rad^2].
-    torque
-        Torque of each rotor about the CoM per squared speed [N m s^2/rad^2].
-    speed_torque
-        Torque of each rotor per speed [N m s/rad].
-    spin
-        Angular momentum of each rotor per speed [kg m^2].
-    damping
-        Torque of each rotor against a turn about z, per rate and speed [N m s^2/rad^2].
-    offset
-        Torque that does not change [N m].
-    accel_bias
-        [m/s^2]
-    imu
-        Place of the accelerometer from the origin [m].
+    - `mass`: [kg]
+    - `com`: from the origin [m].
+    - `inertia`: about the CoM [kg m^2].
+    - `thrust`: force of each rotor per squared speed [N s^2/rad^2].
+    - `torque`: torque of each rotor about the CoM per squared speed [N m s^2/rad^2].
+    - `speed_torque`: torque of each rotor per speed [N m s/rad].
+    - `spin`: angular momentum of each rotor per speed [kg m^2].
+    - `damping`: torque of each rotor against a turn about z, per rate and speed [N m s^2/rad^2].
+    - `offset`: torque that does not change [N m].
+    - `accel_bias`: [m/s^2]
+    - `imu`: place of the accelerometer from the origin [m].
     """
 
     mass: Float[np.ndarray, " D"]
@@ -124,7 +111,6 @@ def replay_vehicle(
     *,
     assumed: Mapping[str, float] | None = None,
     draws: int = 0,
-    seed: int = 0,
 ) -> ReplayVehicle:
     """Build the vehicle of a configuration, and draws of it from the result's covariance.
 
@@ -137,7 +123,7 @@ def replay_vehicle(
     given = unknown_body(result, owner, assumed) | dict(assumed or {})
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
-    values = about_com(_with(_drawn(result, owner, SPARE * draws, seed), given, result, owner))
+    values = about_com(_with(_drawn(result, owner, SPARE * draws), given, result, owner))
     # About the CoM the result may know what at the origin it does not: then without draws.
     scale = given.get("mass", 1.0) if result.parameter("mass", owner).value is None else 1.0
     for d in result.derived:
@@ -165,11 +151,11 @@ def replay_vehicle(
     return replace(stack, **{name: getattr(stack, name)[rows] for name in stacked})
 
 
-def _drawn(result: IdentificationResult, owner: str, draws: int, seed: int) -> Values:
+def _drawn(result: IdentificationResult, owner: str, draws: int) -> Values:
     """Draw the known parameters of a configuration, the nominal ones first."""
     shift = np.zeros((1 + draws, len(result.covariance_names)))
     if draws and result.covariance_names:
-        shift[1:] = normal_draws(result.covariance, draws, np.random.default_rng(seed))
+        shift[1:] = normal_draws(result.covariance, draws, np.random.default_rng(0))
     columns = {name: i for i, name in enumerate(result.covariance_names)}
     values: Values = {"mass": np.ones(1 + draws)}
     for p in result.parameters:

@@ -72,17 +72,11 @@ TINY: Final = float(np.finfo(float).tiny)
 class WrenchSpectra:
     """Spectra of all compared flights together.
 
-    Attributes
-    ----------
-    frequency
-        Rising, without 0 [Hz].
-    coherence, ratio
-        Of rotor and body wrench, by component, and the amplitude of the rotor wrench over that of
-        the difference.
-    random_level
-        Of the coherence of unrelated signals: 95 % are below.
-    seconds
-        How much of the flights is in them [s].
+    - `frequency`: rising, without 0 [Hz].
+    - `coherence`, `ratio`: of rotor and body wrench, by component, and the amplitude of the rotor
+      wrench over that of the difference.
+    - `random_level`: of the coherence of unrelated signals: 95 % are below.
+    - `seconds`: how much of the flights is in them [s].
     """
 
     frequency: Float[np.ndarray, " f"]

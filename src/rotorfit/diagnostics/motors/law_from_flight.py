@@ -39,15 +39,10 @@ GIVE: Final = "log the rotor speed, or measure thrust over command and give law 
 class FoundLaw:
     """The law from command to relative speed by a flight.
 
-    Attributes
-    ----------
-    exponent
-        Of the relative speed over the command.
-    ratio
-        k_t by changes of thrust over k_t by the weight, with speeds in proportion to the command;
-        None where the flight does not show it.
-    hover
-        Rms command of the flights, 0 to 1.
+    - `exponent`: of the relative speed over the command.
+    - `ratio`: k_t by changes of thrust over k_t by the weight, with speeds in proportion to the
+      command; None where the flight does not show it.
+    - `hover`: rms command of the flights, 0 to 1.
     """
 
     exponent: Measured

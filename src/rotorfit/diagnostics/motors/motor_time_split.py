@@ -24,7 +24,7 @@ from rotorfit.diagnostics.sensors.sensor_response import (
     flight_ratios,
 )
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.timing.onboard_filter import lowpass_of
+from rotorfit.fit.timing.timing_fit import lowpass_of
 from rotorfit.reduction.motor_timing import MotorTiming
 
 TIMES: Final = ("motor_lag", "motor_delay")

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.dataset.dataset import LoadedFlight
-from rotorfit.diagnostics.sensors.sensor_spectra import (
+from rotorfit.diagnostics.sensors.sensor_response import (
     FED_BACK,
     LIFT,
     TURNS,

@@ -21,8 +21,8 @@ from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.timing.onboard_filter import filter_delay, lowpass_of
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.fit.timing.timing_fit import filter_delay, lowpass_of
 from rotorfit.logs.formats import FORMATS
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.model.terms.air import VELOCITY

@@ -79,16 +79,10 @@ def _mean_ratios(
 ) -> Float[np.ndarray, " 3"]:
     """Return the mean over parts of explained over residual power in the pilot's band.
 
-    Parameters
-    ----------
-    factors
-        Of one configuration.
-    power
-        Sums of squares of its angular accelerations, and of what the fit leaves of them.
-    parts
-        Number of the part to which each block belongs.
-    kept
-        Blocks that are averaged, axis by axis.
+    - `factors`: of one configuration.
+    - `power`: sums of squares of its angular accelerations, and of what the fit leaves of them.
+    - `parts`: number of the part to which each block belongs.
+    - `kept`: blocks that are averaged, axis by axis.
     """
     inside = kept & in_pilot_band(factors)[:, None]
     rows = factors.rows[:, None] * inside

@@ -165,17 +165,11 @@ LONGEST_LEVER = 0.15
 class Numbers:
     """Physical numbers of all configurations, with their intervals.
 
-    Attributes
-    ----------
-    names
-        ``kt`` for what is shared, ``Ixx_com@A`` for what belongs to a configuration; estimated row
-        by row there is one, and it is not named.
-    values, half_width
-        SI, per kilogram where the mass is unknown; half of the 95 % interval.
-    correlation
-        Between them, from the covariance of the fit.
-    excitation
-        rho of each configuration and axis, by ``roll@A`` (row by row: ``roll``).
+    - `names`: ``kt`` for what is shared, ``Ixx_com@A`` for what belongs to a configuration;
+      estimated row by row there is one, and it is not named.
+    - `values`, `half_width`: SI, per kilogram where the mass is unknown; half of the 95 % interval.
+    - `correlation`: between them, from the covariance of the fit.
+    - `excitation`: rho of each configuration and axis, by ``roll@A`` (row by row: ``roll``).
     """
 
     names: tuple[str, ...]

@@ -42,12 +42,8 @@ response goes with frequency is assumed, and the scale of yaw depends on that of
 class ClosedLoopResponse:
     """An autopilot's response to roll, pitch, yaw and climb errors, over the nominal one.
 
-    Attributes
-    ----------
-    beyond
-        How much more than the nominal one.
-    open
-        Half of its 95 % interval; 1 before the flights.
+    - `beyond`: how much more than the nominal one.
+    - `open`: half of its 95 % interval; 1 before the flights.
     """
 
     beyond: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)

@@ -128,16 +128,9 @@ def _followed(configuration: JointConfiguration) -> Bool[np.ndarray, " b"]:
 class Pushes:
     """What a regression of the errors of one turn by those of the forces needs, block by block.
 
-    Attributes
-    ----------
-    squares
-        Of the forces' errors with one another.
-    shared
-        Of theirs with the turn's.
-    power
-        Sum of squares of the turn's.
-    rows
-        Number of rows.
+    - `squares`: of the forces' errors with one another.
+    - `shared`: of theirs with the turn's.
+    - `power`: sum of squares of the turn's.
     """
 
     squares: Float[np.ndarray, "b p p"]

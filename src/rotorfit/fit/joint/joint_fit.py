@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import Final, TypedDict
 
 import numpy as np
 
@@ -33,19 +33,24 @@ SMALLEST_BODY: Final = 1e-6
 class FittedFactors:
     """A fit's factors and values, to fit it again alone or with other flights; without samples.
 
-    Attributes
-    ----------
-    configurations
-        Factors at the timing that was found, with what counts of them.
-    terms
-        Optional terms of the model.
-    values
-        Free parameters of the fit by name, to begin with.
+    - `configurations`: factors at the timing that was found, with what counts of them.
+    - `terms`: optional terms of the model.
+    - `values`: free parameters of the fit by name, to begin with.
     """
 
     configurations: tuple[JointConfiguration, ...]
     terms: tuple[str, ...]
     values: Mapping[str, float]
+
+
+class FitSettings(TypedDict, total=False):
+    """The options of `joint_fit` with which a fit is made again; as there by default."""
+
+    top: float
+    begin: Mapping[str, float] | None
+    guess: Mapping[str, float] | None
+    known: Mapping[str, tuple[float, float]]
+    least_ratio: float
 
 
 def joint_fit(
@@ -60,23 +65,14 @@ def joint_fit(
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit of all flights, and its configurations with what counts.
 
-    Parameters
-    ----------
-    dataset
-        With the timing of the motors, and what the fit may move of it.
-    top
-        Only bands that begin under this edge are fitted [Hz].
-    terms
-        Optional terms of the model.
-    begin
-        Where to begin, near enough to tell the pilot's motion from disturbances; None: where a
-        first fit ends, of the turns in the pilot's band alone or, if that does not settle, of all.
-    guess
-        Where that one begins; None: at the row fits.
-    known
-        Mean and standard deviation of free parameters from elsewhere, by name.
-    least_ratio
-        As for `select_informative_bands`.
+    - `dataset`: with the timing of the motors, and what the fit may move of it.
+    - `top`: only bands that begin under this edge are fitted [Hz].
+    - `terms`: optional terms of the model.
+    - `begin`: where to begin, near enough to tell the pilot's motion from disturbances; None: where
+      a first fit ends, of the turns in the pilot's band alone or, if that does not settle, of all.
+    - `guess`: where that one begins; None: at the row fits.
+    - `known`: mean and standard deviation of free parameters from elsewhere, by name.
+    - `least_ratio`: as for `select_informative_bands`.
     """
     joint = [
         JointConfiguration(

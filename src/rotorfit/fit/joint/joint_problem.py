@@ -70,21 +70,13 @@ def joint_estimate(
 ) -> BandedEstimate:
     """Estimate all configurations together.
 
-    Parameters
-    ----------
-    configurations
-        Their factors per stretch and frequency band.
-    starts
-        The row fits of each, from which the iteration begins, or from those of the liveliest
-        flight for each row where that is likelier; empty if `begin` has all values.
-    known
-        Mean and standard deviation of free parameters from elsewhere, by name.
-    terms
-        Optional terms of the model.
-    begin
-        Better values to begin with, of free parameters that have them.
-    close
-        The iteration ends when no parameter moves by more than this share of its deviation.
+    - `configurations`: their factors per stretch and frequency band.
+    - `starts`: the row fits of each, from which the iteration begins, or from those of the
+      liveliest flight for each row where that is likelier; empty if `begin` has all values.
+    - `known`: mean and standard deviation of free parameters from elsewhere, by name.
+    - `terms`: optional terms of the model.
+    - `begin`: better values to begin with, of free parameters that have them.
+    - `close`: the iteration ends when no parameter moves by more than this share of its deviation.
     """
     problem = joint_problem(configurations, known=known, terms=terms)
     start = np.zeros(len(problem.map.names))

@@ -35,14 +35,8 @@ LIKELY = 2.0
 class Choice:
     """The terms of the model, and why.
 
-    Attributes
-    ----------
-    terms
-        In the model.
-    gains
-        Of the log-likelihood, by each further term that was looked at.
-    least_gain
-        For which they were added; None where the user chose.
+    - `gains`: of the log-likelihood, by each further term that was looked at.
+    - `least_gain`: for which they were added; None where the user chose.
     """
 
     terms: tuple[str, ...]

@@ -35,12 +35,8 @@ LEAST_MOVED: Final = 5e-4
 class Scatter:
     """Scatter of the flights of a configuration: deviations about their common values.
 
-    Attributes
-    ----------
-    moved
-        Of the centre of mass, as a share of the arm.
-    air
-        Of the density of the air, as a share of it.
+    - `moved`: of the centre of mass, as a share of the arm.
+    - `air`: of the density of the air, as a share of it.
     """
 
     moved: float = 0.01

@@ -20,15 +20,11 @@ from rotorfit.reduction.reduce import Lines, body_lines, yaw_factors
 class TimedDataset(Dataset):
     """A dataset with the timing of its motors, and its reduced flights.
 
-    Attributes
-    ----------
-    motor_timing
-        Where it was found.
-    law_found
-        Whether the law from command to speed was found in these flights, with changes of thrust.
-    body
-        Lines of the signals that the rotors have no part in, of each flight of each configuration:
-        made once (`reduced`), they serve every timing of the motors.
+    - `motor_timing`: where it was found.
+    - `law_found`: whether the law from command to speed was found in these flights, with changes of
+      thrust.
+    - `body`: lines of the signals that the rotors have no part in, of each flight of each
+      configuration: made once (`reduced`), they serve every timing of the motors.
     """
 
     motor_timing: MotorTiming | None = None

@@ -64,28 +64,19 @@ class Table:
 class BlackboxLog:
     """One decoded log.
 
-    Attributes
-    ----------
-    header
-        What the log declares.
-    main
-        I and P frames together.
-    is_intra
-        Which of the main frames are I frames.
-    slow, gps, home
-        S, G and H frames; without rows or columns where there are none.
-    events
-        E frames.
-    damaged_stretches, skipped_bytes
-        Where bytes had to be skipped to find the next frame, and how many in all.
-    dropped_frames
-        Whole frames left out: P frames after damage, and those with impossible times or numbers.
-    trailing_bytes
-        After the end-of-log event, or of the frame being written when recording stopped.
-    ended
-        Whether the log has an end-of-log event.
-    log_number, logs_in_file
-        Which log of the file this is (from 1), and how many there are.
+    - `header`: what the log declares.
+    - `main`: I and P frames together.
+    - `is_intra`: which of the main frames are I frames.
+    - `slow`, `gps`, `home`: S, G and H frames; without rows or columns where there are none.
+    - `events`: E frames.
+    - `damaged_stretches`, `skipped_bytes`: where bytes had to be skipped to find the next frame,
+      and how many in all.
+    - `dropped_frames`: whole frames left out: P frames after damage, and those with impossible
+      times or numbers.
+    - `trailing_bytes`: after the end-of-log event, or of the frame being written when recording
+      stopped.
+    - `ended`: whether the log has an end-of-log event.
+    - `log_number`, `logs_in_file`: which log of the file this is (from 1), and how many there are.
     """
 
     header: Header

@@ -36,20 +36,12 @@ Integers = Int[np.ndarray, "..."]
 class ByteIndex:
     """The bytes of one log, and the variable-byte numbers in them.
 
-    Attributes
-    ----------
-    data
-        The bytes, and eight zero bytes more so that a truncated frame can be read and refused.
-    rank
-        Number of bytes below 128 before each position.
-    ends
-        Position after each byte below 128.
-    values
-        Of the number that ends there, if it begins right after the one before.
-    overlong
-        Whether that number has more than five bytes.
-    size
-        Number of bytes of the log.
+    - `data`: the bytes, and eight zero bytes more so that a truncated frame can be read and
+      refused.
+    - `rank`: number of bytes below 128 before each position.
+    - `ends`: position after each byte below 128.
+    - `values`: of the number that ends there, if it begins right after the one before.
+    - `overlong`: whether that number has more than five bytes.
     """
 
     data: UInt8[np.ndarray, " m"]

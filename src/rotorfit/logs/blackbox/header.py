@@ -113,22 +113,14 @@ class FrameDefinition:
 class Header:
     """What the text header of one log declares.
 
-    Attributes
-    ----------
-    entries
-        Every header line, by name.
-    frames
-        By letter: I (complete), P (difference), S (slow), G (GPS), H (GPS home).
-    data_version
-        Of the encodings: 1 or 2.
-    i_interval
-        Loop iterations from one I frame to the next.
-    p_numerator, p_denominator
-        Of the iterations between, this fraction is logged.
-    start, data_start, stop
-        Byte offsets in the file: of the header, of the first frame, and after the last frame.
-    damaged_bytes
-        Bytes of the header that are no header line.
+    - `entries`: every header line, by name.
+    - `frames`: by letter: I (complete), P (difference), S (slow), G (GPS), H (GPS home).
+    - `data_version`: of the encodings: 1 or 2.
+    - `i_interval`: loop iterations from one I frame to the next.
+    - `p_numerator`, `p_denominator`: of the iterations between, this fraction is logged.
+    - `start`, `data_start`, `stop`: byte offsets in the file: of the header, of the first frame,
+      and after the last frame.
+    - `damaged_bytes`: bytes of the header that are no header line.
     """
 
     entries: Mapping[str, str]

@@ -127,24 +127,14 @@ _RUN, _MASKED_RUN, _TABLE = 0, 1, 2
 class Window:
     """The frames that begin in one part of a log, in the order of the file.
 
-    Attributes
-    ----------
-    index
-        Of the bytes of this part, and enough more for its last frame.
-    origin
-        Where the part begins [bytes from the first frame of the log].
-    letters
-        Kind of each frame as ASCII, or `DAMAGE`.
-    starts
-        Position after the letter [bytes from `origin`].
-    events
-        Of the E frames, which are not among the others.
-    skipped_bytes
-        In damaged stretches.
-    stop
-        After the last whole frame so far [bytes from the first frame of the log].
-    ended
-        Whether an end-of-log event was met.
+    - `index`: of the bytes of this part, and enough more for its last frame.
+    - `origin`: where the part begins [bytes from the first frame of the log].
+    - `letters`: kind of each frame as ASCII, or `DAMAGE`.
+    - `starts`: position after the letter [bytes from `origin`].
+    - `events`: of the E frames, which are not among the others.
+    - `skipped_bytes`: in damaged stretches.
+    - `stop`: after the last whole frame so far [bytes from the first frame of the log].
+    - `ended`: whether an end-of-log event was met.
     """
 
     index: ByteIndex

@@ -145,23 +145,15 @@ GLIMPSES: Final = 8
 class Messages:
     """The messages of a log.
 
-    Attributes
-    ----------
-    formats
-        All that the log defines, the FMT of FMT first. A type that is defined anew is there twice.
-    counts
-        Messages of each format.
-    rows
-        The messages of the formats wanted, in the order of the file, by index of `formats`, whose
-        fields say where in them each one is.
-    damaged_places, skipped_bytes
-        Where no message could be read.
-    dropped
-        Messages left out because another begins within them.
-    trailing_bytes
-        After the last message.
-    bad_formats
-        Definitions that could not be used: a length below 3, or FMT itself defined anew.
+    - `formats`: all that the log defines, the FMT of FMT first. A type that is defined anew is
+      there twice.
+    - `rows`: the messages of the formats wanted, in the order of the file, by index of `formats`,
+      whose fields say where in them each one is.
+    - `damaged_places`, `skipped_bytes`: where no message could be read.
+    - `dropped`: messages left out because another begins within them.
+    - `trailing_bytes`: after the last message.
+    - `bad_formats`: definitions that could not be used: a length below 3, or FMT itself defined
+      anew.
     """
 
     formats: tuple[MessageFormat, ...]

@@ -56,30 +56,16 @@ _DECLARATION: Final = re.compile(
 class Scan:
     """What a file has.
 
-    Attributes
-    ----------
-    topics
-        Those that were asked for and have messages, by name; instances in order.
-    counts
-        Messages of every topic, by name.
-    parameters
-        At the start of the log.
-    system_defaults, airframe_defaults
-        Defaults of the firmware and of the airframe, where they differ from the parameters.
-    knows_defaults
-        Whether the log has defaults at all.
-    changes
-        Parameters that changed in the log: name, value before, value after.
-    info
-        Texts and numbers such as the version.
-    dropouts
-        How long the logger lost messages, each time [ms].
-    appended
-        Number of stretches that were appended later.
-    damage
-        What was damaged, one sentence each.
-    sha256
-        Of the file.
+    - `topics`: those that were asked for and have messages, by name; instances in order.
+    - `counts`: messages of every topic, by name.
+    - `parameters`: at the start of the log.
+    - `system_defaults`, `airframe_defaults`: defaults of the firmware and of the airframe, where
+      they differ from the parameters.
+    - `changes`: parameters that changed in the log: name, value before, value after.
+    - `info`: texts and numbers such as the version.
+    - `dropouts`: how long the logger lost messages, each time [ms].
+    - `appended`: number of stretches that were appended later.
+    - `damage`: what was damaged, one sentence each.
     """
 
     topics: Mapping[str, tuple[Topic, ...]]

@@ -27,14 +27,9 @@ without noise show what is of no account."""
 class Size:
     """The size of a vehicle, by which sizes and priors of its parameters are measured.
 
-    Attributes
-    ----------
-    mass, arm
-        [kg], [m]
-    speeds
-        Of all rotors together, about as in hover [rad/s].
-    moments
-        Ixx, Iyy, Izz about the centre of mass [kg m^2].
+    - `mass`, `arm`: [kg], [m]
+    - `speeds`: of all rotors together, about as in hover [rad/s].
+    - `moments`: Ixx, Iyy, Izz about the centre of mass [kg m^2].
     """
 
     mass: float
@@ -60,30 +55,20 @@ Rule = Callable[[Size], float]
 class ParameterInfo:
     """A number of a result: unit, meaning, sizes and prior.
 
-    Attributes
-    ----------
-    mass_power
-        For mass = "unknown", where numbers are per kilogram.
-    effective_unit
-        Where the command, 0 to 1, stands for the rotor speed; None: as ever.
-    speed_power
-        Power of the rotor speed that it goes with, up or down: off by so many times the share by
-        which a law from command to speed is off.
-    motion
-        Which motion shows it.
-    on_yaw_scale
-        Whether it is known only as well as the scale of the yaw equation.
-    relevant
-        Size below which its relative error does not matter; None: its own size alone counts.
-    prior
-        Deviation about zero before the flight.
-    step
-        Size over which nothing bends, where its value does not show it (for the plan's bound).
-    between_flights
-        What differs between flights of one configuration: it moves with the battery, or it is in
-        proportion to the density of the air.
-    velocity_axis
-        Axis of the velocity that it multiplies.
+    - `mass_power`: for mass = "unknown", where numbers are per kilogram.
+    - `effective_unit`: where the command, 0 to 1, stands for the rotor speed; None: as ever.
+    - `speed_power`: power of the rotor speed that it goes with, up or down: off by so many times
+      the share by which a law from command to speed is off.
+    - `motion`: which motion shows it.
+    - `on_yaw_scale`: whether it is known only as well as the scale of the yaw equation.
+    - `relevant`: size below which its relative error does not matter; None: its own size alone
+      counts.
+    - `prior`: deviation about zero before the flight.
+    - `step`: size over which nothing bends, where its value does not show it (for the plan's
+      bound).
+    - `between_flights`: what differs between flights of one configuration: it moves with the
+      battery, or it is in proportion to the density of the air.
+    - `velocity_axis`: axis of the velocity that it multiplies.
     """
 
     unit: str
@@ -116,14 +101,8 @@ class Move:
 class Significance:
     """The rule by which a term by likelihood is more than a trace, in some configuration.
 
-    Attributes
-    ----------
-    parameters
-        Of which one must exceed `least`.
-    least
-        Its least size.
-    brakes
-        Whether it must surely be above zero: the air brakes, it does not drive.
+    - `parameters`: of which one must exceed `least`.
+    - `brakes`: whether it must surely be above zero: the air brakes, it does not drive.
     """
 
     parameters: tuple[str, ...]
@@ -135,39 +114,22 @@ class Significance:
 class Term:
     """One effect of the model.
 
-    Attributes
-    ----------
-    name, words
-        In the experiment file; "the model includes ..." in results.
-    parameters
-        By name, as results have them.
-    owner
-        Who has a value of its own for each parameter.
-    entries
-        Function for A_p of its entries of theta; None where those of other terms serve.
-    moves
-        Entries that its parameters move; empty: each parameter is its own entry.
-    when
-        It is in the model always, by default, if the likelihood asks for it, or if declared.
-    needs
-        Of the flights or the vehicle.
-    signals
-        That no other layout has.
-    carried
-        Signals that it uses besides where a flight knows what carries its rotors.
-    significance
-        Of a term by likelihood (for a declared one: by which it may be judged).
-    dropped
-        Its turn to be left out where a fit does not settle: what flights show least first.
-    one_sided
-        Parameters for which it is left out where they are surely below zero.
-    reported
-        Whether its parameters are numbers of a result.
-    of_sensor
-        Of a sensor, not of the vehicle: nobody flies for it, no wrench has it.
-    replayed
-        From draws of its parameters to what they add to fields of
-        `validation.replay_vehicle.ReplayVehicle`.
+    - `name`, `words`: in the experiment file; "the model includes ..." in results.
+    - `parameters`: by name, as results have them.
+    - `owner`: who has a value of its own for each parameter.
+    - `entries`: function for A_p of its entries of theta; None where those of other terms serve.
+    - `moves`: entries that its parameters move; empty: each parameter is its own entry.
+    - `when`: it is in the model always, by default, if the likelihood asks for it, or if declared.
+    - `needs`: of the flights or the vehicle.
+    - `signals`: that no other layout has.
+    - `carried`: signals that it uses besides where a flight knows what carries its rotors.
+    - `significance`: of a term by likelihood (for a declared one: by which it may be judged).
+    - `dropped`: its turn to be left out where a fit does not settle: what flights show least first.
+    - `one_sided`: parameters for which it is left out where they are surely below zero.
+    - `reported`: whether its parameters are numbers of a result.
+    - `of_sensor`: of a sensor, not of the vehicle: nobody flies for it, no wrench has it.
+    - `replayed`: from draws of its parameters to what they add to fields of
+      `validation.replay_vehicle.ReplayVehicle`.
     """
 
     name: str

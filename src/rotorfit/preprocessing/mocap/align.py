@@ -51,20 +51,12 @@ ITERATIONS = 8
 class Alignment:
     """The alignment of a motion-capture recording with the clock and the axes of a log.
 
-    Attributes
-    ----------
-    offset
-        What is added to the recording's time at `origin` [s].
-    drift
-        Seconds by which the recording's clock falls behind, per second of the log.
-    origin
-        Time of the log at which `offset` holds [s].
-    rotation_marker_to_body
-        From the tracked body's axes to the log's.
-    correlation
-        Of the two rates after alignment.
-    offset_std, rotation_std
-        Standard deviations [s], [rad]; of the least certain axis.
+    - `offset`: what is added to the recording's time at `origin` [s].
+    - `drift`: seconds by which the recording's clock falls behind, per second of the log.
+    - `origin`: time of the log at which `offset` holds [s].
+    - `rotation_marker_to_body`: from the tracked body's axes to the log's.
+    - `correlation`: of the two rates after alignment.
+    - `offset_std`, `rotation_std`: standard deviations [s], [rad]; of the least certain axis.
     """
 
     offset: float
@@ -84,14 +76,9 @@ class Alignment:
 class _Rates:
     """Angular velocity on a uniform grid, zero where there is none.
 
-    Attributes
-    ----------
-    start, step
-        Of the grid [s].
-    values
-        [rad/s]
-    known
-        Where it was measured.
+    - `start`, `step`: of the grid [s].
+    - `values`: [rad/s]
+    - `known`: where it was measured.
     """
 
     start: float

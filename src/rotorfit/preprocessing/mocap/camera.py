@@ -121,16 +121,10 @@ JUMP_DEVIATIONS = 10.0
 class CameraClock:
     """The clock of the frames, if the cameras ran regularly.
 
-    Attributes
-    ----------
-    rate
-        Frames per second [Hz].
-    time
-        Of each frame, regular within a run [s].
-    runs
-        Start and stop (exclusive) of frames that follow each other without loss.
-    jitter
-        Rms of the recorded times about `time`, in periods.
+    - `rate`: frames per second [Hz].
+    - `time`: of each frame, regular within a run [s].
+    - `runs`: start and stop (exclusive) of frames that follow each other without loss.
+    - `jitter`: rms of the recorded times about `time`, in periods.
     """
 
     rate: float
@@ -143,12 +137,8 @@ class CameraClock:
 class Tracked:
     """The frames in which the body was seen.
 
-    Attributes
-    ----------
-    pose
-        Position, then attitude w, x, y, z.
-    mended
-        Frames that jumped and returned, and were put back.
+    - `pose`: position, then attitude w, x, y, z.
+    - `mended`: frames that jumped and returned, and were put back.
     """
 
     pose: Channel

@@ -36,20 +36,12 @@ Span = tuple[float, float]
 class MeasuredResponse:
     """The commands of one rotor over one stretch, and the speeds measured in it.
 
-    Attributes
-    ----------
-    rotor
-        From 0, in the log's order.
-    command_time
-        Rising; each command is held until the next [s].
-    command
-        0 (stopped) to 1 (full).
-    voltage
-        Of the battery at the commands [V]; None where the log has none.
-    speed_time
-        Rising, within the commands' [s].
-    speed
-        As measured [rad/s].
+    - `rotor`: from 0, in the log's order.
+    - `command_time`: rising; each command is held until the next [s].
+    - `command`: 0 (stopped) to 1 (full).
+    - `voltage`: of the battery at the commands [V]; None where the log has none.
+    - `speed_time`: rising, within the commands' [s].
+    - `speed`: as measured [rad/s].
     """
 
     rotor: int
@@ -228,12 +220,8 @@ ALONGSIDE_STEPS: Final = 4.0
 class MotorLimits:
     """The shares of a flight with motors at the ends of their commands.
 
-    Attributes
-    ----------
-    lowest, highest
-        Share of the time of each motor, in the log's order.
-    arrivals
-        How often a second a motor comes to an end, on average [Hz].
+    - `lowest`, `highest`: share of the time of each motor, in the log's order.
+    - `arrivals`: how often a second a motor comes to an end, on average [Hz].
     """
 
     lowest: tuple[float, ...]

@@ -31,14 +31,9 @@ NOISE_ROWS = 256
 class MotorResponse:
     """The response of the rotors to the motor channel: lags and delay.
 
-    Attributes
-    ----------
-    lag
-        First-order time constant [s]; of rising speed where `lag_down` is given.
-    delay
-        Pure delay [s].
-    lag_down
-        Time constant of falling speed [s]; None: as `lag`.
+    - `lag`: first-order time constant [s]; of rising speed where `lag_down` is given.
+    - `delay`: pure delay [s].
+    - `lag_down`: time constant of falling speed [s]; None: as `lag`.
     """
 
     lag: float = 0.0
@@ -327,12 +322,8 @@ GRID = np.linspace(0.0, 1.0, 501)
 class ThrustCurve:
     """Relative thrust f u^2 + (1 - f) u of a command u, PX4's model and ArduPilot's.
 
-    Attributes
-    ----------
-    factor
-        f: THR_MDL_FAC of PX4, MOT_THST_EXPO of ArduPilot.
-    error
-        Largest difference to the law, as a fraction of full thrust.
+    - `factor`: f: THR_MDL_FAC of PX4, MOT_THST_EXPO of ArduPilot.
+    - `error`: largest difference to the law, as a fraction of full thrust.
     """
 
     factor: float

@@ -59,23 +59,15 @@ State = Literal["follows", "swapped", "dead", "stuck", "apart", "unlike", "uncle
 class RotorTelemetry:
     """The measured speed of one rotor compared with the commands.
 
-    Attributes
-    ----------
-    rotor
-        From 1, in the log's order.
-    state
-        ``"follows"`` its command; ``"swapped"``: another speed does; ``"dead"``: the speed or the
-        command never changes; ``"stuck"`` now and then; ``"apart"``: goes with no command;
-        ``"unlike"``: its speed is another than the others' at the same command; ``"unclear"``: the
-        command hardly moves.
-    correlation
-        Of command and speed; None where one of them is dead.
-    speed_channel
-        Number of the speed that goes with this command best, where that is clear.
-    ratio
-        Speed over that of the other rotors at the same command, where it is identifiable.
-    stuck
-        Share of the time that the speed stays the same though the command moves.
+    - `rotor`: from 1, in the log's order.
+    - `state`: ``"follows"`` its command; ``"swapped"``: another speed does; ``"dead"``: the speed
+      or the command never changes; ``"stuck"`` now and then; ``"apart"``: goes with no command;
+      ``"unlike"``: its speed is another than the others' at the same command; ``"unclear"``: the
+      command hardly moves.
+    - `correlation`: of command and speed; None where one of them is dead.
+    - `speed_channel`: number of the speed that goes with this command best, where that is clear.
+    - `ratio`: speed over that of the other rotors at the same command, where it is identifiable.
+    - `stuck`: share of the time that the speed stays the same though the command moves.
     """
 
     rotor: int
@@ -90,16 +82,10 @@ class RotorTelemetry:
 class Telemetry:
     """Measured rotor speeds beside the commands.
 
-    Attributes
-    ----------
-    seconds
-        Of turning motors that were looked at [s].
-    lateness
-        How much later than the commands the speeds are [s]; None where they go with none.
-    rotors
-        One for each, none where nothing could be compared.
-    doubts
-        What is wrong, one sentence each.
+    - `seconds`: of turning motors that were looked at [s].
+    - `lateness`: how much later than the commands the speeds are [s]; None where they go with none.
+    - `rotors`: one for each, none where nothing could be compared.
+    - `doubts`: what is wrong, one sentence each.
     """
 
     seconds: float

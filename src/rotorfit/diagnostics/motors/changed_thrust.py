@@ -1,6 +1,12 @@
-"""Check whether a rotor changed: between halves of a flight, or against all the others."""
+"""Widen intervals by a thrust that changes during a flight, and check whether a rotor changed.
 
-from collections.abc import Iterator
+One rotor speed lifts more near the ground, and less on a tether or a sagging battery. Which half of
+a flight is free air nothing shows; the scale of all that is in proportion to force is open by the
+change between the halves, as far as that is more than chance. A single rotor is held against
+itself, between halves of a flight, and against all the others.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -9,11 +15,18 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.dataset.dataset import LoadedFlight
+from rotorfit.diagnostics.hover_thrust import hover_thrusts
 from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.model.parameters import EVERY
 from rotorfit.model.vehicle import Vehicle
 
+CHANCE: Final = 1.0
+"""Deviations of a change that chance makes. (k_t, between both halves, is off by half of it.)"""
+OF_ONE_HALF: Final = ("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_kt")
+"""No mass scales these, but each half of a flight has its own k_t, and inertia is that of the half
+in which the vehicle turns most: the whole change is open, less its deviation in squares."""
 LEAST_CHANGE: Final = 0.035
 """Least change of a rotor's share of all squared speeds between a flight's halves: sound logs have
 up to 0.013, one of fast outdoor flight 0.025."""
@@ -26,6 +39,36 @@ ALONE: Final = 0.5
 pattern over all rotors, which no single propeller makes."""
 SHORTEST: Final = 5.0
 """Flight [s] of which halves are compared."""
+
+
+def allow_for_thrust_change(fit: Fit) -> Fit:
+    """Widen numbers proportional to force by the change of thrust between halves of a flight."""
+    return fit.with_half_width(changed_half_width(fit)) if fit.mass_known else fit
+
+
+def changed_half_width(fit: Fit) -> Float[np.ndarray, " q"]:
+    """Compute the half-widths with the change of thrust, of several flights its mean square."""
+    numbers, dataset = fit.numbers, fit.dataset
+    found = hover_thrusts(dataset.configurations, numbers, dataset.vehicle)
+    known = [(one.sag, CHANCE * one.sag_std) for one in found if one.sag is not None]
+    change = _mean_square([max(abs(sag) - std, 0.0) for sag, std in known])
+    whole = _mean_square([max(sag**2 - std**2, 0.0) ** 0.5 for sag, std in known])
+    shares = np.array([_share(name.partition("@")[0], change, whole) for name in numbers.names])
+    half: Float[np.ndarray, " q"] = np.hypot(numbers.half_width, shares * np.abs(numbers.values))
+    return half
+
+
+def _mean_square(changes: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(changes)))) if changes else 0.0
+
+
+def _share(name: str, change: float, whole: float) -> float:
+    """Return the share of a number by which it is uncertain."""
+    if name in OF_ONE_HALF:
+        return whole
+    if name == "hover_speed":
+        return 0.5 * change
+    return change if EVERY[name].mass_power else 0.0
 
 
 def changed_in_flight(fit: Fit) -> Iterator[Finding]:
