@@ -15,7 +15,7 @@ from rotorfit.results.result import (
     configuration_names,
     verdict_of,
 )
-from rotorfit.verdicts.judge import ADVICE, body_reason, body_verdict, motion_for, twin_of
+from rotorfit.verdicts.judge import body_advice, body_reason, body_verdict, twin_of
 
 TITLES = {name: info.title for name, info in EVERY.items()}
 
@@ -200,14 +200,12 @@ def body_entry(derived: Derived, twin: Parameter | None, kin: Mapping[str, Deriv
     verdict = body_verdict(derived, twin, kin)
     if twin is None or verdict == "identified":
         return Entry(number=derived, verdict=verdict)
-    own = verdict == "weak" != twin.verdict
-    advice = ADVICE[motion_for(derived.name)] if own else twin.advice
     return Entry(
         number=derived,
         verdict=verdict,
         partner=twin.partner if verdict == "ratio-only" else None,
         reason=body_reason(derived, verdict, twin, kin),
-        advice=advice,
+        advice=body_advice(derived.name, verdict, twin),
     )
 
 

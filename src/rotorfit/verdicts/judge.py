@@ -239,6 +239,15 @@ def body_reason(
     return _width_words(relative, small=small)
 
 
+def body_advice(name: str, verdict: Verdict, twin: Parameter) -> str | None:
+    """Say what to do for a number about the CoM: as for its twin, else by its motion.
+
+    What was simulated for the vehicle is kept with the twin, whatever the twin's own verdict.
+    """
+    own = verdict != twin.verdict and twin.advice is None
+    return ADVICE[motion_for(name)] if own else twin.advice
+
+
 DEPENDS: Final[Mapping[str, tuple[str, ...]]] = {
     "hover_speed": ("kt",),
     "kd_over_kt": ("kd", "kt"),
