@@ -41,6 +41,8 @@ class BandedFit:
         Sum of squares of the known signal and of the residual in each block.
     log_likelihood
         Of the normal distribution, up to a constant; to compare delays and models.
+    information
+        Of each block on the parameters, without the prior's.
     """
 
     estimate: Estimate
@@ -49,6 +51,7 @@ class BandedFit:
     known_power: Float[np.ndarray, " b"]
     residual_power: Float[np.ndarray, " b"]
     log_likelihood: float
+    information: Float[np.ndarray, "b f f"]
 
 
 def reweighted(
@@ -102,6 +105,7 @@ def reweighted(
         known_power=known,
         residual_power=np.einsum("bm,bm->b", residual, residual),
         log_likelihood=float(-0.5 * np.sum(rows * np.log(variance))),
+        information=gram / variance[:, None, None],
     )
 
 
