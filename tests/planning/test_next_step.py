@@ -109,7 +109,7 @@ def test_the_manoeuvre_is_chosen_among_all_that_were_simulated():
     assert best(missing("kd", sticks=0.05), missing("Jr", sticks=0.05)) == FLOWN["sticks"]
 
 
-def test_a_number_about_the_centre_of_mass_keeps_what_was_simulated():
+def test_a_number_about_the_com_keeps_what_was_simulated():
     twin = Parameter(
         name="Ixy", configuration="A", value=1.0, std=0.1, interval=(0.8, 1.2), unit="",
         verdict="identified", advice=None,

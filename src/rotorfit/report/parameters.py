@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rotorfit.formatting.digits import Number, finite_interval, known, number_of
-from rotorfit.model.parameters import COM, EVERY, INERTIA_COM, OF_FLIGHT
+from rotorfit.model.parameters import COM, EVERY, INERTIA_COM, NUISANCE, OF_FLIGHT
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.report.pages import drawing, tag
 from rotorfit.results.result import (
@@ -191,7 +191,8 @@ def _of_parameter(parameter: Parameter) -> Entry:
         verdict=parameter.verdict,
         partner=parameter.partner,
         reason=parameter.reason,
-        advice=parameter.advice,
+        # Nobody flies for a sensor's numbers.
+        advice=None if parameter.name in NUISANCE else parameter.advice,
     )
 
 

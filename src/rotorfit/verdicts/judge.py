@@ -189,7 +189,9 @@ WIDTHS: Final = ("known only to", "small, with an interval")
 def _width_words(relative: float, *, small: bool) -> str:
     """Say how wide an interval is, of a `small` number over what matters."""
     if small:
-        return f"small, with an interval {relative / WEAK:.1f} times as wide as wanted"
+        times = f"{relative / WEAK:.1f}"
+        wide = "a little wider than" if times == "1.0" else f"{times} times as wide as"
+        return f"small, with an interval {wide} wanted"
     return f"known only to +-{100 * relative:.0f} %"
 
 
