@@ -233,7 +233,7 @@ def _advised(lacking: Sequence[JudgedNumber]) -> NextStep:
     advised = [one for one in lacking if one.advice is not None]
     flown = [one for one in advised if one.is_flyable]
     others = [one for one in advised if not one.is_flyable]
-    kind: Kind = "fly" if len(flown) >= len(others) else "declare"
+    kind: Kind = "fly" if len(flown) > len(others) else "declare"
     groups: dict[str, list[str]] = {}
     for one in flown if kind == "fly" else others:
         groups.setdefault(one.advice or "", []).append(one.name)
