@@ -220,7 +220,7 @@ def test_what_is_known_of_other_loops_is_said(result, tmp_path):
         rotorfit.loop_margins(result, log)
     assert "TPA" in str(caught.value)
     assert "kt / Ixx 309.9 +- 3.3 1/(m s^2) per squared command" in str(caught.value)
-    assert "motor_lag 0.0331 +- 0.0018 s" in str(caught.value)
+    assert "motor_lag 33.1 +- 1.8 ms" in str(caught.value)
 
 
 HEADER = b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n"

@@ -50,12 +50,19 @@ def fits(*, formal=None, scatter=None, rho=RHO):
             known_power=np.ones(BLOCKS),
             residual_power=np.ones(BLOCKS),
             log_likelihood=0.0,
+            information=np.zeros((BLOCKS, f, f)),
         )
         names += [f"{row}.{name}" for name in VALUES[row]]
     small = {name: 1e-9 * (abs(v) or 1.0) for name, v in zip(names, _values(), strict=True)}
     std = np.array([{**small, **(formal or {})}[name] for name in names])
     spread = np.array([(scatter or {}).get(name, 0.0) for name in names])
-    return RowFits(fits=made, excitation=rho, covariance=np.diag(spread**2), formal=np.diag(std**2))
+    return RowFits(
+        fits=made,
+        excitation=rho,
+        covariance=np.diag(spread**2),
+        formal=np.diag(std**2),
+        segment=np.zeros(BLOCKS, dtype=int),
+    )
 
 
 def _values():

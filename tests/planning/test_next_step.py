@@ -1,13 +1,22 @@
 """The next step: what makes flying useless first, then what was doubted, then the manoeuvre."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
 from rotorfit.findings import Evidence, doubt, note
-from rotorfit.planning.next_step import BEST_MANOEUVRE, DONE, UNHELPED, next_step
+from rotorfit.planning.after import PRACTICE, UNAIDED, Missing
+from rotorfit.planning.next_step import (
+    BEST_MANOEUVRE,
+    DONE,
+    UNHELPED,
+    best_manoeuvre,
+    next_step,
+)
 from rotorfit.results.assemble import mark_doubtful
 from rotorfit.results.result import IdentificationResult, Parameter
-from rotorfit.verdicts.judge import FLOWN
+from rotorfit.verdicts.judge import ADVICE, FLOWN, body_advice
 
 SLOW = note(TOO_SLOW, "", numbers=("Jr",), next_step="set it", useless_because="it is slow")
 SPEED = note(NO_ROTOR_SPEED, "", numbers=("kd",), next_step="log the speed")
@@ -21,15 +30,15 @@ ROLL = note(
 )
 
 
-def step(*findings, kd="weak", Jr="identified"):
+def step(*findings, kt="identified", kd="weak", Jr="identified", advice=None):
     """Return the next step of a result of kt, kd and Jr with these findings and verdicts."""
-    advice = {"weak": FLOWN["turns"], "not-identified": FLOWN["roll"]}
+    usual = {"weak": FLOWN["turns"], "not-identified": FLOWN["roll"]}
     parameters = tuple(
         Parameter(
             name=name, configuration=owner, value=1.0, std=0.1, interval=(0.8, 1.2), unit="",
-            verdict=verdict, advice=advice.get(verdict),
+            verdict=verdict, advice=(advice or {}).get(name, usual.get(verdict)),
         )
-        for name, owner, verdict in (("kt", "A", "identified"), ("kd", None, kd), ("Jr", None, Jr))
+        for name, owner, verdict in (("kt", "A", kt), ("kd", None, kd), ("Jr", None, Jr))
     )  # fmt: skip
     result = IdentificationResult(
         name="made", method="banded", parameters=parameters, derived=(), flights=(),
@@ -66,3 +75,44 @@ def test_nothing_is_flown_for_nothing():
     assert step(note(BEST_MANOEUVRE, "")).action == UNHELPED
     assert step(kd="identified").action == DONE
     assert step().action == FLOWN["turns"]
+
+
+def test_the_manoeuvre_kept_comes_before_that_none_is_enough():
+    """Some numbers may be beyond any manoeuvre while another is worth the flight."""
+    assert step(ROLL, advice={"kt": UNAIDED, "kd": UNAIDED}).action == FLOWN["turns"]
+    assert step(advice={"kd": UNAIDED}).action == UNHELPED
+    assert step(Jr="not-identified", advice={"kd": UNAIDED}).action == FLOWN["roll"]
+
+
+def test_flights_count_together_against_what_else_is_advised():
+    """Two numbers that ask for two manoeuvres are not outvoted by one that asks for a scale."""
+    asked = {"kt": ADVICE["scale"], "kd": FLOWN["turns"], "Jr": FLOWN["roll"]}
+    assert step(kt="ratio-only", Jr="weak", advice=asked).kind == "fly"
+    asked["kd"] = ADVICE["scale"]
+    assert step(kt="ratio-only", Jr="weak", advice=asked).action == ADVICE["scale"]
+
+
+def test_the_manoeuvre_is_chosen_among_all_that_were_simulated():
+    def missing(name, **after):
+        least = min(after, key=after.get)
+        flown = {m: after.get(m, 0.5) for m in PRACTICE}
+        return Missing(
+            name=name, full_name=name, verdict="weak", now=0.5, manoeuvre=least, size=1.0,
+            relative=after[least], predicted="identified", after=flown, advice=FLOWN[least],
+        )  # fmt: skip
+
+    def best(*numbers):
+        return best_manoeuvre(numbers).next_step
+
+    assert best(missing("kd", turns=0.2, doublets=0.05)) == FLOWN["doublets"]
+    assert best(missing("kd", turns=0.052, doublets=0.05)) == FLOWN["turns"]
+    assert best(missing("kd", sticks=0.05), missing("Jr", sticks=0.05)) == FLOWN["sticks"]
+
+
+def test_a_number_about_the_com_keeps_what_was_simulated():
+    twin = Parameter(
+        name="Ixy", configuration="A", value=1.0, std=0.1, interval=(0.8, 1.2), unit="",
+        verdict="identified", advice=None,
+    )  # fmt: skip
+    assert body_advice("Ixy_com", "weak", twin) == FLOWN["roll"]
+    assert body_advice("Ixy_com", "weak", replace(twin, advice=UNAIDED)) == UNAIDED

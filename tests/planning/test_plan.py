@@ -13,7 +13,7 @@ from rotorfit.fit.row_fits import fit_rows
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors
-from rotorfit.planning.after import values_of
+from rotorfit.planning.after import UNSETTLED, judged_numbers, values_of
 from rotorfit.planning.bound import bound, combined, evidence, fly, planned_problem, predicted
 from rotorfit.planning.next_step import next_step, with_best_manoeuvre
 from rotorfit.planning.plan import PlanRequest, plan
@@ -27,6 +27,8 @@ from rotorfit.planning.vehicle import (
 from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.reduction.frequency_bands import EDGES, STRETCH
 from rotorfit.reduction.reduce import BandPlan, band_factors
+from rotorfit.report.plan_text import step_after
+from rotorfit.report.text import advice_of
 from rotorfit.simulation import (
     Scenario,
     Sensors,
@@ -337,6 +339,30 @@ def test_after_a_flight_missing_numbers_and_remedies_are_named(after_rolling, us
     known = after_rolling.derived_value("Ixx_com")
     hover = planned.candidate("hover", 20.0, payload=False).numbers["Ixx"]
     assert hover.half_width / hover.value <= 1.96 * known.std / known.value * (1 + 1e-9)
+
+
+def test_identify_and_the_plan_after_it_advise_the_same(after_rolling):
+    advised = with_best_manoeuvre(after_rolling)
+    planned = plan(request(after=advised, payload=0.0, known={}))
+    again = plan(request(after=after_rolling, payload=0.0, known={}))
+    assert [m.advice for m in planned.missing] == [m.advice for m in again.missing]
+    shown = {one.full_name: one.advice for one in judged_numbers(advised, "A")}
+    assert {m.full_name: m.advice for m in planned.missing}.items() <= shown.items()
+    words = " ".join(advice_of(advised))
+    assert all(m.advice in words for m in planned.missing)
+    before = {one.full_name: one.advice for one in judged_numbers(after_rolling, "A")}
+    assert any(before[m.full_name] != m.advice for m in planned.missing)
+    assert step_after(planned) == step_after(again) == next_step(advised)
+
+
+def test_what_is_doubtful_is_settled_before_it_is_flown(after_rolling):
+    unsure = tuple(
+        replace(p, verdict="doubtful", advice=None) if p.name == "kt" else p
+        for p in after_rolling.parameters
+    )
+    advised = with_best_manoeuvre(replace(after_rolling, parameters=unsure))
+    (kt,) = (m for m in plan(request(after=advised, payload=0.0)).missing if m.name == "kt")
+    assert (kt.manoeuvre, kt.advice) == (None, UNSETTLED)
 
 
 def test_rough_values_come_from_the_result(after_rolling):

@@ -93,6 +93,32 @@ def test_cameras_slower_than_the_motors(flight):
     assert np.abs(result.data.rotor_speed[rows] - expected)[20:-20].max() < 0.05
 
 
+def drawn(channel, rate):
+    """Return a channel of which a recorder has values at a rate [Hz], and draws lines between."""
+    slow = np.arange(channel.time[0] + 0.003, channel.time[-1], 1.0 / rate)
+    lines = [
+        np.interp(channel.time, slow, np.interp(slow, channel.time, column))
+        for column in channel.values.T
+    ]
+    return dataclasses.replace(channel, values=np.column_stack(lines))
+
+
+@pytest.mark.parametrize(
+    ("channel", "motors", "words"),
+    [
+        ("rotor_speed", "measured", "the rotor speeds come at 10 Hz, and lines are drawn"),
+        ("command", "commanded", "the motors' commands come at 10 Hz, and lines are drawn"),
+    ],
+)
+def test_lines_drawn_between_slow_samples_are_refused(flight, channel, motors, words):
+    log = pose_log(flight, **dataclasses.asdict(NOISE))
+    model = MotorModel(speed=motors)
+    assert prepared(log, motors=model).data.segments
+    lines = with_channel(log, **{channel: drawn(log.channels[channel], 10.0)})
+    with pytest.raises(FlightError, match=words):
+        prepared(lines, motors=model)
+
+
 def test_a_late_pose_is_the_pose_of_before(flight):
     late = prepared(pose_log(flight, pose_delay=0.01)).data
     now = prepared(pose_log(flight)).data

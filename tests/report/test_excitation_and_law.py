@@ -40,6 +40,7 @@ def test_an_axis_whose_rotors_do_little_says_so() -> None:
     words = excitation_sentences(found)[3]
     assert words.startswith("Yaw: nowhere excited well; the coherence is up to 1.00")
     assert "the rotors give up to 0.001 times what is left" in words
+    assert "fly" not in words  # what to fly is said once, by the next step
 
 
 def test_the_page_draws_it_where_the_flights_are_long_enough() -> None:

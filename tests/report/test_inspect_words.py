@@ -123,7 +123,7 @@ def test_two_kt_with_a_known_law_are_no_matter_of_the_law():
         ),
         (
             ROLL,
-            "roll: 51 rad/s^2: Ixx roughly (to about +-40 %): signal-to-noise 4, need 5: the",
+            "roll: 51 rad/s^2: Ixx roughly (to about +-40 %): signal-to-noise 4, need 5: roll",
         ),
         (replace(ROLL, rho=40.0), "Ixx roughly (to about +-40 %): fly more of this motion"),
     ],

@@ -327,3 +327,23 @@ def test_only_the_condition_of_rotors_and_bodies_is_judged() -> None:
     page = Page(report_html(dataclasses.replace(a_result(), diagnostics=odd))).text
     assert "all free parameters 1.26e+03, rotors and bodies 33.6 (poor)." in page
     assert "over 1000 doubtful" not in page
+
+
+def test_nothing_is_flown_for_a_number_of_a_sensor() -> None:
+    climb = "climb and sink: 20 s of gentle thrust steps"
+    bias = parameter("accel_bias_x", "A", verdict="weak", reason="small", advice=climb)
+    result = a_result()
+    with_bias = dataclasses.replace(result, parameters=(*result.parameters, bias))
+    notes = [note for table in parameter_tables(with_bias) for note in table.notes]
+    assert [n.advice for n in notes if "accel_bias_x" in n.names] == [None]
+    words = " ".join(Page(report_html(with_bias, comparisons=[])).text.split())
+    assert climb not in words
+    assert "known to ± 25 % or better" in words and "+-" not in words
+
+
+def test_a_gap_that_is_short_is_not_said_to_last_no_time() -> None:
+    result = a_result()
+    cut = (22.1, 22.104, "gap in motor")
+    flight = dataclasses.replace(result.flights[0], cuts=(cut,))
+    html = report_html(dataclasses.replace(result, flights=(flight,)), comparisons=[])
+    assert "under 0.1 s cut, gap in motor" in " ".join(Page(html).text.split())

@@ -89,12 +89,14 @@ def by_rows(rho=50.0):
         known_power=np.ones(2),
         residual_power=np.ones(2),
         log_likelihood=0.0,
+        information=np.zeros((2, 0, 0)),
     )
     fits = RowFits(
         fits=dict.fromkeys(ROWS, fit),
         excitation={"roll": rho, "pitch": 50.0, "yaw": 50.0},
         covariance=np.zeros((0, 0)),
         formal=np.zeros((0, 0)),
+        segment=np.zeros(2, dtype=int),
     )
     numbers = Numbers(
         names=("kt", "Ixx", "kd_over_Izz", "Jr_over_Izz"),

@@ -14,6 +14,7 @@ from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
+from rotorfit.validation.replay_vehicle import replay_vehicle
 from rotorfit.validation.validate import fitted_comparisons, validate_file
 from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN
 
@@ -116,6 +117,30 @@ def test_unknown_parameter_leaves_its_component_out(folder, result):
     without = dataclasses.replace(result, parameters=parameters)
     comparison = validate_file(without, folder / "A2.csv", configuration="A")
     assert tuple(comparison.relative_error) == ("Fz", "Mx", "My")
+
+
+def test_unknown_places_are_those_of_the_replay(folder, result):
+    """Rotors and mass over each other, as a hover has them: not no prediction at all."""
+    places = {"msx", "msy"}
+    parameters = tuple(
+        dataclasses.replace(p, value=None) if p.name in places else p for p in result.parameters
+    )
+    derived = tuple(
+        dataclasses.replace(d, value=None) if d.name in ("com_x", "com_y") else d
+        for d in result.derived
+    )
+    without = dataclasses.replace(result, parameters=parameters, derived=derived)
+    comparison = validate_file(without, folder / "A2.csv", configuration="A")
+    assert tuple(comparison.relative_error) == SHOWN
+    vehicle = replay_vehicle(without, "A")
+    moved = (
+        9.81
+        * result.parameter("mass", "A").value
+        * np.abs(vehicle.com[0] - replay_vehicle(result, "A").com[0])
+    )
+    residual = comparison.body_wrench - comparison.rotor_wrench
+    assert np.abs(residual[:, 3:5].mean(axis=0)) == pytest.approx(moved[[1, 0]], rel=0.02)
+    assert comparison.relative_error["Fz"] < 2e-3
 
 
 def test_removed_coefficient_leaves_its_component_out(folder, result):

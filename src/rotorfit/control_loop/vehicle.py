@@ -17,7 +17,7 @@ from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.speed_law import speed_from_command
 from rotorfit.preprocessing.signals import true_runs
 from rotorfit.results.command_units import is_per_command
-from rotorfit.results.result import Derived, IdentificationResult
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
 from rotorfit.results.samples import Values, about_com, normal_draws
 
 FLYING = 0.5
@@ -277,13 +277,20 @@ def known_words(result: IdentificationResult, owner: str) -> str:
     found = [
         *(_turned(number, per_command=is_per_command(result)) for number in result.derived
           if number.name in RATIOS and number.configuration == owner),
-        *(f"{p.name} {with_interval(p.value, p.interval)} s"
-          for p in result.parameters if p.name in TIMES and p.value is not None),
+        *(_in_milliseconds(p) for p in result.parameters if p.name in TIMES),
     ]  # fmt: skip
     words = ", ".join(word for word in found if word)
     if not words:
         return "The result knows neither effectiveness nor delays: fly roll and pitch briskly"
     return f"Of the loop the result knows: {words}"
+
+
+def _in_milliseconds(time: Parameter) -> str:
+    """Write a motor's lag or delay; nothing where it is not known."""
+    if time.value is None:
+        return ""
+    ends = None if time.interval is None else (1e3 * time.interval[0], 1e3 * time.interval[1])
+    return f"{time.name} {with_interval(1e3 * time.value, ends)} ms"
 
 
 def _turned(number: Derived, *, per_command: bool) -> str:

@@ -57,8 +57,19 @@ class Dispersion:
 
 def dispersion(fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]) -> Dispersion:
     """Estimate the dispersion of a fit by parts of its blocks."""
-    root = square_root(fit.estimate.covariance)
-    Y = root.T @ information_of_parts(fit, parts) @ root
+    influences = np.array([fit.influence[part].sum(axis=0) for part in parts])
+    information = information_of_parts(fit, parts)
+    return dispersion_of_parts(fit.estimate.covariance, information, influences)
+
+
+def dispersion_of_parts(
+    covariance: Float[np.ndarray, "f f"],
+    information: Float[np.ndarray, "p f f"],
+    influences: Float[np.ndarray, "p f"],
+) -> Dispersion:
+    """Estimate the dispersion by each part's information and influence on the estimate."""
+    root = square_root(covariance)
+    Y = root.T @ information @ root
     squares = Y @ Y
     own = Y - squares
     stated = float(np.trace(own, axis1=1, axis2=2).sum())
@@ -66,7 +77,6 @@ def dispersion(fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]) -> 
     spread = float((own**2).sum()) + max(across, 0.0)
     if not stated > LEAST * float(np.trace(Y, axis1=1, axis2=2).sum()):
         return Dispersion(ratio=1.0, degrees=0.0)
-    influences = np.array([fit.influence[part].sum(axis=0) for part in parts])
     shown = float((_whitened(influences, root) ** 2).sum())
     return Dispersion(ratio=shown / stated, degrees=stated**2 / spread)
 

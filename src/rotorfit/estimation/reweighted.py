@@ -35,6 +35,7 @@ class BandedFit:
     - `known_power`, `residual_power`: sum of squares of the known signal and of the residual in
       each block.
     - `log_likelihood`: of the normal distribution, up to a constant; to compare delays and models.
+    - `information`: of each block on the parameters, without the prior's.
     """
 
     estimate: Estimate
@@ -43,6 +44,7 @@ class BandedFit:
     known_power: Float[np.ndarray, " b"]
     residual_power: Float[np.ndarray, " b"]
     log_likelihood: float
+    information: Float[np.ndarray, "b f f"]
 
 
 def reweighted(
@@ -96,6 +98,7 @@ def reweighted(
         known_power=known,
         residual_power=np.einsum("bm,bm->b", residual, residual),
         log_likelihood=float(-0.5 * np.sum(rows * np.log(variance))),
+        information=gram / variance[:, None, None],
     )
 
 

@@ -32,7 +32,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import LinearProblem, numerical_jacobian
@@ -87,12 +87,14 @@ class RowFits:
     - `covariance`: of the concatenated parameters: from the scatter of the blocks; of a single one
       `formal`.
     - `formal`: the same from the bands' variances, block diagonal.
+    - `segment`: phase of a flight that each block comes from.
     """
 
     fits: Mapping[str, BandedFit]
     excitation: Mapping[str, float]
     covariance: Float[np.ndarray, "f f"]
     formal: Float[np.ndarray, "f f"]
+    segment: Int[np.ndarray, " b"]
 
     @property
     def values(self) -> Float[np.ndarray, " f"]:
@@ -115,7 +117,7 @@ def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
     predicted = _rotor_made(model, first)
     fits = {row: _fit_row(factors, predicted[row], row, mass, first.get(row)) for row in ROWS}
     influence = np.concatenate([fits[row].influence for row in ROWS], axis=1)
-    formal = _block_diagonal([fits[row].estimate.covariance for row in ROWS])
+    formal = block_diagonal([fits[row].estimate.covariance for row in ROWS])
     # A flight of one block beside others is fitted with them: by itself it has no scatter.
     several = len(influence) > 1
     return RowFits(
@@ -123,6 +125,7 @@ def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
         excitation={row: row_excitation(fits[row], factors) for row in ROWS[1:]},
         covariance=scatter_covariance(influence) if several else formal,
         formal=formal,
+        segment=factors.segment,
     )
 
 
@@ -302,7 +305,8 @@ def row_excitation(fit: BandedFit, factors: Factors) -> float:
     return max(explained, 0.0) / max(residual, np.finfo(float).tiny)
 
 
-def _block_diagonal(blocks: list[Float[np.ndarray, "_ _"]]) -> Float[np.ndarray, "g g"]:
+def block_diagonal(blocks: list[Float[np.ndarray, "_ _"]]) -> Float[np.ndarray, "g g"]:
+    """Place square matrices of the rows along a diagonal."""
     size = sum(len(block) for block in blocks)
     whole = np.zeros((size, size))
     at = 0

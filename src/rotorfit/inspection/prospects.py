@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
-from scipy import stats
 
 from rotorfit.dataset.carried_weight import Measured, carrying_stretches
 from rotorfit.dataset.weight_balance import turning
@@ -26,6 +25,7 @@ from rotorfit.diagnostics.sensors.log_settings import (
 )
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR
 from rotorfit.fit.intervals.numbers import NO_EXCITATION, attenuation_allowance
+from rotorfit.fit.intervals.row_scatter import row_half_widths
 from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
 from rotorfit.fit.timing.timing_search import CLEAR_GAIN
 from rotorfit.inspection.guessed_rotors import guessed_vehicles, likely_motors, rotors_on_circle
@@ -381,14 +381,9 @@ def _width(axis: Axis, fits: RowFits, thrust: Thrust) -> float | None:
 
 
 def _with_width(fits: RowFits, name: str) -> tuple[float, float]:
-    """Return a parameter of the rows and half of its interval, by the bands or by their scatter."""
+    """Return a parameter of the rows and half of its interval by chance."""
     i = fits.names.index(name)
-    row = fits.fits[name.partition(".")[0]]
-    blocks = len(row.variance)
-    free = max(blocks - len(row.estimate.names), 1)
-    formal = 1.96 * float(np.sqrt(fits.formal[i, i]))
-    scatter = float(np.sqrt(fits.covariance[i, i] * blocks / free))
-    return float(fits.values[i]), max(formal, float(stats.t.ppf(0.975, free)) * scatter)
+    return float(fits.values[i]), float(row_half_widths(fits)[i])
 
 
 def _relative(half_width: float, value: float) -> float:

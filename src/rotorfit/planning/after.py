@@ -29,10 +29,10 @@ from rotorfit.results.result import (
 )
 from rotorfit.simulation.pilot import Manoeuvre
 from rotorfit.verdicts.judge import (
-    ADVICE,
     ADVISED,
     FLOWN,
     WEAK,
+    body_advice,
     body_verdict,
     judge,
     motion_for,
@@ -52,6 +52,12 @@ PRACTICE: Final[tuple[Manoeuvre, ...]] = (
 """Simple manoeuvres first: of equally good ones, the first is named."""
 AS_GOOD: Final = 1.1
 """A manoeuvre this close to the best one is as good."""
+UNAIDED: Final = (
+    f"no manoeuvre of {PRACTICE_SECONDS:.0f} s is enough for it: fly longer, or with a payload"
+)
+"""What is said to do for a number that no manoeuvre helps."""
+UNSETTLED: Final = "first settle why it is doubtful: the result says it"
+"""What is said to do for a number that is doubtful, and not for want of a flight."""
 SHARED: Final = ("kt", "kd", "Jr")
 RATIOS: Final = {"kd_over_Izz": "kd", "Jr_over_Izz": "Jr"}
 LACKING: Final = ("doubtful", "weak", "ratio-only", "not-identified")
@@ -271,6 +277,13 @@ class JudgedNumber:
     verdict: Verdict
     advice: str | None
 
+    @property
+    def is_flyable(self) -> bool:
+        """Test whether nothing but a manoeuvre is asked for; what is doubtful needs more."""
+        if self.advice is None:
+            return self.verdict != "doubtful"
+        return self.advice in (*FLOWN.values(), UNAIDED)
+
 
 def judged_numbers(result: IdentificationResult, owner: str) -> list[JudgedNumber]:
     """List the numbers of a configuration, each with the verdict that its report shows."""
@@ -289,7 +302,7 @@ def judged_numbers(result: IdentificationResult, owner: str) -> list[JudgedNumbe
                 full_name=name if p.configuration is None else f"{name}@{BARE}",
                 parameter=p.full_name,
                 verdict=verdict,
-                advice=p.advice if verdict == p.verdict else ADVICE[motion_for(name)],
+                advice=p.advice if shown is None else body_advice(name, verdict, p),
             )
         )
     return found
@@ -306,15 +319,9 @@ def _missing(
     manoeuvre = _helpful(number, relative)
     after = relative[manoeuvre]
     verdict = judge(1.0, after, scale=0.0, axis="yaw").verdict
-    advice = number.advice
-    if advice is not None and advice not in FLOWN.values():  # not for want of a manoeuvre
-        chosen = None
-    elif verdict == "not-identified" or after * AS_GOOD > now:
-        chosen = None
-        advice = f"no manoeuvre of {PRACTICE_SECONDS:.0f} s is enough for it: fly longer, or with "
-        advice += "the payload of the plan"
-    else:
-        chosen, advice = manoeuvre, FLOWN[manoeuvre]
+    flyable, helps = number.is_flyable, verdict != "not-identified" and after * AS_GOOD <= now
+    chosen = manoeuvre if flyable and helps else None
+    flown = UNAIDED if chosen is None else FLOWN[chosen]
     return Missing(
         name=number.name,
         full_name=number.full_name,
@@ -325,7 +332,7 @@ def _missing(
         predicted=verdict,
         after=relative,
         size=size,
-        advice=advice,
+        advice=flown if flyable else number.advice or UNSETTLED,
     )
 
 

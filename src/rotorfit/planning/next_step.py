@@ -6,7 +6,7 @@ that matters is known.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
@@ -14,10 +14,13 @@ from rotorfit.errors import ExperimentError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.findings import Evidence, Finding, note
-from rotorfit.model.parameters import COM, INERTIA_COM
+from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.planning import bound
 from rotorfit.planning.after import (
+    AS_GOOD,
     LACKING,
+    PRACTICE,
+    UNAIDED,
     JudgedNumber,
     Missing,
     gain_phrase,
@@ -95,47 +98,62 @@ def next_step(result: IdentificationResult, *, predicted: Finding | None = None)
     lacking = _lacking(result)
     stored = next((one for one in result.findings if one.kind == BEST_MANOEUVRE), predicted)
     step = _before_flying(result, lacking) or _advised(lacking)
-    return _stored(stored) if step.kind == "fly" and stored is not None else step
+    about_flying = step.kind == "fly" or step.action == UNHELPED
+    return _stored(stored) if about_flying and stored is not None else step
 
 
 def with_best_manoeuvre(
     result: IdentificationResult, *, report: Callable[[str], None] | None = None
 ) -> IdentificationResult:
-    """Add to a result which manoeuvre sharpens it most, and how far, by simulated flights.
+    """Add to a result what to fly for each number that it lacks, and which manoeuvre gives most.
 
-    A result per kilogram is judged as one of one kilogram: no share depends on the mass. The result
-    stays as it is where something else comes first, where all is known, and where no
-    flight of the vehicle can be simulated.
+    Every manoeuvre of a plan is simulated with the vehicle of the result: `rotorfit plan --after`
+    says the same. A result per kilogram is judged as one of one kilogram: no share depends on the
+    mass. The result stays as it is where no number asks for a flight, and where no flight of the
+    vehicle can be simulated.
     """
-    if next_step(result).kind != "fly":
+    if not any(one.is_flyable for one in _all_lacking(result)):
         return result
     try:
         if report is not None:
             report("simulating what to fly next")
         problem = _problem(result)
-        asked = _asked([one.name for one in _lacking(result) if one.advice in FLOWN.values()])
         pieces: dict[Manoeuvre, bound.Evidence] = {
-            m: evidence(problem, fly(problem, m, BARE), BARE) for m in asked
+            m: evidence(problem, fly(problem, m, BARE), BARE) for m in PRACTICE
         }
-        missing = missing_numbers(problem, pieces, knowledge_of(result, problem))
+        known = knowledge_of(result, problem)
+        missing = missing_numbers(problem, pieces, known)
     except ExperimentError:
         return result
-    return result.found(best_manoeuvre(missing))
+    worth_flying = next_step(result).kind == "fly"
+    advised = _with_advice(result, known.configuration, missing)
+    return advised.found(best_manoeuvre(missing)) if worth_flying else advised
+
+
+def _with_advice(
+    result: IdentificationResult, owner: str, missing: Sequence[Missing]
+) -> IdentificationResult:
+    """Replace the advice of each missing number by what its vehicle was simulated to need."""
+    advice = {one.full_name: one.advice for one in missing}
+    new = {one.parameter: advice.get(one.full_name) for one in judged_numbers(result, owner)}
+    parameters = (replace(p, advice=new.get(p.full_name) or p.advice) for p in result.parameters)
+    return replace(result, parameters=tuple(parameters))
 
 
 def best_manoeuvre(missing: Sequence[Missing]) -> Finding:
     """Note the manoeuvre that sharpens most of the numbers a result lacks; none where none helps.
 
-    The most numbers made sharp count, then how much all are sharpened.
+    The most numbers made sharp count, then how much all are sharpened; of equally good ones the
+    usual one is named.
     """
     main = [one for one in missing if one.name in MAIN and one.verdict != "doubtful"]
     best: tuple[tuple[int, float], Manoeuvre, list[Missing]] | None = None
-    for manoeuvre in _asked([one.name for one in main if one.manoeuvre is not None]):
+    for manoeuvre in _advised_first([one.name for one in main if one.manoeuvre is not None]):
         helped = [one for one in main if one.is_helped_by(manoeuvre)]
         sharp = sum(one.after[manoeuvre] <= WEAK for one in helped)
-        score = (sharp, sum(one.sharper(manoeuvre) for one in helped))
-        if helped and (best is None or score > best[0]):
-            best = (score, manoeuvre, helped)
+        gain = sum(one.sharper(manoeuvre) for one in helped)
+        if helped and (best is None or (sharp, gain / AS_GOOD) > best[0]):
+            best = ((sharp, gain), manoeuvre, helped)
     if best is None:
         return note(BEST_MANOEUVRE, "")
     _, manoeuvre, helped = best
@@ -157,7 +175,12 @@ def best_manoeuvre(missing: Sequence[Missing]) -> Finding:
 
 
 def _lacking(result: IdentificationResult) -> list[JudgedNumber]:
-    """List the numbers of all configurations that matter and are not known well, each once.
+    """List the numbers that are worth a flight and not known well."""
+    return [one for one in _all_lacking(result) if one.name in MAIN]
+
+
+def _all_lacking(result: IdentificationResult) -> list[JudgedNumber]:
+    """List the numbers of all configurations that are not known well, each once.
 
     Those that a simulator does not have are none.
     """
@@ -166,7 +189,7 @@ def _lacking(result: IdentificationResult) -> list[JudgedNumber]:
         number
         for owner in configuration_names(result)
         for number in judged_numbers(result, owner)
-        if number.verdict in LACKING and number.name in MAIN
+        if number.verdict in LACKING and number.name not in NUISANCE
         if not any(one.is_about(number.parameter) for one in absent)
     ]
     return list({one.parameter: one for one in found}.values())
@@ -206,24 +229,26 @@ def _stored(best: Finding) -> NextStep:
 
 
 def _advised(lacking: Sequence[JudgedNumber]) -> NextStep:
-    """Choose what the verdicts advise for most numbers, without a prediction."""
+    """Choose what is advised for most numbers, without a prediction; flights count together."""
+    advised = [one for one in lacking if one.advice is not None]
+    flown = [one for one in advised if one.is_flyable]
+    others = [one for one in advised if not one.is_flyable]
+    kind: Kind = "fly" if len(flown) > len(others) else "declare"
     groups: dict[str, list[str]] = {}
-    for one in lacking:
-        if one.advice is not None:
-            groups.setdefault(one.advice, []).append(one.name)
+    for one in flown if kind == "fly" else others:
+        groups.setdefault(one.advice or "", []).append(one.name)
     if not groups:
         return NextStep(kind="done", action=DONE)
-    action = max(groups, key=lambda advice: len(groups[advice]))
-    kind: Kind = "fly" if action in FLOWN.values() else "declare"
+    action = max(groups, key=lambda advice: (advice != UNAIDED, len(groups[advice])))
+    if action == UNAIDED:
+        return NextStep(kind="done", action=UNHELPED)
     return NextStep(kind=kind, action=action, numbers=tuple(dict.fromkeys(groups[action])))
 
 
-def _asked(names: Sequence[str]) -> list[Manoeuvre]:
-    """Select the manoeuvres that numbers ask for, by name, those for most numbers first."""
-    asked: list[Manoeuvre] = [
-        ADVISED[motion_for(name)] for name in names if motion_for(name) in ADVISED
-    ]
-    return sorted(set(asked), key=lambda m: (-asked.count(m), m))
+def _advised_first(names: Sequence[str]) -> list[Manoeuvre]:
+    """Order the manoeuvres: first those that numbers usually ask for, by how many do."""
+    asked = [ADVISED[motion_for(name)] for name in names if motion_for(name) in ADVISED]
+    return sorted(PRACTICE, key=lambda m: (-asked.count(m), PRACTICE.index(m))) if names else []
 
 
 def _problem(result: IdentificationResult) -> Problem:

@@ -204,7 +204,7 @@ def prepared_from(
     """Prepare the airborne part from `on_one_clock`: the second half of `prepare`."""
     uniform = recorded.uniform
     speed = uniform.values["motor"]
-    _refuse_interpolated(uniform, measured=motors.speed == "measured")
+    refuse_interpolated(uniform, measured=motors.speed == "measured")
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
     motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)
@@ -258,7 +258,7 @@ def prepared_from(
     )
 
 
-def _refuse_interpolated(uniform: UniformChannels, *, measured: bool) -> None:
+def refuse_interpolated(uniform: UniformChannels, *, measured: bool) -> None:
     """Refuse motor data made by interpolation from slower ones."""
     # In gaps the lines are this module's own.
     a, b = max(uniform.stretches, key=lambda whole: whole[1] - whole[0])

@@ -319,7 +319,7 @@ def _reason(axis: Excitation, found: Prospects) -> str:
         return f"signal-to-noise {short(axis.rho)}, need {LEAST_EXCITATION:.0f}: " + (
             "noise and disturbances hide the motion"
             if axis.prospect == "not"
-            else "the motion is not much stronger than disturbances"
+            else f"{axis.axis} is not much stronger than disturbances"
         )
     if axis.axis != "yaw" and found.thrust.prospect != "well":
         return "limited by how well kt is known"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rotorfit.formatting.digits import Number, finite_interval, known, number_of
-from rotorfit.model.parameters import COM, EVERY, INERTIA_COM, OF_FLIGHT
+from rotorfit.model.parameters import COM, EVERY, INERTIA_COM, NUISANCE, OF_FLIGHT
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.report.pages import drawing, tag
 from rotorfit.results.result import (
@@ -15,7 +15,7 @@ from rotorfit.results.result import (
     configuration_names,
     verdict_of,
 )
-from rotorfit.verdicts.judge import ADVICE, body_reason, body_verdict, motion_for, twin_of
+from rotorfit.verdicts.judge import body_advice, body_reason, body_verdict, twin_of
 
 TITLES = {name: info.title for name, info in EVERY.items()}
 
@@ -191,7 +191,8 @@ def _of_parameter(parameter: Parameter) -> Entry:
         verdict=parameter.verdict,
         partner=parameter.partner,
         reason=parameter.reason,
-        advice=parameter.advice,
+        # Nobody flies for a sensor's numbers.
+        advice=None if parameter.name in NUISANCE else parameter.advice,
     )
 
 
@@ -200,14 +201,12 @@ def body_entry(derived: Derived, twin: Parameter | None, kin: Mapping[str, Deriv
     verdict = body_verdict(derived, twin, kin)
     if twin is None or verdict == "identified":
         return Entry(number=derived, verdict=verdict)
-    own = verdict == "weak" != twin.verdict
-    advice = ADVICE[motion_for(derived.name)] if own else twin.advice
     return Entry(
         number=derived,
         verdict=verdict,
         partner=twin.partner if verdict == "ratio-only" else None,
         reason=body_reason(derived, verdict, twin, kin),
-        advice=advice,
+        advice=body_advice(derived.name, verdict, twin),
     )
 
 

@@ -170,8 +170,7 @@ def _missing(plan: FlightPlan, width: int) -> list[str]:
     if not plan.missing:
         return ["Still missing: nothing; every number of the result is identified."]
     lines = textwrap.wrap(
-        "Still missing, and what to fly for each (as identify advises, or what works better for "
-        "this vehicle):",
+        "Still missing, and what to fly for each (as identify advises, this vehicle):",
         width,
     )
     before = ""

@@ -285,7 +285,7 @@ def _component_sentence(found: WrenchSpectra, name: str) -> str:
     if not good.any():
         return (
             f"{axis}: nowhere excited well; the coherence is up to {coherence.max():.2f}, and "
-            f"{rotors}: fly more of it."
+            f"{rotors}."
         )
     at = found.frequency[good]
     return (

@@ -94,6 +94,11 @@ def hover_centre(
     return {name: places[name] for name in sorted(unknown)}
 
 
+def places_of(result: IdentificationResult, owner: str) -> dict[str, float]:
+    """Collect where centre of mass and rotors are: as found, else as in a hover [m]."""
+    return _known_places(result, owner) | hover_centre(result, owner)
+
+
 def _known_places(result: IdentificationResult, owner: str) -> dict[str, float]:
     """Collect where centre of mass and rotor centre are known to be [m]."""
     own = [one for one in (*result.parameters, *result.derived) if one.configuration == owner]

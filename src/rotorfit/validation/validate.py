@@ -34,6 +34,7 @@ from rotorfit.results.result import (
     configuration_names,
     meant_configuration,
 )
+from rotorfit.validation.replay_vehicle import ROTOR_CENTER, places_of
 from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
 
 CUTOFF = 3.0
@@ -48,8 +49,8 @@ NEEDS = {
 }
 """Without these a component cannot be predicted, and no error is given for it."""
 TRIMS = {"Mx": ("msy", "rotor_center_y"), "My": ("msx", "rotor_center_x")}
-"""Where thrust acts and where the mass is: together they are the moment's mean, so that one without
-the other is worse than no prediction."""
+"""Where thrust acts and where the mass is: together they are the moment's mean. Where one is not
+known, it is that of a hover with the other."""
 WHITENESS_LAGS = 10
 SPEED_PERCENTILES = (0.1, 99.9)
 """Percentiles of the rotor speeds of a flight."""
@@ -234,7 +235,7 @@ def compare_wrenches(
         c
         for c in SHOWN
         # Where the coefficient was removed, the rotors give nothing to compare with.
-        if all(name in known for name in _needed(c, result, owner)) and known[NEEDS[c][0]] != 0.0
+        if all(name in known for name in NEEDS[c]) and known[NEEDS[c][0]] != 0.0
     ]
     error = {c: relative_error(body, rotors, c) for c in predicted}
     step = max(round(data.sample_rate / cutoff), 1)
@@ -272,14 +273,11 @@ def _owner(result: IdentificationResult, configuration: str | None) -> str:
     )
 
 
-def _needed(component: str, result: IdentificationResult, owner: str) -> tuple[str, ...]:
-    """Return the numbers needed to predict a component: of its trim, those of the model."""
-    present = {p.name for p in result.parameters if p.configuration in (None, owner)}
-    return (*NEEDS[component], *(n for n in TRIMS.get(component, ()) if n in present))
-
-
 def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
-    """Return the values of a configuration; what was removed as unessential counts as zero."""
+    """Return the values of a configuration; what was removed as unessential counts as zero.
+
+    Where mass and rotors are is that of a replay: both judge the same vehicle.
+    """
     known: dict[str, float] = {}
     for p in result.parameters:
         if p.configuration not in (None, owner):
@@ -287,9 +285,10 @@ def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
         value = 0.0 if p.verdict == "removed" else p.value
         if value is not None:
             known[p.name] = value
-    if "mass" not in known:
-        known["mass"] = 1.0
-    return known
+    known.setdefault("mass", 1.0)
+    places = places_of(result, owner)
+    centre = {name: places[name] for name in ROTOR_CENTER if name in places}
+    return {f"ms{a}": known["mass"] * places[f"com_{a}"] for a in "xy"} | centre | known
 
 
 def fitted_response(result: IdentificationResult) -> MotorResponse | None:

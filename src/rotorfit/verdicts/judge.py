@@ -189,7 +189,9 @@ WIDTHS: Final = ("known only to", "small, with an interval")
 def _width_words(relative: float, *, small: bool) -> str:
     """Say how wide an interval is, of a `small` number over what matters."""
     if small:
-        return f"small, with an interval {relative / WEAK:.1f} times as wide as wanted"
+        times = f"{relative / WEAK:.1f}"
+        wide = "a little wider than" if times == "1.0" else f"{times} times as wide as"
+        return f"small, with an interval {wide} wanted"
     return f"known only to +-{100 * relative:.0f} %"
 
 
@@ -237,6 +239,15 @@ def body_reason(
         return twin.reason
     small = abs(_known(derived.value) or 0.0) < (_size(derived, kin) or 0.0)
     return _width_words(relative, small=small)
+
+
+def body_advice(name: str, verdict: Verdict, twin: Parameter) -> str | None:
+    """Say what to do for a number about the CoM: as for its twin, else by its motion.
+
+    What was simulated for the vehicle is kept with the twin, whatever the twin's own verdict.
+    """
+    own = verdict != twin.verdict and twin.advice is None
+    return ADVICE[motion_for(name)] if own else twin.advice
 
 
 DEPENDS: Final[Mapping[str, tuple[str, ...]]] = {

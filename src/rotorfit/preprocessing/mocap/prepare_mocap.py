@@ -61,6 +61,7 @@ from rotorfit.preprocessing.prepare import (
     PreparedFlight,
     Window,
     phases_of,
+    refuse_interpolated,
     window_rows,
     with_likely_lag,
 )
@@ -140,6 +141,8 @@ def prepare_mocap(
     pose = seen.pose
     refuse_missing_motors(log, name, rotor_count)
     clock = camera_clock(pose.time)
+    recorded = {"motor": _recorded_motors(log, motors)}
+    refuse_interpolated(uniform_channels(recorded, clock="motor"), measured=measured)
     frames = _frames(pose, clock, _motor_channel(log, motors))
     data = _differentiated(frames, (log.channels[name].resolution or 0.0) if measured else None)
     data = with_motors(data, frames.motors, motors.response)
@@ -182,13 +185,18 @@ def _flown(
     return tuple(Segment(start=a, stop=b) for a, b in flights), standing
 
 
+def _recorded_motors(log: FlightLog, motors: MotorModel) -> Channel:
+    """Select the motor channel as recorded, despiked where speeds were measured."""
+    if motors.speed == "commanded":
+        return usable_samples(log.channels["command"], "command")
+    channel = usable_samples(log.channels["rotor_speed"], "rotor_speed")
+    return dataclasses.replace(channel, values=hampel(channel.values)[0])
+
+
 def _motor_channel(log: FlightLog, motors: MotorModel) -> Channel:
-    """Convert the motor channel to speeds, despiked where they were measured."""
-    if motors.speed == "measured":
-        channel = usable_samples(log.channels["rotor_speed"], "rotor_speed")
-        return dataclasses.replace(channel, values=hampel(channel.values)[0])
-    channel = usable_samples(log.channels["command"], "command")
-    if motors.law is None:
+    """Convert the motor channel to speeds."""
+    channel = _recorded_motors(log, motors)
+    if motors.speed == "measured" or motors.law is None:
         return channel
     battery = None
     if takes_battery(log, motors.law):

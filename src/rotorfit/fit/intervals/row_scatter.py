@@ -1,0 +1,73 @@
+"""Half-widths of the row fits by chance, with the scatter of all rows pooled.
+
+A row's own blocks show its variance to a factor of three where two or three of them decide; what
+the model lacks shows in all rows (`estimation/dispersion.py`), as in all numbers of a joint fit.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import stats
+
+from rotorfit.estimation.dispersion import Dispersion, dispersion_of_parts
+from rotorfit.estimation.reweighted import BandedFit
+from rotorfit.fit.intervals.joint_numbers import FEWEST_PHASES
+from rotorfit.fit.row_fits import ROWS, RowFits, block_diagonal
+
+
+def row_half_widths(fits: RowFits) -> Float[np.ndarray, " f"]:
+    """Compute the half-width by chance of each parameter of the rows, in their order.
+
+    The larger of the formal one and that of the scatter, each number's own and pooled.
+    """
+    free = _free_blocks(fits)
+    stated = np.diagonal(fits.formal)
+    blocks = len(fits.segment)
+    own = np.diagonal(fits.covariance) * blocks / free
+    formal = stats.t.ppf(0.975, free) * np.sqrt(stated * blocks / free)
+    degrees = np.minimum(_effective_blocks(fits), free)
+    variance, degrees = _dispersion(fits).pooled(stated, own, degrees)
+    found: Float[np.ndarray, " f"] = np.maximum(
+        formal, stats.t.ppf(0.975, degrees) * np.sqrt(variance)
+    )
+    return found
+
+
+def _free_blocks(fits: RowFits) -> Float[np.ndarray, " f"]:
+    """Count the free blocks behind each parameter: each of its row costs one."""
+    blocks = len(fits.segment)
+    counts = [len(fits.fits[row].estimate.names) for row in ROWS]
+    return np.concatenate([np.full(n, max(blocks - n, 1.0)) for n in counts])
+
+
+def _effective_blocks(fits: RowFits) -> Float[np.ndarray, " f"]:
+    """Count the effective blocks of each parameter, by their shares of its formal variance."""
+    shares = np.concatenate([_shares(fits.fits[row]) for row in ROWS], axis=1)
+    total, squares = shares.sum(axis=0), (shares**2).sum(axis=0)
+    every = np.full(len(total), float(len(shares)))
+    return np.divide(total**2, squares, out=every, where=squares > 0.0)
+
+
+def _shares(fit: BandedFit) -> Float[np.ndarray, "b f"]:
+    """Compute each block's share of the formal variances of a row."""
+    C = fit.estimate.covariance
+    shares: Float[np.ndarray, "b f"] = np.einsum("fi,bij,jf->bf", C, fit.information, C)
+    return shares
+
+
+def _dispersion(fits: RowFits) -> Dispersion:
+    """Estimate the dispersion of the four rows together, by phases or, of few, by blocks."""
+    labels = np.unique(fits.segment)
+    parts = [fits.segment == label for label in labels]
+    if len(parts) < FEWEST_PHASES:
+        parts = list(np.eye(len(fits.segment), dtype=bool))
+    influence = np.concatenate([fits.fits[row].influence for row in ROWS], axis=1)
+    return dispersion_of_parts(
+        fits.formal,
+        np.array([_information(fits, own) for own in parts]),
+        np.array([influence[own].sum(axis=0) for own in parts]),
+    )
+
+
+def _information(fits: RowFits, own: Bool[np.ndarray, " b"]) -> Float[np.ndarray, "f f"]:
+    """Sum the information of some blocks on the parameters of all rows."""
+    return block_diagonal([fits.fits[row].information[own].sum(axis=0) for row in ROWS])
