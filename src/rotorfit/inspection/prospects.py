@@ -324,7 +324,8 @@ def _thrust(
     weighed = kt_by_weight(data, vehicle)
     agree, width, reach, full = True, _relative(random, kt), 0.0, 0.0
     if law == "unknown":
-        found = exponent_of(thrust_ratio(changes, weighed))
+        # Commands that do not explain the motion do not show how thrust grows with them either.
+        found = exponent_of(thrust_ratio(changes, weighed) if followed else None)
         reach = 1.96 * found.std / found.value
         full = _open_at_full(found, data)
         held = width if weighed is None else _relative(1.96 * weighed.std, weighed.value)
