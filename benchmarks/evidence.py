@@ -55,6 +55,7 @@ BENCH = (
 Shown is each times the bench's other number.
 """
 CRAZYFLIE: Mapping[str, Span] = {
+    "kt": (0.1275, 0.1275),  # (0.187 + 0.323) / 4 N at full command
     "motor_lag": (0.070, 0.090),
     "Ixx_com": (1.6e-5, 2.0e-5),
     "Iyy_com": (1.65e-5, 2.05e-5),
