@@ -448,6 +448,20 @@ ROOMS: Final[dict[str, Room]] = {
             ("correlation_of(own + common)", "correlation_of(own)"),
         ),
     ),
+    "diagnostics/motors/law_from_flight.py": Room(
+        tests=(
+            "tests/diagnostics/test_law_from_flight.py",
+            "tests/results/test_command_units.py",
+        ),
+        scaled=("FULL_STD: Final = <<0.05>>", "<<FULL_STD>> * abs(float(np.log(self.hover)))"),
+        changed=(
+            ("changes.value / weight.value", "weight.value / changes.value"),
+            ("return USUAL if ratio is None else USUAL.with_other(ratio)", "return ratio or USUAL"),
+            ("self.exponent.std / self.exponent.value, 1.0", "self.exponent.std, 1.0"),
+            ("np.maximum(speed, 0.0) ** power", "np.maximum(speed, 0.0)"),
+            ("dataset, motor_timing=None, law_found=True", "dataset, motor_timing=None"),
+        ),
+    ),
     "dataset/carried_weight.py": Room(
         tests=("tests/dataset/test_carried_weight.py",),
         scaled=(
