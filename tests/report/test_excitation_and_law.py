@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from report_material import FOUND, ROTORS, a_comparison, a_result
 
+from rotorfit.findings import note
 from rotorfit.report.motor_law import law_picture, law_section
 from rotorfit.report.result_page import figure_texts, report_html
 from rotorfit.report.wrenches import excitation_chart, excitation_figure, excitation_sentences
@@ -68,11 +69,15 @@ def test_a_given_law_is_drawn_with_what_was_flown() -> None:
     assert "speeds in flight were 200 to 800 rad/s, at commands of about 0.20 to 0.80" in " ".join(
         section.sentences
     )
+    assert section.sentences[0].startswith("the law is the declared one")
+    by_flight = law_section(result.found(note("law-found", "")), [flown])
+    assert by_flight is not None
+    assert by_flight.sentences[0].startswith("the law is the one that weight and changes of thrust")
     assert 'class="seen"' in section.picture and ">rad/s<" in section.picture
     alone = law_section(result)
     assert alone is not None
     assert 'class="seen"' not in alone.picture
-    assert "rotor speed is by the given law" in report_html(result, comparisons=[flown])
+    assert "rotor speed is by this law" in report_html(result, comparisons=[flown])
     measured = {**TOLD, "motors": {"speed": "measured"}}
     assert law_section(a_result(configurations=("A",), settings=measured), [flown]) is None
 

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.diagnostics.motors.law_from_flight import FOUND as LAW_FOUND
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.experiment.law_table import speed_law_of
@@ -100,7 +101,7 @@ def _declared_section(
         return None
     seen = [c.speeds for c in comparisons if c.speeds is not None]
     per_command, commands = is_per_command(result), None
-    sentences = ["the law is the declared one: the log has no rotor speed to check it by"]
+    sentences = [_origin_of(result)]
     if seen:
         low, high = min(s[0] for s in seen), max(s[1] for s in seen)
         grid = np.linspace(0.0, 1.0, 1001)
@@ -126,6 +127,16 @@ def _declared_section(
         motors=(),
         picture=_picture(law, commands=commands, unit="of full" if per_command else "rad/s"),
     )
+
+
+def _origin_of(result: IdentificationResult) -> str:
+    """Say whether the law is declared, or found in the flight."""
+    if any(one.kind == LAW_FOUND for one in result.findings):
+        return (
+            "the law is the one that weight and changes of thrust show in hover, or the usual one "
+            "where they show none: neither log nor declaration has one"
+        )
+    return "the law is the declared one: the log has no rotor speed to check it by"
 
 
 def _declared_law(result: IdentificationResult) -> SpeedLaw | None:
