@@ -166,6 +166,7 @@ def row_fit(known, residual):
         variance=some.variance[:count],
         known_power=np.array(known),
         residual_power=np.array(residual),
+        information=some.information[:count],
     )
 
 

@@ -36,7 +36,7 @@ def _free_blocks(fits: RowFits) -> Float[np.ndarray, " f"]:
     """Count the free blocks behind each parameter: each of its row costs one."""
     blocks = len(fits.segment)
     counts = [len(fits.fits[row].estimate.names) for row in ROWS]
-    return np.concatenate([np.full(n, max(blocks - n, 1.0)) for n in counts])
+    return np.concatenate([np.full(n, float(max(blocks - n, 1))) for n in counts])
 
 
 def _effective_blocks(fits: RowFits) -> Float[np.ndarray, " f"]:
