@@ -183,6 +183,12 @@ class Measured:
         """The 95 % interval."""
         return self.value - 1.96 * self.std, self.value + 1.96 * self.std
 
+    def over(self, other: "Measured") -> "Measured":
+        """Divide by an independent measurement of another number."""
+        ratio = self.value / other.value
+        std = abs(ratio) * float(np.hypot(self.std / self.value, other.std / other.value))
+        return Measured(value=ratio, std=std)
+
     def with_other(self, other: "Measured") -> "Measured":
         """Combine two independent measurements of one number."""
         own, theirs = self.std**-2.0, other.std**-2.0

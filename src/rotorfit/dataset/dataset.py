@@ -122,13 +122,17 @@ class Dataset:
 Kind = TypeVar("Kind", bound=Dataset)
 
 
-def with_prepared(dataset: Kind, change: Callable[[PreparedFlight], PreparedFlight]) -> Kind:
-    """Return the dataset with every prepared flight changed."""
+def with_flights(dataset: Kind, change: Callable[[LoadedFlight], LoadedFlight]) -> Kind:
+    """Return the dataset with every flight changed."""
     configurations = tuple(
-        dataclasses.replace(
-            c,
-            flights=[dataclasses.replace(f, prepared=change(f.prepared)) for f in c.flights],
-        )
+        dataclasses.replace(c, flights=[change(flight) for flight in c.flights])
         for c in dataset.configurations
     )
     return dataclasses.replace(dataset, configurations=configurations)
+
+
+def with_prepared(dataset: Kind, change: Callable[[PreparedFlight], PreparedFlight]) -> Kind:
+    """Return the dataset with every prepared flight changed."""
+    return with_flights(
+        dataset, lambda flight: dataclasses.replace(flight, prepared=change(flight.prepared))
+    )

@@ -333,9 +333,9 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
     kind, weight, changes = "thrust-against-weight", balance.weight, balance.changes
     if changes is None:
         return doubt_or_passed(kind, None, {"kt_of_weight": weight.value})
-    ratio, half = changes.value / weight.value, _half_of_ratio(changes, weight)
+    ratio = changes.over(weight)
     evidence = (
-        Evidence(name="thrust_over_weight", value=ratio, interval=(ratio - half, ratio + half)),
+        Evidence(name="thrust_over_weight", value=ratio.value, interval=ratio.interval),
         Evidence(name="kt_of_weight", value=weight.value),
     )
     sentence = difference(balance, motors) if abs(balance.deviations) > DOUBTED else None
@@ -372,17 +372,12 @@ def law_decides(reach: float, width: float) -> bool:
     return reach > WEAK or reach**2 > 0.5 * width**2
 
 
-def _half_of_ratio(changes: Measured, weight: Measured) -> float:
-    """Compute half of the 95 % interval of one k_t over the other."""
-    relative = np.hypot(changes.std / changes.value, weight.std / weight.value)
-    return 1.96 * abs(changes.value / weight.value) * float(relative)
-
-
 def difference(balance: Balance, motors: MotorsEntry) -> str:
     """Explain that changes of thrust give another k_t than the weight."""
     changes, weight, kt = balance.changes, balance.weight, balance.kt
     assert changes is not None
-    off, half = changes.value / weight.value - 1.0, _half_of_ratio(changes, weight)
+    ratio = changes.over(weight)
+    off, half = ratio.value - 1.0, 1.96 * ratio.std
     seen = (
         f"by changes of thrust with the squared {_SPEED[motors.speed]} kt is "
         f"{100 * abs(off):.0f} +- {100 * half:.0f} % {'higher' if off > 0 else 'lower'} than by "

@@ -25,9 +25,13 @@ def effective_blocks(
 
     `fit`: of all flights. `jacobian`: of the numbers by the free parameters.
     """
-    shares = variance_shares(fit, jacobian)
+    return effective_count(variance_shares(fit, jacobian))
+
+
+def effective_count(shares: Float[np.ndarray, "b q"]) -> Float[np.ndarray, " q"]:
+    """Count the effective blocks by their shares of each variance; all blocks where all are 0."""
     total, squares = shares.sum(axis=0), (shares**2).sum(axis=0)
-    every = np.full(len(jacobian), float(len(shares)))
+    every = np.full(len(total), float(len(shares)))
     return np.divide(total**2, squares, out=every, where=squares > 0.0)
 
 

@@ -1,6 +1,6 @@
 """Predict cheaply what one log can show: kt, excitation of each axis, and the motor order."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -16,7 +16,12 @@ from rotorfit.diagnostics.kt_from_weight import (
     bias_at_rest,
     pooled_weight,
 )
-from rotorfit.diagnostics.motors.law_from_flight import FULL_STD, exponent_of, thrust_ratio
+from rotorfit.diagnostics.motors.law_from_flight import (
+    FoundLaw,
+    exponent_of,
+    hover_command,
+    thrust_ratio,
+)
 from rotorfit.diagnostics.sensors.log_settings import (
     LEAST_RATE,
     faster_log,
@@ -47,6 +52,8 @@ from rotorfit.verdicts.judge import ADVISED, FLOWN, judge
 Axis = Literal["roll", "pitch", "yaw"]
 Prospect = Literal["well", "roughly", "not"]
 Law = Literal["given", "unknown"]
+Rows = Mapping[str, tuple[float, float]]
+"""Value and half-width by chance of the rows' parameters, by their names."""
 AXES: Final[tuple[Axis, ...]] = ("roll", "pitch", "yaw")
 PROSPECT: Final[dict[Verdict, Prospect]] = {
     "identified": "well",
@@ -231,10 +238,11 @@ def prospects(
         timed = replace(prepared, data=retimed(prepared, clearer))
         fits = fit_rows(prepared_bands(timed, vehicle, None), model, mass=1.0)
     followed = _followed(fits)
+    rows = _with_widths(fits)
     thrust = _thrust(
         timed.data,
         vehicle,
-        fits,
+        rows,
         followed=followed or not commanded,
         law=("given" if law_known else "unknown") if commanded else None,
     )
@@ -244,7 +252,7 @@ def prospects(
                 axis=axis,
                 turning=size,
                 rho=fits.excitation[axis],
-                width=_width(axis, fits, thrust),
+                width=_width(axis, fits, rows, thrust),
             )
             for axis, size in zip(AXES, _turning(timed.data), strict=True)
         ),
@@ -312,22 +320,22 @@ def _likelihood(
 
 
 def _thrust(
-    data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool, law: Law | None
+    data: FlightData, vehicle: Vehicle, rows: Rows, *, followed: bool, law: Law | None
 ) -> Thrust:
     """Estimate kt from changes of thrust and from the weight.
 
     `law`: from command to speed; None of rotor speeds.
     """
     squares = (data.rotor_speed[data.used_rows] ** 2).sum(axis=1)
-    kt, random = _with_width(fits, "force.kt")
+    kt, random = rows["force.kt"]
     changes = Measured(value=kt, std=float(np.hypot(random / 1.96, CHANGES_STD * kt)))
     weighed = kt_by_weight(data, vehicle)
     agree, width, reach, full = True, _relative(random, kt), 0.0, 0.0
     if law == "unknown":
         # Commands that do not explain the motion do not show how thrust grows with them either.
-        found = exponent_of(thrust_ratio(changes, weighed) if followed else None)
-        reach = 1.96 * found.std / found.value
-        full = _open_at_full(found, data)
+        ratio = thrust_ratio(changes, weighed) if followed else None
+        found = FoundLaw(exponent=exponent_of(ratio), ratio=ratio, hover=hover_command([data]))
+        reach, full = 1.96 * found.slope_std, 1.96 * found.thrust_std
         held = width if weighed is None else _relative(1.96 * weighed.std, weighed.value)
         width = float(np.hypot(held, full))
     elif weighed is not None:
@@ -348,13 +356,6 @@ def _thrust(
     )
 
 
-def _open_at_full(exponent: Measured, data: FlightData) -> float:
-    """Compute the share by which thrust at full command is open for the exponent of its law."""
-    squares = data.rotor_speed[data.used_rows] ** 2
-    span = 0.5 * abs(float(np.log(squares.mean())))
-    return 2.0 * 1.96 * span * float(np.hypot(exponent.std, FULL_STD))
-
-
 def kt_by_weight(data: FlightData, vehicle: Vehicle) -> Measured | None:
     """Estimate the kt per kilogram that carries the weight; None without a long stretch."""
     held = carrying_stretches(
@@ -368,11 +369,11 @@ def kt_by_weight(data: FlightData, vehicle: Vehicle) -> Measured | None:
     return pooled_weight(list(held))
 
 
-def _width(axis: Axis, fits: RowFits, thrust: Thrust) -> float | None:
+def _width(axis: Axis, fits: RowFits, rows: Rows, thrust: Thrust) -> float | None:
     """Predict the half-width of the number of an axis, over its value."""
     name = {"roll": "Ixx", "pitch": "Iyy", "yaw": "kd_over_Izz"}[axis]
     bias = attenuation_allowance(name, 1.0, fits.excitation[axis], with_response=True)
-    value, random = _with_width(fits, "yaw.kd" if axis == "yaw" else f"{axis}.kt")
+    value, random = rows["yaw.kd" if axis == "yaw" else f"{axis}.kt"]
     if axis == "yaw":
         return _finite(float(np.hypot(_relative(random, value), bias)))
     scale = thrust.of_inertia
@@ -381,10 +382,10 @@ def _width(axis: Axis, fits: RowFits, thrust: Thrust) -> float | None:
     return _finite(float(np.hypot(np.hypot(_relative(random, value), bias), scale)))
 
 
-def _with_width(fits: RowFits, name: str) -> tuple[float, float]:
-    """Return a parameter of the rows and half of its interval by chance."""
-    i = fits.names.index(name)
-    return float(fits.values[i]), float(row_half_widths(fits)[i])
+def _with_widths(fits: RowFits) -> Rows:
+    """Return every parameter of the rows, and half of its interval by chance."""
+    pairs = zip(fits.values.tolist(), row_half_widths(fits).tolist(), strict=True)
+    return dict(zip(fits.names, pairs, strict=True))
 
 
 def _relative(half_width: float, value: float) -> float:

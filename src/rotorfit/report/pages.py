@@ -49,7 +49,13 @@ def _template(name: str) -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["plus_minus"] = plus_minus
     return environment.get_template(f"{name}.html")
+
+
+def plus_minus(sentence: str) -> str:
+    """Write ``+-`` of a sentence as the sign that a page has room for."""
+    return sentence.replace("+-", "± ")
 
 
 def write_drawings(folder: Path, drawings: Mapping[str, str], *, force: bool = False) -> list[Path]:

@@ -7,7 +7,7 @@ from typing import Final
 from rotorfit.formatting.digits import Number, finite_interval, known, number_of
 from rotorfit.model.parameters import COM, EVERY, INERTIA_COM, NUISANCE, OF_FLIGHT
 from rotorfit.model.terms.registry import TERMS
-from rotorfit.report.pages import drawing, tag
+from rotorfit.report.pages import drawing, plus_minus, tag
 from rotorfit.results.result import (
     Derived,
     IdentificationResult,
@@ -253,7 +253,7 @@ def _notes(entries: Sequence[Entry]) -> tuple[Note, ...]:
         Note(
             mark=_letter(i),
             names=tuple(names),
-            reason=None if reason is None else reason.replace("+-", "± "),
+            reason=None if reason is None else plus_minus(reason),
             advice=advice,
         )
         for i, ((reason, advice), names) in enumerate(groups.items())

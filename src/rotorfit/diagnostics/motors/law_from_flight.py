@@ -8,13 +8,14 @@ k_d are thrust and drag torque of one rotor there.
 The exponent is measured about hover. What it may differ up to full command widens k_t and k_d.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from rotorfit.dataset.carried_weight import Measured
-from rotorfit.dataset.dataset import Kind
+from rotorfit.dataset.dataset import Kind, with_flights
 from rotorfit.diagnostics.kt_from_weight import kt_from_changes, weight_of
 from rotorfit.diagnostics.motors.commanded_speeds import with_other_speeds
 from rotorfit.experiment.experiment import MotorsEntry
@@ -22,6 +23,7 @@ from rotorfit.experiment.law_table import LawEntry, PowerEntry
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import retimed
 
 USUAL: Final = Measured(value=0.8, std=0.2)
@@ -50,13 +52,27 @@ class FoundLaw:
     hover: float
 
     @property
+    def slope_std(self) -> float:
+        """Deviation of the exponent, as a share: that of inertia by the law."""
+        return self.exponent.std / self.exponent.value
+
+    @property
+    def thrust_std(self) -> float:
+        """Deviation of the thrust at full command by the law, as a share."""
+        return 2.0 * self._span * float(np.hypot(self.exponent.std, FULL_STD))
+
+    @property
+    def _span(self) -> float:
+        """Logarithm of full command over that in hover."""
+        return abs(float(np.log(self.hover)))
+
+    @property
     def entry(self) -> LawEntry:
         """The law as the experiment file has it."""
-        level = FULL_STD * abs(float(np.log(self.hover)))
         return LawEntry(
             power=PowerEntry(full_speed=1.0, exponent=self.exponent.value),
-            slope_std=min(self.exponent.std / self.exponent.value, 1.0),
-            speed_std=min(level, 1.0),
+            slope_std=min(self.slope_std, 1.0),
+            speed_std=min(FULL_STD * self._span, 1.0),
             usual_speed=1.0,
         )
 
@@ -103,16 +119,14 @@ def find_law(fit: Fit) -> FoundLaw | None:
     # Without an accelerometer, whose bias can be free, changes of thrust hang on the weight.
     free = any(name.startswith("accel_bias_z@") for name in fit.estimate.estimate.names)
     ratio = thrust_ratio(kt_from_changes(fit), weight_of(fit)) if free else None
-    return FoundLaw(exponent=exponent_of(ratio), ratio=ratio, hover=hover_command(dataset))
+    flights = [f for c in dataset.configurations for f in c.flights]
+    data = [retimed(flight.prepared, dataset.timing) for flight in flights]
+    return FoundLaw(exponent=exponent_of(ratio), ratio=ratio, hover=hover_command(data))
 
 
 def thrust_ratio(changes: Measured | None, weight: Measured | None) -> Measured | None:
     """Divide k_t by changes of thrust by k_t by the weight; None where either is unknown."""
-    if changes is None or weight is None:
-        return None
-    ratio = changes.value / weight.value
-    std = abs(ratio) * float(np.hypot(changes.std / changes.value, weight.std / weight.value))
-    return Measured(value=ratio, std=std)
+    return None if changes is None or weight is None else changes.over(weight)
 
 
 def exponent_of(ratio: Measured | None) -> Measured:
@@ -120,11 +134,9 @@ def exponent_of(ratio: Measured | None) -> Measured:
     return USUAL if ratio is None else USUAL.with_other(ratio)
 
 
-def hover_command(dataset: TimedDataset) -> float:
+def hover_command(flights: Sequence[FlightData]) -> float:
     """Compute the rms command in flight, 0 to 1."""
-    flights = [f for c in dataset.configurations for f in c.flights]
-    data = [retimed(flight.prepared, dataset.timing) for flight in flights]
-    squares = np.concatenate([one.rotor_speed[one.used_rows].ravel() ** 2 for one in data])
+    squares = np.concatenate([one.rotor_speed[one.used_rows].ravel() ** 2 for one in flights])
     return float(np.sqrt(squares.mean()))
 
 
@@ -142,8 +154,5 @@ def _declared(dataset: Kind, law: LawEntry) -> Kind:
     def with_it(motors: MotorsEntry) -> MotorsEntry:
         return motors.model_copy(update={"law": law})
 
-    configurations = tuple(
-        replace(c, flights=[replace(f, motors=with_it(f.motors)) for f in c.flights])
-        for c in dataset.configurations
-    )
-    return replace(dataset, motors=with_it(dataset.motors), configurations=configurations)
+    dataset = replace(dataset, motors=with_it(dataset.motors))
+    return with_flights(dataset, lambda flight: replace(flight, motors=with_it(flight.motors)))

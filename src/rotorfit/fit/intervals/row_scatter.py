@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from scipy import stats
 
 from rotorfit.estimation.dispersion import Dispersion, dispersion_of_parts
+from rotorfit.estimation.effective_blocks import effective_count
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.fit.intervals.joint_numbers import FEWEST_PHASES
 from rotorfit.fit.row_fits import ROWS, RowFits, block_diagonal
@@ -41,10 +42,7 @@ def _free_blocks(fits: RowFits) -> Float[np.ndarray, " f"]:
 
 def _effective_blocks(fits: RowFits) -> Float[np.ndarray, " f"]:
     """Count the effective blocks of each parameter, by their shares of its formal variance."""
-    shares = np.concatenate([_shares(fits.fits[row]) for row in ROWS], axis=1)
-    total, squares = shares.sum(axis=0), (shares**2).sum(axis=0)
-    every = np.full(len(total), float(len(shares)))
-    return np.divide(total**2, squares, out=every, where=squares > 0.0)
+    return effective_count(np.concatenate([_shares(fits.fits[row]) for row in ROWS], axis=1))
 
 
 def _shares(fit: BandedFit) -> Float[np.ndarray, "b f"]:
