@@ -6,8 +6,10 @@ import pytest
 from rotorfit.dataset.carried_weight import Measured
 from rotorfit.diagnostics.motors.law_from_flight import (
     FULL_STD,
+    STEADY,
     USUAL,
     FoundLaw,
+    Trial,
     exponent_of,
     thrust_ratio,
 )
@@ -42,7 +44,43 @@ def test_weight_and_changes_give_the_exponent_of_any_power(power):
 
 
 def law(ratio, hover=0.5):
-    return FoundLaw(exponent=exponent_of(ratio), ratio=ratio, hover=hover)
+    return FoundLaw(exponent=exponent_of(ratio), flown=ratio, hover=hover)
+
+
+def trial(power, shown, std=0.02):
+    return Trial(power=power, shown=Measured(value=shown, std=std))
+
+
+def test_the_law_is_where_a_fit_shows_what_it_is_made_with():
+    """Fits show .2 + .6 p: .5 of p = .5."""
+    first, second = trial(1.0, 0.8), trial(0.8, 0.68)
+    growth = second.growth_since(first)
+    assert growth == pytest.approx(0.6)
+    for one in (first, second):
+        found = one.fixed_point(growth)
+        assert found.value == pytest.approx(0.5)
+        assert found.std == pytest.approx(0.05)
+
+
+def test_a_fit_that_shows_what_it_is_made_with_shows_little():
+    growth = trial(0.8, 0.9).growth_since(trial(1.0, 1.2))
+    assert growth == STEADY
+    assert trial(0.8, 0.9).fixed_point(growth).std == pytest.approx(0.4)
+    assert trial(0.8, 0.9).growth_since(trial(1.0, 0.8)) == 0.0
+
+
+def test_a_law_is_settled_where_its_fit_is_near_it():
+    def after(power):
+        at = trial(power, 0.5)
+        exponent = Measured(value=0.5, std=0.05)
+        return FoundLaw(exponent=exponent, flown=at.shown, hover=0.5, trial=at)
+
+    assert after(0.504).settled and after(0.496).settled
+    assert not after(0.51).settled and not after(0.49).settled
+    assert law(None).settled
+    # Where it stays open, the law is that of the fit, and as far open as the next step is long.
+    assert after(0.62).fitted.exponent.value == pytest.approx(0.62)
+    assert after(0.62).fitted.exponent.std == pytest.approx(0.13)
 
 
 def test_a_found_law_is_a_power_of_the_command_up_to_one():

@@ -167,12 +167,14 @@ def test_the_flight_shows_how_thrust_grows_with_the_command(tmp_path, flight, po
     """Commands whose thrust goes with that power of them: inertia and full thrust are found."""
     result = identified(tmp_path, flight, motors="", recorded=lambda u: u ** (2.0 / power))
     [law] = [f for f in result.findings if f.kind == "law-found"]
-    exponent, ratio = law.evidence
+    exponent, flown = law.evidence
     # Changes of thrust count once: with them the law was found, and k_t is the weight's.
     [agreed] = [f for f in result.findings if f.kind == "thrust-against-weight"]
     assert [e.name for e in agreed.evidence] == ["kt_of_weight"]
     assert 2.0 * exponent.interval[0] < power < 2.0 * exponent.interval[1]
-    assert 2.0 * ratio.value == pytest.approx(power, rel=0.1)
+    assert 2.0 * flown.value == pytest.approx(power, rel=0.01)
+    # One step from the squared command ends 2 % too high where thrust goes with the command.
+    assert 2.0 * exponent.value == pytest.approx(power, rel=0.01)
     found, truth = numbers(result), flight.truth.parameters()
     full = truth["kt"] * float(flight.max_speed) ** 2
     wanted = {**{name: truth[name] for name in ("Ixx_com", "Iyy_com")}, "max_thrust": full}

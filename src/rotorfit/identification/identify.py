@@ -12,7 +12,13 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.dataset.load import Method, Progress, load_dataset, resolved_method
 from rotorfit.diagnostics.diagnose import diagnose, every_step
-from rotorfit.diagnostics.motors.law_from_flight import find_law, with_found_law
+from rotorfit.diagnostics.motors.law_from_flight import (
+    FoundLaw,
+    declared,
+    find_again,
+    find_law,
+    with_found_law,
+)
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.experiment.experiment import Experiment, MotorsEntry
 from rotorfit.findings import Finding, note
@@ -38,6 +44,9 @@ IMU_PLACE_UNUSED: Final = (
     "the origin is the point that motion capture tracks: the rotors' positions are taken as "
     "measured from it, and the place of the IMU is not used"
 )
+
+MOST_LAWS: Final = 6
+"""Fits with one law after the other."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,13 +124,26 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
     fit = _fitted(dataset, wanted)
     law = find_law(fit)
     if law is not None:
-        dataset = time_motors(with_found_law(dataset, law), lag=True, report=_silent)
-        experiment = experiment.model_copy(update={"motors": dataset.motors})
-        fit = _fitted(dataset, wanted).found(law.finding)
+        fit = _with_law(dataset, law, wanted)
+        experiment = experiment.model_copy(update={"motors": fit.dataset.motors})
     fit = every_step(fit)
     result = joint_result(fit, experiment, diagnose(fit))
     result = dataclasses.replace(result, findings=(*tilt, *result.findings))
     return Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
+
+
+def _with_law(commanded: TimedDataset, law: FoundLaw, wanted: Sequence[str] | None) -> Fit:
+    """Fit with the law that was found, until a fit shows the law it is made with."""
+    fits = 0
+    while True:
+        dataset = time_motors(with_found_law(commanded, law), lag=True, report=_silent)
+        fit = _fitted(dataset, wanted)
+        law, fits = find_again(law, fit), fits + 1
+        if law.settled or fits == MOST_LAWS:
+            break
+    law = law.fitted
+    dataset = declared(fit.dataset, law.entry)
+    return dataclasses.replace(fit, dataset=dataset).found(law.finding)
 
 
 def _fitted(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:

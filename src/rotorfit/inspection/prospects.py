@@ -334,7 +334,7 @@ def _thrust(
     if law == "unknown":
         # Commands that do not explain the motion do not show how thrust grows with them either.
         ratio = thrust_ratio(changes, weighed) if followed else None
-        found = FoundLaw(exponent=exponent_of(ratio), ratio=ratio, hover=hover_command([data]))
+        found = FoundLaw(exponent=exponent_of(ratio), flown=ratio, hover=hover_command([data]))
         reach, full = 1.96 * found.slope_std, 1.96 * found.thrust_std
         held = width if weighed is None else _relative(1.96 * weighed.std, weighed.value)
         width = float(np.hypot(held, full))

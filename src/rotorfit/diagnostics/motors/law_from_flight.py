@@ -5,6 +5,12 @@ thrust grows there. Their ratio is the exponent :math:`p` of the relative speed 
 command :math:`u`, as thrust goes with the squared speed. That speed is 1 at full command: k_t and
 k_d are thrust and drag torque of one rotor there.
 
+A fit with another exponent than the true one sees thrust, lag and inflow of bent changes, so that
+the exponent :math:`r` which it shows depends on the :math:`p` that it is made with. The flights'
+own exponent is where :math:`r(p) = p`, found by Steffensen's steps: with a growth :math:`q = dr/dp`
+it is :math:`p + (r - p) / (1 - q)`, and as much less certain than :math:`r` as :math:`1 - q` is
+small.
+
 The exponent is measured about hover. What it may differ up to full command widens k_t and k_d.
 """
 
@@ -29,6 +35,10 @@ from rotorfit.reduction.frequency_bands import retimed
 USUAL: Final = Measured(value=0.8, std=0.2)
 """Exponent of the speed over the command before the flight: thrust goes with the command's power of
 one to two."""
+STEADY: Final = 0.95
+"""Largest growth of the exponent that a fit shows with that it is made with."""
+NEAR: Final = 0.1
+"""Deviations between two exponents that count as one."""
 FULL_STD: Final = 0.05
 """Deviation of the mean exponent from hover to full command from that in hover: rms of thrust
 curves f u^2 + (1 - f) u, f from 0 to 1, that start at -10 to 15 % of the command, with hover at 30
@@ -42,14 +52,18 @@ class FoundLaw:
     """The law from command to relative speed by a flight.
 
     - `exponent`: of the relative speed over the command.
-    - `ratio`: k_t by changes of thrust over k_t by the weight, with speeds in proportion to the
-      command; None where the flight does not show it.
+    - `flown`: the exponent by weight and changes of thrust alone; None where the flight does not
+      show it.
     - `hover`: rms command of the flights, 0 to 1.
+    - `trial`: the fit that showed it, where one did.
+    - `growth`: of the exponent that a fit shows with that it is made with.
     """
 
     exponent: Measured
-    ratio: Measured | None
+    flown: Measured | None
     hover: float
+    trial: "Trial | None" = None
+    growth: float = 0.0
 
     @property
     def slope_std(self) -> float:
@@ -77,12 +91,28 @@ class FoundLaw:
         )
 
     @property
+    def step(self) -> float:
+        """From the exponent of the last fit to this one."""
+        return 0.0 if self.trial is None else self.exponent.value - self.trial.power
+
+    @property
+    def settled(self) -> bool:
+        """Whether a fit with this exponent shows nothing new."""
+        return abs(self.step) < NEAR * self.exponent.std
+
+    @property
+    def fitted(self) -> "FoundLaw":
+        """The law that the last fit was made with, and how well it is known."""
+        value, std = self.exponent.value - self.step, np.hypot(self.exponent.std, self.step)
+        return replace(self, exponent=Measured(value=value, std=float(std)))
+
+    @property
     def finding(self) -> Finding:
         """Say which law was taken, and from where."""
         power, half = 2.0 * self.exponent.value, 2.0 * 1.96 * self.exponent.std
         shown = (
             "this flight does not show it either: as motors usually do, thrust is taken to grow"
-            if self.ratio is None
+            if self.flown is None
             else "weight and changes of thrust show that thrust grows"
         )
         return Finding(
@@ -100,12 +130,34 @@ class FoundLaw:
 
     @property
     def _evidence(self) -> tuple[Evidence, ...]:
-        numbers = {"law_exponent": self.exponent, "thrust_over_weight": self.ratio}
+        numbers = {"law_exponent": self.exponent, "law_exponent_flown": self.flown}
         return tuple(
             Evidence(name=name, value=one.value, interval=one.interval)
             for name, one in numbers.items()
             if one is not None
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """A fit with a law, and what it shows.
+
+    - `power`: the exponent that the fit was made with.
+    - `shown`: the exponent by its weight and changes of thrust.
+    """
+
+    power: float
+    shown: Measured
+
+    def growth_since(self, other: "Trial") -> float:
+        """Return by how much what the fits show grows with what they are made with."""
+        growth = (self.shown.value - other.shown.value) / (self.power - other.power)
+        return min(max(growth, 0.0), STEADY)
+
+    def fixed_point(self, growth: float) -> Measured:
+        """Return the exponent that a fit made with it would show again."""
+        step = (self.shown.value - self.power) / (1.0 - growth)
+        return Measured(value=self.power + step, std=self.shown.std / (1.0 - growth))
 
 
 def find_law(fit: Fit) -> FoundLaw | None:
@@ -116,12 +168,31 @@ def find_law(fit: Fit) -> FoundLaw | None:
     dataset = fit.dataset
     if dataset.motors.speed != "commanded" or dataset.motors.law or dataset.speeds_commanded:
         return None
+    trial = _trial(fit, 1.0)
+    flown = None if trial is None else trial.shown
+    flights = [f for c in dataset.configurations for f in c.flights]
+    hover = hover_command([retimed(flight.prepared, dataset.timing) for flight in flights])
+    return FoundLaw(exponent=exponent_of(flown), flown=flown, hover=hover, trial=trial)
+
+
+def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
+    """Find the exponent by a fit with the law that was found before."""
+    trial = _trial(fit, law.exponent.value)
+    if law.trial is None or trial is None:
+        return law
+    growth = law.growth if law.settled else trial.growth_since(law.trial)
+    flown = trial.fixed_point(growth)
+    return replace(law, exponent=exponent_of(flown), flown=flown, trial=trial, growth=growth)
+
+
+def _trial(fit: Fit, power: float) -> Trial | None:
+    """Read the exponent of a fit; None where it shows none."""
     # Without an accelerometer, whose bias can be free, changes of thrust hang on the weight.
     free = any(name.startswith("accel_bias_z@") for name in fit.estimate.estimate.names)
-    ratio = thrust_ratio(kt_from_changes(fit), weight_of(fit)) if free else None
-    flights = [f for c in dataset.configurations for f in c.flights]
-    data = [retimed(flight.prepared, dataset.timing) for flight in flights]
-    return FoundLaw(exponent=exponent_of(ratio), ratio=ratio, hover=hover_command(data))
+    left = thrust_ratio(kt_from_changes(fit), weight_of(fit)) if free else None
+    if left is None:
+        return None
+    return Trial(power=power, shown=Measured(value=left.value * power, std=left.std * power))
 
 
 def thrust_ratio(changes: Measured | None, weight: Measured | None) -> Measured | None:
@@ -129,9 +200,9 @@ def thrust_ratio(changes: Measured | None, weight: Measured | None) -> Measured 
     return None if changes is None or weight is None else changes.over(weight)
 
 
-def exponent_of(ratio: Measured | None) -> Measured:
-    """Estimate the exponent of the speed by that ratio and by what motors usually have."""
-    return USUAL if ratio is None else USUAL.with_other(ratio)
+def exponent_of(flown: Measured | None) -> Measured:
+    """Estimate the exponent of the speed by what flights show and by what motors usually have."""
+    return USUAL if flown is None else USUAL.with_other(flown)
 
 
 def hover_command(flights: Sequence[FlightData]) -> float:
@@ -145,10 +216,10 @@ def with_found_law(dataset: TimedDataset, found: FoundLaw) -> TimedDataset:
     power = found.exponent.value
     dataset = replace(dataset, motor_timing=None, law_found=True)
     dataset = with_other_speeds(dataset, lambda speed, _: np.maximum(speed, 0.0) ** power)
-    return _declared(dataset, found.entry)
+    return declared(dataset, found.entry)
 
 
-def _declared(dataset: Kind, law: LawEntry) -> Kind:
+def declared(dataset: Kind, law: LawEntry) -> Kind:
     """Return a dataset whose motors, and those of its flights, have a law."""
 
     def with_it(motors: MotorsEntry) -> MotorsEntry:
