@@ -38,15 +38,6 @@ def test_what_is_open_of_kt_is_in_every_interval(monkeypatch, sign):
     assert held.numbers.correlation[0, 1] == pytest.approx(together)
 
 
-def test_an_open_law_is_in_what_goes_with_changes(monkeypatch):
-    """By 1.5 of k_t, which itself is the weight's."""
-    held_by(monkeypatch, lambda step: np.array([step, 5.5 * step]))
-    held = held_at(ONE, Measured(value=10.0, std=0.2), law_reach=1.5)
-    assert held.numbers.half_width[0] == pytest.approx(np.hypot(0.5, 1.96 * 0.2))
-    reach = 5.5 * np.hypot(1.96 * 0.2, 1.5)
-    assert held.numbers.half_width[1] == pytest.approx(np.hypot(3.0, reach))
-
-
 def held_by(monkeypatch, moves):
     """Replace the fits of `held_at`; return the k_t at which they were asked for."""
     tried = []

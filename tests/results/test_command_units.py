@@ -195,10 +195,21 @@ def test_the_command_in_hover_does_not_hang_on_the_law(tmp_path, flight):
     assert thrust.std > 0.02 * thrust.value
 
 
-def test_a_wrong_law_is_known_by_the_weight(tmp_path, flight):
-    wrong = f"law = {{ linear = [{-0.3 * flight.max_speed}, {1.3 * flight.max_speed}] }}"
-    result = identified(tmp_path, flight, motors=wrong)
-    assert any("measure the law under [motors] again" in words for words in result.warnings)
+@pytest.mark.parametrize(("offset", "power"), [(-0.3, 2.0), (0.2, 2.0), (0.0, 1.5)])
+def test_a_wrong_law_is_put_right_by_the_flight(tmp_path, flight, offset, power):
+    """Speeds in proportion to the command, or thrust with its power, by a law that is no such."""
+    w = float(flight.max_speed)
+    wrong = f"law = {{ linear = [{offset * w}, {(1.0 - offset) * w}] }}"
+    result = identified(tmp_path, flight, motors=wrong, recorded=lambda u: u ** (2.0 / power))
+    [said] = [one for one in result.findings if one.kind == "law-contradicted"]
+    assert said.severity == "doubt"
+    assert "measure the law under [motors] again" in said.sentence
+    found, truth = numbers(result), flight.truth.parameters()
+    for name in ("Ixx_com", "Iyy_com"):
+        low, high = found[name].interval
+        assert low < truth[name] < high, name
+        assert high - low < 0.25 * truth[name], name
+        assert found[name].verdict == "identified"
 
 
 def test_the_units_are_those_of_the_equations():

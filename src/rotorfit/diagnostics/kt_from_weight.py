@@ -6,10 +6,9 @@ nothing, and k_t is their mean with the weights of their variances. Where they d
 these allow, one of the two is wrong by what nobody has allowed for: the variance of the mean is
 scaled by :math:`\chi^2` of their difference (Birge, Phys. Rev. 40, 1932).
 
-Inertia goes with the torque that changes of command make. One in twenty laws from command to speed
-that are given is wrong: how likely this one is after the flight says how far from the weight's k_t
-that of the changes may be, and inertia with it. Where no law is given, both find one
-(`motors/law_from_flight.py`), and k_t is that of the weight.
+Where a law makes speeds of commands, changes of thrust show how wrong its slope is
+(`motors/law_from_flight.py`): what that leaves open is in the k_t of changes. Where the speeds are
+by the flight, k_t is that of the weight.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from rotorfit.dataset.carried_weight import Measured, carrying_stretches
 from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
@@ -43,12 +41,8 @@ from rotorfit.verdicts.judge import WEAK
 CHANGES_STD = 0.02
 """Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise
 that an altitude hold feeds back."""
-LAW_STD = 0.25
-"""The same where the law that is given is wrong."""
 LAW_OPEN = "law-open"
 LAW_FIRST = "find the motors' law first (by a thrust stand, or by rotor speed in the log)"
-LAW_MISTAKES = 0.05
-"""Share of laws that are wrong: of another vehicle, or from command to thrust instead of speed."""
 REST_STD = 0.1
 """Deviation of an accelerometer's bias in flight from its bias at rest: vibration, temperature
 [m/s^2]."""
@@ -60,9 +54,6 @@ CAMERA_BIAS = Measured(value=0.0, std=0.01)
 """Bias of an acceleration by motion capture, over seconds [m/s^2]."""
 HELD_TO = 1e-4
 """Share of itself to which k_t is held: what is open of it is in the interval."""
-OF_WEIGHT = ("kt", "hover_speed")
-"""What is known by the weight alone, whatever the law."""
-WRONG_LAW = "thrust changes with the command otherwise than the motors' law says"
 DOUBTED = 2.58
 """Deviations by which weight and changes differ once in a hundred sound flights."""
 _SPEED = {"measured": "rotor speed", "commanded": "command"}
@@ -91,13 +82,10 @@ class Balance:
         By changes of thrust; None where they are not informative.
     weight
         By what carries the weight.
-    law_mistaken
-        How likely a given law from command to speed is wrong, before the flight.
     """
 
     changes: Measured | None
     weight: Measured
-    law_mistaken: float = 0.0
 
     @property
     def deviations(self) -> float:
@@ -108,53 +96,13 @@ class Balance:
         return float((self.changes.value - self.weight.value) / std)
 
     @property
-    def law_is_wrong(self) -> float:
-        """Posterior probability that the law is wrong, by their difference."""
-        if self.changes is None or not self.law_mistaken:
-            return self.law_mistaken
-        off = self.changes.value - self.weight.value
-        std = float(np.hypot(self.changes.std, self.weight.std))
-        either = std, float(np.hypot(std, self._law_std))
-        right, wrong = (float(stats.norm.pdf(off, scale=one)) for one in either)
-        wrong *= self.law_mistaken
-        return wrong / ((1.0 - self.law_mistaken) * right + wrong)
-
-    @property
-    def given_law_is_wrong(self) -> bool:
-        """Whether a law is given, and is likelier wrong than right after the flight."""
-        return self.law_is_wrong > 0.5
-
-    @property
-    def _law_std(self) -> float:
-        return LAW_STD * self.weight.value
-
-    @property
     def kt(self) -> Measured:
         """The weighted mean of both; its deviation grows with their difference."""
         if self.changes is None:
             return self.weight
-        open_law = self.law_is_wrong**0.5 * self._law_std
-        changes = replace(self.changes, std=float(np.hypot(self.changes.std, open_law)))
-        mean = self.weight.with_other(changes)
-        unlikely = (changes.value - mean.value) ** 2 / (changes.std**2 - mean.std**2)
+        mean = self.weight.with_other(self.changes)
+        unlikely = (self.changes.value - mean.value) ** 2 / (self.changes.std**2 - mean.std**2)
         return replace(mean, std=mean.std * max(unlikely, 1.0) ** 0.5)
-
-    @property
-    def law_reach(self) -> float:
-        """Largest difference of k_t from changes and from the weight by the law alone.
-
-        With 95 % of the posterior: where the law is surely right that is nothing, and grows without
-        a jump as it becomes likelier wrong.
-        """
-        likely = self.law_is_wrong
-        if likely <= 0.025:
-            return 0.0
-        law = self._law_std**2
-        known = 0.0 if self.changes is None else self.changes.std**2 + self.weight.std**2
-        off = 0.0 if self.changes is None else abs(self.changes.value - self.weight.value)
-        share = law / (law + known) if self.changes is not None else 0.0
-        left = float(np.sqrt(law * (1.0 - share)))
-        return max(share * off + float(stats.norm.ppf(1.0 - 0.025 / likely)) * left, 0.0)
 
 
 def weigh_thrust(fit: Fit) -> Fit:
@@ -162,13 +110,18 @@ def weigh_thrust(fit: Fit) -> Fit:
     dataset, weight = fit.dataset, weight_of(fit)
     if weight is None:
         return widen_by_settings(fit)
-    given = dataset.motors.law is not None and not dataset.law_found
     # With changes of thrust a law was found: they say nothing more of k_t.
     changes = None if dataset.law_found else kt_from_changes(fit)
-    balance = Balance(changes=changes, weight=weight, law_mistaken=LAW_MISTAKES if given else 0.0)
-    held = held_at(fit, balance.kt, law_reach=balance.law_reach)
-    open_ones = open_law(held.numbers, balance.law_reach / balance.kt.value)
-    return held.found(agreement(balance, dataset.motors), *open_ones)
+    law = dataset.motors.law
+    if changes is not None and law is not None:
+        changes = with_open_slope(changes, law.slope_std)
+    balance = Balance(changes=changes, weight=weight)
+    return held_at(fit, balance.kt).found(agreement(balance, dataset.motors))
+
+
+def with_open_slope(changes: Measured, slope_std: float) -> Measured:
+    """Add what is open of a law's slope, as a share, to the k_t of changes of thrust."""
+    return replace(changes, std=float(np.hypot(changes.std, slope_std * changes.value)))
 
 
 def weight_of(fit: Fit) -> Measured | None:
@@ -201,20 +154,15 @@ def kt_from_changes(fit: Fit) -> Measured | None:
     return Measured(value=value, std=float(np.hypot(std, CHANGES_STD * value)))
 
 
-def held_at(fit: Fit, kt: Measured, *, law_reach: float = 0.0) -> Fit:
-    """Fit again with k_t held, and its uncertainty in every interval.
-
-    `law_reach`: how much further from it k_t of changes may be, with which inertia goes.
-    """
+def held_at(fit: Fit, kt: Measured) -> Fit:
+    """Fit again with k_t held, and its uncertainty in every interval."""
     known = {"kt": (kt.value, HELD_TO * kt.value)}
     begin = {**fit.estimate.estimate.by_name, "kt": kt.value}
     held = widen_by_settings(refit(fit, fit.dataset, begin=begin, known=known))
-    step = float(np.hypot(kt.std, law_reach / 1.96))
-    off = kt.value - min(step, 0.5 * abs(kt.value))
+    off = kt.value - min(kt.std, 0.5 * abs(kt.value))
     begin = {**held.estimate.estimate.by_name, "kt": off}
     moved = shift_of(held, held.dataset, begin=begin, known={"kt": (off, HELD_TO * off)})
-    of_weight = np.array([name.startswith(OF_WEIGHT) for name in held.numbers.names])
-    moved = moved * np.where(of_weight, kt.std, step) / (kt.value - off)
+    moved = moved * kt.std / (kt.value - off)
     # The excitation is that of the fit that follows the flights best.
     numbers = replace(with_common_shift(held.numbers, moved), excitation=fit.numbers.excitation)
     return replace(held, numbers=numbers)
@@ -339,10 +287,7 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
         Evidence(name="kt_of_weight", value=weight.value),
     )
     sentence = difference(balance, motors) if abs(balance.deviations) > DOUBTED else None
-    of_law = ("thrust_to_weight", "max_thrust") if balance.given_law_is_wrong else ()
-    found = doubt_or_passed(
-        kind, sentence, numbers=("kt", *of_law), doubtful_because=WRONG_LAW if of_law else None
-    )
+    found = doubt_or_passed(kind, sentence, numbers=("kt",))
     return replace(found, evidence=evidence)
 
 

@@ -4,6 +4,7 @@ from dataclasses import asdict
 from itertools import pairwise
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from rotorfit.experiment.strict_tables import Finite, Positive, Strict
@@ -16,10 +17,13 @@ from rotorfit.logs.speed_law import (
     TableLaw,
     VoltageFactor,
 )
+from rotorfit.preprocessing.motors.motor_model import speeds
 
 Share = Annotated[Finite, Field(ge=0, le=1)]
 Row = tuple[Share, Annotated[Finite, Field(ge=0)]]
 
+BENT_ROWS = 201
+"""Of the table that a bent law becomes."""
 CURVES = ("linear", "polynomial", "table", "sqrt", "power")
 
 
@@ -109,6 +113,32 @@ def law_entry_of(law: SpeedLaw) -> LawEntry:
             return LawEntry(polynomial=coefficients, voltage=factor)
         case _:
             raise TypeError(f"no entry for {law.curve}")
+
+
+def bent(law: LawEntry, power: float, *, anchor: float) -> LawEntry:
+    """Return a law with another power of a law's speed, which is the same at a speed `anchor`."""
+    if power == 1.0:
+        return law
+    voltage = law.voltage
+    if voltage is not None:
+        voltage = voltage.model_copy(
+            update={
+                "exponent": power * voltage.exponent,
+                "exponent_std": power * voltage.exponent_std,
+                "missing_std": voltage.missing_std and power * voltage.missing_std,
+            }
+        )
+    if law.power is not None:
+        full = anchor * (law.power.full_speed / anchor) ** power
+        curve = {"full_speed": full, "exponent": power * law.power.exponent}
+        own = law.power.model_copy(update=curve)
+        return law.model_copy(update={"power": own, "voltage": voltage})
+    command = np.linspace(0.0, 1.0, BENT_ROWS)
+    rising = np.maximum.accumulate(speeds(speed_law_of(law), command))
+    speed = anchor * (rising / anchor) ** power
+    turning = np.flatnonzero(np.diff(speed) > 0.0)
+    rows = tuple((float(command[i]), float(speed[i])) for i in (*turning, turning[-1] + 1))
+    return LawEntry(table=rows, voltage=voltage, speed_std=law.speed_std)
 
 
 def _refuse_falling(table: tuple[tuple[float, float], ...]) -> None:

@@ -13,11 +13,10 @@ from threadpoolctl import threadpool_limits
 from rotorfit.dataset.load import Method, Progress, load_dataset, resolved_method
 from rotorfit.diagnostics.diagnose import diagnose, every_step
 from rotorfit.diagnostics.motors.law_from_flight import (
-    FoundLaw,
-    declared,
     find_again,
     find_law,
     with_found_law,
+    with_law,
 )
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.experiment.experiment import Experiment, MotorsEntry
@@ -122,9 +121,8 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
     experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
     wanted = experiment.identification.terms
     fit = _fitted(dataset, wanted)
-    law = find_law(fit)
-    if law is not None:
-        fit = _with_law(dataset, law, wanted)
+    fit = _with_law(fit, wanted)
+    if fit.dataset.law_found:
         experiment = experiment.model_copy(update={"motors": fit.dataset.motors})
     fit = every_step(fit)
     result = joint_result(fit, experiment, diagnose(fit))
@@ -132,18 +130,19 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
     return Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
 
 
-def _with_law(commanded: TimedDataset, law: FoundLaw, wanted: Sequence[str] | None) -> Fit:
-    """Fit with the law that was found, until a fit shows the law it is made with."""
-    fits = 0
-    while True:
-        dataset = time_motors(with_found_law(commanded, law), lag=True, report=_silent)
-        fit = _fitted(dataset, wanted)
+def _with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
+    """Fit with the law that the flight shows, until a fit shows the law it is made with."""
+    dataset, law, fits = fit.dataset, find_law(fit), 0
+    if law is None:
+        return fit
+    while not law.settled and fits < MOST_LAWS:
+        timed = time_motors(with_found_law(dataset, law), lag=True, report=_silent)
+        fit = _fitted(timed, wanted)
         law, fits = find_again(law, fit), fits + 1
-        if law.settled or fits == MOST_LAWS:
-            break
     law = law.fitted
-    dataset = declared(fit.dataset, law.entry)
-    return dataclasses.replace(fit, dataset=dataset).found(law.finding)
+    found = dataclasses.replace(with_law(fit.dataset, law.entry), law_found=law.from_flight)
+    fit = dataclasses.replace(fit, dataset=found)
+    return fit.found(law.finding) if law.from_flight else fit
 
 
 def _fitted(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:

@@ -11,15 +11,15 @@ from rotorfit.dataset.weight_balance import turning
 from rotorfit.diagnostics.kt_from_weight import (
     CHANGES_STD,
     DOUBTED,
-    LAW_MISTAKES,
     Balance,
     bias_at_rest,
     pooled_weight,
+    with_open_slope,
 )
 from rotorfit.diagnostics.motors.law_from_flight import (
     FoundLaw,
     exponent_of,
-    hover_command,
+    rms_speed,
     thrust_ratio,
 )
 from rotorfit.diagnostics.sensors.log_settings import (
@@ -29,6 +29,7 @@ from rotorfit.diagnostics.sensors.log_settings import (
     slow_words,
 )
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR
+from rotorfit.experiment.law_table import LawEntry
 from rotorfit.fit.intervals.numbers import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.intervals.row_scatter import row_half_widths
 from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
@@ -60,6 +61,8 @@ PROSPECT: Final[dict[Verdict, Prospect]] = {
     "weak": "roughly",
     "not-identified": "not",
 }
+SOME_LAW: Final = LawEntry(linear=(0.0, 1.0))
+"""A law that is given, whose slope is taken to be known."""
 LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
 """Lags of commanded motors, tried one by one [s]."""
 IDENTIFY: Final = "identify it: rotorfit identify LOG --mass KG --airframe AIRFRAME"
@@ -334,15 +337,17 @@ def _thrust(
     if law == "unknown":
         # Commands that do not explain the motion do not show how thrust grows with them either.
         ratio = thrust_ratio(changes, weighed) if followed else None
-        found = FoundLaw(exponent=exponent_of(ratio), flown=ratio, hover=hover_command([data]))
+        found = FoundLaw(exponent=exponent_of(ratio), flown=ratio, hover=rms_speed([data]))
         reach, full = 1.96 * found.slope_std, 1.96 * found.thrust_std
         held = width if weighed is None else _relative(1.96 * weighed.std, weighed.value)
         width = float(np.hypot(held, full))
     elif weighed is not None:
-        mistaken = LAW_MISTAKES if law == "given" else 0.0
-        balance = Balance(changes=changes, weight=weighed, law_mistaken=mistaken)
-        agree = abs(balance.deviations) <= DOUBTED
-        reach = balance.law_reach / weighed.value
+        agree = abs(Balance(changes=changes, weight=weighed).deviations) <= DOUBTED
+        if law == "given":
+            exponent = exponent_of(thrust_ratio(changes, weighed), SOME_LAW)
+            reach = 1.96 * exponent.std
+            changes = with_open_slope(changes, exponent.std)
+        balance = Balance(changes=changes, weight=weighed)
         width = _relative(1.96 * balance.kt.std, balance.kt.value)
     return Thrust(
         change=float(squares.std() / squares.mean()) if len(squares) else 0.0,

@@ -22,11 +22,13 @@ from rotorfit.dataset.load import resolved_method
 from rotorfit.diagnostics.sensors.sensor_faults import lowpass_sentence
 from rotorfit.estimation.factors import flights_of
 from rotorfit.experiment.experiment import Experiment, MotorsEntry
+from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.findings import Finding, diagnostics_of, note
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.logs.flight_log import SITL, simulated_sentence
-from rotorfit.preprocessing.motors.motor_model import ThrustCurve
+from rotorfit.logs.speed_law import SquareRootLaw
+from rotorfit.preprocessing.motors.motor_model import ThrustCurve, full_speed_of
 from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
 from rotorfit.verdicts.judge import judged_derived
 from rotorfit.verdicts.parameters import RATIOS
@@ -294,11 +296,12 @@ def _yaw_of_sitl(flight: LoadedFlight) -> str:
     With thrust T = (1 - f) c + f c^2 of a command c, and torque proportional to c T, the torque
     changes with T by c + T / T', where the mean is c.
     """
-    law = flight.motors.law
-    if law is None or law.sqrt is None:
+    logged, used = flight.log.motors, flight.motors.law
+    if logged is None or used is None or not isinstance(logged.law.curve, SquareRootLaw):
         return ""
-    curve = ThrustCurve(factor=law.sqrt.thr_mdl_fac, error=0.0)
-    thrust = float((flight.prepared.motor_channel**2).mean()) / law.sqrt.full_speed**2
+    curve = ThrustCurve(factor=logged.law.curve.thr_mdl_fac, error=0.0)
+    full = full_speed_of(speed_law_of(used))
+    thrust = float((flight.prepared.motor_channel**2).mean()) / full**2
     c, f = curve.command(thrust), curve.factor
     more = 1.0 + thrust / (c * (1.0 - f + 2.0 * f * c))
     return (

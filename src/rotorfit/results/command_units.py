@@ -90,7 +90,7 @@ def is_per_command(result: IdentificationResult) -> bool:
 def with_flight_numbers(result: IdentificationResult, motors: MotorsEntry) -> IdentificationResult:
     """Add hover throttle, thrust over weight, largest thrust of a motor and their imbalance."""
     law = _law(result, motors)
-    full = None if law is None else _full_speed(result, law)
+    full = None if law is None else _full_speed(result, law, motors.law)
     bodies: list[Derived] = []
     for owner in configuration_names(result):
         hover = _hover_speed(result, owner)
@@ -111,10 +111,12 @@ def _law(result: IdentificationResult, motors: MotorsEntry) -> SpeedLaw | None:
     return proportional if is_per_command(result) else None
 
 
-def _full_speed(result: IdentificationResult, law: SpeedLaw) -> Range:
+def _full_speed(result: IdentificationResult, law: SpeedLaw, entry: LawEntry | None) -> Range:
     """Return the speed at full command [rad/s, or 1 of relative speeds]."""
     fitted = next((p for p in result.parameters if p.name == "max_speed"), None)
-    return (fitted and _range(fitted)) or (full_speed_of(law), 0.0)
+    full = full_speed_of(law)
+    by_slope = 0.0 if entry is None else 1.96 * hover_share(entry, full, 0.0)
+    return (fitted and _range(fitted)) or (full, by_slope)
 
 
 def _range(number: Parameter | Derived) -> Range | None:
