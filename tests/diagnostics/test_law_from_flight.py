@@ -247,7 +247,11 @@ def test_a_contradicted_law_is_doubted_and_says_by_how_much():
     found = given_law(0.8, 0.02, tried=0.8).finding
     assert found.severity == "doubt"
     assert "thrust grows 20 +- 4 % less with the command than the" in found.sentence
-    assert not found.numbers  # what is taken is the flight's, and holds
+    # In rad/s nothing is known of a speed; relative ones are the flight's, and hold.
+    assert {"kt", "kd", "kd_over_Izz"} <= set(found.numbers)
+    assert not {"max_thrust", "Ixx_com"} & set(found.numbers)
+    relative = replace(given_law(0.8, tried=0.8), given=RIGHT, anchor=1.0).finding
+    assert relative.severity == "doubt" and not relative.numbers
     unsure = given_law(1.03, 0.02, tried=1.03).finding
     assert unsure.severity == "note"
     assert "3 +- 4 % more" in unsure.sentence

@@ -210,6 +210,7 @@ def test_a_wrong_law_is_put_right_by_the_flight(tmp_path, flight, offset, power)
         assert low < truth[name] < high, name
         assert high - low < 0.25 * truth[name], name
         assert found[name].verdict == "identified"
+    assert found["kt"].verdict == found["kt_1"].verdict == "doubtful"
 
 
 def test_the_units_are_those_of_the_equations():

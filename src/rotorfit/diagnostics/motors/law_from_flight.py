@@ -66,6 +66,12 @@ WRONG_FULL_STD: Final = 0.1
 FOUND: Final = "law-found"
 CONTRADICTED: Final = "law-contradicted"
 AGAIN: Final = "measure the law under [motors] again, or log the rotor speed"
+OF_SPEED: Final = (
+    *("kt", "kd", "Jr", "hover_speed", "kd_over_Izz", "Jr_over_Izz"),
+    *("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt"),
+)
+"""What hangs on speeds in rad/s: a law with a wrong slope does not give them."""
+WRONG_SPEEDS: Final = "the motors' law is wrong, and no one knows the rotor speed in hover"
 GIVE: Final = "log the rotor speed, or measure thrust over command and give law under [motors]"
 
 
@@ -147,6 +153,11 @@ class FoundLaw:
         return abs(float(np.log(self.hover)))
 
     @property
+    def in_rad_per_s(self) -> bool:
+        """Whether the law that is given has speeds in rad/s, not in parts of the largest."""
+        return self.given is not None and not is_relative(self.given)
+
+    @property
     def from_flight(self) -> bool:
         """Whether the speeds are by the flight, not by the law that is given."""
         return self.given is None or self.trial.power != 1.0
@@ -208,6 +219,8 @@ class FoundLaw:
                 "intervals cover what that leaves open, up to full command; for narrower ones "
                 f"{AGAIN}"
             ),
+            numbers=OF_SPEED if surely and self.in_rad_per_s else (),
+            doubtful_because=WRONG_SPEEDS if surely and self.in_rad_per_s else None,
             next_step=AGAIN,
             evidence=self._evidence,
         )
@@ -270,8 +283,12 @@ def anchor_of(law: LawEntry, hover: float) -> float:
 
     That of full command of relative speeds, as k_t is thrust at full command; else the usual one.
     """
-    full = full_speed_of(speed_law_of(law))
-    return full if math.isclose(full, 1.0) else law.usual_speed or hover
+    return 1.0 if is_relative(law) else law.usual_speed or hover
+
+
+def is_relative(law: LawEntry) -> bool:
+    """Test whether speeds of a law are in parts of the largest."""
+    return math.isclose(full_speed_of(speed_law_of(law)), 1.0)
 
 
 def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
