@@ -467,10 +467,19 @@ ROOMS: Final[dict[str, Room]] = {
             ("min(max(growth, 0.0), STEADY)", "growth"),
             ("value=left.value * power, std", "value=left.value, std"),
             ("self.exponent.std / self.exponent.value", "self.exponent.std"),
-            ("(np.maximum(speed, 0.0) / anchor) ** power", "(np.maximum(speed, 0.0) / anchor)"),
             ("for side in (-1.0, 1.0)", "for side in (1.0,)"),
             ("likely[1] / sum(likely)", "likely[1]"),
             ("near = NEAR if self.from_flight else 1.0", "near = NEAR"),
+        ),
+    ),
+    "experiment/law_table.py": Room(
+        tests=(
+            "tests/diagnostics/test_law_from_flight.py",
+            "tests/results/test_command_units.py",
+        ),
+        changed=(
+            ("(np.maximum(speed, 0.0) / anchor) ** power", "(np.maximum(speed, 0.0) / anchor)"),
+            ('"exponent": power * law.power.exponent', '"exponent": law.power.exponent'),
         ),
     ),
     "dataset/carried_weight.py": Room(

@@ -18,7 +18,6 @@ from rotorfit.experiment.law_table import (
     PowerEntry,
     SqrtEntry,
     VoltageEntry,
-    speed_law_of,
 )
 from rotorfit.experiment.strict_tables import (
     Finite,
@@ -39,7 +38,6 @@ from rotorfit.logs.columns import NAMES
 from rotorfit.logs.flight_log import LagOn
 from rotorfit.logs.proposal import explains_itself
 from rotorfit.logs.read import format_of
-from rotorfit.preprocessing.motors.motor_model import full_speed_of
 
 Model = TypeVar("Model", bound=BaseModel)
 Source = Literal["imu", "mocap"]
@@ -61,7 +59,7 @@ class MotorsEntry(Strict):
     @property
     def law_is_relative(self) -> bool:
         """Whether rotor speed is in parts of its largest: no law, or one that ends at 1."""
-        return self.law is None or math.isclose(full_speed_of(speed_law_of(self.law)), 1.0)
+        return self.law is None or self.law.is_relative
 
     @model_validator(mode="after")
     def _belongs_to_commands(self) -> "MotorsEntry":

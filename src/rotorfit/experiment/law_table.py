@@ -1,10 +1,12 @@
 """The law of ``[motors]`` in the experiment file: rotor speed over command."""
 
+import math
 from dataclasses import asdict
 from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
+from jaxtyping import Float
 from pydantic import Field, model_validator
 
 from rotorfit.experiment.strict_tables import Finite, Positive, Strict
@@ -17,7 +19,7 @@ from rotorfit.logs.speed_law import (
     TableLaw,
     VoltageFactor,
 )
-from rotorfit.preprocessing.motors.motor_model import speeds
+from rotorfit.preprocessing.motors.motor_model import full_speed_of, speeds
 
 Share = Annotated[Finite, Field(ge=0, le=1)]
 Row = tuple[Share, Annotated[Finite, Field(ge=0)]]
@@ -99,6 +101,11 @@ class LawEntry(Strict):
             _refuse_falling(self.table)
         return self
 
+    @property
+    def is_relative(self) -> bool:
+        """Whether rotor speed is in parts of its largest: the law ends at 1."""
+        return math.isclose(full_speed_of(speed_law_of(self)), 1.0)
+
 
 def law_entry_of(law: SpeedLaw) -> LawEntry:
     """Convert a law from an autopilot's parameters to its entry."""
@@ -129,16 +136,23 @@ def bent(law: LawEntry, power: float, *, anchor: float) -> LawEntry:
             }
         )
     if law.power is not None:
-        full = anchor * (law.power.full_speed / anchor) ** power
+        full = float(bent_speed(np.array([law.power.full_speed]), power, anchor=anchor)[0])
         curve = {"full_speed": full, "exponent": power * law.power.exponent}
         own = law.power.model_copy(update=curve)
         return law.model_copy(update={"power": own, "voltage": voltage})
     command = np.linspace(0.0, 1.0, BENT_ROWS)
     rising = np.maximum.accumulate(speeds(speed_law_of(law), command))
-    speed = anchor * (rising / anchor) ** power
+    speed = bent_speed(rising, power, anchor=anchor)
     turning = np.flatnonzero(np.diff(speed) > 0.0)
     rows = tuple((float(command[i]), float(speed[i])) for i in (*turning, turning[-1] + 1))
     return LawEntry(table=rows, voltage=voltage, speed_std=law.speed_std)
+
+
+def bent_speed(
+    speed: Float[np.ndarray, "..."], power: float, *, anchor: float
+) -> Float[np.ndarray, "..."]:
+    """Return a power of speeds, at least 0, which is the same at a speed `anchor`."""
+    return anchor * (np.maximum(speed, 0.0) / anchor) ** power
 
 
 def _refuse_falling(table: tuple[tuple[float, float], ...]) -> None:

@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from rotorfit.dataset.dataset import Dataset, LoadedFlight, with_prepared
 from rotorfit.diagnostics.kt_from_weight import HELD_TO, kt_from_weight, kt_of, open_law
-from rotorfit.experiment.law_table import LawEntry
+from rotorfit.experiment.law_table import LawEntry, bent_speed
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit, shift_of
 from rotorfit.fit.intervals.numbers import Numbers
@@ -113,7 +113,7 @@ def _slope_shift(fit: Fit, law: LawEntry) -> Float[np.ndarray, " q"]:
 
     def steeper(speed: Speeds, flown: Float[np.ndarray, "m N"]) -> Speeds:
         usual = law.usual_speed or float(np.median(flown))
-        return usual * (np.maximum(speed, 0.0) / usual) ** (1.0 + law.slope_std)
+        return bent_speed(speed, 1.0 + law.slope_std, anchor=usual)
 
     return shift_by_speeds(fit, with_other_speeds(fit.dataset, steeper))
 

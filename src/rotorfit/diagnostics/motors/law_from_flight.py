@@ -32,12 +32,11 @@ from rotorfit.dataset.dataset import Kind, with_flights
 from rotorfit.diagnostics.kt_from_weight import kt_from_changes, weight_of
 from rotorfit.diagnostics.motors.commanded_speeds import with_other_speeds
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.experiment.law_table import LawEntry, PowerEntry, bent, speed_law_of
+from rotorfit.experiment.law_table import LawEntry, PowerEntry, bent, bent_speed
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.preprocessing.motors.motor_model import full_speed_of
 from rotorfit.reduction.frequency_bands import retimed
 
 USUAL: Final = Measured(value=0.8, std=0.2)
@@ -153,11 +152,6 @@ class FoundLaw:
         return abs(float(np.log(self.hover)))
 
     @property
-    def in_rad_per_s(self) -> bool:
-        """Whether the law that is given has speeds in rad/s, not in parts of the largest."""
-        return self.given is not None and not is_relative(self.given)
-
-    @property
     def from_flight(self) -> bool:
         """Whether the speeds are by the flight, not by the law that is given."""
         return self.given is None or self.trial.power != 1.0
@@ -209,6 +203,7 @@ class FoundLaw:
         """Say by how much a law that is given is wrong."""
         off = self.exponent.value - 1.0
         surely = abs(off) > 1.96 * self.exponent.std
+        speeds_lost = surely and self.given is not None and not self.given.is_relative
         return Finding(
             kind=CONTRADICTED,
             severity="doubt" if surely else "note",
@@ -219,8 +214,8 @@ class FoundLaw:
                 "intervals cover what that leaves open, up to full command; for narrower ones "
                 f"{AGAIN}"
             ),
-            numbers=OF_SPEED if surely and self.in_rad_per_s else (),
-            doubtful_because=WRONG_SPEEDS if surely and self.in_rad_per_s else None,
+            numbers=OF_SPEED if speeds_lost else (),
+            doubtful_because=WRONG_SPEEDS if speeds_lost else None,
             next_step=AGAIN,
             evidence=self._evidence,
         )
@@ -283,12 +278,7 @@ def anchor_of(law: LawEntry, hover: float) -> float:
 
     That of full command of relative speeds, as k_t is thrust at full command; else the usual one.
     """
-    return 1.0 if is_relative(law) else law.usual_speed or hover
-
-
-def is_relative(law: LawEntry) -> bool:
-    """Test whether speeds of a law are in parts of the largest."""
-    return math.isclose(full_speed_of(speed_law_of(law)), 1.0)
+    return 1.0 if law.is_relative else law.usual_speed or hover
 
 
 def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
@@ -382,10 +372,10 @@ def rms_speed(flights: Sequence[FlightData]) -> float:
 
 def with_found_law(dataset: TimedDataset, found: FoundLaw) -> TimedDataset:
     """Return flights with the speeds of a found law, their motors not timed."""
-    power, anchor = found.next_power, found.anchor
+    power = found.next_power
     dataset = replace(dataset, motor_timing=None)
     dataset = with_other_speeds(
-        dataset, lambda speed, _: anchor * (np.maximum(speed, 0.0) / anchor) ** power
+        dataset, lambda speed, _: bent_speed(speed, power, anchor=found.anchor)
     )
     return with_law(dataset, found.entry_at(power))
 
