@@ -9,6 +9,7 @@ from rotorfit.dataset.carried_weight import Measured
 from rotorfit.diagnostics.motors.law_from_flight import (
     FAR,
     FULL_STD,
+    OF_SPEED,
     ROUNDING,
     STEADY,
     USUAL,
@@ -142,6 +143,21 @@ def test_how_likely_a_law_is_wrong():
     assert mistaken(Measured(value=1.3, std=0.02), RIGHT) > 0.999
     assert mistaken(Measured(value=9.0, std=0.02), RIGHT) == 1.0
     assert mistaken(Measured(value=1.3, std=5.0), RIGHT) == pytest.approx(0.05, rel=0.02)
+
+
+def test_the_law_of_simulated_motors_is_never_doubted():
+    exact = RIGHT.model_copy(update={"exact": True})
+    for flown in (None, Measured(value=0.86, std=0.04), Measured(value=9.0, std=0.02)):
+        assert mistaken(flown, exact) == 0.0
+        known = exponent_of(flown, exact)
+        assert known.value == pytest.approx(1.0, abs=1e-3)
+        assert known.std < 1.1 * ROUNDING
+
+
+def test_a_wrong_slope_loses_all_that_goes_with_speeds():
+    names = {"kt", "kd", "Jr", "inflow", "rotor_drag", "kd_linear", "Izz_over_kt", "hover_speed"}
+    assert names <= set(OF_SPEED)
+    assert not {"Ixx", "Ixx_com", "com_x", "drag"} & set(OF_SPEED)
 
 
 def test_nothing_jumps_as_a_law_becomes_wrong():

@@ -51,7 +51,10 @@ def test_the_thrust_of_sih_goes_with_the_signal_and_lags(tmp_path):
     found = px4(tmp_path, {**SIH, "THR_MDL_FAC": 0.3}, info=ON_COMPUTER)
     law = SpeedLaw(curve=SquareRootLaw(1.0, 0.0))
     assert found.motors == LoggedMotors(
-        law=law, words="SIH: thrust is proportional to the motor signal", lag_on="thrust"
+        law=law,
+        words="SIH: thrust is proportional to the motor signal",
+        exact=True,
+        lag_on="thrust",
     )
     # Thrust .5 is sent as the u of .3 u^2 + .7 u, to which SIH's thrust is in proportion.
     u = found.channels["command"].values[0, 0]
@@ -60,7 +63,7 @@ def test_the_thrust_of_sih_goes_with_the_signal_and_lags(tmp_path):
 
 def test_gazebos_output_is_a_speed(tmp_path):
     found = px4(tmp_path, GAZEBO, info=ON_COMPUTER)
-    assert found.motors is not None
+    assert found.motors is not None and found.motors.exact
     assert found.motors.law == SpeedLaw(curve=PolynomialLaw((150.0, 850.0)))
     assert found.motors.lag_on == "speed"
 

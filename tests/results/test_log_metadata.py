@@ -59,7 +59,7 @@ def numbers(**values):
 
 def test_the_logs_law_fills_what_nobody_gave():
     found = completed_motors(COMMANDED, logged())
-    assert (found.law, found.lag_on) == (law_entry_of(LAW), "thrust")
+    assert (found.law, found.lag_on) == (law_entry_of(TOLD), "thrust")
     assert found.law_is_relative
     own = COMMANDED.model_copy(update={"law": OWN, "lag_on": "speed"})
     assert completed_motors(own, logged()) == own
@@ -87,6 +87,14 @@ def test_what_was_taken_from_a_log_is_said():
     assert any("low-passed on board at 20 Hz: 11 ms of motor_lag" in w for w in said)
     declared = COMMANDED.model_copy(update={"law": OWN})
     assert log_metadata(declared, made(logged(), motors=declared)) == ()
+
+
+def test_only_settings_may_be_wrong_not_simulated_motors():
+    exact = dataclasses.replace(TOLD, exact=True)
+    for motors, replaceable in ((TOLD, True), (exact, False)):
+        found = made(logged(motors), motors=completed_motors(COMMANDED, logged(motors)))
+        [sentence] = sentences(log_metadata(COMMANDED, found))
+        assert ("only as good as these settings" in sentence) is replaceable
 
 
 def test_an_estimated_velocity_leaves_drag_open():

@@ -183,10 +183,15 @@ class Measured:
         """The 95 % interval."""
         return self.value - 1.96 * self.std, self.value + 1.96 * self.std
 
+    @property
+    def share(self) -> float:
+        """The standard deviation over the value."""
+        return self.std / abs(self.value)
+
     def over(self, other: "Measured") -> "Measured":
         """Divide by an independent measurement of another number."""
         ratio = self.value / other.value
-        std = abs(ratio) * float(np.hypot(self.std / self.value, other.std / other.value))
+        std = abs(ratio) * float(np.hypot(self.share, other.share))
         return Measured(value=ratio, std=std)
 
     def with_other(self, other: "Measured") -> "Measured":

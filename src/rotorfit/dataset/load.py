@@ -334,7 +334,7 @@ def completed_motors(motors: MotorsEntry, log: FlightLog) -> MotorsEntry:
     logged = log.motors
     if motors.speed == "measured" or logged is None or "command" not in log.channels:
         return motors
-    law = motors.law or law_entry_of(logged.law)
+    law = motors.law or law_entry_of(logged)
     return motors.model_copy(update={"law": law, "lag_on": motors.lag_on or logged.lag_on})
 
 

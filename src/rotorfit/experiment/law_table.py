@@ -10,6 +10,7 @@ from jaxtyping import Float
 from pydantic import Field, model_validator
 
 from rotorfit.experiment.strict_tables import Finite, Positive, Strict
+from rotorfit.logs.flight_log import LoggedMotors
 from rotorfit.logs.speed_law import (
     Curve,
     PolynomialLaw,
@@ -73,7 +74,8 @@ class LawEntry(Strict):
 
     `speed_std`, `slope_std`: deviation of the speed in hover, and of how steeply it grows with the
     command there, as shares of them; `usual_speed`: the speed at which they hold [rad/s], if not
-    that of the flight.
+    that of the flight. `exact`: it is that of simulated motors: no flight is asked whether it is
+    right.
     """
 
     linear: tuple[Finite, Positive] | None = None
@@ -85,6 +87,7 @@ class LawEntry(Strict):
     speed_std: Share = 0.0
     slope_std: Share = 0.0
     usual_speed: Positive | None = None
+    exact: bool = False
 
     @model_validator(mode="after")
     def _one_curve(self) -> "LawEntry":
@@ -107,17 +110,18 @@ class LawEntry(Strict):
         return math.isclose(full_speed_of(speed_law_of(self)), 1.0)
 
 
-def law_entry_of(law: SpeedLaw) -> LawEntry:
+def law_entry_of(logged: LoggedMotors) -> LawEntry:
     """Convert a law from an autopilot's parameters to its entry."""
+    law, exact = logged.law, logged.exact
     voltage = law.voltage
     factor = None
     if voltage is not None:
         factor = VoltageEntry(nominal=voltage.nominal, exponent=voltage.exponent)
     match law.curve:
         case SquareRootLaw():
-            return LawEntry(sqrt=SqrtEntry(**asdict(law.curve)), voltage=factor)
+            return LawEntry(sqrt=SqrtEntry(**asdict(law.curve)), voltage=factor, exact=exact)
         case PolynomialLaw(coefficients):
-            return LawEntry(polynomial=coefficients, voltage=factor)
+            return LawEntry(polynomial=coefficients, voltage=factor, exact=exact)
         case _:
             raise TypeError(f"no entry for {law.curve}")
 

@@ -19,6 +19,7 @@ from rotorfit.dataset.plausible_units import (
 from rotorfit.diagnostics.sensors.log_settings import better_log
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
+from rotorfit.experiment.law_table import law_entry_of
 from rotorfit.findings import Evidence, Finding, doubt, note, sentences
 from rotorfit.identification.identify import identify
 from rotorfit.inspection.pictures import LogPictures, log_pictures
@@ -239,8 +240,8 @@ def _foreseen(
         return None, None
     commanded = "rotor_speed" not in log.channels
     try:
-        response, known = _response(log, late), log.motors is not None
-        found = prospects(prepared, response, commanded=commanded, law_known=known)
+        law = None if log.motors is None else law_entry_of(log.motors)
+        found = prospects(prepared, _response(log, late), commanded=commanded, law=law)
         return replace(found, motors=found.motors and _in_the_logs_order(log, found.motors)), None
     except (FlightError, EstimationError) as error:
         return None, str(error)

@@ -52,7 +52,6 @@ from rotorfit.verdicts.judge import ADVISED, FLOWN, judge
 
 Axis = Literal["roll", "pitch", "yaw"]
 Prospect = Literal["well", "roughly", "not"]
-Law = Literal["given", "unknown"]
 Rows = Mapping[str, tuple[float, float]]
 """Value and half-width by chance of the rows' parameters, by their names."""
 AXES: Final[tuple[Axis, ...]] = ("roll", "pitch", "yaw")
@@ -61,8 +60,6 @@ PROSPECT: Final[dict[Verdict, Prospect]] = {
     "weak": "roughly",
     "not-identified": "not",
 }
-SOME_LAW: Final = LawEntry(linear=(0.0, 1.0))
-"""A law that is given, whose slope is taken to be known."""
 LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
 """Lags of commanded motors, tried one by one [s]."""
 IDENTIFY: Final = "identify it: rotorfit identify LOG --mass KG --airframe AIRFRAME"
@@ -206,14 +203,14 @@ def prospects(
     motors: MotorResponse | None = None,
     *,
     commanded: bool = False,
-    law_known: bool = False,
+    law: LawEntry | None = None,
 ) -> Prospects:
     """Predict what a prepared flight can show, whatever its airframe.
 
     By the rows of an estimate, with the rotors of a usual layout where the flight confirms one,
     else with rotors as the flight itself places them. `motors` is their timing (None: as prepared);
-    the lag of commands is searched, and their law may be known. Raises `FlightError` where the
-    flight is too short, `EstimationError` where it does not move its rotors.
+    the lag of commands is searched; `law` is theirs, where the log states it. Raises `FlightError`
+    where the flight is too short, `EstimationError` where it does not move its rotors.
     """
     if commanded and motors is None:
         motors = MotorResponse(lag=LAG_PRIOR[0])
@@ -229,7 +226,7 @@ def prospects(
         motors = best if LAGS[0] < best.lag < LAGS[-1] else motors
         timed = replace(prepared, data=retimed(prepared, motors))
         commands = Commands(
-            law_known=law_known,
+            law_known=law is not None,
             limited=_limited(prepared),
             lag=motors.lag,
             seen_lag=seen,
@@ -246,8 +243,9 @@ def prospects(
         timed.data,
         vehicle,
         rows,
-        followed=followed or not commanded,
-        law=("given" if law_known else "unknown") if commanded else None,
+        followed=followed,
+        commanded=commanded,
+        law=law,
     )
     return Prospects(
         excitation=tuple(
@@ -323,18 +321,21 @@ def _likelihood(
 
 
 def _thrust(
-    data: FlightData, vehicle: Vehicle, rows: Rows, *, followed: bool, law: Law | None
+    data: FlightData,
+    vehicle: Vehicle,
+    rows: Rows,
+    *,
+    followed: bool,
+    commanded: bool,
+    law: LawEntry | None,
 ) -> Thrust:
-    """Estimate kt from changes of thrust and from the weight.
-
-    `law`: from command to speed; None of rotor speeds.
-    """
+    """Estimate kt from changes of thrust and from the weight."""
     squares = (data.rotor_speed[data.used_rows] ** 2).sum(axis=1)
     kt, random = rows["force.kt"]
     changes = Measured(value=kt, std=float(np.hypot(random / 1.96, CHANGES_STD * kt)))
     weighed = kt_by_weight(data, vehicle)
     agree, width, reach, full = True, _relative(random, kt), 0.0, 0.0
-    if law == "unknown":
+    if commanded and law is None:
         # Commands that do not explain the motion do not show how thrust grows with them either.
         ratio = thrust_ratio(changes, weighed) if followed else None
         found = FoundLaw(exponent=exponent_of(ratio), flown=ratio, hover=rms_speed([data]))
@@ -343,10 +344,10 @@ def _thrust(
         width = float(np.hypot(held, full))
     elif weighed is not None:
         agree = abs(Balance(changes=changes, weight=weighed).deviations) <= DOUBTED
-        if law == "given":
-            exponent = exponent_of(thrust_ratio(changes, weighed), SOME_LAW)
-            reach = 1.96 * exponent.std
-            changes = with_open_slope(changes, exponent.std)
+        if law is not None:
+            slope_std = exponent_of(thrust_ratio(changes, weighed), law).share
+            reach = 1.96 * slope_std
+            changes = with_open_slope(changes, slope_std)
         balance = Balance(changes=changes, weight=weighed)
         width = _relative(1.96 * balance.kt.std, balance.kt.value)
     return Thrust(
@@ -355,7 +356,7 @@ def _thrust(
         from_weight=None if weighed is None else weighed.value,
         agree=agree,
         width=_finite(width),
-        followed=followed,
+        followed=followed or not commanded,
         law_reach=reach,
         law_full=full,
     )

@@ -105,10 +105,14 @@ LagOn = Literal["speed", "thrust"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedMotors:
-    """What the autopilot's parameters say of the motors; `words` names the parameters."""
+    """What the autopilot's parameters say of the motors; `words` names the parameters.
+
+    `exact`: the law is that of a simulator's motors, and no estimate of it.
+    """
 
     law: SpeedLaw
     words: str
+    exact: bool = False
     lag_on: LagOn = "speed"
 
 

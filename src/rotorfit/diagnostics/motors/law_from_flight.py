@@ -14,7 +14,8 @@ small.
 The exponent is measured about hover. What it may differ up to full command widens k_t and k_d.
 
 A law that is given is right, or, one in twenty, another vehicle's, or from command to thrust
-instead of speed: then the speed goes with another power of the one it gives. The posterior of that
+instead of speed: then the speed goes with another power of the one it gives. That of a simulator's
+own motors is right. The posterior of that
 power is a mixture of both; the fit is made with its mean, and what holds 95 % of it is in the
 intervals.
 """
@@ -36,6 +37,7 @@ from rotorfit.experiment.law_table import LawEntry, PowerEntry, bent, bent_speed
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.model.parameters import EVERY
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import retimed
 
@@ -65,11 +67,8 @@ WRONG_FULL_STD: Final = 0.1
 FOUND: Final = "law-found"
 CONTRADICTED: Final = "law-contradicted"
 AGAIN: Final = "measure the law under [motors] again, or log the rotor speed"
-OF_SPEED: Final = (
-    *("kt", "kd", "Jr", "hover_speed", "kd_over_Izz", "Jr_over_Izz"),
-    *("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt"),
-)
-"""What hangs on speeds in rad/s: a law with a wrong slope does not give them."""
+OF_SPEED: Final = tuple(name for name, info in EVERY.items() if info.speed_power)
+"""What goes with speeds in rad/s: a law with a wrong slope does not give them."""
 WRONG_SPEEDS: Final = "the motors' law is wrong, and no one knows the rotor speed in hover"
 GIVE: Final = "log the rotor speed, or measure thrust over command and give law under [motors]"
 
@@ -132,7 +131,7 @@ class FoundLaw:
     @property
     def slope_std(self) -> float:
         """Deviation of the exponent, as a share: that of inertia by the law."""
-        return self.exponent.std / self.exponent.value
+        return self.exponent.share
 
     @property
     def thrust_std(self) -> float:
@@ -326,11 +325,12 @@ def exponent_of(
 
 def mistaken(flown: Measured | None, given: LawEntry) -> float:
     """Return how likely a law that is given is wrong."""
-    if flown is None:
-        return MISTAKES
+    before = 0.0 if given.exact else MISTAKES
+    if flown is None or not before:
+        return before
     likely = [
         share * float(stats.norm.pdf(flown.value, one.value, float(np.hypot(flown.std, one.std))))
-        for share, one in zip((1.0 - MISTAKES, MISTAKES), _kinds(given), strict=True)
+        for share, one in zip((1.0 - before, before), _kinds(given), strict=True)
     ]
     # Where the flight is far from both, both are zero.
     return likely[1] / sum(likely) if sum(likely) else 1.0

@@ -300,12 +300,12 @@ def logged_motors(scan: Scan) -> LoggedMotors | None:
     speeds = output_speeds(scan)
     if simulator == GAZEBO and speeds is not None:
         curve = PolynomialLaw((speeds[0], speeds[1] - speeds[0]))
-        return LoggedMotors(law=SpeedLaw(curve=curve), words="SIM_GZ_EC_MIN, SIM_GZ_EC_MAX")
+        law = SpeedLaw(curve=curve)
+        return LoggedMotors(law=law, words="SIM_GZ_EC_MIN, SIM_GZ_EC_MAX", exact=True)
     if simulator == SIH and scan.number("SIH_VEHICLE_TYPE") in (None, QUADCOPTER):
         law = SpeedLaw(curve=SquareRootLaw(1.0, 0.0))
-        return LoggedMotors(
-            law=law, words="SIH: thrust is proportional to the motor signal", lag_on="thrust"
-        )
+        words = "SIH: thrust is proportional to the motor signal"
+        return LoggedMotors(law=law, words=words, exact=True, lag_on="thrust")
     factor = thrust_curve(scan)
     if factor > 0.0:
         law = SpeedLaw(curve=SquareRootLaw(1.0, factor))
