@@ -235,8 +235,8 @@ def moment_sentences(comparisons: Sequence[WrenchComparison]) -> list[str]:
         [(steady, moved)] = _error_parts(left[:, None], rotors[:, None])
         share = f"{100 * made:.0f} % of the power of the" if made > 0.0 else "nothing of the"
         words.append(
-            f"{axis}: the rotors make {share} moment that the motion needs; of what is left "
-            f"{_cause(steady, moved).replace('of its power ', '', 1)}"
+            f"{axis}: over the whole flight the rotors make {share} moment that the motion needs; "
+            f"of what is left {_cause(steady, moved).replace('of its power ', '', 1)}"
         )
     return words
 
