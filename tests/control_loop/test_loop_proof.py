@@ -179,6 +179,13 @@ def test_why_a_flight_shows_too_little_is_said():
     assert "effectiveness is seen to 39 %" in too_little(5.0, [band, near], weak)[0]
 
 
+def test_unproven_yaw_says_what_lacks_and_what_to_fly(result):
+    words = verdict(loop_margins(result, LOG, draws=20).axes[2])
+    assert words.startswith("yaw: unproven, whatever is flown: its loop is computed from the")
+    assert "the torque by which rotors speed up" in words
+    assert "fly 20 s of quick yaw steps" in words
+
+
 def test_a_page_of_what_is_not_proved_says_so(result):
     wrong = changed(result, Ixx_over_kt=(0.1, 0.0), Iyy_over_kt=(0.1, 0.0))
     outcome = loop_margins(wrong, LOG, draws=20)

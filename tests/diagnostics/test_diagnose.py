@@ -114,7 +114,7 @@ def test_accelerometer_bias_is_distinguished_from_a_wrong_scale(flights, doubts)
     }
     result = doubts(biased)
     (words,) = result.warnings
-    assert "A: where its flights hover the accelerometer reads 10.1" in words
+    assert "in hover of configuration A the accelerometer reads 10.1" in words
     assert "where gravity is 9.81" in words
     assert result.diagnostics["thrust_over_weight"] == pytest.approx(1.0, abs=0.01)
 

@@ -50,7 +50,7 @@ def test_a_calm_flight_next_to_a_lively_one_does_no_harm(tmp_path, fly):
     alone = flown.identified(tmp_path, [fly(4)], extra=KNOWN_DELAY)
     both = flown.identified(tmp_path, [fly(4), calm], extra=KNOWN_DELAY)
     rho, mean = (r.diagnostics["excitation_roll@A"] for r in (alone, both))
-    assert mean == pytest.approx(0.5 * rho, rel=0.2)
+    assert mean == pytest.approx(rho, rel=0.3)  # by the weights of the fit, which leave it out
     assert both.derived_value("Ixx_com").std < 1.2 * alone.derived_value("Ixx_com").std
 
 

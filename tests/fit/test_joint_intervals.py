@@ -641,11 +641,13 @@ def test_a_short_lively_phase_of_a_calm_flight_is_what_counts():
     assert excitation(fit, [body]) == pytest.approx(dict.fromkeys(RHO, 60.0 / 25.0))
     found = joint_numbers(fit, [body], {"A": 0.0})
     assert found.excitation == pytest.approx(dict.fromkeys(RHO, 2.4))
+    assert found.judged.excitation == pytest.approx(dict.fromkeys(RHO, 15.0))
     assert half_of(found, "kd_over_Izz@A") < 1e-6  # no allowance, as by 15
     lively = [[19.0], [24.0]] * np.ones((2, 6))
     little = made_fit.fit_of([body], std={}, powers=(lively, residual))  # 4.5 by block: not enough
-    half = half_of(joint_numbers(little, [body], {"A": 0.0}), "kd_over_Izz@A")
-    assert half == np.inf  # as by the whole flight, 0.72
+    calm = joint_numbers(little, [body], {"A": 0.0})
+    assert half_of(calm, "kd_over_Izz@A") == np.inf  # as by the whole flight, 0.72
+    assert calm.judged.excitation == calm.excitation
 
 
 def half_of(numbers, name):

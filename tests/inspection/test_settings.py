@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import get_args
 
 import pytest
@@ -238,12 +239,13 @@ def test_sentences_of_the_guides_do_not_run_together():
 
 def test_next_steps_say_where_each_setting_goes():
     log = replace(motion_log(hover_thrust(3), name="command"), format="crazyflie")
-    assert log_with_speed(log) == (
+    prepared = SimpleNamespace(slowest_rate=500.0)
+    assert log_with_speed(log, prepared) == (
         "log the rotor speed: add rpm.m1 rpm.m2 rpm.m3 rpm.m4 to config.txt (rotor speed, with an "
         "RPM deck) (rotorfit settings LOG writes the file), then fly again"
     )
     old = {"Firmware revision": "Betaflight 4.2.0 (8f2d21460) STM32F745", "dshot_bidir": "1"}
-    flashed = log_with_speed(replace(log, format="blackbox", metadata=old)) or ""
+    flashed = log_with_speed(replace(log, format="blackbox", metadata=old), prepared) or ""
     assert "flash Betaflight 4.5 or later, then set motor_poles = magnets" in flashed
     inav = better_log(replace(log, format="blackbox", metadata=INAV), frozenset({"no accel"}))
     assert (inav or "").startswith("enter 'blackbox ACC' in the CLI")
@@ -252,4 +254,19 @@ def test_next_steps_say_where_each_setting_goes():
 
 
 def test_a_speed_that_the_log_has_is_to_be_used():
-    assert log_with_speed(motion_log(hover_thrust(3))) == USE_SPEED
+    assert log_with_speed(motion_log(hover_thrust(3)), SimpleNamespace()) == USE_SPEED
+
+
+def test_an_old_slow_log_asks_for_all_at_once():
+    """ArduCopter 3.3 at 50 Hz: its firmware has no bidirectional DShot, and the log is slow."""
+    log = replace(motion_log(hover_thrust(3), name="command"), format="dataflash")
+    old = {"Firmware revision": "APM:Copter V3.3-dev (ae3192b8)", "LOG_BITMASK": "131071"}
+    step = log_with_speed(replace(log, metadata=old), SimpleNamespace(slowest_rate=50.0)) or ""
+    assert step.startswith(
+        "log the rotor speed, and all of it faster: flash ArduCopter 4.1 or later, then set "
+        "LOG_BITMASK = 917503"
+    )
+    assert "SERVO_BLH_BDMASK" in step
+    new = old | {"Firmware revision": "ArduCopter V4.7.0 (90700977)"}
+    step = log_with_speed(replace(log, metadata=new), SimpleNamespace(slowest_rate=400.0)) or ""
+    assert step.startswith("log the rotor speed: set SERVO_BLH_BDMASK")

@@ -12,7 +12,8 @@ pytestmark = pytest.mark.flights
 STAND = (0.187, 0.323)
 """Thrust of four rotors on a stand, times command and squared command [N]."""
 LEVER = 0.028
-"""As the authors of the data take it; the maker's drawing gives 0.0325 m."""
+"""As the authors take it, beside whose numbers these stand; elsewhere it is the maker's drawing's
+0.0325 m (arm 0.046 m, as in `docs/howto/crazyflie.md`)."""
 CRAZYFLIE = Vehicle(
     rotors=(
         Rotor(position=(LEVER, -LEVER, 0.0), spin="ccw"),

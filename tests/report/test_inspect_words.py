@@ -80,7 +80,7 @@ COMMANDS = Commands(law_known=False, limited=0.12, lag=0.05, seen_lag=0.023, rat
             "known, or a motor is at its limit in 12 % of the flight, or slow turns fit a motor "
             "lag of 50 ms, quick ones 23 ms. Log the rotor speed, or give law and lag",
         ),
-        (replace(COMMANDS, rate=10.0), "a pilot flies: they come at 10 Hz, too slow to tell"),
+        (replace(COMMANDS, rate=10.0), "Commands at 10 Hz are too slow to explain the turns"),
         (replace(COMMANDS, law_known=True, limited=0.0, lag=0.023), "flies. Log the rotor speed"),
     ],
 )
@@ -123,7 +123,7 @@ def test_two_kt_with_a_known_law_are_no_matter_of_the_law():
         ),
         (
             ROLL,
-            "roll: 51 rad/s^2: Ixx roughly (to about +-40 %): signal-to-noise 4, need 5: roll",
+            "roll: 51 rad/s^2: Ixx roughly (to about +-40 %): signal-to-noise 4.0, need 5: roll",
         ),
         (replace(ROLL, rho=40.0), "Ixx roughly (to about +-40 %): fly more of this motion"),
     ],

@@ -1,5 +1,6 @@
 """What the errors of a replay mean: how long it is good for, and whether trim is most of it."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,12 @@ import pytest
 
 from rotorfit.report.fly import meaning
 from rotorfit.validation.fly_outcome import FlyOutcome, steady_share
-from rotorfit.validation.judgement import band_sentences, horizon, judgement
+from rotorfit.validation.judgement import (
+    band_sentences,
+    horizon,
+    judgement,
+    moment_sentences,
+)
 from rotorfit.validation.replay import Predicted, Replay
 from rotorfit.validation.wrench_comparison import WrenchComparison
 
@@ -125,6 +131,32 @@ def test_a_replay_that_beats_rates_held_is_not_nothing():
     """A moment as small as its gusts, and rates that are right: yaw of calm flights."""
     made = replace(outcome(growing).replays[0], comparison=compared(Fz=0.02, Mx=1.2, My=1.2))
     assert [one.level for one in judgement([made]).axes[1:]] == ["rough", "nothing", "good"]
+
+
+def test_what_is_left_of_a_moment_is_laid_to_its_cause():
+    """Yaw: rotors of 1 and unrelated gusts of .8; roll 2 times as much; pitch offset; all good."""
+    random = np.random.default_rng(3)
+    rotors, gusts = random.standard_normal((2, 4000, 6))
+    body = rotors * [1, 1, 1, 2, 1, 1] + [0, 0, 0, 0, 3, 0] + gusts * [0, 0, 0, 0, 0, 0.8]
+    errors = {"Fz": 0.5, "Mx": 1.0, "My": 3.0, "Mz": 0.8}
+    one = replace(compared(**errors), body_wrench=body, rotor_wrench=rotors)
+    roll, pitch, yaw = moment_sentences([one])
+    assert "75 % of the power of the moment" in roll and "100 % goes with the motion" in roll
+    assert "% is steady: the trim changed" in pitch
+    assert re.match(r"yaw: over the whole flight the rotors make (59|60|61|62) % of the power of the moment", yaw)
+    assert "100 % is neither steady nor in proportion to the motion: gusts, wash" in yaw
+    good = replace(one, relative_error=dict.fromkeys(errors, 0.2))
+    assert moment_sentences([good]) == []
+    assert yaw in meaning(replace_comparison(outcome(growing), one))
+
+
+def replace_comparison(made, comparison):
+    return replace(made, replays=[replace(made.replays[0], comparison=comparison)])
+
+
+def test_a_large_error_has_no_exponent():
+    yaw = judgement((), comparisons=[compared(Mz=1.04)]).axes[3]
+    assert yaw.deciding == "error 104 %"
 
 
 def with_band(made, half):

@@ -81,6 +81,7 @@ def validation_text(
 ) -> str:
     """Format the relative errors as a table, in percent, and what each flight says."""
     from rotorfit.report.parameters import NOTHING_PREDICTED, PREDICTED_WELL
+    from rotorfit.validation.judgement import moment_sentences
     from rotorfit.validation.wrench_comparison import SHOWN
 
     width = max(len(c.flight) for c in comparisons)
@@ -99,6 +100,8 @@ def validation_text(
     for c, one in zip(comparisons, judgements, strict=True):
         name = f"{c.flight}: " if len(comparisons) > 1 else ""
         lines += textwrap.wrap(f"{name}{one.sentence}", terminal_width())
+        for words in moment_sentences([c]):
+            lines += textwrap.wrap(words, terminal_width(), subsequent_indent="  ")
     if any(error >= 1.0 for c in comparisons for error in c.relative_error.values()):
         lines += textwrap.wrap(NOTHING_PREDICTED, terminal_width())
     return "\n".join(lines)

@@ -378,7 +378,11 @@ def contradictions(
 ) -> list[str]:
     """Say what contradicts the controller and mixer as they were read, or an error the result."""
     if axis not in PROVED_AXES:
-        return ["unproven: drag torque and the rotors' inertia act together"]
+        return [
+            "unproven, whatever is flown: its loop is computed from the rotors' drag torque alone, "
+            "and the torque by which rotors speed up, which acts beside it, is left out; to judge "
+            "yaw, fly 20 s of quick yaw steps and see whether the rate settles without swinging"
+        ]
     doubts: list[str] = []
     if not replay.is_right:
         doubts.append(

@@ -51,6 +51,8 @@ LIKELY_FORCE = 0.99
 LEAST_SAG = 0.05
 """The same for the change of thrust at one rotor speed during a flight."""
 
+AGAINST_GRAVITY: Final = "accelerometer-against-gravity"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoverThrust:
@@ -82,13 +84,15 @@ def accelerometer_against_gravity(fit: Fit) -> Iterator[Finding]:
         measured[f"accelerometer_over_gravity@{configured.entry.name}"] = held.ratio
         limit = ACCEL_BIAS_STD / GRAVITY + 1.96 * held.std
         if abs(held.ratio - 1.0) > limit:
+            several = len(fit.dataset.configurations) > 1
+            owner = f" of configuration {configured.entry.name}" if several else ""
             sentences.append(
-                f"{configured.entry.name}: where its flights hover the accelerometer reads "
+                f"in hover{owner} the accelerometer reads "
                 f"{held.ratio * GRAVITY:.2f} +- {1.96 * held.std * GRAVITY:.2f} m/s^2 where "
                 f"gravity is {GRAVITY:.2f}: calibrate it; a bias is estimated and removed, but "
                 "a wrong scale goes straight into kt and all inertia"
             )
-    yield doubt_or_passed("accelerometer-against-gravity", "; ".join(sentences) or None, measured)
+    yield doubt_or_passed(AGAINST_GRAVITY, "; ".join(sentences) or None, measured)
 
 
 def thrust_consistency(fit: Fit) -> Iterator[Finding]:

@@ -164,7 +164,9 @@ def held_at(fit: Fit, kt: Measured) -> Fit:
     moved = shift_of(held, held.dataset, begin=begin, known={"kt": (off, HELD_TO * off)})
     moved = moved * kt.std / (kt.value - off)
     # The excitation is that of the fit that follows the flights best.
-    numbers = replace(with_common_shift(held.numbers, moved), excitation=fit.numbers.excitation)
+    best = fit.numbers
+    numbers = with_common_shift(held.numbers, moved)
+    numbers = replace(numbers, excitation=best.excitation, weighed=best.weighed)
     return replace(held, numbers=numbers)
 
 

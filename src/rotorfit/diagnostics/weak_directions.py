@@ -163,7 +163,7 @@ def little_excitation(fit: Fit) -> Iterator[Finding]:
 
 def excitation_findings(numbers: Numbers, *, several: bool = False) -> Iterator[Finding]:
     """Note the axes with little excitation; of `several` configurations they are named."""
-    for key, rho in numbers.excitation.items():
+    for key, rho in numbers.judged.excitation.items():
         axis, _, owner = key.partition("@")
         if LEAST_EXCITATION <= rho < 2.0 * LEAST_EXCITATION:
             where = f" in configuration {owner}" if several else ""

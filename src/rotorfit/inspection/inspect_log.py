@@ -16,6 +16,7 @@ from rotorfit.dataset.plausible_units import (
     gravity_seen,
     gyro_in_degrees,
 )
+from rotorfit.diagnostics.hover_thrust import AGAINST_GRAVITY
 from rotorfit.diagnostics.sensors.log_settings import better_log
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
@@ -364,6 +365,9 @@ def _gravity(look: _Look) -> Iterator[Finding]:
     # With an airframe the identification has looked at the flight itself.
     identified = look.result is not None and bool(look.result.parameters)
     seen = replace(look.gravity, in_flight=None) if identified else look.gravity
+    found = () if look.result is None else look.result.findings
+    if any(one.kind == AGAINST_GRAVITY and one.sentence for one in found):
+        return  # which says the same of the hover
     measured = {"gravity_at_rest": seen.at_rest, "gravity_in_flight": seen.in_flight}
     evidence = tuple(Evidence(name=n, value=v) for n, v in measured.items() if v is not None)
     yield from (doubt("gravity", sentence, evidence=evidence) for sentence in gravity_doubts(seen))

@@ -29,7 +29,9 @@ from rotorfit.diagnostics.sensors.log_settings import (
     slow_words,
 )
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR
+from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.law_table import LawEntry
+from rotorfit.fit.intervals.excitation import enough_by_weight, mean_ratios
 from rotorfit.fit.intervals.numbers import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.intervals.row_scatter import row_half_widths
 from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
@@ -186,7 +188,7 @@ def foreseen_step(log: FlightLog, prepared: PreparedFlight, found: Prospects) ->
     faster = faster_log(log, prepared) if found.commanded else None
     if faster is not None:
         return NextStep(kind="log", action=faster, because=slow_words(prepared))
-    with_speed = log_with_speed(log) if found.commanded else None
+    with_speed = log_with_speed(log, prepared) if found.commanded else None
     if with_speed is not None:
         return NextStep(kind="log", action=with_speed)
     return NextStep(kind="fly", action=FLOWN[lacking[0]])
@@ -232,11 +234,14 @@ def prospects(
             seen_lag=seen,
             rate=prepared.slowest_rate,
         )
-    fits = fit_rows(prepared_bands(timed, vehicle, None), model, mass=1.0)
+    factors = prepared_bands(timed, vehicle, None)
+    fits = fit_rows(factors, model, mass=1.0)
     if commanded and motors is not None and not _followed(fits):
         clearer = _clearer_lag(prepared, vehicle, model, motors)
         timed = replace(prepared, data=retimed(prepared, clearer))
-        fits = fit_rows(prepared_bands(timed, vehicle, None), model, mass=1.0)
+        factors = prepared_bands(timed, vehicle, None)
+        fits = fit_rows(factors, model, mass=1.0)
+    fits = _by_weight(fits, factors)
     followed = _followed(fits)
     rows = _with_widths(fits)
     thrust = _thrust(
@@ -299,6 +304,18 @@ def _clearer_lag(
     gains = [_likelihood(prepared, vehicle, model, at, every=True) for at in tried]
     best = int(np.argmax(gains))
     return tried[best] if gains[best] - gains[0] > CLEAR_GAIN else motors
+
+
+def _by_weight(fits: RowFits, factors: Factors) -> RowFits:
+    """Return the rows with the excitation by which an estimate judges them."""
+    signal, left = (
+        np.column_stack([getattr(fits.fits[axis], power) for axis in AXES])
+        for power in ("known_power", "residual_power")
+    )
+    every = np.ones(signal.shape, dtype=bool)
+    means = mean_ratios(factors, (signal, left), np.arange(len(factors)), every)
+    weighed = {str(axis): float(rho) for axis, rho in zip(AXES, means, strict=True)}
+    return replace(fits, excitation=enough_by_weight(fits.excitation, weighed))
 
 
 def _followed(fits: RowFits) -> bool:

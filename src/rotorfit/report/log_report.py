@@ -15,6 +15,7 @@ from rotorfit.inspection.prospects import Excitation, Prospects
 from rotorfit.inspection.recording import LATEST, SEARCHED, ChannelReport, settings_file
 from rotorfit.inspection.spectra import AXES, Spectrum, Sweep
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry
+from rotorfit.verdicts.judge import ratio_words
 
 JSON_KEYS: Final = (
     *("file", "format", "log", "seconds", "channels", "airborne", "vibration", "sweeps"),
@@ -276,14 +277,14 @@ def _thrust_message(found: Prospects) -> str:
 
 def _unexplained(found: Prospects) -> str:
     """Explain possible faults where commands do not explain the turns that a pilot flies."""
+    commands = found.commands
+    if commands is not None and commands.rate < SLOW_COMMANDS:
+        return f"Commands at {commands.rate:.0f} Hz are too slow to explain the turns"
     if found.motors is None:
         return "Neither roll nor pitch follows the commands"
     words = "The commands explain quick turns, but not the slow ones that a pilot flies"
-    commands = found.commands
     if commands is None:
         return words
-    if commands.rate < SLOW_COMMANDS:
-        return f"{words}: they come at {commands.rate:.0f} Hz, too slow to tell"
     causes = [] if commands.law_known else ["the law from command to rotor speed is not known"]
     if commands.limited >= LEAST_LIMITED_COMMANDS:
         causes.append(f"a motor is at its limit in {100.0 * commands.limited:.0f} % of the flight")
@@ -316,7 +317,7 @@ def _reason(axis: Excitation, found: Prospects) -> str:
     if axis.rho < LEAST_EXCITATION:
         if axis.prospect == "not" and not found.thrust.followed and found.motors is not None:
             return f"the commands do not explain {axis.axis}, see thrust"
-        return f"signal-to-noise {short(axis.rho)}, need {LEAST_EXCITATION:.0f}: " + (
+        return f"{ratio_words(axis.rho)}: " + (
             "noise and disturbances hide the motion"
             if axis.prospect == "not"
             else f"{axis.axis} is not much stronger than disturbances"

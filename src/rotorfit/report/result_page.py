@@ -44,6 +44,7 @@ from rotorfit.report.wrenches import (
     wrench_svg,
 )
 from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
+from rotorfit.validation.judgement import moment_sentences
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison, wrench_spectra
 
 Entry = list[float]
@@ -253,6 +254,7 @@ def report_html(
         validation=validation_rows(result),
         components=SHOWN,
         predicted_well=PREDICTED_WELL,
+        moments=moment_sentences(comparisons),
         paper=paper_section(result, comparisons) if with_paper else None,
         correlations=correlation_section(result),
         flights=used_flights(result),

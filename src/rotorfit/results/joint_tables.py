@@ -69,7 +69,7 @@ def joint_result(
             "condition": estimate.estimate.condition_number,
             "log_likelihood": estimate.log_likelihood,
             "iterations": float(estimate.iterations),
-            **{f"excitation_{key}": value for key, value in numbers.excitation.items()},
+            **{f"excitation_{key}": value for key, value in numbers.judged.excitation.items()},
             **{
                 name: value
                 for name, value in estimate.estimate.by_name.items()

@@ -11,6 +11,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.formatting.digits import short
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.replay import (
     HOLD,
@@ -77,7 +78,7 @@ class AxisJudgement:
         if self.level == "with-feedback":
             return f"right for {self.right_for:.2g} s"
         if self.wrench_error is not None:
-            return f"error {100.0 * self.wrench_error:.2g} %"
+            return f"error {short(100.0 * self.wrench_error)} %"
         return "" if self.over_held is None else f"{self.over_held:.2g} times a rate held"
 
 
@@ -191,25 +192,51 @@ def band_sentences(replays: Sequence[Replay]) -> list[str]:
     for axis, ratio, (steady, moved) in zip(AXES, ratios, parts, strict=True):
         if not np.isfinite(ratio) or ratio <= NARROW_BAND:
             continue
-        rest = 1.0 - steady - moved
-        if rest >= max(steady, moved):
-            cause = (
-                f"{100 * rest:.0f} % of its power is neither steady nor in proportion to the "
-                "motion: gusts, wash, drag or timing, which neither the model nor the intervals "
-                "of its parameters include"
-            )
-        elif steady >= moved:
-            cause = (
-                f"{100 * steady:.0f} % of its power is steady: the trim changed since the fit "
-                "(load, wind), or the intervals of the centre of mass are too narrow"
-            )
-        else:
-            cause = (
-                f"{100 * moved:.0f} % of its power goes with the motion: the intervals of inertia, "
-                "thrust or torque are too narrow for this flight"
-            )
         words.append(
-            f"{axis}: the error is {ratio:.1f} times what the parameters' intervals allow; {cause}"
+            f"{axis}: the error is {ratio:.1f} times what the parameters' intervals allow; "
+            f"{_cause(steady, moved)}"
+        )
+    return words
+
+
+def _cause(steady: float, moved: float) -> str:
+    """Explain an error by the shares of its power: steady, with the motion, and the rest."""
+    rest = 1.0 - steady - moved
+    if rest >= max(steady, moved):
+        return (
+            f"{100 * rest:.0f} % of its power is neither steady nor in proportion to the "
+            "motion: gusts, wash, drag or timing, which neither the model nor the intervals "
+            "of its parameters include"
+        )
+    if steady >= moved:
+        return (
+            f"{100 * steady:.0f} % of its power is steady: the trim changed since the fit "
+            "(load, wind), or the intervals of the centre of mass are too narrow"
+        )
+    return (
+        f"{100 * moved:.0f} % of its power goes with the motion: the intervals of inertia, "
+        "thrust or torque are too narrow for this flight"
+    )
+
+
+def moment_sentences(comparisons: Sequence[WrenchComparison]) -> list[str]:
+    """Explain moments that are not good: what the rotors made of them, and what the rest is."""
+    words: list[str] = []
+    for axis, component in COMPONENT_OF.items():
+        error = _error(comparisons, component)
+        if axis not in AXES or error is None or error <= GOOD_ERROR[axis]:
+            continue
+        i = COMPONENTS.index(component)
+        known = [c for c in comparisons if component in c.relative_error]
+        body = np.concatenate([c.body_wrench[:, i] for c in known])
+        rotors = np.concatenate([c.rotor_wrench[:, i] for c in known])
+        left = body - rotors
+        made = 1.0 - float(left @ left) / max(float(body @ body), np.finfo(float).tiny)
+        [(steady, moved)] = _error_parts(left[:, None], rotors[:, None])
+        share = f"{100 * made:.0f} % of the power of the" if made > 0.0 else "nothing of the"
+        words.append(
+            f"{axis}: over the whole flight the rotors make {share} moment that the motion needs; "
+            f"of what is left {_cause(steady, moved).replace('of its power ', '', 1)}"
         )
     return words
 
@@ -250,6 +277,13 @@ def error_parts(replays: Sequence[Replay]) -> list[tuple[float, float]]:
     end = np.concatenate([r.predicted[0].rates[:, -1] for r in replays])
     error = end - np.concatenate([r.rates[:, -1] for r in replays])
     change = end - np.concatenate([r.rates[:, 0] for r in replays])
+    return _error_parts(error, change)
+
+
+def _error_parts(
+    error: Float[np.ndarray, "n a"], change: Float[np.ndarray, "n a"]
+) -> list[tuple[float, float]]:
+    """Compute the shares of the errors' power, steady and in proportion to a change."""
     tiny = np.finfo(float).tiny
     power, mean = np.maximum((error**2).mean(axis=0), tiny), error.mean(axis=0)
     moved = change - change.mean(axis=0)

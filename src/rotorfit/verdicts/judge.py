@@ -5,7 +5,7 @@ A number of a result, with what the flights say of it.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import floor, isfinite
 from typing import Final, Literal
 
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, moments_of_product
@@ -140,8 +140,13 @@ def motion_for(name: str) -> Motion:
 
 def little_excited(axes: str, rho: float) -> str:
     """Explain a number by too little motion about axes that the motors explain."""
-    ratio = f"signal-to-noise {rho:.1f}, need {LEAST_EXCITATION:.0f}"
-    return f"the motors explain too little of the motion in {axes} ({ratio})"
+    return f"the motors explain too little of the motion in {axes} ({ratio_words(rho)})"
+
+
+def ratio_words(rho: float) -> str:
+    """Write a ratio that is not enough, rounded down, beside what is."""
+    shown = "under 0.1" if rho < 0.1 else f"{floor(10.0 * rho) / 10.0:.1f}"
+    return f"signal-to-noise {shown}, need {LEAST_EXCITATION:.0f}"
 
 
 def judge(

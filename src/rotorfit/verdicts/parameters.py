@@ -51,12 +51,13 @@ def judgements(numbers: Numbers, scale_of: Callable[[str], float]) -> dict[str, 
 
     `scale_of`: from a number's name to a size of it that matters.
     """
+    judged = numbers.judged
     return {
         name: judge(
             *numbers.number(name),
             scale=scale_of(name),
             axis=motion_for(name.partition("@")[0]),
-            excitation=numbers.rho(name),
+            excitation=judged.rho(name),
         )
         for name in numbers.names
     }
@@ -256,7 +257,7 @@ def _judgements(
         if base in HEIGHTS and not np.isfinite(numbers.number(name)[1]):
             judged[name] = replace(
                 judged[name],
-                reason=little_excited("roll and pitch", numbers.link(owner)),
+                reason=little_excited("roll and pitch", numbers.judged.link(owner)),
             )
     return judged
 

@@ -55,7 +55,7 @@ def slow_log(fit: Fit) -> Iterator[Finding]:
 def unlogged_speed(fit: Fit) -> Iterator[Finding]:
     """Name the settings with which the log has the rotors' speed, where the firmware has any."""
     for flight in _commanded(fit):
-        step = log_with_speed(flight.log)
+        step = log_with_speed(flight.log, flight.prepared)
         if step is not None:
             yield note(NO_ROTOR_SPEED, "", numbers=BY_SPEED, next_step=step)
             return
@@ -92,15 +92,19 @@ def slow_words(prepared: PreparedFlight) -> str:
     return f"a log at {prepared.slowest_rate:.0f} Hz shows no quick motion, whatever is flown"
 
 
-def log_with_speed(log: FlightLog) -> str | None:
+def log_with_speed(log: FlightLog, prepared: PreparedFlight) -> str | None:
     """Say how to log the rotors' speed; None where the firmware has no setting for it.
 
-    A log that has it already asks for nothing but to use it.
+    A log that has it already asks for nothing but to use it; one that is slow is made faster, too.
     """
     if "rotor_speed" in log.channels:
         return USE_SPEED
-    wanted = _settings(log, NO_SPEED)
-    return f"log the rotor speed: {wanted}, then fly again" if wanted else None
+    slow = prepared.slowest_rate < ENOUGH_RATE
+    if not _settings(log, NO_SPEED):
+        return None
+    wanted = _settings(log, NO_SPEED | SLOW_MOTORS | SLOW_IMU if slow else NO_SPEED)
+    also = ", and all of it faster" if slow else ""
+    return f"log the rotor speed{also}: {wanted}, then fly again"
 
 
 def _commanded(fit: Fit) -> list[LoadedFlight]:

@@ -4,14 +4,14 @@ Disturbances, which an autopilot works against, pull every estimate of an axis b
 this ratio.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import Factors, flights_of
-from rotorfit.fit.intervals.numbers import AXES
+from rotorfit.fit.intervals.numbers import AXES, LEAST_EXCITATION
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.reduction.frequency_bands import in_pilot_band, or_every
 
@@ -36,6 +36,11 @@ def weighed_excitation(
     fit counts nothing of an axis, but its mean, is left out of that axis.
     """
     return _ratios(fit, configurations, lambda c: np.arange(len(c.factors)), _fitted_flights)
+
+
+def enough_by_weight(plain: Mapping[str, float], weighed: Mapping[str, float]) -> dict[str, float]:
+    """Return the excitation by weight where that is enough, else over the whole flights."""
+    return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
 
 
 def _every_turn(configuration: JointConfiguration) -> Bool[np.ndarray, "b 3"]:
@@ -66,12 +71,12 @@ def _ratios(
         last = first + len(c.factors)
         power = (fit.signal_power[first:last, 3:], fit.residual_power[first:last, 3:])
         first = last
-        means = _mean_ratios(c.factors, power, parts(c), kept(c))
+        means = mean_ratios(c.factors, power, parts(c), kept(c))
         rho |= {f"{axis}@{c.name}": float(m) for axis, m in zip(AXES, means, strict=True)}
     return rho
 
 
-def _mean_ratios(
+def mean_ratios(
     factors: Factors,
     power: tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 3"]],
     parts: Int[np.ndarray, " b"],

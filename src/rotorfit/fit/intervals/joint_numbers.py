@@ -29,7 +29,11 @@ from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import flights_of
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.experiment.payload import MOMENTS, added_moments
-from rotorfit.fit.intervals.excitation import excitation, weighed_excitation
+from rotorfit.fit.intervals.excitation import (
+    enough_by_weight,
+    excitation,
+    weighed_excitation,
+)
 from rotorfit.fit.intervals.numbers import (
     HEIGHTS,
     LEAST_EXCITATION,
@@ -116,14 +120,15 @@ def joint_numbers(
     shifts = np.vstack([np.abs(response_shifts).sum(axis=0), 1.96 * late, 1.96 * pushed])
     widened = replace(
         numbers,
-        excitation=_informative_excitation(numbers, weighed_excitation(fit, configurations)),
+        excitation=enough_by_weight(numbers.excitation, weighed_excitation(fit, configurations)),
     )
+    weighed = widened.excitation
     widened = systematic_uncertainty(
         widened, configurations, mass_std, np.linalg.norm(shifts, axis=0)
     )
     widened = inertia_uncertainty(widened, configurations, np.sqrt(np.diagonal(formal + shared)))
     widened = coupling_uncertainty(widened, configurations)
-    return replace(widened, excitation=numbers.excitation)
+    return replace(widened, excitation=numbers.excitation, weighed=weighed)
 
 
 def formal_covariance(
@@ -302,12 +307,6 @@ def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> d
         out["Jr_over_Izz"] = p["Jr"] / float(about_com[2])
     out["hover_speed"] = hover_speed(p["kt"], mass=mass, vehicle=configuration.vehicle)
     return out
-
-
-def _informative_excitation(numbers: Numbers, weighed: Mapping[str, float]) -> dict[str, float]:
-    """Return the excitation by weight where that is enough, else over the whole flights."""
-    plain = numbers.excitation
-    return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
 
 
 def systematic_uncertainty(

@@ -21,7 +21,7 @@ gives it without that link. The height of the centre of mass depends on roll and
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -170,6 +170,7 @@ class Numbers:
     - `values`, `half_width`: SI, per kilogram where the mass is unknown; half of the 95 % interval.
     - `correlation`: between them, from the covariance of the fit.
     - `excitation`: rho of each configuration and axis, by ``roll@A`` (row by row: ``roll``).
+    - `weighed`: the same where the weights of the fit give another, as `enough_by_weight` has it.
     """
 
     names: tuple[str, ...]
@@ -177,6 +178,12 @@ class Numbers:
     half_width: Float[np.ndarray, " q"]
     correlation: Float[np.ndarray, "q q"]
     excitation: Mapping[str, float]
+    weighed: Mapping[str, float] = field(default_factory=dict[str, float])
+
+    @property
+    def judged(self) -> "Numbers":
+        """The numbers with the rho by which their intervals go, and so verdicts and words."""
+        return replace(self, excitation={**self.excitation, **self.weighed})
 
     def index(self, name: str) -> int:
         """Return the place of one number."""

@@ -4,6 +4,7 @@ Sources: ArduPilot "Complete Parameter List", ArduCopter/defines.h (bits of LOG_
 AP_InertialSensor_Backend.cpp (raw IMU), "ESC Telemetry" and "Managing Gyro Noise" (INS_HNTCH_*).
 """
 
+import re
 from collections.abc import Mapping, Set
 from typing import Final
 
@@ -12,6 +13,7 @@ from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.motors import MOTOR_FUNCTIONS, OUTPUTS, Wiring
 from rotorfit.logs.dataflash.parameters import Parameters
 from rotorfit.logs.firmware import (
+    FIRMWARE,
     NO_BATTERY,
     NO_SPEED,
     SLOW_IMU,
@@ -61,6 +63,17 @@ SETTINGS: Final = settings_of(
     ("SERVO_BLH_POLES", "magnets of a motor", "without it the rotor speed is wrong", NO_SPEED),
     ("BATT_MONITOR", "the kind of your power module", "logs the battery", NO_BATTERY),
 )
+NEWER: Final = settings_of(
+    (
+        FIRMWARE,
+        "ArduCopter 4.1 or later",
+        "earlier ones have no bidirectional DShot",
+        NO_SPEED,
+    )
+)
+"""Before the other settings, where the log is of an older firmware."""
+LOGS_SPEED: Final = (4, 1)
+"""First version of ArduCopter with bidirectional DShot."""
 NO_LIMIT: Final = settings_of(
     (
         "LOG_FILE_RATEMAX",
@@ -89,7 +102,14 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
             for s in found
             for one in (with_value(s, words) if s.name == "SERVO_BLH_BDMASK" else (s,))
         )
-    return Advice(settings=needing_change(found, metadata), file="ardupilot.parm")
+    newer = asked_for(NEWER, lacks) if _is_old(metadata) else ()
+    return Advice(settings=(*newer, *needing_change(found, metadata)), file="ardupilot.parm")
+
+
+def _is_old(metadata: Mapping[str, str]) -> bool:
+    """Test whether the log is of an ArduCopter from before bidirectional DShot."""
+    found = re.search(r"Copter V(\d+)\.(\d+)", metadata.get("Firmware revision", ""))
+    return found is not None and (int(found[1]), int(found[2])) < LOGS_SPEED
 
 
 def _motor_outputs(metadata: Mapping[str, str]) -> int:
