@@ -144,6 +144,19 @@ def test_bands_that_are_flown_have_a_response_and_count():
     assert steered.counted[:, PITCH].all()
 
 
+def test_means_of_flights_that_do_not_yaw_do_not_count_in_yaw():
+    """A steady push there would be taken for k_d; roll's mean holds the centre of mass."""
+    factors = made_fit.blocks([(0.0, 0.3), (1.0, 1.5)] * 2, rows=[7, 10] * 2, source=[0, 0, 1, 1])
+    body = made_fit.configuration(factors=factors)
+    signal = np.ones((4, 6))
+    signal[1, [ROLL, YAW]] += LEAST_RATIO + 0.1
+    found = with_counted_bands(body, signal, np.ones((4, 6)), commanded=False)
+    assert found.counted[:, YAW].tolist() == [True, True, False, False]
+    assert found.counted[:, ROLL].tolist() == [True, True, True, False]
+    calm = with_counted_bands(body, np.ones((4, 6)), np.ones((4, 6)), commanded=False)
+    assert calm.counted[:, YAW].all()
+
+
 def climbing(rng, *, followed):
     """Blocks of a body that accelerates upwards as its rotors push in some bands alone."""
     bands = [(0.0, 0.3), (1.0, 1.5), (3.0, 4.0), (11.0, 15.0)]

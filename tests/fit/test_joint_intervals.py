@@ -402,8 +402,10 @@ def test_excitation_is_rotor_power_over_residual_in_pilots_band():
     body = made_fit.configuration(factors=factors)
     fit = made_fit.fit_of([body], std={}, powers=(signal, residual))
     found = excitation(fit, [body])
-    # roll: (12 + 40) / 2 in 10 shares of the first flight, 12 / 2 in 30 of the second.
-    expected = {"roll@A": (26.0 * 10 + 6.0 * 30) / 40, "pitch@A": 8.0, "yaw@A": 0.0}
+    # roll: (12 + 40) / 2 of the first flight, 12 / 2 of the second; 10 rows at 25 and 29 times
+    # what is left, 30 at 5 and 9 times: 1 / 27 and 1 / 7 count in proportion.
+    roll = (540.0 + 420.0) / (540.0 / 27.0 + 420.0 / 7.0) - 1.0
+    expected = {"roll@A": roll, "pitch@A": 8.0, "yaw@A": 0.0}
     assert found == pytest.approx(expected)
 
 

@@ -312,8 +312,7 @@ def _by_weight(fits: RowFits, factors: Factors) -> RowFits:
         np.column_stack([getattr(fits.fits[axis], power) for axis in AXES])
         for power in ("known_power", "residual_power")
     )
-    every = np.ones(signal.shape, dtype=bool)
-    means = mean_ratios(factors, (signal, left), np.arange(len(factors)), every)
+    means = mean_ratios(factors, (signal, left), np.arange(len(factors)))
     weighed = {str(axis): float(rho) for axis, rho in zip(AXES, means, strict=True)}
     return replace(fits, excitation=enough_by_weight(fits.excitation, weighed))
 

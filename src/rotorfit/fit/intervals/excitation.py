@@ -7,13 +7,13 @@ this ratio.
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import Factors, flights_of
 from rotorfit.fit.intervals.numbers import AXES, LEAST_EXCITATION
 from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.reduction.frequency_bands import in_pilot_band, or_every
+from rotorfit.reduction.frequency_bands import in_pilot_band
 
 
 def excitation(
@@ -21,21 +21,19 @@ def excitation(
 ) -> dict[str, float]:
     """Return explained over residual power of the angular accelerations, where a pilot flies.
 
-    Of several flights the mean, each for as long as it is: the fit gives every flight the weight
-    of its own noise, so that a calm one beside a lively one does no harm.
+    Of a whole flight; of several as `_of_flights` weighs them.
     """
-    return _ratios(fit, configurations, lambda c: c.factors.recording, _every_turn)
+    return _ratios(fit, configurations, lambda factors: factors.recording)
 
 
 def weighed_excitation(
     fit: BandedEstimate, configurations: Sequence[JointConfiguration]
 ) -> dict[str, float]:
-    """Compute the mean excitation of single blocks, each with its weight in the fit.
+    """Compute the mean excitation of single blocks, each for as long as it is.
 
-    A short lively phase of a long calm flight is what tells of the vehicle. A flight of which the
-    fit counts nothing of an axis, but its mean, is left out of that axis.
+    A short lively phase of a long calm flight is what tells of the vehicle.
     """
-    return _ratios(fit, configurations, lambda c: np.arange(len(c.factors)), _fitted_flights)
+    return _ratios(fit, configurations, lambda factors: np.arange(len(factors)))
 
 
 def enough_by_weight(plain: Mapping[str, float], weighed: Mapping[str, float]) -> dict[str, float]:
@@ -43,58 +41,76 @@ def enough_by_weight(plain: Mapping[str, float], weighed: Mapping[str, float]) -
     return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
 
 
-def _every_turn(configuration: JointConfiguration) -> Bool[np.ndarray, "b 3"]:
-    return np.ones((len(configuration.factors), 3), dtype=bool)
-
-
-def _fitted_flights(configuration: JointConfiguration) -> Bool[np.ndarray, "b 3"]:
-    """Mark roll, pitch and yaw of the flights of which the fit counts any motion of that axis."""
-    factors, counted = configuration.factors, configuration.counted
-    if counted is None:
-        return _every_turn(configuration)
-    kept = np.zeros((len(factors), 3), dtype=bool)
-    moving = (factors.band[:, 0] > 0.0) & in_pilot_band(factors)
-    for own in flights_of(factors):
-        kept[own] = counted[own & moving, 3:].any(axis=0)
-    return or_every(kept)
-
-
 def _ratios(
     fit: BandedEstimate,
     configurations: Sequence[JointConfiguration],
-    parts: Callable[[JointConfiguration], Int[np.ndarray, " b"]],
-    kept: Callable[[JointConfiguration], Bool[np.ndarray, "b 3"]],
+    parts: Callable[[Factors], Int[np.ndarray, " b"]],
 ) -> dict[str, float]:
     rho: dict[str, float] = {}
     first = 0
     for c in configurations:
         last = first + len(c.factors)
         power = (fit.signal_power[first:last, 3:], fit.residual_power[first:last, 3:])
-        first = last
-        means = mean_ratios(c.factors, power, parts(c), kept(c))
-        rho |= {f"{axis}@{c.name}": float(m) for axis, m in zip(AXES, means, strict=True)}
+        first, flights = last, flights_of(c.factors)
+        means = np.array(
+            [
+                mean_ratios(
+                    c.factors.select(own),
+                    (power[0][own], power[1][own]),
+                    parts(c.factors)[own],
+                )
+                for own in flights
+            ]
+        )
+        told = _information(c, power)
+        found = _of_flights(means, np.array([told[own].sum(axis=0) for own in flights]))
+        rho |= {f"{axis}@{c.name}": float(m) for axis, m in zip(AXES, found, strict=True)}
     return rho
+
+
+def _information(
+    configuration: JointConfiguration,
+    power: tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 3"]],
+) -> Float[np.ndarray, "b 3"]:
+    """Compute the weight of the blocks that count, but the mean: power over what is left of it."""
+    factors, counted = configuration.factors, configuration.counted
+    inside = (in_pilot_band(factors) & (factors.band[:, 0] > 0.0))[:, None]
+    kept = inside & (True if counted is None else counted[:, 3:])
+    left = np.maximum(power[1], np.finfo(float).tiny)
+    return factors.rows[:, None] * np.maximum(power[0] / left, 1.0) * kept
+
+
+def _of_flights(
+    rho: Float[np.ndarray, "f 3"], information: Float[np.ndarray, "f 3"]
+) -> Float[np.ndarray, " 3"]:
+    """Combine the excitation of flights, axis by axis.
+
+    Each flight pulls the estimate by its own 1 / (1 + rho), with the weight of its information: a
+    calm one beside a lively one does little harm. Where none has any, all count alike.
+    """
+    if len(rho) == 1:
+        return rho[0]
+    weight = np.where(information.any(axis=0), information, 1.0)
+    pull = weight / (1.0 + rho)
+    return weight.sum(axis=0) / pull.sum(axis=0) - 1.0
 
 
 def mean_ratios(
     factors: Factors,
     power: tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 3"]],
     parts: Int[np.ndarray, " b"],
-    kept: Bool[np.ndarray, "b 3"],
 ) -> Float[np.ndarray, " 3"]:
     """Return the mean over parts of explained over residual power in the pilot's band.
 
-    - `factors`: of one configuration.
+    - `factors`: of one flight.
     - `power`: sums of squares of its angular accelerations, and of what the fit leaves of them.
     - `parts`: number of the part to which each block belongs.
-    - `kept`: blocks that are averaged, axis by axis.
     """
-    inside = kept & in_pilot_band(factors)[:, None]
-    rows = factors.rows[:, None] * inside
+    rows = factors.rows * in_pilot_band(factors)
     total = np.zeros(3)
     for number in np.unique(parts):
         own = parts == number
-        signal, left = ((one[own] * inside[own]).sum(axis=0) for one in power)
+        signal, left = ((one[own] * (rows[own] > 0)[:, None]).sum(axis=0) for one in power)
         explained = np.maximum(signal - left, 0.0)
-        total += rows[own].sum(axis=0) * explained / np.maximum(left, np.finfo(float).tiny)
-    return total / np.maximum(rows.sum(axis=0), 1.0)
+        total += rows[own].sum() * explained / np.maximum(left, np.finfo(float).tiny)
+    return total / max(rows.sum(), 1)

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float, Int
 
 from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
+from rotorfit.estimation.factors import Factors, flights_of
 from rotorfit.fit.joint.joint_problem import (
     NOISY,
     TURN_ERRORS,
@@ -42,6 +43,7 @@ from rotorfit.reduction.frequency_bands import (
 THRUST: Final = NOISY.index("az")
 FORCES: Final = tuple(NOISY.index(name) for name in ("ax", "ay", "az"))
 TURNS: Final = tuple(NOISY.index(name) for name in ("dwx", "dwy", "dwz"))
+YAW: Final = TURNS[2]
 REWEIGHTED: Final = 4
 """Passes of a regression whose variances are those of what it leaves."""
 FEWEST_ROWS: Final = 30
@@ -112,8 +114,20 @@ def with_counted_bands(
         factors, signal[:, turns], residual[:, turns], least_ratio=least_ratio
     )
     counted = counted_bands(factors, flown)
+    counted[:, YAW] &= _yawed_flights(factors, flown[:, YAW])
     with_response = flown[:, [NOISY.index(name) for name in TURN_ERRORS]]
     return replace(configuration, counted=counted, with_response=with_response)
+
+
+def _yawed_flights(factors: Factors, flown: Bool[np.ndarray, " b"]) -> Bool[np.ndarray, " b"]:
+    """Mark the blocks of the flights that yaw anywhere; all where none does.
+
+    The means of a flight that does not yaw hold a steady push, and no more of k_d than that.
+    """
+    yawed = np.zeros(len(factors), dtype=bool)
+    for own in flights_of(factors):
+        yawed[own] = flown[own].any()
+    return or_every(yawed)
 
 
 def _followed(configuration: JointConfiguration) -> Bool[np.ndarray, " b"]:
