@@ -206,7 +206,7 @@ def test_an_unknown_mass_is_refused_and_scales_all_if_assumed():
         vehicle_model(per_kilogram())
     words = str(refused.value)
     assert "mass is not-identified" in words
-    assert "kt, kd are not-identified (known only per kilogram: the mass is unknown)" in words
+    assert "kt, kd are known only per kilogram (the mass is unknown)" in words
     assert words.endswith("--assume mass=VALUE (mass in kg)")
     model = vehicle_model(per_kilogram(), assumed={"mass": 2 * MASS})
     np.testing.assert_allclose(model.inertia_com, 2 * INERTIA_COM)
@@ -236,7 +236,7 @@ def test_commands_without_a_law_need_the_full_speed():
     with pytest.raises(OutputError) as refused:
         vehicle_model(in_commands())
     words = str(refused.value)
-    assert "kt, kd are not-identified (known only per command: no law" in words
+    assert "kt, kd are known only per command (no law" in words
     assert words.endswith("--assume max_speed=VALUE (max_speed in rad/s)")
     model = vehicle_model(in_commands(), assumed={"max_speed": 1000.0})
     np.testing.assert_allclose([r.kt for r in model.rotors], KT_EACH)

@@ -85,7 +85,7 @@ def test_drag_enters_by_itself_where_the_velocity_is_known(once, draggy):
     assert used["terms"][-1] == "drag"
     assert used["terms_gain"]["drag"] > used["terms_least_gain"] == LEAST_GAIN
     (words,) = [w for w in result.warnings if "air drag of the frame" in w]
-    assert "it raises the log-likelihood by" in words
+    assert "(drag), which the flights show: the log-likelihood is " in words
     assert "(drag)" in words
     for axis, true in zip("xyz", draggy.truth.drag, strict=True):
         found = result.parameter(f"drag_{axis}", "A")
@@ -258,7 +258,7 @@ def test_terms_that_are_not_there_stay_out(tmp_path, kind):
     result = identified(tmp_path, flight_of((0.0, 0.0, 0.0), kind=kind, seed=4))
     assert result.settings["used"]["terms"] == [*USUAL, "imu_mounting"]
     assert set(result.settings["used"]["terms_gain"]) == {t.name for t in BY_LIKELIHOOD}
-    assert not any("raises the log-likelihood" in words for words in result.warnings)
+    assert not any("which the flights show" in words for words in result.warnings)
 
 
 def about(place):

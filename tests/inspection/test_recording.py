@@ -1,11 +1,16 @@
 """Repeats, straight lines, limits, vibration and delay are measured where they are, else not."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hand_made_logs import channel, hover_thrust, motion_log
+from rotorfit.dataset.plausible_units import GravitySeen
+from rotorfit.diagnostics.hover_thrust import AGAINST_GRAVITY
+from rotorfit.findings import doubt
+from rotorfit.inspection.inspect_log import CHECKS
 from rotorfit.inspection.recording import (
     channel_report,
     lacks,
@@ -145,3 +150,13 @@ def test_the_rate_counts_samples_that_come_late():
     kept = np.arange(1000)[np.arange(1000) % 5 != 0]
     report = channel_report("gyro", channel(0.01 * kept, NOISE[kept]))
     assert (report.gaps, report.rate) == (0, pytest.approx(80.0, rel=0.01))
+
+
+def test_gravity_is_doubted_once_where_the_fit_doubts_it():
+    seen = GravitySeen(at_rest=0.97, in_flight=0.97, in_flight_std=0.001)
+    by_fit = doubt(AGAINST_GRAVITY, "in hover the accelerometer reads 9.52 m/s^2")
+    result = SimpleNamespace(parameters=("kt",), findings=(by_fit,))
+    [check] = [one for one in CHECKS if one.__name__ == "_gravity"]
+    assert list(check(SimpleNamespace(gravity=seen, result=result))) == []
+    [alone] = check(SimpleNamespace(gravity=seen, result=None))
+    assert alone.sentence.startswith("at rest on the ground the accelerometer reads 9.51")

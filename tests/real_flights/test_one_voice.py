@@ -16,6 +16,7 @@ from rotorfit.dataset.load import load_flight
 from rotorfit.diagnostics.sensors.log_settings import FAST, TOO_SLOW
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
 from rotorfit.inspection.inspect_log import inspect_log
 from rotorfit.inspection.prospects import PROSPECT
 from rotorfit.logs import read_log
@@ -196,6 +197,16 @@ def test_the_doctor_foresees_the_verdicts(said_of, name):
     if found.thrust.prospect == "well" and kt.verdict == "identified":
         half_width = 0.5 * (kt.interval[1] - kt.interval[0]) / kt.value
         assert 0.4 < found.thrust.width / half_width < 2.5
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_no_identified_axis_is_said_to_be_still(said_of, name):
+    result = said_of(name).result
+    reasons = " ".join(p.reason or "" for p in (*result.parameters, *result.derived))
+    for number, axis in (("Ixx", "roll"), ("Iyy", "pitch")):
+        if result.parameter(number).verdict == "identified":
+            assert result.diagnostics[f"excitation_{axis}@A"] > LEAST_EXCITATION
+            assert f"too little of the motion in {axis}" not in reasons
 
 
 @pytest.mark.parametrize("name", CASES)

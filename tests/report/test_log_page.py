@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rotorfit.findings import doubt
 from rotorfit.inspection.inspect_log import LogReport, inspect_log
 from rotorfit.logs.firmware import Filter
 from rotorfit.logs.flight_log import Channel, FlightLog
@@ -123,3 +124,9 @@ def test_a_filter_that_moves_is_drawn_where_it_can_be(report: LogReport) -> None
     assert re.findall(r'<g class="span notch" data-from="(\d+)" data-to="(\d+)"', html) == [
         ("187", "187")
     ]
+
+
+def test_a_page_of_a_log_writes_plus_minus_as_a_sign(report: LogReport) -> None:
+    seen = doubt("gravity", "it reads 1.00 +- 0.02 g")
+    noted = replace(report, findings=(*report.findings, seen))
+    assert "it reads 1.00 ±  0.02 g" in log_report_html(noted)

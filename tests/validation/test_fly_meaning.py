@@ -143,10 +143,8 @@ def test_what_is_left_of_a_moment_is_laid_to_its_cause():
     roll, pitch, yaw = moment_sentences([one])
     assert "75 % of the power of the moment" in roll and "100 % goes with the motion" in roll
     assert "% is steady: the trim changed" in pitch
-    assert re.match(
-        r"yaw: over the whole flight the rotors make (59|60|61|62) % of the power of the moment",
-        yaw,
-    )
+    assert yaw.startswith("yaw: over the whole flight the rotors make ")
+    assert re.search(r"(59|60|61|62) % of the power of the moment", yaw)
     assert "100 % is neither steady nor in proportion to the motion: gusts, wash" in yaw
     good = replace(one, relative_error=dict.fromkeys(errors, 0.2))
     assert moment_sentences([good]) == []

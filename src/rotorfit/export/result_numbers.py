@@ -302,8 +302,8 @@ def _in_si(
         if not isinstance(mass, Number):
             return Missing(
                 name=number.name,
-                verdict="not-identified",
-                reason="known only per kilogram: the mass is unknown",
+                verdict="known only per kilogram",
+                reason="the mass is unknown",
                 cure="mass",
             )
         factor *= mass.value
@@ -313,9 +313,9 @@ def _in_si(
         if not isinstance(speed, Number):
             return Missing(
                 name=number.name,
-                verdict="not-identified",
-                reason="known only per command: no law from command to rotor speed is given; "
-                "supply the speed at full command if speed is proportional to the command",
+                verdict="known only per command",
+                reason="no law from command to rotor speed is given; supply the speed at full "
+                "command if speed is proportional to the command",
                 cure="max_speed",
             )
         if speed.unit != FULL_COMMAND:
