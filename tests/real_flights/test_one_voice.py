@@ -104,6 +104,8 @@ LESS = {
 }
 """Calm throws of which rows alone tell less about yaw than the whole likelihood: 230's by their
 formal deviation already, and 340's by the motors' small part in the motion."""
+NARROWER = {"autopilot-sitl/arducopter-exported.BIN"}
+"""Its stated law is wrong, which looks like drag to the rows: kt's width is that of the weight."""
 LOGS = QUICK | LONG
 CASES = [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)]
 
@@ -194,7 +196,7 @@ def test_the_doctor_foresees_the_verdicts(said_of, name):
         if (name, number) not in LESS:
             assert (prospect, said_then) != ("not", "well"), number
     kt = result.parameter("kt")
-    if found.thrust.prospect == "well" and kt.verdict == "identified":
+    if found.thrust.prospect == "well" and kt.verdict == "identified" and name not in NARROWER:
         half_width = 0.5 * (kt.interval[1] - kt.interval[0]) / kt.value
         assert 0.4 < found.thrust.width / half_width < 2.5
 

@@ -14,7 +14,6 @@ from rotorfit.diagnostics.kt_from_weight import (
     Balance,
     bias_at_rest,
     pooled_weight,
-    with_open_slope,
 )
 from rotorfit.diagnostics.motors.law_from_flight import (
     FoundLaw,
@@ -360,12 +359,12 @@ def _thrust(
         width = float(np.hypot(held, full))
     elif weighed is not None:
         agree = abs(Balance(changes=changes, weight=weighed).deviations) <= DOUBTED
-        if law is not None:
-            slope_std = exponent_of(thrust_ratio(changes, weighed), law).share
-            reach = 1.96 * slope_std
-            changes = with_open_slope(changes, slope_std)
-        balance = Balance(changes=changes, weight=weighed)
-        width = _relative(1.96 * balance.kt.std, balance.kt.value)
+        if law is None:
+            balance = Balance(changes=changes, weight=weighed)
+            width = _relative(1.96 * balance.kt.std, balance.kt.value)
+        else:  # where changes contradict a law, they say nothing of k_t
+            reach = 1.96 * exponent_of(thrust_ratio(changes, weighed), law).share
+            width = _relative(1.96 * weighed.std, weighed.value)
     return Thrust(
         change=float(squares.std() / squares.mean()) if len(squares) else 0.0,
         from_changes=kt,
