@@ -365,14 +365,15 @@ ROOMS: Final[dict[str, Room]] = {
     "fit/intervals/excitation.py": Room(
         tests=("tests/fit/test_joint_intervals.py",),
         scaled=(
-            "total += <<rows[own].sum(axis=0) * explained / np.maximum(left, np.finfo(float).tiny)>>",
+            "total += <<rows[own].sum() * explained / np.maximum(left, np.finfo(float).tiny)>>",
         ),
         changed=(
             ("np.maximum(signal - left, 0.0)", "signal"),
-            ("rows = factors.rows[:, None] * inside", "rows = 1.0 * inside"),
-            ("inside = kept & in_pilot_band(factors)[:, None]", "inside = kept"),
-            ("counted[own & moving, 3:]", "counted[own, 3:]"),
-            ("return or_every(kept)", "return or_every(kept & False)"),
+            ("rows = factors.rows * in_pilot_band(factors)", "rows = factors.rows"),
+            ("return factors.rows[:, None] * np.maximum(power", "return np.maximum(power"),
+            (" * kept", ""),
+            ("np.maximum(power[0] / left, 1.0)", "1.0"),
+            ("pull = weight / (1.0 + rho)", "pull = weight / np.maximum(rho, 1.0)"),
         ),
     ),
     "fit/intervals/joint_numbers.py": Room(
@@ -466,7 +467,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("(self.shown.value - self.power) / (1.0 - growth)", "self.shown.value - self.power"),
             ("min(max(growth, 0.0), STEADY)", "growth"),
             ("value=left.value * power, std", "value=left.value, std"),
-            ("self.exponent.std / self.exponent.value", "self.exponent.std"),
+            ("return self.exponent.share", "return self.exponent.std"),
             ("for side in (-1.0, 1.0)", "for side in (1.0,)"),
             ("likely[1] / sum(likely)", "likely[1]"),
             ("near = NEAR if self.from_flight else 1.0", "near = NEAR"),
@@ -575,6 +576,8 @@ ROOMS: Final[dict[str, Room]] = {
             ("with_response = flown[:, [NOISY.index(name) for name in TURN_ERRORS]]", "with_response = np.ones_like(flown[:, turns])"),
             ("counted = counted_bands(factors, flown)", "counted = np.ones_like(flown)"),
             ("flown[:, THRUST] = _followed(configuration)", "pass"),
+            ("counted[:, YAW] &= _yawed_flights(factors, flown[:, YAW])", "pass"),
+            ("return or_every(yawed)", "return yawed"),
         ),
     ),
     "fit/joint/term_choice.py": Room(
