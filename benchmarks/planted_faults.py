@@ -373,7 +373,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("return factors.rows[:, None] * np.maximum(power", "return np.maximum(power"),
             (" * kept", ""),
             ("np.maximum(power[0] / left, 1.0)", "1.0"),
-            ("pull = weight / (1.0 + rho)", "pull = weight / np.maximum(rho, 1.0)"),
+            ("bias = weight / (1.0 + rho)", "bias = weight / np.maximum(rho, 1.0)"),
         ),
     ),
     "fit/intervals/joint_numbers.py": Room(

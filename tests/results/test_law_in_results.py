@@ -138,7 +138,8 @@ def test_a_later_flight_on_commands_takes_the_law(result, flight, folder):
     kt = later.parameter("kt")
     assert kt.unit == "N s^2/rad^2"
     assert kt.value == pytest.approx(flight.truth.kt, rel=0.05)
-    assert later.settings["motors"]["law"] == result.command_law.motors["law"]
+    law = result.command_law.motors["law"]
+    assert later.settings["motors"]["law"] == {**law, "exact": False}
 
 
 def with_battery(table, path):

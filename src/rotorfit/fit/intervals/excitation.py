@@ -62,8 +62,8 @@ def _ratios(
                 for own in flights
             ]
         )
-        told = _information(c, power)
-        found = _of_flights(means, np.array([told[own].sum(axis=0) for own in flights]))
+        informative = _information(c, power)
+        found = _of_flights(means, np.array([informative[own].sum(axis=0) for own in flights]))
         rho |= {f"{axis}@{c.name}": float(m) for axis, m in zip(AXES, found, strict=True)}
     return rho
 
@@ -91,8 +91,8 @@ def _of_flights(
     if len(rho) == 1:
         return rho[0]
     weight = np.where(information.any(axis=0), information, 1.0)
-    pull = weight / (1.0 + rho)
-    return weight.sum(axis=0) / pull.sum(axis=0) - 1.0
+    bias = weight / (1.0 + rho)
+    return weight.sum(axis=0) / bias.sum(axis=0) - 1.0
 
 
 def mean_ratios(
