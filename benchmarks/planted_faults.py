@@ -577,7 +577,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("counted = counted_bands(factors, flown)", "counted = np.ones_like(flown)"),
             ("flown[:, THRUST] = _followed(configuration)", "pass"),
             ("counted[:, YAW] &= _yawed_flights(factors, flown[:, YAW])", "pass"),
-            ("return or_every(yawed)", "return yawed"),
+            ("return or_every(yawed)[:, 0]", "return yawed[:, 0]"),
         ),
     ),
     "fit/joint/term_choice.py": Room(

@@ -124,10 +124,10 @@ def _yawed_flights(factors: Factors, flown: Bool[np.ndarray, " b"]) -> Bool[np.n
 
     The means of a flight that does not yaw hold a steady push, and no more of k_d than that.
     """
-    yawed = np.zeros(len(factors), dtype=bool)
+    yawed = np.zeros((len(factors), 1), dtype=bool)
     for own in flights_of(factors):
         yawed[own] = flown[own].any()
-    return or_every(yawed)
+    return or_every(yawed)[:, 0]
 
 
 def _followed(configuration: JointConfiguration) -> Bool[np.ndarray, " b"]:
