@@ -369,8 +369,8 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         changed=(
             ("np.maximum(signal - left, 0.0)", "signal"),
-            ("rows = factors.rows * in_pilot_band(factors)", "rows = factors.rows"),
-            ("return factors.rows[:, None] * np.maximum(power", "return np.maximum(power"),
+            ("return factors.rows * in_pilot_band(factors)", "return factors.rows"),
+            ("return pilots_rows(factors)[:, None] * np.maximum(power", "return np.maximum(power"),
             (" * kept", ""),
             ("np.maximum(power[0] / left, 1.0)", "1.0"),
             ("bias = weight / (1.0 + rho)", "bias = weight / np.maximum(rho, 1.0)"),

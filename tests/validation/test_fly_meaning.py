@@ -9,7 +9,7 @@ import pytest
 from rotorfit.report.fly import meaning
 from rotorfit.validation.fly_outcome import FlyOutcome, steady_share
 from rotorfit.validation.judgement import (
-    band_sentences,
+    error_sentences,
     horizon,
     judgement,
     moment_sentences,
@@ -175,9 +175,9 @@ def test_an_error_beyond_the_band_is_laid_to_band_or_model():
         chance = random.choice([-1.0, 1.0])
         return np.stack([0.5 * sign * t, 0.8 * chance * t, 0.78 * t], axis=1)
 
-    words = band_sentences(with_band(outcome(error), 0.02))
+    words = error_sentences(with_band(outcome(error), 0.02))
     assert [one.split(":")[0] for one in words] == ["roll", "pitch", "yaw"]
     assert "goes with the motion: the intervals of inertia" in words[0]
     assert "which neither the model nor the intervals" in words[1]
     assert "is steady: the trim changed" in words[2]
-    assert band_sentences(with_band(outcome(error), 0.2)) == []
+    assert error_sentences(with_band(outcome(error), 0.2)) == []

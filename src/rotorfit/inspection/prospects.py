@@ -30,7 +30,7 @@ from rotorfit.diagnostics.sensors.log_settings import (
 from rotorfit.diagnostics.sensors.sensor_faults import ERROR
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.law_table import LawEntry
-from rotorfit.fit.intervals.excitation import enough_by_weight, mean_ratios
+from rotorfit.fit.intervals.excitation import enough_by_weight, mean_ratios, pilots_rows
 from rotorfit.fit.intervals.numbers import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.intervals.row_scatter import row_half_widths
 from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
@@ -233,14 +233,7 @@ def prospects(
             seen_lag=seen,
             rate=prepared.slowest_rate,
         )
-    factors = prepared_bands(timed, vehicle, None)
-    fits = fit_rows(factors, model, mass=1.0)
-    if commanded and motors is not None and not _followed(fits):
-        clearer = _clearer_lag(prepared, vehicle, model, motors)
-        timed = replace(prepared, data=retimed(prepared, clearer))
-        factors = prepared_bands(timed, vehicle, None)
-        fits = fit_rows(factors, model, mass=1.0)
-    fits = _by_weight(fits, factors)
+    timed, fits = _rows(prepared, timed, vehicle, model, commanded=motors if commanded else None)
     followed = _followed(fits)
     rows = _with_widths(fits)
     thrust = _thrust(
@@ -305,13 +298,35 @@ def _clearer_lag(
     return tried[best] if gains[best] - gains[0] > CLEAR_GAIN else motors
 
 
+def _rows(
+    prepared: PreparedFlight,
+    timed: PreparedFlight,
+    vehicle: Vehicle,
+    model: Regressor,
+    *,
+    commanded: MotorResponse | None,
+) -> tuple[PreparedFlight, RowFits]:
+    """Fit the rows of a timed flight, at a clearer lag where its commands explain nothing.
+
+    `commanded`: timing of motors whose speeds are commands. Returns the flight as it was fitted.
+    """
+    factors = prepared_bands(timed, vehicle, None)
+    fits = fit_rows(factors, model, mass=1.0)
+    if commanded is not None and not _followed(fits):
+        clearer = _clearer_lag(prepared, vehicle, model, commanded)
+        timed = replace(prepared, data=retimed(prepared, clearer))
+        factors = prepared_bands(timed, vehicle, None)
+        fits = fit_rows(factors, model, mass=1.0)
+    return timed, _by_weight(fits, factors)
+
+
 def _by_weight(fits: RowFits, factors: Factors) -> RowFits:
     """Return the rows with the excitation by which an estimate judges them."""
     signal, left = (
         np.column_stack([getattr(fits.fits[axis], power) for axis in AXES])
         for power in ("known_power", "residual_power")
     )
-    means = mean_ratios(factors, (signal, left), np.arange(len(factors)))
+    means = mean_ratios(pilots_rows(factors), (signal, left), np.arange(len(factors)))
     weighed = {str(axis): float(rho) for axis, rho in zip(AXES, means, strict=True)}
     return replace(fits, excitation=enough_by_weight(fits.excitation, weighed))
 

@@ -33,6 +33,12 @@ FIRMWARE: Final = "firmware"
 """Name in place of a setting's where it takes another version of the firmware."""
 
 
+def is_before(program: str, first: tuple[int, int], metadata: Mapping[str, str]) -> bool:
+    """Test whether a version of a program (a pattern) before its `first` wrote the log."""
+    found = re.search(program + r"(\d+)\.(\d+)", metadata.get("Firmware revision", ""))
+    return found is not None and (int(found[1]), int(found[2])) < first
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
     """One setting of a firmware, what it is for, and what in a log asks for it.

@@ -40,13 +40,7 @@ from rotorfit.validation.fly_outcome import (
     settling_time,
     steady_share,
 )
-from rotorfit.validation.judgement import (
-    AXES,
-    GOOD_SHARE,
-    band_sentences,
-    horizon,
-    moment_sentences,
-)
+from rotorfit.validation.judgement import AXES, GOOD_SHARE, error_sentences, horizon
 from rotorfit.validation.replay import (
     HOLD,
     IDENTIFIED,
@@ -184,10 +178,7 @@ def meaning(outcome: FlyOutcome) -> list[str]:
             f"{listed(worse)}: after {end:.2g} s without feedback the model is worse than "
             "rates held: correct it by the gyro within the time above, as an autopilot does"
         )
-    by_band = band_sentences(outcome.replays)
-    named = tuple(sentence.partition(":")[0] for sentence in by_band)
-    compared = [r.comparison for r in outcome.replays if r.comparison is not None]
-    words += [*by_band, *(s for s in moment_sentences(compared) if not s.startswith(named))]
+    words += error_sentences(outcome.replays)
     trim = [axis for axis, share in zip(AXES, steady, strict=True) if share > STEADY]
     if trim:
         words.append(

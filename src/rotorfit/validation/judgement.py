@@ -185,14 +185,22 @@ def _error(comparisons: Sequence[WrenchComparison], component: str) -> float | N
     return float(np.sqrt(left / max(rotors, np.finfo(float).tiny)))
 
 
-def band_sentences(replays: Sequence[Replay]) -> list[str]:
-    """Explain errors far beyond the band of the parameters: it is the band, or the model."""
-    words: list[str] = []
+def error_sentences(replays: Sequence[Replay]) -> list[str]:
+    """Explain errors far beyond the band of the parameters, and moments that are not good."""
+    words = _beyond_band(replays)
+    compared = [r.comparison for r in replays if r.comparison is not None]
+    others = [axis for axis in AXES if axis not in words]
+    return [*words.values(), *moment_sentences(compared, axes=others)]
+
+
+def _beyond_band(replays: Sequence[Replay]) -> dict[str, str]:
+    """Explain, axis by axis, errors far beyond the band: it is the band, or the model."""
+    words: dict[str, str] = {}
     ratios, parts = over_band(replays).tolist(), error_parts(replays)
     for axis, ratio, (steady, moved) in zip(AXES, ratios, parts, strict=True):
         if not np.isfinite(ratio) or ratio <= NARROW_BAND:
             continue
-        words.append(
+        words[axis] = (
             f"{axis}: the error is {ratio:.1f} times what the parameters' intervals allow; "
             f"{_cause(steady, moved)}"
         )
@@ -219,12 +227,14 @@ def _cause(steady: float, moved: float) -> str:
     )
 
 
-def moment_sentences(comparisons: Sequence[WrenchComparison]) -> list[str]:
+def moment_sentences(
+    comparisons: Sequence[WrenchComparison], *, axes: Sequence[str] = AXES
+) -> list[str]:
     """Explain moments that are not good: what the rotors made of them, and what the rest is."""
     words: list[str] = []
     for axis, component in COMPONENT_OF.items():
         error = _error(comparisons, component)
-        if axis not in AXES or error is None or error <= GOOD_ERROR[axis]:
+        if axis not in axes or error is None or error <= GOOD_ERROR[axis]:
             continue
         i = COMPONENTS.index(component)
         known = [c for c in comparisons if component in c.relative_error]

@@ -14,10 +14,9 @@ small.
 The exponent is measured about hover. What it may differ up to full command widens k_t and k_d.
 
 A law that is given is right, or, one in twenty, another vehicle's, or from command to thrust
-instead of speed: then the speed goes with another power of the one it gives. That of a simulator's
-own motors is right. The posterior of that
+instead of speed: then the speed goes with another power of the one it gives. The posterior of that
 power is a mixture of both; the fit is made with its mean, and what holds 95 % of it is in the
-intervals.
+intervals. The law of a simulator's own motors is right.
 """
 
 import math

@@ -52,15 +52,9 @@ def _ratios(
         last = first + len(c.factors)
         power = (fit.signal_power[first:last, 3:], fit.residual_power[first:last, 3:])
         first, flights = last, flights_of(c.factors)
+        rows, part = pilots_rows(c.factors), parts(c.factors)
         means = np.array(
-            [
-                mean_ratios(
-                    c.factors.select(own),
-                    (power[0][own], power[1][own]),
-                    parts(c.factors)[own],
-                )
-                for own in flights
-            ]
+            [mean_ratios(rows[own], (power[0][own], power[1][own]), part[own]) for own in flights]
         )
         informative = _information(c, power)
         found = _of_flights(means, np.array([informative[own].sum(axis=0) for own in flights]))
@@ -74,10 +68,10 @@ def _information(
 ) -> Float[np.ndarray, "b 3"]:
     """Compute the weight of the blocks that count, but the mean: power over what is left of it."""
     factors, counted = configuration.factors, configuration.counted
-    inside = (in_pilot_band(factors) & (factors.band[:, 0] > 0.0))[:, None]
-    kept = inside & (True if counted is None else counted[:, 3:])
+    moving = (factors.band[:, 0] > 0.0)[:, None]
+    kept = moving & (True if counted is None else counted[:, 3:])
     left = np.maximum(power[1], np.finfo(float).tiny)
-    return factors.rows[:, None] * np.maximum(power[0] / left, 1.0) * kept
+    return pilots_rows(factors)[:, None] * np.maximum(power[0] / left, 1.0) * kept
 
 
 def _of_flights(
@@ -95,18 +89,22 @@ def _of_flights(
     return weight.sum(axis=0) / bias.sum(axis=0) - 1.0
 
 
+def pilots_rows(factors: Factors) -> Int[np.ndarray, " b"]:
+    """Return the rows of each block in the pilot's band; none of the others."""
+    return factors.rows * in_pilot_band(factors)
+
+
 def mean_ratios(
-    factors: Factors,
+    rows: Int[np.ndarray, " b"],
     power: tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 3"]],
     parts: Int[np.ndarray, " b"],
 ) -> Float[np.ndarray, " 3"]:
     """Return the mean over parts of explained over residual power in the pilot's band.
 
-    - `factors`: of one flight.
+    - `rows`: of each block of a flight, as `pilots_rows` counts them.
     - `power`: sums of squares of its angular accelerations, and of what the fit leaves of them.
     - `parts`: number of the part to which each block belongs.
     """
-    rows = factors.rows * in_pilot_band(factors)
     total = np.zeros(3)
     for number in np.unique(parts):
         own = parts == number

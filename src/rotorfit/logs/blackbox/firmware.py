@@ -4,7 +4,6 @@ Sources: Betaflight 4.5 "CLI Command Line Reference", blackbox.c and rpm_filter.
 INAV "Settings" and blackbox.c (7 to 9).
 """
 
-import re
 from collections.abc import Mapping, Set
 from typing import Final
 
@@ -21,6 +20,7 @@ from rotorfit.logs.firmware import (
     FilterKind,
     Lack,
     asked_for,
+    is_before,
     logged_number,
     logged_numbers,
     low_pass,
@@ -79,15 +79,9 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
     """Advise settings of the firmware that wrote the log."""
     if _is_inav(metadata):
         return Advice(settings=needing_change(asked_for(INAV, lacks), metadata), file="inav.txt")
-    table = OLD_BETAFLIGHT if _is_old(metadata) else BETAFLIGHT
+    table = OLD_BETAFLIGHT if is_before("^Betaflight ", LOGS_SPEED, metadata) else BETAFLIGHT
     found = needing_change(asked_for(table, lacks), _as_in_cli(metadata))
     return Advice(settings=found, file="betaflight.txt")
-
-
-def _is_old(metadata: Mapping[str, str]) -> bool:
-    """Test whether a Betaflight from before it logged rotor speeds wrote the log."""
-    found = re.match(r"Betaflight (\d+)\.(\d+)", metadata.get("Firmware revision", ""))
-    return found is not None and (int(found[1]), int(found[2])) < LOGS_SPEED
 
 
 def _as_in_cli(metadata: Mapping[str, str]) -> dict[str, str]:

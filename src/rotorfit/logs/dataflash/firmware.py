@@ -4,7 +4,6 @@ Sources: ArduPilot "Complete Parameter List", ArduCopter/defines.h (bits of LOG_
 AP_InertialSensor_Backend.cpp (raw IMU), "ESC Telemetry" and "Managing Gyro Noise" (INS_HNTCH_*).
 """
 
-import re
 from collections.abc import Mapping, Set
 from typing import Final
 
@@ -24,6 +23,7 @@ from rotorfit.logs.firmware import (
     asked_for,
     bits_set,
     fixed_notch,
+    is_before,
     logged_integer,
     logged_number,
     low_pass,
@@ -102,14 +102,8 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
             for s in found
             for one in (with_value(s, words) if s.name == "SERVO_BLH_BDMASK" else (s,))
         )
-    newer = asked_for(NEWER, lacks) if _is_old(metadata) else ()
+    newer = asked_for(NEWER, lacks) if is_before("Copter V", LOGS_SPEED, metadata) else ()
     return Advice(settings=(*newer, *needing_change(found, metadata)), file="ardupilot.parm")
-
-
-def _is_old(metadata: Mapping[str, str]) -> bool:
-    """Test whether the log is of an ArduCopter from before bidirectional DShot."""
-    found = re.search(r"Copter V(\d+)\.(\d+)", metadata.get("Firmware revision", ""))
-    return found is not None and (int(found[1]), int(found[2])) < LOGS_SPEED
 
 
 def _motor_outputs(metadata: Mapping[str, str]) -> int:
