@@ -122,13 +122,14 @@ def _of_fit(fit: Fit, half_width: np.ndarray) -> tuple[dict[str, np.ndarray], np
         std,
     )
     formal = intervals.formal_covariance(estimate, J)
+    by_flights = np.maximum(np.diagonal(formal) - intervals.prior_variance(estimate, J), 0.0)
     timing = np.reshape(
         intervals.timing_shifts(estimate, configurations[0].timing), (-1, len(values))
     )
     parts = {
         "likelihood": 1.96 * _std(J @ estimate.estimate.covariance @ J.T),
         "own blocks": 1.96 * _std(J @ scatter_covariance(estimate.influence) @ J.T),
-        "blocks": intervals.half_width_between_blocks(estimate, J, formal),
+        "blocks": intervals.half_width_between_blocks(estimate, J, by_flights),
         "phases": intervals.half_width_between_phases(estimate, J),
         "chance": intervals.random_half_width(estimate, J, formal),
         "answer": np.abs(response_sensitivity(estimate) @ J.T).sum(axis=0),

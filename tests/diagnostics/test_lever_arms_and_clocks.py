@@ -10,7 +10,12 @@ import flown
 import made_fit
 from rotorfit.diagnostics import lever_arms
 from rotorfit.diagnostics.lever_arms import FrameSides
-from rotorfit.diagnostics.sensors.clocks import accelerometer_delay, late_speeds
+from rotorfit.diagnostics.sensors.clocks import (
+    Lateness,
+    accelerometer_delay,
+    late_speeds,
+    of_one_vehicle,
+)
 from rotorfit.diagnostics.sensors.sensor_response import deviation_by_chance
 from rotorfit.diagnostics.vehicle_size import unusual_loading
 from rotorfit.errors import FrameError
@@ -153,6 +158,26 @@ def late_sensor(**flight):
     [evidence] = found.evidence
     assert (found.severity == "doubt") is bool(found.sentence)
     return found.sentence, evidence
+
+
+def drawn(*times):
+    return of_one_vehicle([Lateness(seconds=value, std=std) for value, std in times])
+
+
+def test_other_flights_refute_a_late_sensor_of_a_calm_one():
+    """51 +- 12.7 ms beside two of 0 and 1 +- 1 ms has the time of these."""
+    calm, *others = drawn((0.051, 0.0127), (0.0, 0.001), (0.001, 0.001))
+    assert calm.seconds < 0.01
+    assert calm.std < 0.005
+    assert [one.seconds for one in others] == pytest.approx([0.0, 0.001], abs=3e-4)
+    assert drawn((0.051, 0.0127)) == [Lateness(seconds=0.051, std=0.0127)]
+
+
+def test_a_sensor_that_is_late_in_one_flight_alone_is_found():
+    """20 +- 3 ms beside 0 +- 3 ms: they differ, and keep their own."""
+    late, early = drawn((0.02, 0.003), (0.0, 0.003))
+    assert [late.seconds, early.seconds] == pytest.approx([0.0195, 0.0005], abs=3e-4)
+    assert late.std == pytest.approx(0.003, rel=0.03)
 
 
 @pytest.mark.parametrize(

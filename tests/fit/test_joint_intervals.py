@@ -48,7 +48,7 @@ LEFT = np.sqrt(12 / 10)
 def _without_dispersion(monkeypatch):
     """Leave each number its own scatter: made fits have no scores that go with it."""
     none = Dispersion(ratio=1.0, degrees=0.0)
-    monkeypatch.setattr(module, "dispersion", lambda fit, parts: none)
+    monkeypatch.setattr(module, "dispersions", lambda fit, parts, groups: [none] * len(groups))
 
 
 def half_width(fit, configurations, name="kt", mass_std=0.0):
@@ -97,8 +97,8 @@ def test_the_scatter_of_all_numbers_is_pooled_with_its_own(monkeypatch, phases, 
     """By phases from three on, else by blocks: (10 own + 30 times 4 stated) / 40, t of 40."""
     moving_as_they_pull(monkeypatch)
     found = []
-    pooled = Dispersion(ratio=4.0, degrees=30.0)
-    monkeypatch.setattr(module, "dispersion", lambda fit, own: found.append(own) or pooled)
+    pooled = [Dispersion(ratio=4.0, degrees=30.0)]
+    monkeypatch.setattr(module, "dispersions", lambda fit, own, _: found.append(own) or pooled)
     factors = made_fit.blocks([(1.0, 2.0)] * 12)
     segment = np.repeat(np.arange(phases), 12 // phases)
     body = made_fit.configuration(factors=replace(factors, segment=segment))
@@ -114,6 +114,21 @@ def test_the_scatter_of_all_numbers_is_pooled_with_its_own(monkeypatch, phases, 
     assert half[0] == pytest.approx(2.021 * np.sqrt(variance), rel=1e-3)
     assert {len(own) for own in found} == {parts}
     assert all(np.sum(own, axis=0).tolist() == [1] * 12 for own in found)
+
+
+def test_what_was_known_before_scatters_in_no_flight(monkeypatch):
+    """Half of the variance by a prior: the flights' half grows by their scatter, that does not."""
+    pooled = [Dispersion(ratio=9.0, degrees=1e9)]
+    monkeypatch.setattr(module, "dispersions", lambda fit, own, flights: pooled)
+    body = made_fit.configuration()
+    fit = made_fit.fit_of([body], std={"kt": 3e-8})
+    prior = replace(fit.problem, prior_std={"kt": np.sqrt(2.0) * 3e-8})
+    jacobian = np.eye(FREE)[[fit.estimate.names.index("kt")]]
+    formal = np.array([[(3e-8) ** 2]])
+    alone = module.random_half_width(fit, jacobian, formal)
+    known = module.random_half_width(replace(fit, problem=prior), jacobian, formal)
+    assert alone[0] == pytest.approx(1.96 * 3.0 * 3e-8, rel=1e-3)
+    assert known[0] == pytest.approx(1.96 * np.sqrt(0.5 * 9.0 + 0.5) * 3e-8, rel=1e-3)
 
 
 def test_the_wider_of_covariance_and_scatter_counts_alone():

@@ -14,6 +14,12 @@ is one where the parts scatter as stated. As those scores have
 :math:`\mathrm{cov}(s_k, s_l) = \delta_{kl} H_k - H_k C H_l`, which sum to nothing, it has the
 degrees of freedom :math:`\mathrm{tr}^2 / (\sum_k |Y_k - Y_k^2|^2 + \sum_{k \ne l} |Y_k Y_l|^2)`
 (Satterthwaite, Biometrics Bulletin 2, 1946).
+
+Flights differ in it: in one the air is calm, in another gusts take longer than a block. So each
+group of parts has its own, by the sums over its parts, drawn to the others as far as all of them
+differ by no more than chance (`alike`). Of a number's variance
+:math:`\nabla g^T C (\sum_f H_f + P) C \nabla g`, with P the information of what was known before,
+each flight's part is as much larger; P is stated and no scatter contradicts it.
 """
 
 from collections.abc import Sequence
@@ -22,6 +28,7 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy import special
 
 from rotorfit.estimation.banded import BandedEstimate, information_of_parts, square_root
 
@@ -40,19 +47,33 @@ class Dispersion:
     ratio: float
     degrees: float
 
-    def pooled(
-        self,
-        stated: Float[np.ndarray, " q"],
-        shown: Float[np.ndarray, " q"],
-        blocks: Float[np.ndarray, " q"],
-    ) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
-        """Pool variances and degrees of freedom of single numbers with the dispersion.
 
-        `stated`, `shown`: variances by the fit, and by the scatter of the blocks. `blocks`: the
-        effective number of blocks of each number.
-        """
-        degrees = blocks + self.degrees
-        return (blocks * shown + self.degrees * self.ratio * stated) / degrees, degrees
+def pooled(
+    dispersions: Sequence[Dispersion],
+    stated: Float[np.ndarray, "d q"],
+    shown: Float[np.ndarray, " q"],
+    blocks: Float[np.ndarray, " q"],
+) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
+    """Pool the variances of single numbers with dispersions; return them, and their degrees.
+
+    Parameters
+    ----------
+    dispersions
+        Of each group of parts.
+    stated
+        Variance of each number by the fit that comes from each group.
+    shown
+        Variance of each number by the scatter of its own blocks.
+    blocks
+        Effective number of blocks of each number.
+    """
+    made = np.array([[one.ratio] for one in dispersions]) * stated
+    total, free = made.sum(axis=0), np.array([[one.degrees] for one in dispersions])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        by_group = np.nan_to_num((made**2 / free).sum(axis=0), nan=np.inf)
+        degrees = np.where(total > 0.0, total**2 / by_group, 0.0)
+    whole = blocks + degrees
+    return (blocks * shown + degrees * total) / whole, whole
 
 
 def dispersion(fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]) -> Dispersion:
@@ -60,6 +81,95 @@ def dispersion(fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]) -> 
     influences = np.array([fit.influence[part].sum(axis=0) for part in parts])
     information = information_of_parts(fit, parts)
     return dispersion_of_parts(fit.estimate.covariance, information, influences)
+
+
+def dispersions(
+    fit: BandedEstimate,
+    parts: Sequence[Bool[np.ndarray, " b"]],
+    groups: Sequence[Bool[np.ndarray, " b"]],
+) -> list[Dispersion]:
+    """Estimate the dispersion of each group of blocks by the parts in it, as `alike` has it.
+
+    A part lies in one group.
+    """
+    influences = np.array([fit.influence[part].sum(axis=0) for part in parts])
+    information = information_of_parts(fit, parts)
+    own = [[bool(part[group].any()) for part in parts] for group in groups]
+    return alike(
+        [
+            dispersion_of_parts(fit.estimate.covariance, information[one], influences[one])
+            for one in own
+        ]
+    )
+
+
+def alike(found: Sequence[Dispersion]) -> list[Dispersion]:
+    """Draw dispersions to their mean, as far as they differ by no more than chance.
+
+    The logarithm of a mean square of f degrees of freedom has the variance trigamma(f / 2). One
+    that shows nothing is known as the others are alike.
+    """
+    shown = [one.degrees > 0.0 and one.ratio > 0.0 for one in found]
+    if len(found) < 2 or not any(shown):
+        return list(found)
+    half = 0.5 * np.array([one.degrees for one in found])[shown]
+    logarithm, chance = np.zeros(len(found)), np.full(len(found), np.inf)
+    logarithm[shown] = np.log([one.ratio for one, kept in zip(found, shown, strict=True) if kept])
+    logarithm[shown] += np.log(half) - special.digamma(half)
+    chance[shown] = special.polygamma(1, half)
+    common = common_mean(logarithm[shown], chance[shown])
+    drawn = [common.drawn(float(y), float(v)) for y, v in zip(logarithm, chance, strict=True)]
+    return [_of_logarithm(*one) for one in drawn]
+
+
+def _of_logarithm(mean: float, variance: float) -> Dispersion:
+    """Return the dispersion whose logarithm is known: trigamma(f / 2) is 2 / f + 2 / f^2."""
+    degrees = (1.0 + np.sqrt(1.0 + 2.0 * variance)) / max(variance, float(np.finfo(float).eps))
+    return Dispersion(ratio=float(np.exp(mean)), degrees=float(degrees))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommonMean:
+    """The mean of one quantity over groups in which it differs.
+
+    - `mean`, `variance`: of the groups, and of that mean.
+    - `between`: variance of the true values about it.
+    """
+
+    mean: float
+    variance: float
+    between: float
+
+    def drawn(self, value: float, variance: float) -> tuple[float, float]:
+        """Draw the value of one group to the mean; return it, and its variance.
+
+        `variance`: of the value by chance; infinite where the group shows nothing.
+        """
+        kept = self.between / (self.between + variance)
+        lost = 1.0 - kept
+        return (
+            self.mean + kept * (value - self.mean),
+            lost * self.between + lost**2 * self.variance,
+        )
+
+
+def common_mean(values: Float[np.ndarray, " g"], variances: Float[np.ndarray, " g"]) -> CommonMean:
+    """Estimate the mean of groups, and how far they differ by more than chance, by moments.
+
+    `variances`: of the values by chance, none zero. DerSimonian and Laird, Controlled Clinical
+    Trials 7, 1986.
+    """
+    weight = 1.0 / variances
+    mean = weight @ values / weight.sum()
+    spare = float(weight @ (values - mean) ** 2) - (len(values) - 1.0)
+    unit = float(weight.sum() - (weight**2).sum() / weight.sum())
+    between = max(spare / unit, 0.0) if len(values) > 1 else 0.0
+    total = 1.0 / (variances + between)
+    return CommonMean(
+        mean=float(total @ values / total.sum()),
+        variance=1.0 / float(total.sum()),
+        between=between,
+    )
 
 
 def dispersion_of_parts(

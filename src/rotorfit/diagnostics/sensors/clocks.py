@@ -31,6 +31,7 @@ from rotorfit.diagnostics.sensors.sensor_response import (
     deviation_by_chance,
     flight_spectra,
 )
+from rotorfit.estimation.dispersion import common_mean
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.model.parameters import INERTIA
@@ -144,7 +145,10 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
     found = list(accelerometer_lateness(fit))
     if not found:
         return
-    flight, late = max(found, key=lambda one: abs(one[1].least))
+    drawn = zip(
+        (flight for flight, _ in found), of_one_vehicle([t for _, t in found]), strict=True
+    )
+    flight, late = max(drawn, key=lambda one: abs(one[1].least))
     evidence = Evidence(
         name="accelerometer_lateness",
         value=late.seconds,
@@ -163,6 +167,16 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
         next_step="log gyro and accelerometer unfiltered, by one clock, and fly again",
     )
     yield replace(checked, evidence=(evidence,))
+
+
+def of_one_vehicle(found: Sequence[Lateness]) -> list[Lateness]:
+    """Draw the times of flights to their mean: the others of the vehicle may refute one."""
+    if len(found) < 2:
+        return list(found)
+    values, chance = np.array([(one.seconds, one.std**2) for one in found]).T
+    common = common_mean(values, chance)
+    drawn = [common.drawn(one.seconds, one.std**2) for one in found]
+    return [Lateness(seconds=value, std=variance**0.5) for value, variance in drawn]
 
 
 def _late(delay: float) -> str:

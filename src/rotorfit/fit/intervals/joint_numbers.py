@@ -18,11 +18,12 @@ from scipy.spatial.transform import Rotation
 from rotorfit.estimation.banded import (
     BandedEstimate,
     covariance_with_noise_uncertainty,
+    information_of_parts,
     response_sensitivity,
     square_root,
     steps_without,
 )
-from rotorfit.estimation.dispersion import dispersion
+from rotorfit.estimation.dispersion import dispersions, pooled
 from rotorfit.estimation.effective_blocks import free_blocks, own_scatter
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import numerical_jacobian
@@ -143,32 +144,63 @@ def formal_covariance(
 def random_half_width(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
-    """Compute the half-width by chance: formal, or by the scatter of blocks, phases and flights.
+    """Compute the half-width by chance, and by what was known before.
+
+    By chance: formal, or by the scatter of blocks, phases and flights.
 
     `fit`: of all flights. `jacobian`: of the numbers by the free parameters. `formal`:
     `formal_covariance` of the numbers.
     """
     blocks, free = len(fit.influence), free_blocks(fit)
-    stated = float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(formal) * blocks / free)
+    before = np.minimum(prior_variance(fit, jacobian), np.diagonal(formal))
+    by_flights = np.diagonal(formal) - before
     shown = (
-        stated,
-        half_width_between_blocks(fit, jacobian, formal),
+        float(stats.t.ppf(0.975, free)) * np.sqrt(by_flights * blocks / free),
+        half_width_between_blocks(fit, jacobian, by_flights),
         half_width_between_phases(fit, jacobian),
         _between_flights(fit, jacobian),
     )
-    return np.maximum.reduce(shown)
+    return np.hypot(np.maximum.reduce(shown), 1.96 * np.sqrt(before))
+
+
+def prior_variance(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, " q"]:
+    """Compute what the parameters' prior deviations add to the variance of each number."""
+    by_prior = jacobian @ fit.estimate.covariance / fit.problem.prior[1]
+    variance: Float[np.ndarray, " q"] = (by_prior**2).sum(axis=1)
+    return variance
 
 
 def half_width_between_blocks(
-    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], by_flights: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, " q"]:
-    """Compute the half-width by the scatter of the blocks: of each number, and pooled."""
+    """Compute the half-width by the scatter of the blocks: of each number, and pooled.
+
+    `by_flights`: formal variance of each number, without what was known before.
+    """
     own, own_blocks = own_scatter(fit, jacobian)
-    phases = _phases(fit)
+    phases, flights = _parts(fit, "segment"), _parts(fit, "recording")
     parts = phases if len(phases) >= FEWEST_PHASES else list(np.eye(len(fit.influence), dtype=bool))
-    variance, degrees = dispersion(fit, parts).pooled(np.diagonal(formal), own, own_blocks)
+    shares = _shares_of_variance(fit, jacobian, flights)
+    variance, degrees = pooled(
+        dispersions(fit, parts, flights), by_flights * shares, own, own_blocks
+    )
     found: Float[np.ndarray, " q"] = stats.t.ppf(0.975, degrees) * np.sqrt(variance)
     return found
+
+
+def _shares_of_variance(
+    fit: BandedEstimate,
+    jacobian: Float[np.ndarray, "q f"],
+    groups: Sequence[Bool[np.ndarray, " b"]],
+) -> Float[np.ndarray, "g q"]:
+    """Compute the share of each group of blocks in the numbers' variance; equal where none has."""
+    moved = jacobian @ fit.estimate.covariance
+    known = np.einsum("qi,gij,qj->gq", moved, information_of_parts(fit, groups), moved)
+    known = np.maximum(known, 0.0)
+    total, even = known.sum(axis=0), np.full(known.shape, 1.0 / len(groups))
+    return np.divide(known, total, out=even, where=total > 0.0)
 
 
 def _between_flights(
@@ -221,7 +253,7 @@ def half_width_between_phases(
     variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2), d being no
     more than a few times p: without the one informative phase nothing is identifiable.
     """
-    parts = _phases(fit)
+    parts = _parts(fit, "segment")
     if len(parts) < FEWEST_PHASES:
         return np.zeros(len(jacobian))
     influences = np.array([fit.influence[own].sum(axis=0) for own in parts]) @ jacobian.T
@@ -231,11 +263,11 @@ def half_width_between_phases(
     return 1.96 * np.sqrt((leverage * influences**2).sum(axis=0))
 
 
-def _phases(fit: BandedEstimate) -> list[Bool[np.ndarray, " b"]]:
-    """Mark the blocks of each phase of each configuration's flights."""
+def _parts(fit: BandedEstimate, kind: str) -> list[Bool[np.ndarray, " b"]]:
+    """Mark the blocks of each phase ("segment") or flight ("recording") of each configuration."""
     factors = fit.problem.factors
     configuration = np.repeat(np.arange(len(factors)), [len(f) for f in factors])
-    labels = np.column_stack([configuration, np.concatenate([f.segment for f in factors])])
+    labels = np.column_stack([configuration, np.concatenate([getattr(f, kind) for f in factors])])
     return [(labels == label).all(axis=1) for label in np.unique(labels, axis=0)]
 
 

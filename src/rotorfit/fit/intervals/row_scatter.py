@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import stats
 
-from rotorfit.estimation.dispersion import Dispersion, dispersion_of_parts
+from rotorfit.estimation.dispersion import Dispersion, dispersion_of_parts, pooled
 from rotorfit.estimation.effective_blocks import effective_count
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.fit.intervals.joint_numbers import FEWEST_PHASES
@@ -26,7 +26,7 @@ def row_half_widths(fits: RowFits) -> Float[np.ndarray, " f"]:
     own = np.diagonal(fits.covariance) * blocks / free
     formal = stats.t.ppf(0.975, free) * np.sqrt(stated * blocks / free)
     degrees = np.minimum(_effective_blocks(fits), free)
-    variance, degrees = _dispersion(fits).pooled(stated, own, degrees)
+    variance, degrees = pooled([_dispersion(fits)], stated[None], own, degrees)
     found: Float[np.ndarray, " f"] = np.maximum(
         formal, stats.t.ppf(0.975, degrees) * np.sqrt(variance)
     )
