@@ -387,6 +387,14 @@ ROOMS: Final[dict[str, Room]] = {
             ("bias = weight / (1.0 + rho)", "bias = weight / np.maximum(rho, 1.0)"),
         ),
     ),
+    "diagnostics/sensors/clocks.py": Room(
+        tests=("tests/diagnostics/test_lever_arms_and_clocks.py",),
+        scaled=(
+            "phase = <<FED_BACK * _mean_unexplained(bands, about)>>",
+            "return self.left + <<4.0 * self.common>> * float",
+        ),
+        changed=(("weighed = _at_one_time(found, about=weighed.seconds)", "pass"),),
+    ),
     "fit/intervals/joint_numbers.py": Room(
         tests=(
             "tests/fit/test_joint_intervals.py",

@@ -11,10 +11,12 @@ import made_fit
 from rotorfit.diagnostics import lever_arms
 from rotorfit.diagnostics.lever_arms import FrameSides
 from rotorfit.diagnostics.sensors.clocks import (
+    BandDelay,
     Lateness,
     accelerometer_delay,
     late_speeds,
     of_one_vehicle,
+    weigh_bands,
 )
 from rotorfit.diagnostics.sensors.sensor_response import deviation_by_chance
 from rotorfit.diagnostics.vehicle_size import unusual_loading
@@ -158,6 +160,24 @@ def late_sensor(**flight):
     [evidence] = found.evidence
     assert (found.severity == "doubt") is bool(found.sentence)
     return found.sentence, evidence
+
+
+def band(seconds, omega, unexplained):
+    """A band in which rotors and motion go together but for a time: nothing else is left."""
+    common = (0.5 * unexplained / np.sin(0.5 * omega * seconds)) ** 2
+    return BandDelay(seconds=seconds, std=0.013, omega=omega, left=0.0, common=common)
+
+
+OMEGAS = (13.6, 21.0, 33.0, 51.0)
+
+
+def test_the_answer_to_gusts_is_a_phase_and_no_lateness():
+    """1.1 rad in every band, of a rotor's answer that explains as much as it leaves."""
+    answer = weigh_bands([[band(1.1 / omega, omega, 1.1) for omega in OMEGAS]])
+    assert abs(answer.seconds) < 2.0 * answer.std
+    late = weigh_bands([[band(0.03, omega, 0.03 * omega) for omega in OMEGAS]])
+    assert late.seconds == pytest.approx(0.03, abs=0.003)
+    assert late.seconds > 3.0 * late.std
 
 
 def drawn(*times):

@@ -45,6 +45,9 @@ LEAST: Final = 1e-12
 DRAGGED: Final = 1.0
 """Deviation of a drag that the model lacks, over mass or inertia [1/s]."""
 
+ROUNDS: Final = 3
+"""After the first, until what is left belongs to the time that is found."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lateness:
@@ -66,11 +69,22 @@ class Lateness:
 
 
 class BandDelay(NamedTuple):
-    """A time of one axis in one band [s], its deviation [s], and the middle of the band [rad/s]."""
+    """A time of one axis in one band [s], its deviation [s], and the middle of the band [rad/s].
+
+    - `left`, `common`: powers over that of the prediction: what is left at that time, and what both
+      have in common.
+    """
 
     seconds: float
     std: float
     omega: float
+    left: float
+    common: float
+
+    def unexplained(self, seconds: float) -> float:
+        """Return the power that is left at another time, over that of the prediction."""
+        apart = np.sin(0.5 * self.omega * (seconds - self.seconds))
+        return self.left + 4.0 * self.common * float(apart) ** 2
 
 
 def accelerometer_lateness(fit: Fit) -> Iterator[tuple[LoadedFlight, Lateness]]:
@@ -83,20 +97,38 @@ def accelerometer_lateness(fit: Fit) -> Iterator[tuple[LoadedFlight, Lateness]]:
 
 
 def lateness(spectra: Spectra, axes: Sequence[int]) -> Lateness | None:
-    """Weigh all bands of a sensor's axes, with a drag for each axis; None if no band counts."""
+    """Estimate the time of some axes after the rotors; None if no band counts."""
+    delays = [[_band_delay(spectra.band(*band), axis) for band in BANDS] for axis in axes]
+    found = [[delay for delay in own if delay is not None] for own in delays]
+    return weigh_bands(found) if any(found) else None
+
+
+def weigh_bands(found: Sequence[Sequence[BandDelay]]) -> Lateness:
+    """Weigh all bands of a sensor's axes, each axis with a drag and a phase of its own."""
+    weighed = _at_one_time(found, about=0.0)
+    for _ in range(ROUNDS):
+        weighed = _at_one_time(found, about=weighed.seconds)
+    return weighed
+
+
+def _at_one_time(found: Sequence[Sequence[BandDelay]], *, about: float) -> Lateness:
+    """Weigh the bands of each axis, with the phase that is open near a time [s]."""
     rows: list[Float[np.ndarray, " p"]] = []
-    found: list[BandDelay] = []
-    for k, axis in enumerate(axes):
-        for band in BANDS:
-            delay = _band_delay(spectra.band(*band), axis)
-            if delay is not None:
-                found.append(delay)
-                rows.append(np.r_[1.0, np.eye(len(axes))[k] * DRAGGED / delay.omega**2])
-    return _weighed(np.array(rows), found) if found else None
+    for own, bands in zip(np.eye(len(found)), found, strict=True):
+        phase = FED_BACK * _mean_unexplained(bands, about)
+        rows += [np.r_[1.0, own * DRAGGED / one.omega**2, own * phase / one.omega] for one in bands]
+    return _weighed(np.array(rows), [one for bands in found for one in bands])
+
+
+def _mean_unexplained(found: Sequence[BandDelay], about: float) -> float:
+    """Average the root of what is left at a time over the bands of an axis, as they tell it."""
+    weight = np.array([one.std**-2.0 for one in found])
+    power = np.array([one.unexplained(about) for one in found])
+    return float(np.sqrt(weight @ power / weight.sum())) if found else 0.0
 
 
 def _weighed(rows: Float[np.ndarray, "b p"], found: Sequence[BandDelay]) -> Lateness:
-    """Solve for the time common to all bands; drags are 0 +- 1."""
+    """Solve for the time common to all bands; drags and phases are 0 +- 1."""
     weighed = rows / np.array([[one.std] for one in found])
     values = np.array([one.seconds / one.std for one in found])
     known = np.diag([0.0] + [1.0] * (rows.shape[1] - 1))
@@ -123,10 +155,11 @@ def _band_delay(band: Spectra, axis: int) -> BandDelay | None:
     information = (np.abs(slope) ** 2).sum(axis=1)
     chance = deviation_by_chance((slope.conj() * (y - late)).real.sum(axis=1), information)
     middle = float(np.sqrt(information.sum() / power))
-    unexplained = np.sqrt(float((np.abs(y - late) ** 2).sum()) / power)
-    std = float(np.hypot(chance, FED_BACK * unexplained / middle))
+    left = float((np.abs(y - late) ** 2).sum()) / power
     # Times between two of those tried are indistinguishable.
-    return BandDelay(seconds, float(np.hypot(std, tried[1] - tried[0])), middle)
+    step = float(tried[1] - tried[0])
+    std = float(np.linalg.norm([chance, FED_BACK * np.sqrt(left) / middle, step]))
+    return BandDelay(seconds, std, middle, left=left, common=max(float(alike.max()) / power, 0.0))
 
 
 LEAST_DELAY: Final = 0.005
@@ -145,9 +178,7 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
     found = list(accelerometer_lateness(fit))
     if not found:
         return
-    drawn = zip(
-        (flight for flight, _ in found), of_one_vehicle([t for _, t in found]), strict=True
-    )
+    drawn = zip((flight for flight, _ in found), of_one_vehicle([t for _, t in found]), strict=True)
     flight, late = max(drawn, key=lambda one: abs(one[1].least))
     evidence = Evidence(
         name="accelerometer_lateness",
