@@ -11,7 +11,7 @@ import pytest
 from benchmarks.worlds.engine import Batch, Record, fly
 from benchmarks.worlds.hazards import CAUSES, HAZARDS, NAMED, chances
 from benchmarks.worlds.pilot import STEP
-from benchmarks.worlds.sensing import experiment_text, table, truth, write_world
+from benchmarks.worlds.sensing import experiment_text, measured_places, table, truth, write_world
 from benchmarks.worlds.study import Study, read_rows, row_of, rows_of, run
 from benchmarks.worlds.tables import is_doubted, is_seen, kind_of, report
 from benchmarks.worlds.world import GRAVITY, World, draw_world
@@ -238,3 +238,16 @@ def test_what_no_log_can_show_is_named_and_counted_by_itself() -> None:
     lines = report([row])
     assert "Invisible hazards (apart): 1 worlds, identified  0.00 (   1)" in lines
     assert not any(line.startswith(("kt ", "drag ", "(all)")) and "0.00" in line for line in lines)
+
+
+def test_sides_are_measured_with_a_ruler():
+    """To half a percent and a millimetre each; a sum of both sides as a share is right."""
+    off = []
+    for index in range(200):
+        world = draw_world(12, index, {}, 6.0)
+        sides = np.ptp(world.vehicle.places[:, :2], axis=0)
+        x, y = np.ptp(measured_places(world)[:, :2], axis=0) / sides - 1.0
+        assert x == pytest.approx(-y)
+        off.append(x / np.hypot(0.005, 0.5e-3 * np.linalg.norm(1.0 / sides)))
+    assert np.std(off) == pytest.approx(1.0, abs=0.15)
+    assert abs(np.mean(off)) < 0.25
