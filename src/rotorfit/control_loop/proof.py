@@ -53,8 +53,7 @@ SMOOTH = 15.0
 PIECES = 10
 """Pieces of a flight, to see how much an estimate differs among them."""
 SLOPE = 0.03
-"""Difference of the replayed output's slope from one, beyond which the controller was not read
-rightly."""
+"""Difference of the replayed output's slope from one, beyond which the controller was misread."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +77,7 @@ class ReplayedOutput:
 class ReplayedMixer:
     """The motors' commands over the output of an axis.
 
-    - `name`, `factor`: of the parameter that bends the curve from thrust to command, and as the
-      commands have it.
+    - `name`, `factor`: of the parameter that bends the curve, and as the commands have it.
     - `slope`, `half_width`: of the thrust by the output, over that with the parameter's own value;
       half of its 95 % interval.
     """
@@ -248,8 +246,7 @@ class MeasuredLoop:
     """Spectra of one axis: of set point r and rate y, and across with the instrument z.
 
     - `frequency`: [Hz]
-    - `zr`, `zy`, `zv`, `ry`: cross-spectra; v is what motors at an end of their range add to the
-      output.
+    - `zr`, `zy`, `zv`, `ry`: cross-spectra; v is what motors at their limit add to the output.
     - `zz`, `rr`, `yy`: power spectra.
     - `count`: of independent windows.
     """

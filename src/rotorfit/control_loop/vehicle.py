@@ -356,8 +356,8 @@ def left_of_filters(
 ) -> tuple[float, float]:
     """Fit a delay [s] and a growth with the frequency squared [s^2] to a measured response.
 
-    Noise in the first record makes its size too small by up to the coherence: half of that, give
-    or take as much.
+    Noise in the first record makes its size too small by up to the coherence: half of that, give or
+    take as much.
     """
     chance = (1.0 - coherence) / (2.0 * coherence) + LEAST_VARIANCE
     bias = -0.5 * np.log(coherence)

@@ -50,8 +50,7 @@ ALLOWED: Final = ACCEL_BIAS_STD / GRAVITY
 class GravitySeen:
     """Readings of the accelerometer where gravity is known.
 
-    - `at_rest`: mean size of the specific force on the ground, over gravity; None without a second
-      of rest.
+    - `at_rest`: mean size of the specific force on the ground, over gravity; None without rest.
     - `in_flight`: mean of the specific force along the vertical where the flight hovers, over
       gravity; None where no such stretch is long enough.
     - `in_flight_std`: its standard deviation, from the unknown change of velocity.
@@ -211,11 +210,7 @@ def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | No
 
 
 def refuse_implausible_size(factors: Factors, vehicle: Vehicle) -> None:
-    """Raise where no body with these arms can respond to its rotors as the gyro says.
-
-    Raises `FrameError`: with what would explain it: the gyro's unit, or that of the rotors'
-    positions.
-    """
+    """Raise where no body with these arms can respond to its rotors as the gyro says."""
     words = implausible_size(gyration(factors, vehicle), vehicle.arm)
     if words is not None:
         raise FrameError(words)
@@ -282,8 +277,7 @@ def slow_rotor_doubts(
 ) -> tuple[str, ...]:
     """Return a doubt where rotors of these arms hover too slowly, as where rad/s are taken for rpm.
 
-    Parameters are those of `refuse_rotors_too_fast`. A doubt only: a light vehicle with large
-    rotors comes near.
+    Parameters are those of `refuse_rotors_too_fast`. A doubt only: light vehicles come near.
     """
     speed = hover_speed(data)
     tip = speed * LARGEST_ROTOR * arm

@@ -59,8 +59,7 @@ class HoverThrust:
     """The estimated thrust over the weight in one flight.
 
     - `thrust`: mean upward thrust over the weight.
-    - `sag`: the same in the second half of the flight over that in the first, less one; None where
-      they are too short.
+    - `sag`: the same in the second half of the flight over the first, less one; None of short ones.
     """
 
     configuration: str
@@ -456,9 +455,8 @@ def _yaw_trim(configured: ConfigurationData, vehicle: Vehicle) -> float:
 def _yaw_shift_without_mean(fit: Fit, c: JointConfiguration) -> Evidence | None:
     """Measure the shift of k_d / Izz without the means, as a share; None where there are none.
 
-    In one step of the joint fit, which allows for the autopilot's response: the yaw row alone
-    calls 37 to 46 % too little of short flights a torque. The limit is what its interval leaves
-    open, or chance.
+    In one step of the joint fit, which allows for the autopilot's response: the yaw row alone calls
+    37 to 46 % too little of short flights a torque. The limit is its interval, or chance.
     """
     mean = np.concatenate([factors.band for factors in fit.estimate.problem.factors])[:, 0] == 0.0
     name = f"kd_over_Izz@{c.name}"

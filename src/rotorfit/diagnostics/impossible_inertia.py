@@ -103,8 +103,7 @@ def impossible_inertia(fit: Fit) -> Iterator[Finding]:
 
     What the yaw equation gives, k_d / I_zz and J_r / I_zz, is sound whatever the other moments are,
     and stays; I_zz, k_d and J_r depend on one scale, which the impossible body disproves for all
-    configurations. A moment that a step has withheld, as without gyroscopic coupling, disproves no
-    body.
+    configurations. A moment that a step has withheld disproves no body.
     """
     parameters = joint_parameters(fit)
     for name in (c.name for c in fit.configurations):

@@ -65,8 +65,7 @@ class Instrumented:
     - `plain`: by least squares, biased by the autopilot's response.
     - `std`: of the ratio, by chance: the larger of what single lines and whole blocks show.
     - `difference_std`: of what the ratio differs from that of an efficient estimate by chance.
-    - `of_blocks`, `degrees`: what whole blocks show of `std`, as a share of it, and the effective
-      number of them.
+    - `of_blocks`, `degrees`: the share of `std` that whole blocks show, and their effective number.
     """
 
     ratio: float
@@ -146,7 +145,6 @@ def instrumented(
 
 
 def _sums(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:
-    """Sum over the block of every line."""
     total = np.zeros(int(block.max(initial=-1)) + 1, dtype=values.dtype)
     np.add.at(total, block, values)
     return total[block]

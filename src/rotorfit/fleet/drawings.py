@@ -177,7 +177,6 @@ def _strip_ends(number: NumberStatistics) -> tuple[float, float]:
 
 
 def _bars(values: Float[np.ndarray, " v"], low: float, high: float, width: float) -> list[str]:
-    """Draw a histogram of the vehicles."""
     counts, _ = np.histogram(np.clip(values, low, high), bins=BARS, range=(low, high))
     step = (width - 16.0) / BARS
     out: list[str] = []

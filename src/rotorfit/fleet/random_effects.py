@@ -34,8 +34,7 @@ UNKNOWN_STD: Final = 1e4
 LIMITS: Final = (-9.0, 3.0)
 """Limits of the logarithm of a standard deviation in the same units."""
 LEAST_CURVATURE: Final = 0.5
-"""Least curvature of the likelihood in that logarithm: it is never less well known than to a factor
-of four."""
+"""Least curvature of the likelihood in that logarithm: it is known to a factor of four at worst."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

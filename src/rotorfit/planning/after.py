@@ -98,8 +98,7 @@ class Missing:
     - `manoeuvre`: which of the plan helps most; None where none helps.
     - `relative`, `predicted`: the same as `now` after 20 s of it, never more, and the verdict then.
     - `after`: the same after 20 s of each manoeuvre.
-    - `size`: its value, or the size below which its error does not matter: what all of them are
-      over.
+    - `size`: its value, or the size below which its error does not matter.
     - `advice`: what to do.
     """
 

@@ -59,8 +59,7 @@ class AxisJudgement:
     - `axis`: ``thrust``, ``roll``, ``pitch`` or ``yaw``.
     - `level`: ``good``; ``with-feedback``: slow moments are right, rates without feedback are soon
       worse than constant ones; ``rough``; ``nothing``: the error is as large as what is predicted.
-    - `wrench_error`: force or moment below 3 Hz that the rotors leave, over theirs; None where not
-      known.
+    - `wrench_error`: force or moment below 3 Hz that the rotors leave, over theirs; None: unknown.
     - `over_held`: error of the rates at the end of a window over that of rates held; None without a
       replay.
     - `right_for`: how long the rates stay within `GOOD_SHARE` of what was flown [s].

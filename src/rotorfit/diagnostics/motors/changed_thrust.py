@@ -137,8 +137,7 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
 def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | None:
     """Estimate the additional thrust of the most outlying rotor over the others.
 
-    None where they are not identifiable, or most pull down; rotors of declared groups are expected
-    to differ.
+    None where they are not identifiable, or most pull down; rotors of declared groups may differ.
     """
     names = [f"kt_{i}" for i in range(1, len(vehicle.rotors) + 1)]
     if any(r.group is not None for r in vehicle.rotors) or not set(names) <= set(numbers.names):

@@ -8,8 +8,7 @@ k_d are thrust and drag torque of one rotor there.
 A fit with another exponent than the true one sees thrust, lag and inflow of bent changes, so that
 the exponent :math:`r` which it shows depends on the :math:`p` that it is made with. The flights'
 own exponent is where :math:`r(p) = p`, found by Steffensen's steps: with a growth :math:`q = dr/dp`
-it is :math:`p + (r - p) / (1 - q)`, and as much less certain than :math:`r` as :math:`1 - q` is
-small.
+it is :math:`p + (r - p) / (1 - q)`, less certain than :math:`r` by the factor :math:`1 - q`.
 
 The exponent is measured about hover. What it may differ up to full command widens k_t and k_d.
 
@@ -103,8 +102,7 @@ class FoundLaw:
     """The law from command to rotor speed by a flight.
 
     - `exponent`: of the speed over the command, or over the speed of the law that is given.
-    - `flown`: the exponent by weight and changes of thrust alone; None where the flight does not
-      show it.
+    - `flown`: the exponent by weight and changes of thrust alone; None where they show none.
     - `hover`: rms speed of the flights before, over the `anchor`.
     - `anchor`: speed that stays as it is, that at full command of relative speeds.
     - `given`: the law that is given.
