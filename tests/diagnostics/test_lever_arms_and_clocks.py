@@ -214,7 +214,7 @@ def timed(delay, std, speed="measured"):
 @pytest.mark.parametrize(
     ("delay", "std", "said"),
     [
-        (-0.030, 0.002, "come 30 +- 4 ms after the motion that they make"),
+        (-0.030, 0.002, "come 30.0 +- 3.9 ms after the motion that they make"),
         (0.030, 0.002, "the gyro is stamped late, filtered or softly mounted"),
         (0.030, 0.010, None),
         (0.010, 0.001, None),

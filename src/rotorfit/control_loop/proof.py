@@ -20,6 +20,7 @@ from scipy import signal
 from rotorfit.control_loop.controllers import RateController, moving_filters, thrust_curve
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.vehicle import Flown, cross_spectrum, withheld_output
+from rotorfit.formatting.digits import with_half
 from rotorfit.logs.flight_log import FlightLog
 
 EDGES = 0.3 * 1.5 ** np.arange(13)
@@ -397,8 +398,8 @@ def contradictions(
         gain, late = error.half_widths
         when = "later" if error.delay > 0.0 else "earlier"
         words = (
-            f"this flight's closed loop has {error.gain:.2f} +- {gain:.2f} times the predicted "
-            f"effectiveness and answers {1e3 * abs(error.delay):.1f} +- {1e3 * late:.1f} ms {when}:"
+            f"this flight's closed loop has {with_half(error.gain, gain)} times the predicted "
+            f"effectiveness and answers {with_half(1e3 * abs(error.delay), 1e3 * late)} ms {when}:"
             " the vehicle, its delay or a filter is another than the result has it"
         )
         limited = 1.0 - float(flight.free.mean())

@@ -25,6 +25,7 @@ from jaxtyping import Float
 from rotorfit.dataset.weight_balance import held_up, hovering, turning
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.estimation.factors import Factors
+from rotorfit.formatting.digits import with_half
 from rotorfit.logs.flight_log import AS_A_TABLE
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
@@ -107,7 +108,7 @@ def gravity_doubts(seen: GravitySeen) -> list[str]:
     half = 1.96 * (seen.in_flight_std or 0.0)
     if flight is None or abs(flight - 1.0) <= ALLOWED + half:
         return doubts
-    read = f"in hover the accelerometer reads {flight * GRAVITY:.2f} +- {half * GRAVITY:.2f}"
+    read = f"in hover the accelerometer reads {with_half(flight * GRAVITY, half * GRAVITY)}"
     if rest is None:
         doubts.append(f"{read} m/s^2 where gravity is {GRAVITY:.2f}: calibrate it (bias or scale)")
     elif abs(flight - rest) > ALLOWED + half:

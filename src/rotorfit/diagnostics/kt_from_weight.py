@@ -29,6 +29,7 @@ from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import widen_by_settings
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std
 from rotorfit.model.vehicle import Vehicle
@@ -325,7 +326,7 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
     off, half = ratio.value - 1.0, 1.96 * ratio.std
     seen = (
         f"by changes of thrust with the squared {_SPEED[motors.speed]} kt is "
-        f"{100 * abs(off):.0f} +- {100 * half:.0f} % {'higher' if off > 0 else 'lower'} than by "
+        f"{with_half(100 * abs(off), 100 * half)} % {'higher' if off > 0 else 'lower'} than by "
         "the weight"
     )
     cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"

@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
-from rotorfit.formatting.digits import known, with_interval
+from rotorfit.formatting.digits import known, short, with_interval
 from rotorfit.formatting.sheet import table_lines, wrapped
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import NUISANCE, OF_FLIGHT
@@ -187,7 +187,7 @@ def _table(title: str, lines: list[Line], width: int) -> list[str]:
 
 def _validated(row: Mapping[str, Any]) -> str:
     errors: Mapping[str, float | None] = row.get("relative_error", {})
-    shown = ", ".join(f"{k} {100.0 * v:.1f} %" for k, v in errors.items() if v is not None)
+    shown = ", ".join(f"{k} {short(100.0 * v)} %" for k, v in errors.items() if v is not None)
     return f"{file_name(str(row.get('flight', '')))} ({row.get('configuration')}): {shown}"
 
 

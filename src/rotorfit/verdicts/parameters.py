@@ -16,6 +16,7 @@ from rotorfit.fit.intervals.joint_numbers import number_scale
 from rotorfit.fit.intervals.numbers import HEIGHTS, Numbers
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.formatting.digits import short
 from rotorfit.model.parameters import DERIVED, PARAMETERS, ROW_ORDER
 from rotorfit.model.terms.term import ParameterInfo
 from rotorfit.reduction.motor_timing import MotorTiming, is_time_identifiable
@@ -168,7 +169,7 @@ def found_time(name: str, value: float, std: float) -> Parameter:
         interval=(low, value + half) if known else None,
         unit="s",
         verdict=("identified" if sharp else "weak") if known else "not-identified",
-        reason=None if sharp else f"known only to +-{1e3 * half:.1f} ms",
+        reason=None if sharp else f"known only to +-{short(1e3 * half)} ms",
         advice=None if sharp else ADVICE["roll"],
     )
 

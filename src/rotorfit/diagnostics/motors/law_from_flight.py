@@ -35,6 +35,7 @@ from rotorfit.experiment.law_table import LawEntry, PowerEntry, bent, bent_speed
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.parameters import EVERY
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import retimed
@@ -204,11 +205,11 @@ class FoundLaw:
             kind=CONTRADICTED,
             severity="doubt" if surely else "note",
             sentence=(
-                f"weight and changes of thrust show that thrust grows {100 * abs(off):.0f} +- "
-                f"{196 * self.exponent.std:.0f} % {'less' if off < 0 else 'more'} with the command "
-                "than the motors' law says: thrust is taken as the flight shows it, and the "
-                "intervals cover what that leaves open, up to full command; for narrower ones "
-                f"{AGAIN}"
+                "weight and changes of thrust show that thrust grows "
+                f"{with_half(100 * abs(off), 196 * self.exponent.std)} % "
+                f"{'less' if off < 0 else 'more'} with the command than the motors' law says: "
+                "thrust is taken as the flight shows it, and the intervals cover what that leaves "
+                f"open, up to full command; for narrower ones {AGAIN}"
             ),
             numbers=OF_SPEED if speeds_lost else (),
             doubtful_because=WRONG_SPEEDS if speeds_lost else None,
@@ -229,7 +230,7 @@ class FoundLaw:
             severity="note",
             sentence=(
                 f"no law from command to rotor speed is given; {shown} with the command to the "
-                f"power of {power:.2f} +- {half:.2f} (2: speed in proportion to the command), and "
+                f"power of {with_half(power, half)} (2: speed in proportion to the command), and "
                 "the intervals cover what that leaves open, up to full command; for narrower ones "
                 f"{GIVE}"
             ),

@@ -33,6 +33,7 @@ from rotorfit.diagnostics.sensors.sensor_response import (
 )
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.parameters import INERTIA
 
 BANDS: Final = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.5), (4.5, 7.0), (7.0, 10.0))
@@ -173,7 +174,7 @@ def _late(delay: float) -> str:
 def _delay_sentence(name: str, delay: float, half: float) -> str:
     late, early = _late(delay), _late(-delay)
     return (
-        f"{name}: the {late} follows the rotors {1e3 * abs(delay):.0f} +- {1e3 * half:.0f} ms "
+        f"{name}: the {late} follows the rotors {with_half(1e3 * abs(delay), 1e3 * half)} ms "
         f"later than the {early}, though both respond at once: the {late} is stamped late, or "
         f"passes a low-pass filter of about {FILTERED / abs(delay):.0f} Hz that the {early} does "
         "not; log both unfiltered with one clock. Until then do not trust kt and inertia"
@@ -238,7 +239,7 @@ def _late_sentence(delay: float, half: float) -> str:
         else ("before", "the gyro is stamped late, filtered or softly mounted, or thrust lags")
     )
     return (
-        f"the measured rotor speeds come {1e3 * abs(delay):.0f} +- {1e3 * half:.0f} ms {order} the "
+        f"the measured rotor speeds come {with_half(1e3 * abs(delay), 1e3 * half)} ms {order} the "
         f"motion that they make (motor_delay), which is corrected: {cause}; log both by one clock "
         "and unfiltered"
     )
