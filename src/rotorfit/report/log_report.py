@@ -301,14 +301,17 @@ def _unexplained(found: Prospects) -> str:
 
 def _axis_message(axis: Excitation, found: Prospects) -> str:
     what, others = WHAT[axis.axis]
-    width = "" if axis.width is None else f" (to about +-{short(100.0 * axis.width)} %)"
+    slow = found.useless_because is not None
+    width = ""
+    if axis.width is not None and not slow:
+        width = f" (to about +-{short(100.0 * axis.width)} %)"
     reason = _reason(axis, found)
     verdict = {
         # The scale of Izz depends on small terms of all equations, which only an estimate weighs.
         "well": f"{what} can be found well{width}{others and f'; {others} less well'}",
         "roughly": f"{what} roughly{width}{others and f', {others} less well'}: {reason}",
         "not": f"{what}{others and f', {others}'} cannot be found: {reason}",
-    }[axis.prospect]
+    }["roughly" if slow and axis.prospect == "well" else axis.prospect]
     return f"{axis.axis}: {short(axis.turning)} rad/s^2: {verdict}"
 
 
