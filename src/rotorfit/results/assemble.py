@@ -146,6 +146,7 @@ def _without_value(
         partner=partner if own else None,
         reason=finding.withheld_because,
         advice=finding.next_step,
+        asks=None if finding.next_step is None else "other",
     )
 
 
@@ -169,7 +170,8 @@ def _advised_first(parameter: Parameter, useless: Sequence[Finding]) -> Paramete
     if about is None or parameter.verdict not in FLYABLE:
         return parameter
     reason = parameter.reason if parameter.verdict == "weak" else about.useless_because
-    return dataclasses.replace(parameter, reason=reason, advice=about.next_step)
+    asks = None if about.next_step is None else "other"
+    return dataclasses.replace(parameter, reason=reason, advice=about.next_step, asks=asks)
 
 
 def _judged_again(parameter: Parameter, disowning: Sequence[Finding]) -> Parameter:
@@ -183,6 +185,7 @@ def _judged_again(parameter: Parameter, disowning: Sequence[Finding]) -> Paramet
         verdict="doubtful",
         reason=_why_doubtful(about),
         advice=steps[0] if steps else parameter.advice,
+        asks="other" if steps else parameter.asks,
     )
 
 

@@ -90,6 +90,7 @@ def number_parameter(
         verdict=judgement.verdict,
         reason=judgement.reason,
         advice=judgement.advice,
+        asks=judgement.asks,
     )
 
 
@@ -171,6 +172,7 @@ def found_time(name: str, value: float, std: float) -> Parameter:
         verdict=("identified" if sharp else "weak") if known else "not-identified",
         reason=None if sharp else f"known only to +-{short(1e3 * half)} ms",
         advice=None if sharp else ADVICE["roll"],
+        asks=None if sharp else "flight",
     )
 
 
@@ -282,6 +284,7 @@ def _parameter(
         partner=ratio,
         reason=f"this flight gives it only together with {ratio}",
         advice=ADVICE["yaw"],
+        asks="flight",
     )
 
 
@@ -344,5 +347,5 @@ def _judgement(rotors: int, *, grouped: bool) -> Judgement:
         # Kept: with the CoM they make the trim of hover, and one without the other is none.
         reason = "these flights hardly show how a rotor differs from the average one"
         advice = "roll, pitch and yaw more briskly"
-        return Judgement(verdict="weak", reason=reason, advice=advice)
-    return Judgement(verdict="not-identified", reason=reason, advice=advice)
+        return Judgement(verdict="weak", reason=reason, advice=advice, asks="other")
+    return Judgement(verdict="not-identified", reason=reason, advice=advice, asks="other")
