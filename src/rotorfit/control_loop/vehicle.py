@@ -112,7 +112,6 @@ def _between_ends(commands: Float[np.ndarray, "n N"]) -> Bool[np.ndarray, " n"]:
 
 
 def _longest(flying: np.ndarray) -> tuple[int, int]:
-    """Find the longest stretch of flight."""
     runs = true_runs(flying)
     if not runs:
         raise LogError("no flight is in the log: the motors never ran")

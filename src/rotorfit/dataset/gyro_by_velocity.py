@@ -222,5 +222,4 @@ def _steps(w: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 def _integral(x: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Sum the steps between samples."""
     return np.cumsum(_steps(x), axis=0)

@@ -233,7 +233,6 @@ def _change(
 
 
 def _change_phrase(seen: _Seen, flights: Sequence[int], records: Sequence[FlightRecord]) -> str:
-    """Say what happened to a number, and when."""
     change, number, rows = seen.change, seen.number, seen.rows
     subject = number_phrase(number.name)
     moves = number.name in IN_METRES

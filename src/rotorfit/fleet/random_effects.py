@@ -233,7 +233,6 @@ def _levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Levels:
 
 
 def _sums(each: Float[np.ndarray, "n *k"], data: Repeated) -> Float[np.ndarray, "g *k"]:
-    """Sum over each group's repeats."""
     out = np.zeros((data.groups, *each.shape[1:]))
     np.add.at(out, data.group, each)
     return out

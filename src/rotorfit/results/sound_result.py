@@ -50,7 +50,6 @@ def refuse_unsound(result: IdentificationResult) -> None:
 
 
 def _structure(result: IdentificationResult) -> str | None:
-    """Describe the first fault in the tables of a result."""
     tables: tuple[tuple[str, Any], ...] = (
         ("settings", result.settings),
         ("versions", result.versions),

@@ -292,7 +292,6 @@ def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
 
 
 def _trial(fit: Fit, power: float) -> Trial:
-    """Read the exponent of a fit."""
     # Without an accelerometer, whose bias can be free, changes of thrust hang on the weight.
     free = any(name.startswith("accel_bias_z@") for name in fit.estimate.estimate.names)
     left = thrust_ratio(kt_from_changes(fit), weight_of(fit)) if free else None
