@@ -161,7 +161,7 @@ def test_a_late_accelerometer_asks_for_its_low_pass():
     dataset = replace(made.dataset, configurations=(replace(configuration, flights=flights),))
     [found] = accelerometer_delay(replace(made, dataset=dataset))
     assert found.next_step.startswith("set acc_lpf_hz = 100 (rotorfit settings LOG")
-    assert "that the gyro does not: set acc_lpf_hz = 100" in found.sentence
+    assert "that the gyro does not; set acc_lpf_hz = 100" in found.sentence
 
 
 def late_sensor(**flight):

@@ -182,7 +182,7 @@ def _delay_sentence(name: str, delay: float, half: float, step: str) -> str:
         f"{name}: the {late} follows the rotors {with_half(1e3 * abs(delay), 1e3 * half)} ms "
         f"later than the {early}, though both respond at once: the {late} is stamped late, or "
         f"passes a low-pass filter of about {FILTERED / abs(delay):.0f} Hz that the {early} does "
-        f"not: {step}. Until then do not trust kt and inertia"
+        f"not; {step}. Until then do not trust kt and inertia"
     )
 
 
