@@ -176,7 +176,7 @@ CINERAT: Final = Declared(
     rotors=_quad(0.0455, 0.0635, "-++-"), mass=0.428, motors='speed = "measured"'
 )
 CRAZY: Final = Declared(
-    rotors=_ordered(_quad(0.028, 0.028, "-++-"), "1023"),
+    rotors=_ordered(_quad(0.0325, 0.0325, "-++-"), "1023"),
     mass=0.027,
     motors='speed = "commanded"',
 )

@@ -30,5 +30,5 @@ def test_a_component_of_which_nothing_is_predicted_is_named(yaw, said):
     words = " ".join(text.split())
     assert (NOTHING_PREDICTED in words) == said
     assert "Good: thrust (Fz) up to 5 %, moments (Mx roll, My pitch, Mz yaw) up to 30 %" in words
-    assert f"{100 * yaw:.2f}" in text
+    assert f"{100 * yaw:.0f}\n" in text
     assert max(map(len, text.splitlines())) <= 80

@@ -122,7 +122,7 @@ def test_accelerometer_bias_is_distinguished_from_a_wrong_scale(flights, doubts)
 def test_a_wrong_mass_of_one_configuration_is_seen_in_hover(flights, doubts):
     (words,) = doubts(flights, mass=1.05 * 1.285).warnings
     assert words.startswith("B (B.csv) hovers on ")
-    assert float(words.split("hovers on ")[1].split(" %")[0]) == pytest.approx(5.0, abs=1.0)
+    assert float(words.split("hovers on ")[1].split(" +-")[0]) == pytest.approx(5.0, abs=1.0)
     assert "one of the masses is wrong" in words
 
 
@@ -212,7 +212,7 @@ def test_flights_that_hover_alike_raise_no_doubt():
     assert alike.diagnostics["largest_hover_ratio"] == pytest.approx(1.008 / 0.999)
     unlike = [thrust("A", 1.0), thrust("A", 1.06)]
     words = hovers_differ(unlike, by_battery=True).sentence
-    assert "A1.csv hovers on 6.0 % more thrust for its mass" in words
+    assert "A1.csv hovers on 6.0" in words and "% more thrust for its mass" in words
     assert "battery" in words
     assert "battery" not in hovers_differ(unlike, by_battery=False).sentence
     both = pooled([Held(ratio=1.0, std=0.1, seconds=5.0), Held(ratio=2.0, std=0.2, seconds=7.0)])

@@ -262,7 +262,7 @@ def test_a_given_law_stands_until_a_deviation_speaks_against_it():
 def test_a_contradicted_law_is_doubted_and_says_by_how_much():
     found = given_law(0.8, 0.02, tried=0.8).finding
     assert found.severity == "doubt"
-    assert "thrust grows 20 +- 4 % less with the command than the" in found.sentence
+    assert "thrust grows 20.0 +- 3.9 % less with the command than the" in found.sentence
     # In rad/s nothing is known of a speed; relative ones are the flight's, and hold.
     assert {"kt", "kd", "kd_over_Izz"} <= set(found.numbers)
     assert not {"max_thrust", "Ixx_com"} & set(found.numbers)
@@ -270,7 +270,7 @@ def test_a_contradicted_law_is_doubted_and_says_by_how_much():
     assert relative.severity == "doubt" and not relative.numbers
     unsure = given_law(1.03, 0.02, tried=1.03).finding
     assert unsure.severity == "note"
-    assert "3 +- 4 % more" in unsure.sentence
+    assert "3.0 +- 3.9 % more" in unsure.sentence
 
 
 def test_the_next_fit_is_far_enough_off_to_show_the_growth():
@@ -283,7 +283,7 @@ def test_the_next_fit_is_far_enough_off_to_show_the_growth():
 def test_the_sentence_says_whether_the_flight_showed_it():
     shown, unknown = (law(ratio).finding for ratio in (Measured(value=0.75, std=0.01), None))
     assert "weight and changes of thrust show that thrust grows with the command" in shown.sentence
-    assert "to the power of 1.50 +- 0.04" in shown.sentence
+    assert "to the power of 1.500 +- 0.039" in shown.sentence
     assert "this flight does not show it either" in unknown.sentence
     assert "to the power of 1.60 +- 0.78" in unknown.sentence
     assert [e.name for e in unknown.evidence] == ["law_exponent"]

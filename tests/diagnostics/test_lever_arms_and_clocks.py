@@ -160,6 +160,23 @@ def rotors_that_respond(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0)
     return made_fit.dataset(replace(flat, data=data, motor_channel=data.rotor_speed))
 
 
+def test_a_late_accelerometer_asks_for_its_low_pass():
+    """Betaflight logs the accelerometer behind acc_lpf_hz; `inspect` says so of the same log."""
+    made = made_fit.fit(rotors_that_respond(accel_late=0.03))
+    [configuration] = made.dataset.configurations
+    [flight] = configuration.flights
+    log = replace(
+        flight.log,
+        format="blackbox",
+        metadata={"Firmware revision": "Betaflight 4.5.0", "acc_lpf_hz": "1000"},
+    )
+    flights = [replace(flight, log=log)]
+    dataset = replace(made.dataset, configurations=(replace(configuration, flights=flights),))
+    [found] = accelerometer_delay(replace(made, dataset=dataset))
+    assert found.next_step.startswith("set acc_lpf_hz = 100 (rotorfit settings LOG")
+    assert "that the gyro does not; set acc_lpf_hz = 100" in found.sentence
+
+
 def late_sensor(**flight):
     made = made_fit.fit(rotors_that_respond(**flight))
     [found] = accelerometer_delay(made)
@@ -265,7 +282,7 @@ def timed(delay, std, speed="measured"):
 @pytest.mark.parametrize(
     ("delay", "std", "said"),
     [
-        (-0.030, 0.002, "come 30 +- 4 ms after the motion that they make"),
+        (-0.030, 0.002, "come 30.0 +- 3.9 ms after the motion that they make"),
         (0.030, 0.002, "the gyro is stamped late, filtered or softly mounted"),
         (0.030, 0.010, None),
         (0.010, 0.001, None),

@@ -86,6 +86,7 @@ def test_a_swing_that_is_felt_as_a_force_is_the_loops():
     assert peak.of_loop
     assert peak.coherence > 0.9
     (found,) = residual_peaks(fit_of(ringing=0.01, felt=0.5))
-    assert "the rate loop oscillates there" in found.sentence
+    assert "the rate loop oscillates there, or follows what shakes the gyro" in found.sentence
+    assert "unless rotorfit loop calls the axis calm" in found.sentence
     (alone,) = residual_peaks(fit_of(felt=0.5))
     assert "look for a loose part" in alone.sentence

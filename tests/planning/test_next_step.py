@@ -6,7 +6,7 @@ import numpy as np
 
 from rotorfit.diagnostics.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
 from rotorfit.findings import Evidence, doubt, note
-from rotorfit.planning.after import PRACTICE, UNAIDED, Missing
+from rotorfit.planning.after import PRACTICE, UNAIDED, UNAIDED_BEFORE, Missing
 from rotorfit.planning.next_step import (
     BEST_MANOEUVRE,
     DONE,
@@ -30,13 +30,14 @@ ROLL = note(
 )
 
 
-def step(*findings, kt="identified", kd="weak", Jr="identified", advice=None):
+def step(*findings, kt="identified", kd="weak", Jr="identified", advice=None, asks=None):
     """Return the next step of a result of kt, kd and Jr with these findings and verdicts."""
     usual = {"weak": FLOWN["turns"], "not-identified": FLOWN["roll"]}
     parameters = tuple(
         Parameter(
             name=name, configuration=owner, value=1.0, std=0.1, interval=(0.8, 1.2), unit="",
             verdict=verdict, advice=(advice or {}).get(name, usual.get(verdict)),
+            asks=(asks or {}).get(name),
         )
         for name, owner, verdict in (("kt", "A", kt), ("kd", None, kd), ("Jr", None, Jr))
     )  # fmt: skip
@@ -75,6 +76,14 @@ def test_nothing_is_flown_for_nothing():
     assert step(note(BEST_MANOEUVRE, "")).action == UNHELPED
     assert step(kd="identified").action == DONE
     assert step().action == FLOWN["turns"]
+
+
+def test_what_an_advice_asks_for_decides_and_not_its_words():
+    words = {"kd": "in other words than today's"}
+    assert step(advice=words, asks={"kd": "flight"}).kind == "fly"
+    assert step(advice=words, asks={"kd": "other"}).kind == "declare"
+    assert step(advice=words, asks={"kd": "nothing"}).action == UNHELPED
+    assert step(advice={"kd": UNAIDED_BEFORE}).action == UNHELPED  # an older result
 
 
 def test_the_manoeuvre_kept_comes_before_that_none_is_enough():

@@ -132,6 +132,20 @@ def test_an_axis(axis, words):
     assert words in said(axis=axis)[1]
 
 
+def test_no_axis_is_found_well_in_a_log_that_is_too_slow():
+    """Its forecast knows nothing of what is between its samples: kd / Izz came to +-31 %."""
+    slow = Prospects(
+        excitation=(YAW,),
+        thrust=THRUST,
+        commanded=True,
+        motors=None,
+        useless_because="a log at 10 Hz shows no quick motion",
+    )
+    assert prospect_messages(slow)[1] == (
+        "yaw: 0.7 rad/s^2: kd / Izz roughly, Izz, kd and Jr less well: the log is too slow"
+    )
+
+
 def test_an_axis_that_waits_for_kt():
     weak = replace(THRUST, width=0.5)
     assert said(weak, replace(ROLL, rho=40.0))[1].endswith(

@@ -46,8 +46,8 @@ def test_the_shown_digits_hold_the_value(value, relative):
     assert found, text
     shown, shown_half, power = found.groups()
     scale = 10.0 ** int(power or 0)
-    # Half a unit of the second digit of the half-width, and a little for rounding itself.
-    unit = 10.0 ** (math.floor(math.log10(half) + 1e-12) - 1)
+    # Half a unit of the second digit of the half-width as shown, and a little for rounding itself.
+    unit = 10.0 ** (math.floor(math.log10(float(f"{half:.1e}")) + 1e-12) - 1)
     rounding = 1e-12 * abs(value)
     assert abs(float(shown) * scale - value) <= 0.5001 * unit + rounding, text
     assert abs(float(shown_half) * scale - half) <= 0.5001 * unit + rounding, text
@@ -70,6 +70,7 @@ def test_numbers_as_they_are_read():
     assert with_interval(2.656e-7, (2.604e-7, 2.708e-7)) == "(2.656 +- 0.052)e-07"
     assert with_interval(0.01834, (0.01784, 0.01884)) == "0.01834 +- 0.00050"
     assert with_interval(930.6, (924.8, 936.4)) == "930.6 +- 5.8"
+    assert with_interval(2.591, (2.4914, 2.6906)) == "2.59 +- 0.10"
     assert with_interval(18536.0, (16753.0, 20319.0)) == "18500 +- 1800"
     assert with_interval(1.285, None) == "1.285"
     assert with_interval(0.0, None) == "0"
@@ -213,6 +214,12 @@ def test_a_narrow_terminal_gets_columns_below_one_another():
     row = next(line for line in wide.splitlines() if line.startswith("  kd "))
     first, second = re.search(r"\n(  kd .*)\n( {8}\S.*)\n", narrow).groups()
     assert [*first.split(), *second.split()] == row.split()
+
+
+def test_a_long_unit_leaves_the_verdict_on_the_line():
+    coefficient = parameter("kt_1", "not-identified", unit="N per squared command")
+    [row] = [x for x in result_text(result_of([coefficient])).splitlines() if x[2:6] == "kt_1"]
+    assert row.split() == ["kt_1", "-", "N", "per", "squared", "command", "not-identified"]
 
 
 def test_word_by_word(golden):

@@ -22,6 +22,7 @@ from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import added_signals
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.motor_timing import MotorTiming
 from rotorfit.results.assemble import log_metadata
 
 LAW = SpeedLaw(curve=SquareRootLaw(1.0, 0.65, 0.15, 0.95), voltage=VoltageFactor(12.8, 1.0))
@@ -84,6 +85,10 @@ def test_what_was_taken_from_a_log_is_said():
     said = sentences(log_metadata(COMMANDED, flown))
     assert any("the one in the log (MOT_THST_EXPO, at 12.8 V)" in w for w in said)
     assert any(w.startswith("flown in ArduPilot SITL, a simulator: ") for w in said)
+    # A log too slow to time its motors has no lag that a filter could be part of.
+    assert not any("low-passed on board" in w for w in said)
+    timing = MotorTiming(response=MotorResponse(lag=0.02), total_std=0.001)
+    said = sentences(log_metadata(COMMANDED, dataclasses.replace(flown, motor_timing=timing)))
     assert any("low-passed on board at 20 Hz: 11 ms of motor_lag" in w for w in said)
     declared = COMMANDED.model_copy(update={"law": OWN})
     assert log_metadata(declared, made(logged(), motors=declared)) == ()

@@ -269,7 +269,7 @@ def test_a_moment_below_nothing_withholds_the_body():
     shown = [number("Ixx", -6e-4, std=2e-4)]
     found = negative_moment(numbers, "A", shown)
     assert found.numbers == tuple(f"{name}_com@A" for name in INERTIA)
-    assert "Ixx comes out negative (-0.0006 +- 0.0004): the vehicle rolls against" in found.sentence
+    assert "negative, (-6.0 +- 4.0)e-04 kg m^2: the vehicle rolls against" in found.sentence
     assert found.evidence[0].interval == pytest.approx((-1e-3, -2e-4))
     assert "[airframe]" in found.next_step
     assert found.withheld_because == "it comes out negative, which no inertia is"

@@ -18,7 +18,7 @@ KEYS = {
 }
 PARAMETER_KEYS = {
     *("name", "configuration", "value", "std", "interval", "unit", "verdict", "with"),
-    *("reason", "advice"),
+    *("reason", "advice", "asks"),
 }
 
 

@@ -13,6 +13,7 @@ from rotorfit.validation.judgement import (
     horizon,
     judgement,
     moment_sentences,
+    moment_splits,
 )
 from rotorfit.validation.replay import Predicted, Replay
 from rotorfit.validation.wrench_comparison import WrenchComparison
@@ -148,6 +149,11 @@ def test_what_is_left_of_a_moment_is_laid_to_its_cause():
     assert "100 % is neither steady nor in proportion to the motion: gusts, wash" in yaw
     good = replace(one, relative_error=dict.fromkeys(errors, 0.2))
     assert moment_sentences([good]) == []
+    plain = [split.to_plain() for split in moment_splits([good])]
+    assert [split["axis"] for split in plain] == ["roll", "pitch", "yaw"]
+    assert [split["by_rotors"] for split in plain] == pytest.approx([0.75, 0.1, 0.61], abs=0.02)
+    shares = [[split[part] for part in ("steady", "with_motion", "neither")] for split in plain]
+    assert shares == pytest.approx(np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1]]), abs=0.01)
     assert yaw in meaning(replace_comparison(outcome(growing), one))
 
 

@@ -54,10 +54,7 @@ def _short(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def experiment_of(folder: Path, form: Mapping[str, Any]) -> Experiment:
-    """Check a form from the page, which may hold anything; its flights are files of the page.
-
-    The ExperimentError names every place that is wrong.
-    """
+    """Check a form from the page, which may hold anything; its flights are files of the page."""
     refuse_too_many_values(form, SOURCE)
     files = {one.name: one for one in dropped(folder)}
     missing = _missing(form, files)

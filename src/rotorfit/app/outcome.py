@@ -223,7 +223,6 @@ def _plan_request(folder: Path, form: Mapping[str, Any], accuracy: str) -> PlanR
 
 
 def _mass(form: Mapping[str, Any]) -> float:
-    """Read the mass of the first configuration [kg]."""
     entry = next(iter(rows(form.get("configuration"))), None)
     mass = table(entry).get("mass")
     if not isinstance(mass, int | float):
@@ -232,10 +231,7 @@ def _mass(form: Mapping[str, Any]) -> float:
 
 
 def exported(folder: Path, argument: Mapping[str, Any]) -> dict[str, Any]:
-    """Make the file of a target from the page's result.
-
-    The argument holds ``target``, and where wanted ``configuration``, ``assume`` and ``project``.
-    """
+    """Make the file of a target from the page's result."""
     from rotorfit.export.result_numbers import number_warnings
     from rotorfit.export.write import drawn_sentence, export, randomised
     from rotorfit.results.sound_result import load_sound

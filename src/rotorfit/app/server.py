@@ -39,8 +39,7 @@ DOCUMENT_POLICY: Final = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'self'; sandbox allow-scripts"
 )
-"""The policy of a report: its own script and style, and no address at all that they could speak
-to."""
+"""The policy of a report: its own script and style, and no address to speak to."""
 HEADERS: Final = {
     "cache-control": "no-store",
     "content-security-policy": POLICY,

@@ -170,10 +170,11 @@ def _row(name: str, truth: str, default: str, held: str, paper: str, paper_held:
 
 def _validation_lines(results: Results) -> list[str]:
     """Format the errors on flights that neither fit has seen."""
+    from rotorfit.formatting.digits import short
     from rotorfit.validation.wrench_comparison import SHOWN
 
     def percents(error: Mapping[str, float]) -> str:
-        return "".join(f"{100 * error[n]:>8.1f}" if n in error else f"{'-':>8}" for n in SHOWN)
+        return "".join(f"{short(100 * error[n]):>8}" if n in error else f"{'-':>8}" for n in SHOWN)
 
     names = "".join(f"{name:>8}" for name in SHOWN)
     lines = [

@@ -128,7 +128,6 @@ def fleet(
 
 
 def _compiled(pattern: str | None) -> re.Pattern[str] | None:
-    """Compile ``--vehicle-of``."""
     try:
         return None if pattern is None else re.compile(pattern)
     except re.error as error:
@@ -193,7 +192,6 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
-    """Summarise a fleet in some lines."""
     from rotorfit.fleet.findings import nothing_found
     from rotorfit.fleet.statistics import ALARM
 

@@ -46,7 +46,7 @@ def validate(
     Compares what the motion needs with what the rotors produce, for thrust and the three moments.
     """
     from rotorfit.results.sound_result import load_sound
-    from rotorfit.validation.judgement import doubtful_numbers, judgement
+    from rotorfit.validation.judgement import doubtful_numbers, judgement, moment_splits
     from rotorfit.validation.replay import validated_flight
     from rotorfit.validation.validate import unseen_flight, validation_rows
 
@@ -68,8 +68,14 @@ def validate(
             )
     if as_json:
         rows = [
-            {**row, "judgement": one.to_plain()}
-            for row, one in zip(validation_rows(comparisons), judgements, strict=True)
+            {
+                **row,
+                "judgement": one.to_plain(),
+                "moments": [split.to_plain() for split in moment_splits([compared])],
+            }
+            for row, one, compared in zip(
+                validation_rows(comparisons), judgements, comparisons, strict=True
+            )
         ]
         print_result(json.dumps(rows, indent=1, allow_nan=False))
     else:
@@ -80,6 +86,7 @@ def validation_text(
     comparisons: "Sequence[WrenchComparison]", judgements: "Sequence[Judgement]"
 ) -> str:
     """Format the relative errors as a table, in percent, and what each flight says."""
+    from rotorfit.formatting.digits import short
     from rotorfit.report.parameters import NOTHING_PREDICTED, PREDICTED_WELL
     from rotorfit.validation.judgement import moment_sentences
     from rotorfit.validation.wrench_comparison import SHOWN
@@ -92,7 +99,7 @@ def validation_text(
     ]
     for c in comparisons:
         errors = [c.relative_error.get(name) for name in SHOWN]
-        cells = [f"{'-':>8}" if error is None else f"{100 * error:>8.2f}" for error in errors]
+        cells = [f"{'-':>8}" if error is None else f"{short(100 * error):>8}" for error in errors]
         lines.append(f"  {c.flight:<{width}}  {c.configuration:<13}{''.join(cells)}")
     if any(len(c.relative_error) < len(SHOWN) for c in comparisons):
         lines.append("  -: the result does not know the parameters of that component")

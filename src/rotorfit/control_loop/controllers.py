@@ -43,8 +43,7 @@ class RateController:
     - `P`, `I`, `D`, `FF`: gains on the rate error, its integral, the slope, and the set point.
     - `angle`: rate asked for per angle [1/s]; 0 where the outer loop is not known.
     - `period`: between two runs [s].
-    - `set_point_lowpass`, `error_lowpass`, `slope_lowpass`, `output_lowpass`: first-order
-      low-passes.
+    - `set_point_lowpass`, `error_lowpass`, `slope_lowpass`, `output_lowpass`: of first order.
     - `slope_of`: whether D acts on the error or on the measured rate.
     - `set_point_age`: how many runs old the set point is when it is used.
     """
@@ -248,10 +247,7 @@ SPLIT: Final = 0b10001
 
 
 def moving_filters(log: ControllerLog) -> tuple[str, ...]:
-    """Name the notches of the gyro whose places are not among the parameters, as they are set.
-
-    They are in the loop by what the two records of the gyro show of them (`controller_response`).
-    """
+    """Name the notches of the gyro whose places are not among the parameters, as they are set."""
     numbers = log.parameters
     found = [
         f"{name}_MODE {numbers.get(f'{name}_MODE', 0.0):.0f}"

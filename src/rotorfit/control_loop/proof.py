@@ -20,6 +20,7 @@ from scipy import signal
 from rotorfit.control_loop.controllers import RateController, moving_filters, thrust_curve
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.vehicle import Flown, cross_spectrum, withheld_output
+from rotorfit.formatting.digits import with_half
 from rotorfit.logs.flight_log import FlightLog
 
 EDGES = 0.3 * 1.5 ** np.arange(13)
@@ -53,8 +54,7 @@ SMOOTH = 15.0
 PIECES = 10
 """Pieces of a flight, to see how much an estimate differs among them."""
 SLOPE = 0.03
-"""Difference of the replayed output's slope from one, beyond which the controller was not read
-rightly."""
+"""Difference of the replayed output's slope from one, beyond which the controller was misread."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +78,7 @@ class ReplayedOutput:
 class ReplayedMixer:
     """The motors' commands over the output of an axis.
 
-    - `name`, `factor`: of the parameter that bends the curve from thrust to command, and as the
-      commands have it.
+    - `name`, `factor`: of the parameter that bends the curve, and as the commands have it.
     - `slope`, `half_width`: of the thrust by the output, over that with the parameter's own value;
       half of its 95 % interval.
     """
@@ -248,8 +247,7 @@ class MeasuredLoop:
     """Spectra of one axis: of set point r and rate y, and across with the instrument z.
 
     - `frequency`: [Hz]
-    - `zr`, `zy`, `zv`, `ry`: cross-spectra; v is what motors at an end of their range add to the
-      output.
+    - `zr`, `zy`, `zv`, `ry`: cross-spectra; v is what motors at their limit add to the output.
     - `zz`, `rr`, `yy`: power spectra.
     - `count`: of independent windows.
     """
@@ -400,8 +398,8 @@ def contradictions(
         gain, late = error.half_widths
         when = "later" if error.delay > 0.0 else "earlier"
         words = (
-            f"this flight's closed loop has {error.gain:.2f} +- {gain:.2f} times the predicted "
-            f"effectiveness and answers {1e3 * abs(error.delay):.1f} +- {1e3 * late:.1f} ms {when}:"
+            f"this flight's closed loop has {with_half(error.gain, gain)} times the predicted "
+            f"effectiveness and answers {with_half(1e3 * abs(error.delay), 1e3 * late)} ms {when}:"
             " the vehicle, its delay or a filter is another than the result has it"
         )
         limited = 1.0 - float(flight.free.mean())

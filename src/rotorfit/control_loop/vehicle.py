@@ -112,7 +112,6 @@ def _between_ends(commands: Float[np.ndarray, "n N"]) -> Bool[np.ndarray, " n"]:
 
 
 def _longest(flying: np.ndarray) -> tuple[int, int]:
-    """Find the longest stretch of flight."""
     runs = true_runs(flying)
     if not runs:
         raise LogError("no flight is in the log: the motors never ran")
@@ -356,8 +355,8 @@ def left_of_filters(
 ) -> tuple[float, float]:
     """Fit a delay [s] and a growth with the frequency squared [s^2] to a measured response.
 
-    Noise in the first record makes its size too small by up to the coherence: half of that, give
-    or take as much.
+    Noise in the first record makes its size too small by up to the coherence: half of that, give or
+    take as much.
     """
     chance = (1.0 - coherence) / (2.0 * coherence) + LEAST_VARIANCE
     bias = -0.5 * np.log(coherence)

@@ -439,7 +439,6 @@ def _carried_on(axes: Turning, piece: Sequence[int]) -> Float[np.ndarray, "m 4"]
 def _in_groups(
     axes: Turning, values: Float[np.ndarray, "n 3"], piece: Sequence[int]
 ) -> Float[np.ndarray, "m 3"]:
-    """Average the groups of some windows."""
     windows = (axes.windows[i] for i in piece)
     return np.concatenate([grouped(values[w.start : w.stop], axes.group) for w in windows])
 

@@ -100,10 +100,7 @@ def free_response(factors: Factors, vehicle: Vehicle) -> Response:
 
 
 def _products(R: Float[np.ndarray, "z z"], declared: Vehicle) -> Float[np.ndarray, "c c"]:
-    """Return the products of roll, pitch, yaw, the rotors' spin-up and their squared speeds.
-
-    All that other declarations of the same rotors need.
-    """
+    """Return the products of roll, pitch, yaw, the rotors' spin-up and their squared speeds."""
     layout = signal_layout(declared)
     named = [layout.index(name) for name in ("dwx", "dwy", "dwz", "dHz")]
     columns = R[:, [*named, *_square_columns(declared)]]

@@ -39,8 +39,7 @@ FLOOR: Final = 0.003
 GROUPS: Final = 25.0
 """Groups in a second, that are compared."""
 SHARES: Final = (0.003, 0.03, 0.1, 0.3, 0.6, 1.0)
-"""Shares of a random walk in the noise of a velocity: from a noise that is white to one that is
-none."""
+"""Shares of a random walk in the noise of a velocity: from white noise to a random walk alone."""
 PRIOR: Final = np.array([0.1] * 3 + [0.1] * 3 + [0.5] * 3 + [0.05] * 3 + [0.02] * 3 + [0.02])
 """Deviations of scales, gyro's bias [rad/s], accelerometer's [m/s^2], tilt of the velocity [rad],
 lever [m], lateness [s] before the flight."""
@@ -223,5 +222,4 @@ def _steps(w: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 def _integral(x: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Sum the steps between samples."""
     return np.cumsum(_steps(x), axis=0)

@@ -206,8 +206,7 @@ def velocity_wanted(
 ) -> bool:
     """Return whether the model needs the body's velocity: chosen, or known and not decided yet.
 
-    Known of one flight is enough for terms that nobody asked for: it may need them, and the others
-    do without.
+    Known of one flight is enough for terms that nobody asked for: it may need them.
     """
     asked = [term.name for term in terms_named(terms or ()) if term.needs == "velocity"]
     flights = [f for c in configurations for f in c.flights]
@@ -327,10 +326,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
 
 
 def completed_motors(motors: MotorsEntry, log: FlightLog) -> MotorsEntry:
-    """Complete the declared motors by the log's parameters; a declared law stands.
-
-    Measured speeds need none.
-    """
+    """Complete the declared motors by the log's parameters; a declared law stands."""
     logged = log.motors
     if motors.speed == "measured" or logged is None or "command" not in log.channels:
         return motors

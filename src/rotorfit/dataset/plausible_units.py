@@ -25,6 +25,7 @@ from jaxtyping import Float
 from rotorfit.dataset.weight_balance import held_up, hovering, turning
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.estimation.factors import Factors
+from rotorfit.formatting.digits import with_half
 from rotorfit.logs.flight_log import AS_A_TABLE
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
@@ -50,8 +51,7 @@ ALLOWED: Final = ACCEL_BIAS_STD / GRAVITY
 class GravitySeen:
     """Readings of the accelerometer where gravity is known.
 
-    - `at_rest`: mean size of the specific force on the ground, over gravity; None without a second
-      of rest.
+    - `at_rest`: mean size of the specific force on the ground, over gravity; None without rest.
     - `in_flight`: mean of the specific force along the vertical where the flight hovers, over
       gravity; None where no such stretch is long enough.
     - `in_flight_std`: its standard deviation, from the unknown change of velocity.
@@ -108,7 +108,7 @@ def gravity_doubts(seen: GravitySeen) -> list[str]:
     half = 1.96 * (seen.in_flight_std or 0.0)
     if flight is None or abs(flight - 1.0) <= ALLOWED + half:
         return doubts
-    read = f"in hover the accelerometer reads {flight * GRAVITY:.2f} +- {half * GRAVITY:.2f}"
+    read = f"in hover the accelerometer reads {with_half(flight * GRAVITY, half * GRAVITY)}"
     if rest is None:
         doubts.append(f"{read} m/s^2 where gravity is {GRAVITY:.2f}: calibrate it (bias or scale)")
     elif abs(flight - rest) > ALLOWED + half:
@@ -211,11 +211,7 @@ def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | No
 
 
 def refuse_implausible_size(factors: Factors, vehicle: Vehicle) -> None:
-    """Raise where no body with these arms can respond to its rotors as the gyro says.
-
-    Raises `FrameError`: with what would explain it: the gyro's unit, or that of the rotors'
-    positions.
-    """
+    """Raise where no body with these arms can respond to its rotors as the gyro says."""
     words = implausible_size(gyration(factors, vehicle), vehicle.arm)
     if words is not None:
         raise FrameError(words)
@@ -282,8 +278,7 @@ def slow_rotor_doubts(
 ) -> tuple[str, ...]:
     """Return a doubt where rotors of these arms hover too slowly, as where rad/s are taken for rpm.
 
-    Parameters are those of `refuse_rotors_too_fast`. A doubt only: a light vehicle with large
-    rotors comes near.
+    Parameters are those of `refuse_rotors_too_fast`. A doubt only: light vehicles come near.
     """
     speed = hover_speed(data)
     tip = speed * LARGEST_ROTOR * arm

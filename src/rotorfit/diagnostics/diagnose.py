@@ -105,8 +105,5 @@ named in the `CHECKS` of that module."""
 
 
 def diagnose(fit: Fit) -> tuple[Finding, ...]:
-    """Run every diagnostic on a fit.
-
-    Raises `FrameError` if the flights contradict the declared vehicle for certain.
-    """
+    """Run every diagnostic on a fit; a contradicted declaration raises `FrameError`."""
     return tuple(finding for diagnostic in DIAGNOSTICS for finding in diagnostic(fit))

@@ -33,6 +33,7 @@ from rotorfit.fit.joint.joint_fit import NEAR
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, only
 from rotorfit.fit.joint.trims import TRIM
 from rotorfit.fit.row_fits import fit_rows
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.parameters import PARAMETERS
 
 LOOKED_AT: Final = ("kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_Izz", "Jr_over_Izz")
@@ -231,19 +232,20 @@ def payload_sentence(check: PayloadCheck) -> str | None:
         return None
     if check.arm_probability <= SUSPICIOUS and check.rest_probability > LIKELY:
         percent = 100.0 * (check.arm - 1.0)
+        times = with_half(check.arm, 1.96 * check.arm_std)
         return (
-            f"payload of {check.name}: first moments and inertia grow by {check.arm:.3f} +- "
-            f"{1.96 * check.arm_std:.3f} times what it adds: the arm of the rotors seems declared "
-            f"{abs(percent):.1f} % too {'long' if percent > 0 else 'short'}; measure the distances "
-            "between the motors, and where the payload hangs"
+            f"payload of {check.name}: first moments and inertia grow by {times} times what it "
+            f"adds: the arm of the rotors seems declared {abs(percent):.1f} % too "
+            f"{'long' if percent > 0 else 'short'}; measure the distances between the motors, and "
+            "where the payload hangs"
         )
     worst = int(np.argmax(np.abs(check.flown - check.declared) / check.std))
     name = MOMENTS[worst]
     return (
         f"payload of {check.name}: it should add {check.declared[worst]:.3g} "
         f"{PARAMETERS[name].unit} to the {name} of {check.bare}, the flights say "
-        f"{check.flown[worst]:.3g} +- {1.96 * check.std[worst]:.1g}: weigh it and measure its "
-        "place from the body origin again, or leave payload_of out"
+        f"{with_half(float(check.flown[worst]), 1.96 * float(check.std[worst]))}: weigh it and "
+        "measure its place from the body origin again, or leave payload_of out"
     )
 
 

@@ -27,6 +27,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.formatting.digits import with_half
 from rotorfit.logs.files import file_name
 from rotorfit.model.terms.air import DRAG_NAMES
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
@@ -59,8 +60,7 @@ class HoverThrust:
     """The estimated thrust over the weight in one flight.
 
     - `thrust`: mean upward thrust over the weight.
-    - `sag`: the same in the second half of the flight over that in the first, less one; None where
-      they are too short.
+    - `sag`: the same in the second half of the flight over the first, less one; None of short ones.
     """
 
     configuration: str
@@ -88,7 +88,7 @@ def accelerometer_against_gravity(fit: Fit) -> Iterator[Finding]:
             owner = f" of configuration {configured.entry.name}" if several else ""
             sentences.append(
                 f"in hover{owner} the accelerometer reads "
-                f"{held.ratio * GRAVITY:.2f} +- {1.96 * held.std * GRAVITY:.2f} m/s^2 where "
+                f"{with_half(held.ratio * GRAVITY, 1.96 * held.std * GRAVITY)} m/s^2 where "
                 f"gravity is {GRAVITY:.2f}: calibrate it; a bias is estimated and removed, but "
                 "a wrong scale goes straight into kt and all inertia"
             )
@@ -245,8 +245,8 @@ def hovers_differ(found: Sequence[HoverThrust], *, by_battery: bool) -> Finding:
             "different vehicles, which need an experiment each; weigh both again"
         )
     sentence = (
-        f"{first} hovers on {100 * (ratio - 1.0):.1f} % more thrust for its mass than {second} "
-        f"(+- {196 * std:.1f} %): {cause}"
+        f"{first} hovers on {with_half(100 * (ratio - 1.0), 196 * std)} % more thrust for its mass "
+        f"than {second}: {cause}"
     )
     return doubt_or_passed(
         kind, sentence, measured, flights=(file_name(high.flight), file_name(low.flight))
@@ -319,11 +319,12 @@ def _by_height(force: HeightForce) -> Evidence:
 
 def _height_force_sentence(force: HeightForce) -> str:
     """Explain a force that grows with height: a tether below, or a line above."""
+    share = with_half(100 * force.value / GRAVITY, 196 * force.std / GRAVITY)
     return (
-        f"with every metre of height the vehicle needs {100 * force.value / GRAVITY:.1f} +- "
-        f"{196 * force.std / GRAVITY:.1f} % of its weight more thrust: a tether or cable hangs on "
-        "it, or the ground carried part of it; kt is therefore that of changes of thrust rather "
-        "than of the weight, with intervals that cover it: fly free, and higher"
+        f"with every metre of height the vehicle needs {share} % of its weight more thrust: a "
+        "tether or cable hangs on it, or the ground carried part of it; kt is therefore that of "
+        "changes of thrust rather than of the weight, with intervals that cover it: fly free, and "
+        "higher"
     )
 
 
@@ -456,9 +457,8 @@ def _yaw_trim(configured: ConfigurationData, vehicle: Vehicle) -> float:
 def _yaw_shift_without_mean(fit: Fit, c: JointConfiguration) -> Evidence | None:
     """Measure the shift of k_d / Izz without the means, as a share; None where there are none.
 
-    In one step of the joint fit, which allows for the autopilot's response: the yaw row alone
-    calls 37 to 46 % too little of short flights a torque. The limit is what its interval leaves
-    open, or chance.
+    In one step of the joint fit, which allows for the autopilot's response: the yaw row alone calls
+    37 to 46 % too little of short flights a torque. The limit is its interval, or chance.
     """
     mean = np.concatenate([factors.band for factors in fit.estimate.problem.factors])[:, 0] == 0.0
     name = f"kd_over_Izz@{c.name}"

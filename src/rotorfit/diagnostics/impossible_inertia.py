@@ -19,6 +19,7 @@ from jaxtyping import Float
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import SCALED, Numbers
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.parameters import INERTIA, inertia_matrix
 from rotorfit.verdicts.judge import Parameter
 from rotorfit.verdicts.parameters import joint_parameters
@@ -103,8 +104,7 @@ def impossible_inertia(fit: Fit) -> Iterator[Finding]:
 
     What the yaw equation gives, k_d / I_zz and J_r / I_zz, is sound whatever the other moments are,
     and stays; I_zz, k_d and J_r depend on one scale, which the impossible body disproves for all
-    configurations. A moment that a step has withheld, as without gyroscopic coupling, disproves no
-    body.
+    configurations. A moment that a step has withheld disproves no body.
     """
     parameters = joint_parameters(fit)
     for name in (c.name for c in fit.configurations):
@@ -135,8 +135,8 @@ def negative_moment(
         return Finding(
             kind="impossible-inertia",
             severity="doubt",
-            sentence=f"{configuration}: {axis} comes out negative ({value:.2g} +- {half:.1g}): the "
-            f"vehicle {motion} against the torque of the declared rotors; {DECLARE}",
+            sentence=f"{configuration}: {axis} comes out negative, {with_half(value, half)} kg m^2:"
+            f" the vehicle {motion} against the torque of the declared rotors; {DECLARE}",
             numbers=tuple(name for name in numbers.names if _disproved(name, configuration)),
             evidence=(
                 Evidence(

@@ -29,6 +29,7 @@ from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import widen_by_settings
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std
 from rotorfit.model.vehicle import Vehicle
@@ -44,8 +45,7 @@ that an altitude hold feeds back."""
 LAW_OPEN = "law-open"
 LAW_FIRST = "find the motors' law first (by a thrust stand, or by rotor speed in the log)"
 REST_STD = 0.1
-"""Deviation of an accelerometer's bias in flight from its bias at rest: vibration, temperature
-[m/s^2]."""
+"""Deviation of an accelerometer's bias in flight from that at rest (vibration, heat) [m/s^2]."""
 FREE_BIAS = 3.0
 """Deviation of a bias that leaves the mean thrust open [m/s^2]."""
 CAMERA_VELOCITY = 0.05
@@ -139,9 +139,8 @@ def weight_of(fit: Fit) -> Measured | None:
 def kt_from_changes(fit: Fit) -> Measured | None:
     """Estimate k_t with the accelerometer's bias free, so that the mean thrust does not count.
 
-    None where it is not identifiable so. Inflow and an altitude hold act on thrust alone, so
-    that what the turns scatter says nothing of how well changes of thrust are told: its own blocks
-    do.
+    None where it is not identifiable so. Inflow and an altitude hold act on thrust alone, so that
+    its own blocks, and not the scatter of turns, say how certain changes of thrust are.
     """
     names = [n for n in fit.estimate.estimate.names if n.startswith("accel_bias_z@")]
     begin = fit.estimate.estimate.by_name
@@ -327,7 +326,7 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
     off, half = ratio.value - 1.0, 1.96 * ratio.std
     seen = (
         f"by changes of thrust with the squared {_SPEED[motors.speed]} kt is "
-        f"{100 * abs(off):.0f} +- {100 * half:.0f} % {'higher' if off > 0 else 'lower'} than by "
+        f"{with_half(100 * abs(off), 100 * half)} % {'higher' if off > 0 else 'lower'} than by "
         "the weight"
     )
     cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"

@@ -38,6 +38,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import AXES, Numbers
 from rotorfit.fit.joint.joint_problem import NOISY, TURN_ERRORS, JointConfiguration, theta_of
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import banded_data
@@ -65,8 +66,7 @@ class Instrumented:
     - `plain`: by least squares, biased by the autopilot's response.
     - `std`: of the ratio, by chance: the larger of what single lines and whole blocks show.
     - `difference_std`: of what the ratio differs from that of an efficient estimate by chance.
-    - `of_blocks`, `degrees`: what whole blocks show of `std`, as a share of it, and the effective
-      number of them.
+    - `of_blocks`, `degrees`: the share of `std` that whole blocks show, and their effective number.
     """
 
     ratio: float
@@ -146,7 +146,6 @@ def instrumented(
 
 
 def _sums(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:
-    """Sum over the block of every line."""
     total = np.zeros(int(block.max(initial=-1)) + 1, dtype=values.dtype)
     np.add.at(total, block, values)
     return total[block]
@@ -309,7 +308,7 @@ def _sentence(name: str, axis: str, one: Instrumented) -> str:
     numbers = "kd / Izz and Jr / Izz" if axis == "yaw" else f"kt / I{'xy'[axis == 'pitch'] * 2}"
     return (
         f"{name}: the response in {axis} ({numbers}), measured by the commanded rates alone, is "
-        f"{one.ratio:.3f} +- {one.half_width:.3f} times that of the fit: the autopilot responded "
+        f"{with_half(one.ratio, one.half_width)} times that of the fit: the autopilot responded "
         "to gusts differently than assumed, or the logged commands are not what moved the "
         "vehicle; fly again in calm air with larger, quicker sticks"
     )

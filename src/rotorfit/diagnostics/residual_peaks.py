@@ -204,7 +204,9 @@ def peak_sentence(peak: Peak) -> str | None:
     if peak.of_loop:
         return (
             f"{seen}, and the rotors swing with it (coherence {peak.coherence:.2f}): the rate loop "
-            "oscillates there: lower the rate gains (P and D), or the gyro's low-pass"
+            "oscillates there, or follows what shakes the gyro: unless rotorfit loop calls the "
+            "axis calm, lower the rate gains (P and D), or the gyro's low-pass; else look for a "
+            "loose part or a swinging load"
         )
     return f"{seen}: look for a loose part, a propeller out of balance or a swinging load"
 

@@ -48,6 +48,7 @@ from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, SCALED, Numbers
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.rotors import rotor_torque
 from rotorfit.model.vehicle import Vehicle
@@ -309,7 +310,7 @@ def _sentence(
     return (
         f"yaw contradicts the declared spins: with {words}{as_well} the drag torques of all rotors "
         f"are alike; as declared, {'theirs' if wrong.sum() > 1 else 'its own'} would be "
-        f"{-share:.1f} +- {1.96 * std:.1f} times that of the others; correct the spin"
+        f"{with_half(-share, 1.96 * std)} times that of the others; correct the spin"
     )
 
 

@@ -27,6 +27,7 @@ from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
 
@@ -233,7 +234,7 @@ def outside_rotors(configuration: JointConfiguration, numbers: Numbers) -> str |
         low, high = places[:, k].min(), places[:, k].max()
         if value - half > high or value + half < low:
             return (
-                f"the centre of mass would be {1e3 * value:.0f} +- {1e3 * half:.0f} mm along "
+                f"the centre of mass would be {with_half(1e3 * value, 1e3 * half)} mm along "
                 f"{axis}, outside the rotors ({1e3 * low:.0f} to {1e3 * high:.0f} mm), where "
                 "nothing hovers: rotor speeds of one side have another scale, or the rotors' "
                 "positions or order are wrong"

@@ -42,8 +42,7 @@ class WeakDirection:
     """A combination of parameters.
 
     - `strength`: its information, relative to the best known combination.
-    - `parts`: the parameters that make it up, the largest first, and by what share of its value
-      each changes along it.
+    - `parts`: its parameters, the largest first, and by what share of its value each changes.
     """
 
     strength: float

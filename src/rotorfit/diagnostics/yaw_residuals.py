@@ -1,7 +1,6 @@
 """Search the spins that leave the least residual of yaw, without the rest of the model.
 
-Only the yaw row is looked at, band by band; what it suspects is fitted with the whole model
-(`spins.py`).
+Only the yaw row is looked at, band by band; `spins.py` fits what it suspects with the whole model.
 """
 
 from collections.abc import Sequence
@@ -83,7 +82,6 @@ def smaller_yaw_residuals(declared: Vehicle, bands: Sequence[Factors]) -> list[P
 
 
 def _flip(rotors: int, which: int) -> Pattern:
-    """Return the pattern with one rotor reversed."""
     pattern = np.ones(rotors)
     pattern[which] = -1.0
     return pattern
@@ -140,7 +138,6 @@ def _reweighted(yaw: _Yaw) -> Float[np.ndarray, " b"]:
 def _per_row(
     power: Float[np.ndarray, " b"], rows: Int[np.ndarray, " b"], band: Int[np.ndarray, " b"]
 ) -> Float[np.ndarray, " b"]:
-    """Return the power per row of each block's band."""
     sums = np.bincount(band, weights=power) / np.maximum(np.bincount(band, weights=rows), 1.0)
     return np.maximum(sums[band], _TINY)
 

@@ -49,8 +49,7 @@ SMALLEST_STEP = 1e-3
 """Convergence tolerance, in standard deviations of a parameter."""
 LEAST_WIN = 0.02
 """Least gain of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the
-iteration is at the bottom, too, or goes round it; a parameter there is known to a tenth of its
-deviation."""
+iteration is at the bottom or goes round it; a parameter is known to a tenth of its deviation."""
 PATIENCE = 15
 FEW_STEPS = 12
 """Steps after which crawling ones are extrapolated."""
@@ -72,8 +71,7 @@ class BandedEstimate:
     - `influence`: first-order change of each parameter if a block were counted twice; blocks of all
       configurations, one after the other.
     - `variance`: of each noisy signal's error in each block, infinite where it does not count.
-    - `signal_power`, `residual_power`: sum of squares of each noisy signal, and of its error, in
-      each block.
+    - `signal_power`, `residual_power`: sums of squares of noisy signals and their errors, by block.
     - `log_likelihood`: up to a constant; for comparing models and delays on the same flights.
     - `iterations`: until the steps were small.
     - `problem`: what was solved: for looking at parts of it afterwards.
@@ -111,11 +109,7 @@ class NormalEquations:
 def banded(
     problem: BandedProblem, start: Float[np.ndarray, " f"], *, close: float = SMALLEST_STEP
 ) -> BandedEstimate:
-    """Maximise the likelihood by Levenberg-Marquardt steps; `close` ends it, in deviations.
-
-    The damping follows how much of the predicted gain each step makes (Nielsen, Damping parameter
-    in Marquardt's method, IMM-REP-1999-05, Technical University of Denmark, 1999).
-    """
+    """Maximise the likelihood by Levenberg-Marquardt steps; `close` ends it, in deviations."""
     state = evaluated(problem, start)
     if any(factors.noise is not None for factors in problem.factors):
         return _finished(problem, *_settled_with_noise(problem, state, close))
@@ -261,10 +255,7 @@ def _state_of(fit: BandedEstimate) -> State:
 def part_equations(
     fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]
 ) -> tuple[Float[np.ndarray, "p f f"], Float[np.ndarray, "p f"], Float[np.ndarray, " f"]]:
-    """Compute information and score of each part of the blocks, and the prior's score.
-
-    The prior is in neither of the former.
-    """
+    """Compute each part's information and score, without the prior, and the prior's score."""
     equations = corrected_equations(fit.problem, _state_of(fit))
     scores = np.array([equations.scores[part].sum(axis=0) for part in parts])
     return information_of_parts(fit, parts), scores, equations.prior_score
@@ -280,10 +271,7 @@ def information_of_parts(
 def steps_without(
     fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]
 ) -> Float[np.ndarray, "p f"]:
-    """Compute the parameters' first-order step without each part of the blocks.
-
-    In one pass: the sum of all others is one before the part and one behind it.
-    """
+    """Compute the parameters' first-order step without each part of the blocks."""
     information, scores, prior_score = part_equations(fit, parts)
     prior = np.diag(fit.problem.prior[1] ** -2.0)
     rest = zip(_sums_of_others(information), _sums_of_others(scores), strict=True)

@@ -52,8 +52,7 @@ class Evaluated(State):
     """The likelihood at such a point.
 
     - `cost`: minus twice the log-likelihood.
-    - `squares`: of the errors of each block, without what known noise of the regressors adds to
-      them.
+    - `squares`: of each block's errors, without what known noise of the regressors adds.
     - `rest`: what the prior and the responses of a controller add to the cost.
     """
 
@@ -186,10 +185,7 @@ def feedback_gain(
 def feedback_scores(
     problem: BandedProblem, feedback: Feedback, found: Sequence[Solution]
 ) -> Float[np.ndarray, "b e f"]:
-    """Differentiate the gain by the free parameters, by block and error.
-
-    `feedback` is that of the problem, or one with other responses.
-    """
+    """Differentiate the gain by the free parameters, by block and error."""
     blocks = sum(len(factors) for factors in problem.factors)
     scores = np.zeros((blocks, len(feedback.errors), len(problem.map.names)))
     for number, part in enumerate(problem.every_part):

@@ -50,15 +50,12 @@ class BandedProblem:
       all of each configuration have one.
     - `noisy`: which signals carry the noise, as many as there are equations.
     - `prior_mean`, `prior_std`: of free parameters that are known beforehand.
-    - `counted`: which errors of each block count, one array per configuration; all where there is
-      none.
+    - `counted`: which errors of each block count, one array per configuration; None: all.
     - `feedback`: where a controller responds to the errors, by the same parts.
     - `moving`: free parameters that move the signals, in the order of the factors' slopes.
     - `error_correlation`: how much of each error (row) comes with the others (column), and is taken
-      off it: strictly lower triangular up to the order of the errors, one per configuration;
-      nothing by default.
-    - `error_correlation_std`: deviation of these shares about zero before the flight, one per
-      configuration.
+      off it: strictly lower triangular up to the order of the errors, one per configuration.
+    - `error_correlation_std`: deviation of these shares about zero before the flight.
     """
 
     factors: tuple[Factors, ...]

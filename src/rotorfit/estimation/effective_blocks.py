@@ -1,11 +1,10 @@
 r"""The effective number of independent blocks behind each number of a fit.
 
-The variance that the scatter of blocks shows is a sum of squares, one of each block. Where a
-number g(phi) comes from a few of them it is known as badly as from so few, however many stand
-beside them: with the share :math:`w_b = \nabla g^T C H_b C \nabla g` of block b (H_b its
-information, C the covariance of the fit) it has :math:`(\sum w_b)^2 / \sum w_b^2` degrees of
-freedom (Satterthwaite, Biometrics Bulletin 2, 1946; Bell and McCaffrey, Survey Methodology 28,
-2002).
+The variance that the scatter of blocks shows is a sum of squares, one of each block. Where a number
+g(phi) comes from a few of them it is known as badly as from so few: with the share :math:`w_b =
+\nabla g^T C H_b C \nabla g` of block b (H_b its information, C the covariance of the fit) it has
+:math:`(\sum w_b)^2 / \sum w_b^2` degrees of freedom (Satterthwaite, Biometrics Bulletin 2, 1946;
+Bell and McCaffrey, Survey Methodology 28, 2002).
 """
 
 import numpy as np

@@ -26,9 +26,8 @@ from rotorfit.estimation.estimate import (
 def ordinary(problem: LinearProblem) -> Estimate:
     r"""Return :math:`\arg\min_\phi \sum_j w_j^2 |B_j(\theta(\phi)) Z^T|^2`.
 
-    Solved by singular values of the column-scaled equations, so that the units of the parameters
-    do not matter. The covariance takes the equations' errors as independent and of equal variance
-    once weighted.
+    Solved by singular values of the column-scaled equations, so that the units of the parameters do
+    not matter. The covariance takes weighted errors as independent, of equal variance.
     """
     rows = problem_rows(problem)
     f = len(problem.map.names)

@@ -32,8 +32,7 @@ class BandedFit:
     - `estimate`: covariance from the bands' own variances.
     - `influence`: of each block on each parameter: the first-order change if it were counted twice.
     - `variance`: of one residual in each block.
-    - `known_power`, `residual_power`: sum of squares of the known signal and of the residual in
-      each block.
+    - `known_power`, `residual_power`: sums of squares of known signal and residual, by block.
     - `log_likelihood`: of the normal distribution, up to a constant; to compare delays and models.
     - `information`: of each block on the parameters, without the prior's.
     """
@@ -151,8 +150,8 @@ def _weighted_solution(
 ) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "f f"]]:
     """Return the solution and its covariance for given band variances.
 
-    By the QR factor of the stacked, weighted, column-scaled equations: exact simulations keep
-    their digits.
+    By the QR factor of the stacked, weighted, column-scaled equations: exact simulations keep their
+    digits.
     """
     f = J.shape[2]
     A, b = _weighted_equations(J, y, variance, information)

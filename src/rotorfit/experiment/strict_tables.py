@@ -93,8 +93,7 @@ TERM_NAMES: Final = tuple(term.name for term in OPTIONAL)
 def known_terms(given: object, info: Any) -> object:
     """Check the terms that a file names; each is named once.
 
-    Raises `ValueError` if a name is no term, with the nearest one; or if the method has terms of
-    its own.
+    Raises `ValueError` if a name is no term, with the nearest one; or if the method has its own.
     """
     if given is None or not isinstance(given, list | tuple):
         return given

@@ -38,11 +38,9 @@ SLOWDOWN = 10.0
 """rotorVelocitySlowdownSim: the joint turns so many times slower than the rotor, so that its angle
 does not alias."""
 ROTOR_MASS = 1e-3
-"""Mass of one rotor's link, as a fraction of the vehicle's: any small one does, it is taken off the
-body's."""
+"""Mass of one rotor's link, as a fraction of the vehicle's; it is taken off the body's."""
 NO_SPIN_INERTIA = 1e-4
-"""Spin inertia of a rotor's link over the vehicle's Izz where Jr is not known: too small to
-matter."""
+"""Spin inertia of a rotor's link over the vehicle's Izz where Jr is not known: negligible."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -285,8 +285,7 @@ SECTION: Final = re.compile(r"(rate)?profile \d+|# (restore|rateprofile)\b|save\
 class Patched:
     """The user's file with the parameters of an export.
 
-    - `changed`: old and new line of each parameter that differs; the old one is empty where it is
-      added.
+    - `changed`: old and new line of each parameter that differs; added ones have no old one.
     - `same`: how many had their value already.
     """
 

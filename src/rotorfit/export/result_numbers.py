@@ -165,10 +165,10 @@ def number_warnings(numbers: Iterable[Number]) -> list[str]:
     for n in numbers:
         if n.origin in DOUBTFUL:
             shown = f"{n.name} = {_with_margin(n)} {n.unit}"
-            groups.setdefault((n.origin, n.remark or shown), []).append(shown)
+            groups.setdefault((n.origin, n.remark or ""), []).append(shown)
     return [
         f"{', '.join(shown)} {'is' if len(shown) == 1 else 'are'} {origin}"
-        + ("" if [reason] == shown else f": {reason}")
+        + (f": {reason}" if reason else "")
         for (origin, reason), shown in groups.items()
     ]
 

@@ -62,8 +62,7 @@ class VehicleModel:
     - `Jr`: spin inertia of a rotor [kg m^2]; None where it is not known.
     - `lag_up`, `lag_down`: time constants of the motors [s]; NaN where not asked for and not known.
     - `max_speed`: of a rotor [rad/s]; NaN where not asked for and not known. 1 with `in_commands`.
-    - `in_commands`: whether kt, kd and Jr are per (squared) command, so that kt is the thrust at
-      full command.
+    - `in_commands`: whether kt, kd and Jr are per (squared) command: kt is thrust at full command.
     - `law`: from command to speed; None where there is none.
     - `imu`: of the accelerometer.
     - `numbers`: all of the above as they are known, for the head of the file.

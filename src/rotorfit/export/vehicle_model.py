@@ -81,8 +81,7 @@ def vehicle_model(
 
 
 NOMINAL_SPEED: Final = 1000.0
-"""Speed of a rotor at full command, where any will do [rad/s]: the largest that PX4's Gazebo
-takes."""
+"""Speed at full command, where any will do [rad/s]: the largest that PX4's Gazebo takes."""
 
 
 def _law(result: IdentificationResult, experiment: Experiment) -> SpeedLaw | None:
@@ -266,8 +265,7 @@ def _rotors(vehicle: Vehicle, numbers: Mapping[str, Number | Missing]) -> tuple[
     """Place the rotors; where the origin is the IMU, moved together to the centre found.
 
     A rotor declared at p sits at p + rotor_center from the IMU (`model.regressor.rotor_center`:
-    torque (p + t) x thrust). Along z the place has no effect on upright thrust, and is taken as
-    declared.
+    torque (p + t) x thrust). Along z, without effect on upright thrust, it is as declared.
     """
     kt = numbers.get("kt")
     mean = kt.value if isinstance(kt, Number) else float("nan")

@@ -155,7 +155,6 @@ def _weather(records: Sequence[FlightRecord], rows: Sequence[int], name: str) ->
 
 
 def _count(records: Sequence[FlightRecord], name: str) -> int:
-    """Count the records that have a number."""
     return sum(bool(np.isfinite(_value(record, name))) for record in records)
 
 

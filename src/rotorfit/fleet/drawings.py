@@ -177,7 +177,6 @@ def _strip_ends(number: NumberStatistics) -> tuple[float, float]:
 
 
 def _bars(values: Float[np.ndarray, " v"], low: float, high: float, width: float) -> list[str]:
-    """Draw a histogram of the vehicles."""
     counts, _ = np.histogram(np.clip(values, low, high), bins=BARS, range=(low, high))
     step = (width - 16.0) / BARS
     out: list[str] = []
@@ -212,7 +211,6 @@ def _points(number: NumberStatistics, place: int) -> _Points:
 
 
 def _series(number: NumberStatistics, place: int, plot: _Plot) -> list[str]:
-    """Draw estimates with their intervals, and the level with its changes."""
     points = _points(number, place)
     y = plot.scale.of(points.value)
     half = NORMAL_95 * points.std / plot.scale.per_unit
@@ -266,7 +264,6 @@ def _type_band(number: NumberStatistics, plot: _Plot) -> str:
 
 
 def _grid(plot: _Plot) -> list[str]:
-    """Draw the scale's numbers and their lines."""
     marks = ticks(plot.scale.low, plot.scale.high, 5)
     step = marks[1] - marks[0] if len(marks) > 1 else 1.0
     out: list[str] = []

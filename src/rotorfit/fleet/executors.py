@@ -58,8 +58,7 @@ class Workspace:
     """Where and how long to work on a log.
 
     - `cache`: folder of the entries.
-    - `time_limit`: of a log [s], after which its process is ended; None: none, and no process is
-      ended.
+    - `time_limit`: of a log [s], after which its process is ended; None: no limit.
     """
 
     cache: Path
@@ -246,8 +245,7 @@ def _outcomes(
 ) -> Iterator[TaskOutcome]:
     """Yield outcomes until nothing waits, or the pool is broken.
 
-    `waiting` and `interrupted` hold what remains to be done: not begun, and at work when a process
-    ended.
+    `waiting` and `interrupted` hold the rest: not begun, and at work when a process ended.
     """
     at_work: dict[Future[tuple[TaskOutcome, ...]], Batch] = {}
     whole = True

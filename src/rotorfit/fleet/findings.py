@@ -233,7 +233,6 @@ def _change(
 
 
 def _change_phrase(seen: _Seen, flights: Sequence[int], records: Sequence[FlightRecord]) -> str:
-    """Say what happened to a number, and when."""
     change, number, rows = seen.change, seen.number, seen.rows
     subject = number_phrase(number.name)
     moves = number.name in IN_METRES
@@ -273,7 +272,6 @@ def _change_advice(seen: _Seen) -> str:
 
 
 def _advice(name: str) -> str:
-    """Advise a check where a number is unusual."""
     if name in IN_METRES:
         return CHECK_BALANCE
     if name.endswith("_com"):
@@ -327,7 +325,6 @@ def _outlier_evidence(number: NumberStatistics, place: int) -> Evidence:
 
 
 def _outlier_advice(names: Sequence[str]) -> str:
-    """Advise a check of a vehicle that differs in these numbers."""
     rotors = [name for name in names if name in ROTORS]
     if len(rotors) == 1 and not set(names) & {"kd", "Jr"}:
         i = rotors[0].removeprefix("kt_")
@@ -350,7 +347,6 @@ def _loadings(statistics: FleetStatistics, vehicle: int) -> list[VehicleFinding]
 
 
 def _loading(seen: Sequence[LoadingDifference]) -> VehicleFinding:
-    """Return the effect of one loading."""
     configuration, reference = seen[0].number.configuration, seen[0].reference
     phrases = [
         _difference_phrase(d.number.name, d.difference, d.low, d.high, d.reference_level)

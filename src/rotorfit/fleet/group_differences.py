@@ -51,8 +51,7 @@ class OutlierTest:
     """How far each group is from the others.
 
     - `difference`: from the mean of the others.
-    - `std`: of the difference: of the group's own number, of the mean, and the spread between
-      groups.
+    - `std`: of the difference: of the group's number and the mean, and the groups' spread.
     - `p`: chance of a difference as large in a group that is like the others; NaN where not known.
     """
 

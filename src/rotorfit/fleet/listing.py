@@ -102,7 +102,6 @@ def _logs_in(folder: Path, excluded: Path | None) -> Iterator[Path]:
 
 
 def _rows_of(table: Path) -> list[dict[str, str]]:
-    """Return the rows of a table of logs."""
     try:
         text = read_bytes(table).decode("utf-8-sig")
         rows = list(csv.DictReader(StringIO(text)))

@@ -117,7 +117,6 @@ def _refused(experiment: Experiment, message: str) -> Entry:
 
 
 def _record(found: Identified) -> FlightRecord:
-    """Return the row of one identified flight."""
     result, configured = found.result, found.dataset.configurations[0]
     flight = configured.flights[0]
     numbers = _numbers(result)

@@ -24,7 +24,7 @@ from rotorfit.fleet.findings import (
 from rotorfit.fleet.random_effects import LEAST_GROUPS
 from rotorfit.fleet.records import FlightRecord, RefusedLog
 from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics
-from rotorfit.formatting.digits import number_of
+from rotorfit.formatting.digits import number_of, short
 from rotorfit.logs.files import file_name
 from rotorfit.report.pages import render_page
 from rotorfit.report.parameters import unit_words
@@ -159,8 +159,8 @@ def _spread(std: float, number: NumberStatistics) -> str:
     if not np.isfinite(std):
         return UNKNOWN
     if number.name in IN_METRES:
-        return f"{1e3 * std:.2g} mm"
-    return f"{100.0 * std / abs(number.mean):.2g} %"
+        return f"{short(1e3 * std)} mm"
+    return f"{short(100.0 * std / abs(number.mean))} %"
 
 
 def _sections(statistics: FleetStatistics, found: Sequence[VehicleFinding]) -> list[Rendered]:

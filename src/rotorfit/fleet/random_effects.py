@@ -34,8 +34,7 @@ UNKNOWN_STD: Final = 1e4
 LIMITS: Final = (-9.0, 3.0)
 """Limits of the logarithm of a standard deviation in the same units."""
 LEAST_CURVATURE: Final = 0.5
-"""Least curvature of the likelihood in that logarithm: it is never less well known than to a factor
-of four."""
+"""Least curvature of the likelihood in that logarithm: it is known to a factor of four at worst."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,7 +233,6 @@ def _levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Levels:
 
 
 def _sums(each: Float[np.ndarray, "n *k"], data: Repeated) -> Float[np.ndarray, "g *k"]:
-    """Sum over each group's repeats."""
     out = np.zeros((data.groups, *each.shape[1:]))
     np.add.at(out, data.group, each)
     return out

@@ -135,8 +135,7 @@ def read_fleet(
 ) -> Fleet:
     """Identify every log that is not in the cache, and collect what all came to.
 
-    Raises `RotorfitError` where an airframe file cannot be used (before any log is read), or nobody
-    can work.
+    Raises `RotorfitError` where an airframe file cannot be used (before any log is read).
     """
     for task in {log.task.airframe: log.task for log in logs}.values():
         experiment_of(task)

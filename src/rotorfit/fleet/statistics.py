@@ -100,8 +100,7 @@ class FleetStatistics:
 
     - `vehicles`: their names.
     - `loadings`: differences between the configurations of a vehicle.
-    - `alarm`, `rate`: chance of a false change in the whole fleet; expected share of false
-      outliers.
+    - `alarm`, `rate`: chance of a false change in the fleet; expected share of false outliers.
     - `tests`: in how many series of flights a change was looked for.
     """
 

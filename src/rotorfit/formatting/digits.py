@@ -8,7 +8,9 @@ _POWERS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def short(value: float) -> str:
-    """Write two digits of a number, without an exponent."""
+    """Write two digits of a number, without an exponent; a dash where it is not finite."""
+    if not math.isfinite(value):
+        return "-"
     return f"{value:.0f}" if abs(value) >= 9.95 else f"{value:.2g}"
 
 
@@ -60,7 +62,7 @@ def number_of(value: float | None, interval: tuple[float, float] | None) -> Numb
     half = 0.5 * (interval[1] - interval[0])
     exponent = _exponent(max(abs(value), half))
     scale = 10.0**exponent
-    places = min(1 - math.floor(math.log10(half / scale)), 12)
+    places = min(1 - math.floor(math.log10(float(f"{half / scale:.1e}"))), 12)
 
     def digits(number: float) -> str:
         text = f"{round(number / scale, places):.{max(places, 0)}f}"
@@ -103,6 +105,11 @@ def with_interval(value: float | None, interval: tuple[float, float] | None) -> 
         body = f"({body})" if number.half else body
         body += f"e{number.exponent:+03d}"
     return body.replace("−", "-")
+
+
+def with_half(value: float, half: float) -> str:
+    """Format a value with its half-width, as `with_interval` does; 0 is none."""
+    return with_interval(value, (value - half, value + half))
 
 
 def finite_json(value: Any) -> Any:

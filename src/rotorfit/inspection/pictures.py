@@ -283,7 +283,6 @@ def _slow_means(
 def _activity(
     axis: str, time: Float[np.ndarray, " m"], values: Float[np.ndarray, " m"]
 ) -> Activity:
-    """Return the rms of each window."""
     start = float(time[0])
     span = max(float(time[-1]) - start, SHORTEST_WINDOW)
     step = max(span / WINDOWS, SHORTEST_WINDOW)

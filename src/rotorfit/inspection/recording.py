@@ -67,8 +67,7 @@ BANDS: Final = ((10.0, 50.0), (50.0, 150.0), (150.0, 500.0))
 """Bands in which vibration is given [Hz]."""
 LATEST: Final = 0.1
 SEARCHED: Final = DELAYS_TRIED["imu"][1]
-"""How far an estimate looks for the delay of measured speeds, and of motor data that come late
-[s]."""
+"""Reach of the search for the delay of measured speeds, and of motor data that come late [s]."""
 FARTHEST: Final = 0.5
 """End of the search where nothing shows within `LATEST` [s]."""
 STRIDE: Final = 0.004

@@ -66,8 +66,7 @@ class Peak:
     - `rise`: power over that of its surroundings.
     - `harmonic`: of the rotors, where they make it; None where they do not, or their speed is not
       known.
-    - `true_frequency`: of the vibration, where the log samples too slowly for it and folds it down
-      [Hz].
+    - `true_frequency`: of the vibration, where the log is too slow for it and folds it [Hz].
     """
 
     frequency: float
@@ -92,8 +91,7 @@ class Spectrum:
     """The spectrum of one sensor.
 
     - `channel`, `unit`: as in `CHANNELS`.
-    - `seconds`, `airborne`: how much of the flight is in it [s], and whether of the airborne part
-      alone.
+    - `seconds`, `airborne`: how much of the flight is in it [s]; whether only of its airborne part.
     - `sample_rate`: of the recorded samples [Hz].
     - `frequency`: rising, without 0 [Hz]; up to half the rate of new samples.
     - `density`: amplitude of each axis, `unit` per root hertz.

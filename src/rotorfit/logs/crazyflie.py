@@ -155,7 +155,6 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
 
 
 def _chosen_event(records: Records, name: str | None) -> Event:
-    """Choose the event to read."""
     events = {event.name: event for event in reversed(records.header.events)}
     recorded = [e for e in records.header.events if len(records.starts[e.number]) > 1]
     if name is None and FIXED_FREQUENCY in events and events[FIXED_FREQUENCY] in recorded:
@@ -397,7 +396,6 @@ def _notes(recording: _Recording, found: dict[str, _Found]) -> tuple[str, ...]:
 
 
 def _damage(records: Records, unordered: int) -> tuple[str, ...]:
-    """Say what was damaged and passed over, one sentence each."""
     damage: list[str] = []
     if not records.checksum:
         damage.append(

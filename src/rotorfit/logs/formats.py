@@ -63,15 +63,12 @@ class Format:
     - `title`: for people.
     - `recognises`, `recognises_folder`: from the first bytes of a file, or the path of a folder, to
       whether it has this format.
-    - `read`, `takes`: from a path to a `FlightLog`, and the `ReadOptions` that the reader takes by
-      name.
+    - `read`, `takes`: from a path to a `FlightLog`, and the `ReadOptions` that it takes.
     - `list_logs`: from a path to the entries of a file that may hold several logs.
     - `suffixes`: of files that are logs of this format by their names.
     - `certain`: whether the first bytes identify this format for sure.
-    - `names_fields`: whether the file names its own fields, units and axes: no columns map of units
-      is taken.
-    - `map_refusal`: why a columns map or axes are refused before reading; empty where the reader
-      takes them.
+    - `names_fields`: whether the file names its fields, units and axes: no map of units is taken.
+    - `map_refusal`: why a columns map or axes are refused; empty where the reader takes them.
     - `map_format`: name of the format that the file is read as where a columns map is given.
     - `single`: what to call a file that holds one log only.
     - `advice`: from what a log lacks and its metadata to the `firmware.Advice` for the next log.
@@ -79,8 +76,7 @@ class Format:
     - `notes_filters`: whether the notes of the reader name the filters already.
     - `motor_order`: whose motor numbering the log usually has, of `model.layouts`.
     - `velocity_estimated`: whether the velocity is an autopilot's estimate.
-    - `with_controller`: from a path to its `FlightLog` and the `ControllerLog` of its rate
-      controller.
+    - `with_controller`: from a path to its `FlightLog` and `ControllerLog`.
     """
 
     name: str

@@ -169,10 +169,7 @@ def kind_of(path: Path) -> str | None:
 
 
 def own_kind(path: Path) -> str | None:
-    """Name which of rotorfit's own files a file is; None where it is none.
-
-    Never raises: it is asked when something else is wrong already.
-    """
+    """Name which of rotorfit's own files a file is; None where it is none. Never raises."""
     try:
         if path.stat().st_size > _LARGEST_TEXT:
             return None

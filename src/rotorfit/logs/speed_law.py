@@ -33,8 +33,7 @@ class SquareRootLaw:
     goes with the square of the speed.
 
     - `full_speed`: at full command [rad/s].
-    - `thr_mdl_fac`: the factor f, 0 (thrust in proportion to the command) to 1 (speed in proportion
-      to it).
+    - `thr_mdl_fac`: the factor f, 0 (thrust in proportion to the command) to 1 (speed).
     - `start`, `end`: commands between which u goes from 0 to 1: MOT_SPIN_MIN and MOT_SPIN_MAX of
       ArduPilot.
     """

@@ -124,8 +124,7 @@ class FittedLaw:
     - `others`: the other forms, with the same terms beside the curve.
     - `rivals`: those that are as good, in practice or as far as the flights tell: other forms; the
       lag on the other of speed and thrust; commands held, or smooth between those of the log.
-    - `open_shifts`: half of what noise of the commands moves, and quick motion: taken off, and as
-      much is open.
+    - `open_shifts`: half of the shift by noise and quick motion: taken off, and as much is open.
     - `voltage`: the form with an exponent of the battery's voltage; None where that tells nothing.
     """
 

@@ -21,8 +21,7 @@ class Form:
     """A curve of relative speed, 1 at full command.
 
     - `start`, `lower`, `upper`: of its parameters.
-    - `logarithm`: from commands and parameters to the logarithm of the relative speed and its
-      derivatives.
+    - `logarithm`: from commands and parameters to log relative speed and its derivatives.
     - `curve`: with a speed at full command.
     """
 
@@ -167,7 +166,6 @@ def scales_of(
 def _log_scales(
     layout: Layout, values: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
-    """Compute the logarithms of these factors."""
     x = values[layout.factors]
     rotors = _contrast(np.arange(layout.rotors), layout.rotors) @ x[: layout.rotors - 1]
     flights = np.zeros(layout.flights)

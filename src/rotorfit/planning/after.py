@@ -1,7 +1,7 @@
 """The information of an earlier result, and the manoeuvre that adds most to it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import Final
 
@@ -32,7 +32,9 @@ from rotorfit.verdicts.judge import (
     ADVISED,
     FLOWN,
     WEAK,
+    Asks,
     body_advice,
+    body_asks,
     body_verdict,
     judge,
     motion_for,
@@ -53,9 +55,11 @@ PRACTICE: Final[tuple[Manoeuvre, ...]] = (
 AS_GOOD: Final = 1.1
 """A manoeuvre this close to the best one is as good."""
 UNAIDED: Final = (
-    f"no manoeuvre of {PRACTICE_SECONDS:.0f} s is enough for it: fly longer, or with a payload"
+    f"no manoeuvre of {PRACTICE_SECONDS:.0f} s is enough: fly longer, or with a payload"
 )
 """What is said to do for a number that no manoeuvre helps."""
+UNAIDED_BEFORE: Final = UNAIDED.replace("enough", "enough for it")
+"""As older results have it, which do not say what their advice asks for."""
 UNSETTLED: Final = "first settle why it is doubtful: the result says it"
 """What is said to do for a number that is doubtful, and not for want of a flight."""
 SHARED: Final = ("kt", "kd", "Jr")
@@ -98,8 +102,7 @@ class Missing:
     - `manoeuvre`: which of the plan helps most; None where none helps.
     - `relative`, `predicted`: the same as `now` after 20 s of it, never more, and the verdict then.
     - `after`: the same after 20 s of each manoeuvre.
-    - `size`: its value, or the size below which its error does not matter: what all of them are
-      over.
+    - `size`: its value, or the size below which its error does not matter.
     - `advice`: what to do.
     """
 
@@ -276,13 +279,14 @@ class JudgedNumber:
     parameter: str
     verdict: Verdict
     advice: str | None
+    asks: Asks | None
 
     @property
     def is_flyable(self) -> bool:
         """Test whether nothing but a manoeuvre is asked for; what is doubtful needs more."""
         if self.advice is None:
             return self.verdict != "doubtful"
-        return self.advice in (*FLOWN.values(), UNAIDED)
+        return self.asks in ("flight", "nothing")
 
 
 def judged_numbers(result: IdentificationResult, owner: str) -> list[JudgedNumber]:
@@ -290,7 +294,7 @@ def judged_numbers(result: IdentificationResult, owner: str) -> list[JudgedNumbe
     derived = {d.name: d for d in result.derived if d.configuration == owner}
     about = {twin_of(name): derived[name] for name in (*COM, *INERTIA_COM) if name in derived}
     found: list[JudgedNumber] = []
-    for p in result.parameters:
+    for p in map(_known_asks, result.parameters):
         if p.configuration not in (None, owner):
             continue
         shown = about.get(p.name) if p.configuration else None
@@ -303,9 +307,19 @@ def judged_numbers(result: IdentificationResult, owner: str) -> list[JudgedNumbe
                 parameter=p.full_name,
                 verdict=verdict,
                 advice=p.advice if shown is None else body_advice(name, verdict, p),
+                asks=p.asks if shown is None else body_asks(name, verdict, p),
             )
         )
     return found
+
+
+def _known_asks(parameter: Parameter) -> Parameter:
+    """Complete a parameter of an older result, which has the sentence of its advice alone."""
+    if parameter.asks is not None or parameter.advice is None:
+        return parameter
+    if parameter.advice in (UNAIDED, UNAIDED_BEFORE):
+        return replace(parameter, asks="nothing")
+    return replace(parameter, asks="flight" if parameter.advice in FLOWN.values() else "other")
 
 
 def _missing(

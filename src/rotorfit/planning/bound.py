@@ -68,10 +68,8 @@ class Problem:
     - `mapped`, `phi`: free parameters, and their values.
     - `scale`: a size of each free parameter.
     - `assumed`: noise and disturbance.
-    - `commanded`, `timed`: whether rotor speeds come from commands, and whether the motors' timing
-      is searched for.
-    - `physical`, `jacobian`: the shared numbers and those of the bare vehicle, and their
-      derivatives by phi.
+    - `commanded`, `timed`: whether rotor speeds come from commands; whether their timing is free.
+    - `physical`, `jacobian`: the shared numbers and the bare vehicle's, and their slopes by phi.
     """
 
     bodies: Mapping[str, Truth]

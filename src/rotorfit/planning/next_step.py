@@ -39,9 +39,9 @@ from rotorfit.planning.vehicle import (
     payload_pair,
     rough_vehicle,
 )
-from rotorfit.results.result import IdentificationResult, configuration_names
+from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
 from rotorfit.simulation.pilot import Manoeuvre
-from rotorfit.verdicts.judge import ADVISED, FLOWN, WEAK, motion_for
+from rotorfit.verdicts.judge import ADVISED, FLOWN, WEAK, Asks, motion_for
 
 BEST_MANOEUVRE: Final = "best-manoeuvre"
 """Kind of the note that a result keeps of what its best manoeuvre gives."""
@@ -135,9 +135,22 @@ def _with_advice(
 ) -> IdentificationResult:
     """Replace the advice of each missing number by what its vehicle was simulated to need."""
     advice = {one.full_name: one.advice for one in missing}
-    new = {one.parameter: advice.get(one.full_name) for one in judged_numbers(result, owner)}
-    parameters = (replace(p, advice=new.get(p.full_name) or p.advice) for p in result.parameters)
+    new = {
+        one.parameter: (words, _asked(words, one))
+        for one in judged_numbers(result, owner)
+        if (words := advice.get(one.full_name))
+    }
+    parameters: list[Parameter] = []
+    for p in result.parameters:
+        words, asks = new.get(p.full_name, (p.advice, p.asks))
+        parameters.append(replace(p, advice=words, asks=asks))
     return replace(result, parameters=tuple(parameters))
+
+
+def _asked(advice: str, number: JudgedNumber) -> Asks:
+    if not number.is_flyable:
+        return "other"
+    return "nothing" if advice == UNAIDED else "flight"
 
 
 def best_manoeuvre(missing: Sequence[Missing]) -> Finding:
@@ -236,12 +249,11 @@ def _advised(lacking: Sequence[JudgedNumber]) -> NextStep:
     kind: Kind = "fly" if len(flown) > len(others) else "declare"
     groups: dict[str, list[str]] = {}
     for one in flown if kind == "fly" else others:
-        groups.setdefault(one.advice or "", []).append(one.name)
+        if one.asks != "nothing":
+            groups.setdefault(one.advice or "", []).append(one.name)
     if not groups:
-        return NextStep(kind="done", action=DONE)
-    action = max(groups, key=lambda advice: (advice != UNAIDED, len(groups[advice])))
-    if action == UNAIDED:
-        return NextStep(kind="done", action=UNHELPED)
+        return NextStep(kind="done", action=UNHELPED if advised else DONE)
+    action = max(groups, key=lambda advice: len(groups[advice]))
     return NextStep(kind=kind, action=action, numbers=tuple(dict.fromkeys(groups[action])))
 
 

@@ -226,7 +226,6 @@ class _Study:
 
 
 def _sheet(plan: FlightPlan) -> Sheet:
-    """Tabulate a plan: what to fly, and what each candidate would give."""
     outcome = "enough is known already" if plan.enough else f"fly {candidate_title(plan.chosen)}"
     reached = plan.enough or plan.recommended is not None
     return Sheet(

@@ -254,8 +254,7 @@ class Assumptions:
     - `force`, `torque`: gusts: each force [weights]; torques about x, y, z [weights times arm].
     - `corner`: of gusts and speed errors [Hz].
     - `mass_step`: the scale's [kg]: mass is known to half of it.
-    - `log_rate`: samples per second of the log; motor data are timed to a fraction of a sample
-      [Hz].
+    - `log_rate`: of the log [Hz]; motor data are timed to a fraction of a sample.
     """
 
     gyro_std: float = 0.02

@@ -314,9 +314,8 @@ def phase_edges(
 
     Noise differs between them, and a short lively phase must not drown in a long calm one. Two
     levels show the character, logarithms of the angular acceleration's rms over 0.3 s: that of the
-    motion, under 20 Hz, and that of vibration and noise above. The cuts are those with which
-    both are nearest to constant in each phase: they lie where a manoeuvre begins and ends, and
-    none within it.
+    motion, under 20 Hz, and that of vibration and noise above. The cuts are those with which both
+    are nearest to constant in each phase: they lie where a manoeuvre begins and ends.
     """
     n = len(angular_velocity)
     if n < 2 * max(whole_samples(SHORTEST_PHASE * sample_rate), 1):

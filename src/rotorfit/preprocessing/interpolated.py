@@ -48,8 +48,7 @@ class BendSource:
 
     - `rate`: of its samples [Hz].
     - `chance`: log of the chance that motion without a rhythm bends so regularly.
-    - `share`: of the bends that come at that rate: one where lines are drawn and nothing is
-      rounded.
+    - `share`: of the bends that come at that rate: one of lines without rounding.
     """
 
     rate: float

@@ -17,8 +17,7 @@ without a velocity, and motors that are no first-order lag."""
 
 
 LARGEST_SKEW: Final = 0.8
-"""Largest share by which rising is faster and falling slower than their mean, or the other way
-round."""
+"""Largest share by which rising is faster and falling slower than their mean, or vice versa."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,8 +100,7 @@ class MotorTiming:
     - `free`: which times a fit finds again together with everything else (`FreeTiming.names`): the
       identifiable ones.
     - `additional`: times by which the signals' slopes are made, too: one may be set free later.
-    - `reached`: where the other parameters of the fit that found it ended: the next one begins
-      there.
+    - `reached`: where the other parameters of its fit ended: the next one begins there.
     - `bands`: what that fit was made to.
     """
 

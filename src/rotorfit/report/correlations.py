@@ -89,7 +89,6 @@ def correlation(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"
 
 
 def _pairs(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Pair, ...]:
-    """Select the strong pairs, strongest first."""
     found = [
         Pair(first=a, second=b, value=float(matrix[i, j]), words=_pair_phrase(float(matrix[i, j])))
         for i, a in enumerate(names)

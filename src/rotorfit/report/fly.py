@@ -212,7 +212,7 @@ def manoeuvre_summary(outcome: FlyOutcome, label: str) -> str:
 def hover_summary(outcome: FlyOutcome, label: str) -> str:
     """Summarise how well the height was held."""
     hover = manoeuvre_of(outcome, label, "hover")
-    return "lost" if is_lost(hover) else f"to {departure(hover):.3f} m"
+    return "lost" if is_lost(hover) else f"to {short(departure(hover))} m"
 
 
 def step_name(name: Manoeuvre) -> str:
@@ -230,7 +230,7 @@ def step_summary(flight: ModelFlight) -> str:
 
 
 def _numbers(values: Sequence[float]) -> str:
-    return "".join(f"{value:>10.3f}" if math.isfinite(value) else f"{'-':>10}" for value in values)
+    return "".join(f"{short(value):>10}" for value in values)
 
 
 PAGE_WIDTH: Final = 920.0

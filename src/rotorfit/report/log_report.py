@@ -8,7 +8,7 @@ from typing import Any, Final
 from rotorfit.dataset.plausible_units import GravitySeen
 from rotorfit.diagnostics.kt_from_weight import law_decides
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
-from rotorfit.formatting.digits import short
+from rotorfit.formatting.digits import short, with_half
 from rotorfit.formatting.sheet import wrapped
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.inspection.prospects import Excitation, Prospects
@@ -227,9 +227,11 @@ def gravity_messages(found: GravitySeen | None) -> list[str]:
     if found is None:
         return []
     rest = [] if found.at_rest is None else [f"{found.at_rest:.3f} g at rest"]
-    margin = "" if found.in_flight_std is None else f" +- {1.96 * found.in_flight_std:.3f}"
+    half = 1.96 * (found.in_flight_std or 0.0)
     flight = (
-        [] if found.in_flight is None else [f"{found.in_flight:.3f}{margin} g on average in hover"]
+        []
+        if found.in_flight is None
+        else [f"{with_half(found.in_flight, half)} g on average in hover"]
     )
     return [f"the accelerometer reads {' and '.join([*rest, *flight])}"] if rest or flight else []
 
@@ -299,14 +301,17 @@ def _unexplained(found: Prospects) -> str:
 
 def _axis_message(axis: Excitation, found: Prospects) -> str:
     what, others = WHAT[axis.axis]
-    width = "" if axis.width is None else f" (to about +-{short(100.0 * axis.width)} %)"
+    slow = found.useless_because is not None
+    width = ""
+    if axis.width is not None and not slow:
+        width = f" (to about +-{short(100.0 * axis.width)} %)"
     reason = _reason(axis, found)
     verdict = {
         # The scale of Izz depends on small terms of all equations, which only an estimate weighs.
         "well": f"{what} can be found well{width}{others and f'; {others} less well'}",
         "roughly": f"{what} roughly{width}{others and f', {others} less well'}: {reason}",
         "not": f"{what}{others and f', {others}'} cannot be found: {reason}",
-    }[axis.prospect]
+    }["roughly" if slow and axis.prospect == "well" else axis.prospect]
     return f"{axis.axis}: {short(axis.turning)} rad/s^2: {verdict}"
 
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from rotorfit.control_loop.loop import AxisLoop, LoopOutcome
 from rotorfit.control_loop.measures import SIDES, LoopMeasures, Measure, StepResponse, open_phase
+from rotorfit.formatting.digits import with_half
 from rotorfit.formatting.series import Series
 from rotorfit.formatting.sheet import table_lines, wrapped
 from rotorfit.report.chart import Area, Axis, Chart, Curve, Line, Panel, chart_svg
@@ -100,6 +101,7 @@ def verdict(loop: AxisLoop) -> str:
 def proof(loop: AxisLoop) -> list[str]:
     """Say how replay and closed loop bear the prediction out."""
     gain, late = loop.error.half_widths
+    delay = with_half(1e3 * loop.error.delay, 1e3 * late)
     lines = [
         f"{loop.axis}: the controller as its parameters set it gives the logged output: slope "
         f"{loop.replay.slope:.3f}, {100 * loop.replay.left:.1f} % of it left"
@@ -109,12 +111,12 @@ def proof(loop: AxisLoop) -> list[str]:
     if loop.mixer is not None:
         lines.append(
             f"{loop.axis}: the mixer as its parameters set it gives the motors' commands: slope "
-            f"{loop.mixer.slope:.3f} +- {loop.mixer.half_width:.3f}, {loop.mixer.name} measured as "
+            f"{with_half(loop.mixer.slope, loop.mixer.half_width)}, {loop.mixer.name} measured as "
             f"{loop.mixer.factor:.2f}"
         )
     lines.append(
-        f"{loop.axis}: measured closed loop over predicted: effectiveness {loop.error.gain:.2f} "
-        f"+- {gain:.2f}, delay {1e3 * loop.error.delay:+.1f} +- {1e3 * late:.1f} ms"
+        f"{loop.axis}: measured closed loop over predicted: effectiveness "
+        f"{with_half(loop.error.gain, gain)}, delay {delay} ms"
     )
     if loop.proved is not None:
         low, high = loop.proved

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rotorfit.errors import OutputError
+from rotorfit.formatting.digits import short
 from rotorfit.logs.files import write_whole
 
 FOLDER: Final = Path(__file__).parent / "templates"
@@ -50,6 +51,7 @@ def _template(name: str) -> Any:
         lstrip_blocks=True,
     )
     environment.filters["plus_minus"] = plus_minus
+    environment.filters["short"] = short
     return environment.get_template(f"{name}.html")
 
 

@@ -334,8 +334,7 @@ def latex_table(result: IdentificationResult) -> str:
     r"""Format a result as a LaTeX table for a paper; it needs the package booktabs.
 
     One column a configuration; rotors first, then mass, centre of mass and the inertia about it.
-    What the flights do not determine is a dash; weak, doubtful and given numbers are marked, and
-    the caption says so.
+    What the flights do not determine is a dash; weak, doubtful and given ones are marked.
 
     Parameters
     ----------

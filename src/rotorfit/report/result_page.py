@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from rotorfit.control_loop.loop import LoopOutcome
-from rotorfit.formatting.digits import known
+from rotorfit.formatting.digits import known, short
 from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.chart import chart_svg
 from rotorfit.report.correlations import correlation_section
@@ -178,7 +178,7 @@ def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | 
         paper_sigma=_two(None if paper is None else paper[1]),
         mocap=_scientific(None if mocap is None else mocap[0]),
         ours=_scientific(value) if ours is None or value is not None else ours.verdict,
-        our_sigma=_two(sigma),
+        our_sigma="" if sigma is None else short(sigma),
         difference="" if difference is None else f"{difference:+.1f} %".replace("-", "−"),
     )
 

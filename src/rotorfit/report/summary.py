@@ -278,7 +278,6 @@ def _body_lines(
 
 
 def _directed(number: Derived, ways: tuple[str, str]) -> tuple[str, Derived]:
-    """Name the direction of a number, which then is positive."""
     value, interval = known(number.value), number.interval
     if value is None or value >= 0.0:
         return ways[0], number

@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
-from rotorfit.formatting.digits import known, with_interval
+from rotorfit.formatting.digits import known, short, with_interval
 from rotorfit.formatting.sheet import table_lines, wrapped
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import NUISANCE, OF_FLIGHT
@@ -167,27 +167,30 @@ def _verdict(of: Parameter | Entry) -> str:
 
 
 def _table(title: str, lines: list[Line], width: int) -> list[str]:
-    """Align numbers one below the other, units and verdicts each in their column."""
+    """Align numbers, units and verdicts in columns, on one line where the width allows it."""
     if not lines:
         return []
     units = ["" if number.unit == "1" else number.unit for number, _ in lines]
     names = max(15, *(len(number.name) for number, _ in lines))
     room = max(14, *map(len, units))
+    values = [with_interval(number.value, number.interval) for number, _ in lines]
+    room_left = width - names - room - max(len(words) for _, words in lines) - 6
+    digits = max(min(room_left, 24), *map(len, values))
     rows = [
         (
             f"  {number.name:<{names}}",
-            f"{with_interval(number.value, number.interval):>24} ",
+            f"{value:>{digits}} ",
             f"{unit:<{room}}",
             words,
         )
-        for (number, words), unit in zip(lines, units, strict=True)
+        for (number, words), value, unit in zip(lines, values, units, strict=True)
     ]
     return [title, *table_lines(rows, width)]
 
 
 def _validated(row: Mapping[str, Any]) -> str:
     errors: Mapping[str, float | None] = row.get("relative_error", {})
-    shown = ", ".join(f"{k} {100.0 * v:.1f} %" for k, v in errors.items() if v is not None)
+    shown = ", ".join(f"{k} {short(100.0 * v)} %" for k, v in errors.items() if v is not None)
     return f"{file_name(str(row.get('flight', '')))} ({row.get('configuration')}): {shown}"
 
 

@@ -335,7 +335,6 @@ def _scale_bar(view: View) -> str:
 
 
 def _axis_arrows(view: View) -> str:
-    """Draw the two axes in the corner."""
     x, y, n = 20.0, view.height - 14.0, 28.0
     right, up = "xyz"[view.right[0]], "xyz"[view.up[0]]
     # Seen from above y points to the left; the arrow does too.

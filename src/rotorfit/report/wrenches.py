@@ -119,7 +119,7 @@ def validation_rows(
 
 
 def _percent(value: float | None) -> str:
-    return f"{100 * value:.2f} %" if value is not None and math.isfinite(value) else "–"
+    return f"{short(100 * value)} %" if value is not None and math.isfinite(value) else "–"
 
 
 def wrench_svg(comparison: WrenchComparison, series: Series) -> str:

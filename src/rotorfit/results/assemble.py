@@ -26,6 +26,7 @@ from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.findings import Finding, diagnostics_of, note
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.logs.flight_log import SITL, simulated_sentence
 from rotorfit.logs.speed_law import SquareRootLaw
 from rotorfit.preprocessing.motors.motor_model import ThrustCurve, full_speed_of
@@ -145,6 +146,7 @@ def _without_value(
         partner=partner if own else None,
         reason=finding.withheld_because,
         advice=finding.next_step,
+        asks=None if finding.next_step is None else "other",
     )
 
 
@@ -168,7 +170,8 @@ def _advised_first(parameter: Parameter, useless: Sequence[Finding]) -> Paramete
     if about is None or parameter.verdict not in FLYABLE:
         return parameter
     reason = parameter.reason if parameter.verdict == "weak" else about.useless_because
-    return dataclasses.replace(parameter, reason=reason, advice=about.next_step)
+    asks = None if about.next_step is None else "other"
+    return dataclasses.replace(parameter, reason=reason, advice=about.next_step, asks=asks)
 
 
 def _judged_again(parameter: Parameter, disowning: Sequence[Finding]) -> Parameter:
@@ -182,6 +185,7 @@ def _judged_again(parameter: Parameter, disowning: Sequence[Finding]) -> Paramet
         verdict="doubtful",
         reason=_why_doubtful(about),
         advice=steps[0] if steps else parameter.advice,
+        asks="other" if steps else parameter.asks,
     )
 
 
@@ -272,7 +276,7 @@ def _distances(dataset: Dataset) -> str:
     return f"{1e3 * x:.0f} mm front to back, {1e3 * y:.0f} mm left to right"
 
 
-def log_metadata(declared: MotorsEntry, dataset: Dataset) -> tuple[Finding, ...]:
+def log_metadata(declared: MotorsEntry, dataset: TimedDataset) -> tuple[Finding, ...]:
     """Note the settings taken from the logs, and which logs a simulator wrote."""
     flights = [flight for c in dataset.configurations for flight in c.flights]
     simulated = [simulated_sentence(f.log.simulator) for f in flights if f.log.simulator]

@@ -134,8 +134,7 @@ def _hover_speed(result: IdentificationResult, owner: str) -> Range | None:
 def _without_law(hover: Range, law: LawEntry | None) -> Range:
     """Take the law's share out of the uncertainty of the speed in hover.
 
-    The command in hover does not hang on it: a law that gives a larger speed there gives it to the
-    same command.
+    The command in hover does not hang on it: another speed there goes with the same command.
     """
     if law is None:
         return hover

@@ -1,7 +1,6 @@
 """Results side by side, parameter by parameter: IMU against motion capture (Six et al. 2020, IV-C).
 
-The first result is the one the others are compared with; differences are relative to its value,
-as in Table II.
+Differences are relative to the first result's value, as in Table II.
 """
 
 from collections.abc import Sequence

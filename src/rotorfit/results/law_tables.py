@@ -113,6 +113,7 @@ def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[P
         verdict=verdict.verdict,
         reason=verdict.reason,
         advice=verdict.advice,
+        asks=verdict.asks,
     )
     return _law(fitted, rotor_count, known=known, times=times), (*times, speed)
 

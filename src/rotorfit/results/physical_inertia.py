@@ -1,13 +1,4 @@
-r"""The nearest body to an estimate that can exist.
-
-A body of positive mass everywhere has a positive semidefinite pseudo-inertia (Wensing, Kim and
-Slotine 2017, arXiv 1701.04395)
-
-.. math:: \begin{pmatrix} \tfrac12 tr(I) 1 - I & ms \\ ms^T & m \end{pmatrix} \succeq 0 ,
-
-the second moments of its mass. About the centre of mass that is :math:`\tfrac12 tr(I_C) 1 - I_C
-\succeq 0`: no principal moment is over the sum of the two others.
-"""
+"""The nearest body to an estimate that can exist (`diagnostics/impossible_inertia.py`)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -140,6 +140,7 @@ def _ratio_parameter(
         partner=partner if fixed else None,
         reason="the yaw equation gives only ratios to Izz" if fixed else ratio.reason,
         advice=ADVICE["scale"] if fixed else ratio.advice,
+        asks="other" if fixed else ratio.asks,
     )
 
 
@@ -226,7 +227,13 @@ def _paper_parameter(
     value = estimate.value(full)
     std = float(estimate.std[estimate.names.index(full)])
     judged = judge(value, 1.96 * std, scale=0.0, axis=motion_for(name))
-    shown = replace(shown, verdict=judged.verdict, reason=judged.reason, advice=judged.advice)
+    shown = replace(
+        shown,
+        verdict=judged.verdict,
+        reason=judged.reason,
+        advice=judged.advice,
+        asks=judged.asks,
+    )
     if judged.verdict == "not-identified":
         return shown
     return replace(shown, value=value, std=std, interval=(value - 1.96 * std, value + 1.96 * std))

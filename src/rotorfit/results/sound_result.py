@@ -24,10 +24,7 @@ ABOVE_ZERO: Final = ("mass", "kt", "kd")
 
 
 def load_sound(path: Path) -> IdentificationResult:
-    """Load a saved result; refuse it where it is not whole.
-
-    Raises `OutputError` if the file is no rotorfit result, or was damaged since.
-    """
+    """Load a saved result; raise `OutputError` where it is none, or not whole."""
     try:
         result = IdentificationResult.load(path)
     except (AttributeError, RecursionError) as error:  # a list or text where a table was
@@ -43,10 +40,7 @@ def load_sound(path: Path) -> IdentificationResult:
 
 
 def refuse_unsound(result: IdentificationResult) -> None:
-    """Raise if a result holds what no identification gives.
-
-    Raises `OutputError`: naming the number, and what is wrong with it.
-    """
+    """Raise `OutputError` at the first number that no identification gives, and say why."""
     found = _structure(result)
     if found is None:
         entries = (*result.parameters, *result.derived)
@@ -56,7 +50,6 @@ def refuse_unsound(result: IdentificationResult) -> None:
 
 
 def _structure(result: IdentificationResult) -> str | None:
-    """Describe the first fault in the tables of a result."""
     tables: tuple[tuple[str, Any], ...] = (
         ("settings", result.settings),
         ("versions", result.versions),

@@ -127,8 +127,7 @@ class RigidBody:
 
     - `mass`, `first_moments`, `inertia`: mass, mass times centre of mass, and inertia Ixx, Iyy,
       Izz, Ixy, Ixz, Iyz about the origin.
-    - `inverse_com_inertia`: the same elements of the inverse of the inertia about the centre of
-      mass [1/(kg m^2)].
+    - `inverse_com_inertia`: the same elements of the inverse inertia about the CoM [1/(kg m^2)].
     - `drag`: force per velocity along each body axis [N s/m].
     - `drag_position`: where it acts, from the origin [m].
     """

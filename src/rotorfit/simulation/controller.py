@@ -59,8 +59,7 @@ class Gains:
 class Autopilot:
     """The autopilot of one vehicle.
 
-    - `mass`, `inertia`: what it believes of the vehicle: mass [kg] and diagonal of the inertia [kg
-      m^2].
+    - `mass`, `inertia`: what it believes: mass [kg] and diagonal of the inertia [kg m^2].
     - `mixer`: squared speeds per vertical force and torque, the pseudo-inverse of the allocation; a
       row for each rotor.
     - `speed_limits`: lowest speed of a running motor and highest speed [rad/s].

@@ -74,10 +74,7 @@ def exact_flight_data(
 def sampled_flight_data(
     flight: SimulatedFlight, *, signals: Literal["exact", "measured"] = "exact"
 ) -> FlightData:
-    """Collect samples with central differences while airborne; specific force at the IMU.
-
-    The specific force is the one at the accelerometer's place. Nothing is filtered.
-    """
+    """Collect airborne samples with central differences, unfiltered; force at the IMU."""
     measured = signals == "measured"
     w = flight.gyro if measured else flight.angular_velocity
     speed = flight.rotor_speed_measured if measured else flight.rotor_speed
@@ -189,10 +186,7 @@ IMU_AND_COMMAND: Final[tuple[LoggedChannel, ...]] = ("gyro", "accel", "command")
 def flight_table(
     flight: SimulatedFlight, *, channels: Sequence[LoggedChannel] = IMU_AND_SPEED
 ) -> str:
-    """Write the measured flight as a flight table (CSV); nan where a channel has no sample.
-
-    Where a channel has no sample at the time of a row, its cells hold nan.
-    """
+    """Write the measured flight as a flight table (CSV); nan where a channel has no sample."""
     log = to_flight_log(flight, channels=channels)
     time = reduce(np.union1d, [recorded.time for recorded in log.channels.values()])
     names, columns = ["time"], [time[:, None]]

@@ -55,8 +55,7 @@ class Scenario:
     """How the vehicle is flown and what measures it.
 
     - `seconds`: duration of the flight between take-off and landing [s].
-    - `ground_seconds`: rest before take-off and after landing; 0: the flight begins and ends in
-      hover [s].
+    - `ground_seconds`: rest before take-off and after landing [s]; 0: from hover to hover.
     - `sticks`: what the pilot does.
     - `sensors`: errors of what is logged.
     - `sample_rate`: of the autopilot and of the log [Hz].
@@ -87,8 +86,7 @@ class _Stretch(NamedTuple):
 
     - `samples_ago`: how old that command is.
     - `h`: length of a Runge-Kutta step [s].
-    - `fractions`: beginning, middle, end, middle, end ... of the steps, as fractions of the sample
-      period.
+    - `fractions`: beginning, middle, end, middle, end ... of the steps, over the sample period.
     - `decay`: exp(-t/lag) at the same instants, t from the beginning of the stretch.
     """
 

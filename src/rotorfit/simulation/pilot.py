@@ -66,8 +66,7 @@ class Reference(NamedTuple):
     - `roll`, `pitch`, `yaw_rate`, `climb`: the sticks, see `Sticks`.
     - `height`, `height_rate`: where the origin should be above the start, and how fast it should
       rise [m, m/s].
-    - `throttle`: factor of the thrust: 0 with the motors off, 1 in flight, between while they spool
-      up.
+    - `throttle`: factor of the thrust: 0 with the motors off, 1 in flight, between in spooling up.
     - `landing`: 1 from the end of the flight on: touching the ground stops the motors.
     """
 

@@ -16,14 +16,12 @@ from rotorfit.simulation.truth import Truth
 class Sensors:
     """Errors of the sensors: white noise, constant bias, and the smallest step of the log.
 
-    - `gyro_std`, `accel_std`, `rotor_speed_std`: standard deviation of the noise of each component
-      [rad/s, m/s^2, rad/s].
+    - `gyro_std`, `accel_std`, `rotor_speed_std`: deviation of the noise [rad/s, m/s^2, rad/s].
     - `gyro_bias`, `accel_bias`: constant, body axes [rad/s, m/s^2].
     - `gyro_resolution`, `accel_resolution`, `rotor_speed_resolution`: smallest step; 0 for none
       [rad/s, m/s^2, rad/s].
     - `position_std`, `attitude_std`: noise of each component of the motion-capture pose [m, rad].
-    - `pose_rate`: frames of the motion capture per second; 0: one with every sample of the log
-      [Hz].
+    - `pose_rate`: frames of the motion capture [Hz]; 0: one with every sample of the log.
     - `pose_delay`: how much later than it was a pose stands in the log [s].
     """
 

@@ -22,8 +22,7 @@ class Truth:
     - `kt`, `kd`: thrust and drag torque of a rotor per squared speed [N s^2/rad^2, N m s^2/rad^2].
     - `Jr`: inertia of one rotor about its axis [kg m^2].
     - `kt_spread`: factor of each rotor's own thrust coefficient to kt; empty for all ones.
-    - `motor_lag`: time constant of the rotor speed towards the commanded one; 0 follows at once
-      [s].
+    - `motor_lag`: time constant of the rotor speed towards its command [s]; 0: at once.
     - `motor_lag_down`: the same while the speed falls [s]; None: as it rises.
     - `motor_delay`: time that a command takes before the motor sees it [s].
     - `drag`: force per velocity along each body axis [N s/m].

@@ -9,7 +9,14 @@ from typing import Any, Final, Literal
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.validation.judgement import AXES, GOOD_SHARE, Judgement, horizon, judgement
+from rotorfit.validation.judgement import (
+    AXES,
+    GOOD_SHARE,
+    Judgement,
+    horizon,
+    judgement,
+    moment_splits,
+)
 from rotorfit.validation.replay import (
     HOLD,
     IDENTIFIED,
@@ -196,6 +203,12 @@ def _plain(outcome: FlyOutcome) -> dict[str, Any]:
         },
         "notes": list(outcome.notes),
         "judgement": outcome.judgement.to_plain(),
+        "moments": [
+            split.to_plain()
+            for split in moment_splits(
+                [r.comparison for r in outcome.replays if r.comparison is not None]
+            )
+        ],
     }
 
 

@@ -59,8 +59,7 @@ class AxisJudgement:
     - `axis`: ``thrust``, ``roll``, ``pitch`` or ``yaw``.
     - `level`: ``good``; ``with-feedback``: slow moments are right, rates without feedback are soon
       worse than constant ones; ``rough``; ``nothing``: the error is as large as what is predicted.
-    - `wrench_error`: force or moment below 3 Hz that the rotors leave, over theirs; None where not
-      known.
+    - `wrench_error`: force or moment below 3 Hz that the rotors leave, over theirs; None: unknown.
     - `over_held`: error of the rates at the end of a window over that of rates held; None without a
       replay.
     - `right_for`: how long the rates stay within `GOOD_SHARE` of what was flown [s].
@@ -227,26 +226,56 @@ def _cause(steady: float, moved: float) -> str:
     )
 
 
-def moment_sentences(
-    comparisons: Sequence[WrenchComparison], *, axes: Sequence[str] = AXES
-) -> list[str]:
-    """Explain moments that are not good: what the rotors made of them, and what the rest is."""
-    words: list[str] = []
-    for axis, component in COMPONENT_OF.items():
-        error = _error(comparisons, component)
-        if axis not in axes or error is None or error <= GOOD_ERROR[axis]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MomentSplit:
+    """The power of a moment that the motion needs, below 3 Hz, by its causes.
+
+    - `by_rotors`: share that the rotors make; below zero where they leave more than there is.
+    - `steady`, `with_motion`: shares of what they leave: its mean, and what goes with their moment.
+    """
+
+    axis: str
+    by_rotors: float
+    steady: float
+    with_motion: float
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return the split as JSON holds it, the share that is neither with it."""
+        return {**asdict(self), "neither": 1.0 - self.steady - self.with_motion}
+
+
+def moment_splits(comparisons: Sequence[WrenchComparison]) -> list[MomentSplit]:
+    """Split each moment that the result knows, over all of some flights."""
+    splits: list[MomentSplit] = []
+    for axis in AXES:
+        i = COMPONENTS.index(COMPONENT_OF[axis])
+        known = [c for c in comparisons if COMPONENT_OF[axis] in c.relative_error]
+        if not known:
             continue
-        i = COMPONENTS.index(component)
-        known = [c for c in comparisons if component in c.relative_error]
         body = np.concatenate([c.body_wrench[:, i] for c in known])
         rotors = np.concatenate([c.rotor_wrench[:, i] for c in known])
         left = body - rotors
         made = 1.0 - float(left @ left) / max(float(body @ body), np.finfo(float).tiny)
         [(steady, moved)] = _error_parts(left[:, None], rotors[:, None])
-        share = f"{100 * made:.0f} % of the power of the" if made > 0.0 else "nothing of the"
+        splits.append(MomentSplit(axis=axis, by_rotors=made, steady=steady, with_motion=moved))
+    return splits
+
+
+def moment_sentences(
+    comparisons: Sequence[WrenchComparison], *, axes: Sequence[str] = AXES
+) -> list[str]:
+    """Explain moments that are not good: what the rotors made of them, and what the rest is."""
+    words: list[str] = []
+    for split in moment_splits(comparisons):
+        error = _error(comparisons, COMPONENT_OF[split.axis])
+        if split.axis not in axes or error is None or error <= GOOD_ERROR[split.axis]:
+            continue
+        share = f"{100 * split.by_rotors:.0f} % of the power of the"
+        cause = _cause(split.steady, split.with_motion).replace("of its power ", "", 1)
         words.append(
-            f"{axis}: over the whole flight the rotors make {share} moment that the motion needs; "
-            f"of what is left {_cause(steady, moved).replace('of its power ', '', 1)}"
+            f"{split.axis}: over the whole flight the rotors make "
+            f"{share if split.by_rotors > 0.0 else 'nothing of the'} moment that the motion needs; "
+            f"of what is left {cause}"
         )
     return words
 

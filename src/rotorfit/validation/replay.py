@@ -60,8 +60,7 @@ NORMAL_95: Final = 1.96
 class Predicted:
     """Predictions by one set of parameters in K windows.
 
-    - `rates`, `rates_std`: at each instant, and the deviation of the draws; zeros without draws
-      [rad/s].
+    - `rates`, `rates_std`: at each instant [rad/s], and the deviation of the draws, zeros without.
     - `force`: specific force at the accelerometer, means over blocks [m/s^2].
     """
 

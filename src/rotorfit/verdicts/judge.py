@@ -15,6 +15,8 @@ from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.model.terms.term import Motion
 from rotorfit.simulation.pilot import Manoeuvre
 
+Asks = Literal["flight", "nothing", "other"]
+"""What an advice comes to: a manoeuvre, no manoeuvre that would help, or other things first."""
 Verdict = Literal[
     "identified", "weak", "doubtful", "ratio-only", "not-identified", "given", "removed"
 ]
@@ -38,6 +40,9 @@ class Parameter:
         Named under ``with`` in the file.
     reason, advice
         Why the verdict is not better, and what to fly or measure next.
+    asks
+        What the advice comes to: a ``flight`` that a plan simulates, ``nothing`` (no such flight
+        helps), or ``other`` things first; None without advice, and in older results.
     """
 
     name: str
@@ -50,6 +55,7 @@ class Parameter:
     partner: str | None = None
     reason: str | None = None
     advice: str | None = None
+    asks: Asks | None = None
 
     @property
     def full_name(self) -> str:
@@ -126,11 +132,12 @@ ADVICE: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """A verdict with its reason and advice."""
+    """A verdict with its reason and advice, and what that asks for."""
 
     verdict: Verdict
     reason: str | None = None
     advice: str | None = None
+    asks: Asks | None = None
 
 
 def motion_for(name: str) -> Motion:
@@ -184,8 +191,15 @@ def judge(
     if little:
         reason = little_excited(axis, excitation or 0.0)
     return Judgement(
-        verdict="not-identified" if hopeless else "weak", reason=reason, advice=ADVICE[axis]
+        verdict="not-identified" if hopeless else "weak",
+        reason=reason,
+        advice=ADVICE[axis],
+        asks=_asks(axis),
     )
+
+
+def _asks(motion: str) -> Asks:
+    return "flight" if motion in ADVISED else "other"
 
 
 WIDTHS: Final = ("known only to", "small, with an interval")
@@ -251,8 +265,16 @@ def body_advice(name: str, verdict: Verdict, twin: Parameter) -> str | None:
 
     What was simulated for the vehicle is kept with the twin, whatever the twin's own verdict.
     """
-    own = verdict != twin.verdict and twin.advice is None
-    return ADVICE[motion_for(name)] if own else twin.advice
+    return ADVICE[motion_for(name)] if _is_own(verdict, twin) else twin.advice
+
+
+def body_asks(name: str, verdict: Verdict, twin: Parameter) -> Asks | None:
+    """Say what `body_advice` asks for."""
+    return _asks(motion_for(name)) if _is_own(verdict, twin) else twin.asks
+
+
+def _is_own(verdict: Verdict, twin: Parameter) -> bool:
+    return verdict != twin.verdict and twin.advice is None
 
 
 DEPENDS: Final[Mapping[str, tuple[str, ...]]] = {

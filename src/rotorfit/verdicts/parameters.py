@@ -16,6 +16,7 @@ from rotorfit.fit.intervals.joint_numbers import number_scale
 from rotorfit.fit.intervals.numbers import HEIGHTS, Numbers
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.formatting.digits import short
 from rotorfit.model.parameters import DERIVED, PARAMETERS, ROW_ORDER
 from rotorfit.model.terms.term import ParameterInfo
 from rotorfit.reduction.motor_timing import MotorTiming, is_time_identifiable
@@ -89,6 +90,7 @@ def number_parameter(
         verdict=judgement.verdict,
         reason=judgement.reason,
         advice=judgement.advice,
+        asks=judgement.asks,
     )
 
 
@@ -168,8 +170,9 @@ def found_time(name: str, value: float, std: float) -> Parameter:
         interval=(low, value + half) if known else None,
         unit="s",
         verdict=("identified" if sharp else "weak") if known else "not-identified",
-        reason=None if sharp else f"known only to +-{1e3 * half:.1f} ms",
+        reason=None if sharp else f"known only to +-{short(1e3 * half)} ms",
         advice=None if sharp else ADVICE["roll"],
+        asks=None if sharp else "flight",
     )
 
 
@@ -281,6 +284,7 @@ def _parameter(
         partner=ratio,
         reason=f"this flight gives it only together with {ratio}",
         advice=ADVICE["yaw"],
+        asks="flight",
     )
 
 
@@ -343,5 +347,5 @@ def _judgement(rotors: int, *, grouped: bool) -> Judgement:
         # Kept: with the CoM they make the trim of hover, and one without the other is none.
         reason = "these flights hardly show how a rotor differs from the average one"
         advice = "roll, pitch and yaw more briskly"
-        return Judgement(verdict="weak", reason=reason, advice=advice)
-    return Judgement(verdict="not-identified", reason=reason, advice=advice)
+        return Judgement(verdict="weak", reason=reason, advice=advice, asks="other")
+    return Judgement(verdict="not-identified", reason=reason, advice=advice, asks="other")

@@ -3,7 +3,7 @@
 import { download, h, save } from "./dom.js";
 import { Refused } from "./engine.js";
 import { askedLong, set, state } from "./state.js";
-import { seconds } from "./units.js";
+import { seconds, short } from "./units.js";
 
 export function outcomeView() {
   const { outcome } = state;
@@ -120,7 +120,7 @@ function validation({ validation: flights, validation_predicted_well: worth }) {
         h("thead", {}, h("tr", {}, ["Flight", "Configuration", ...axes].map((words) => h("th", { scope: "col" }, words)))),
         h("tbody", {}, flights.map(({ flight, configuration, errors }) => h("tr", {},
           h("th", { scope: "row" }, flight), h("td", {}, configuration),
-          axes.map((axis) => h("td", {}, `${(100 * errors[axis]).toFixed(1)} %`))))))),
+          axes.map((axis) => h("td", {}, typeof errors[axis] === "number" ? `${short(100 * errors[axis])} %` : "–"))))))),
   ];
 }
 

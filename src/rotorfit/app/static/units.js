@@ -21,6 +21,11 @@ function rounded(value) {
   return Number(value.toPrecision(12));
 }
 
+/** Two digits of a number, as `formatting.digits.short` writes them. */
+export function short(value) {
+  return Math.abs(value) >= 9.95 ? value.toFixed(0) : String(Number(value.toPrecision(2)));
+}
+
 export function seconds(value) {
   if (value < 100) return `${value.toFixed(1)} s`;
   return `${Math.floor(value / 60)} min ${Math.round(value % 60)} s`;

@@ -19,6 +19,7 @@ from rotorfit.diagnostics.hover_thrust import hover_thrusts
 from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.parameters import EVERY
 from rotorfit.model.vehicle import Vehicle
 
@@ -137,8 +138,7 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
 def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | None:
     """Estimate the additional thrust of the most outlying rotor over the others.
 
-    None where they are not identifiable, or most pull down; rotors of declared groups are expected
-    to differ.
+    None where they are not identifiable, or most pull down; rotors of declared groups may differ.
     """
     names = [f"kt_{i}" for i in range(1, len(vehicle.rotors) + 1)]
     if any(r.group is not None for r in vehicle.rotors) or not set(names) <= set(numbers.names):
@@ -173,7 +173,7 @@ def unlike_sentence(rotor: int, excess: Evidence, *, alone: bool = True) -> str 
     if abs(excess.value) < LEAST_UNLIKE or low < USUAL < high or low < -USUAL < high:
         return None
     seen = (
-        f"rotor {rotor + 1} makes {100 * abs(excess.value):.0f} +- {50 * (high - low):.0f} % "
+        f"rotor {rotor + 1} makes {with_half(100 * abs(excess.value), 50 * (high - low))} % "
         f"{'more' if excess.value > 0 else 'less'} thrust than the others at the same speed"
     )
     if not alone:

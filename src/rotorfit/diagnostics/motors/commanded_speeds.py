@@ -23,6 +23,7 @@ from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit, shift_of
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.formatting.digits import short
 from rotorfit.model.parameters import EVERY
 from rotorfit.preprocessing.motors.motor_model import with_motors
 from rotorfit.preprocessing.prepare import PreparedFlight
@@ -135,9 +136,9 @@ def _uncertain(numbers: Numbers, std: float) -> Iterator[Finding]:
         kind=LAW,
         severity="note",
         sentence=(
-            f"the law under [motors] gives the rotor speeds to +-{196 * std:.1f} %: the interval "
-            "of Jr includes as much, those of kt and kd twice as much; log the rotor speed, or "
-            "the battery's voltage, for a law that depends on it"
+            f"the law under [motors] gives the rotor speeds to +-{short(196 * std)} %: the "
+            "interval of Jr includes as much, those of kt and kd twice as much; log the rotor "
+            "speed, or the battery's voltage, for a law that depends on it"
         ),
         numbers=tuple(
             name for name, power in zip(numbers.names, _speed_powers(numbers), strict=True) if power

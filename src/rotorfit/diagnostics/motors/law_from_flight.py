@@ -8,8 +8,7 @@ k_d are thrust and drag torque of one rotor there.
 A fit with another exponent than the true one sees thrust, lag and inflow of bent changes, so that
 the exponent :math:`r` which it shows depends on the :math:`p` that it is made with. The flights'
 own exponent is where :math:`r(p) = p`, found by Steffensen's steps: with a growth :math:`q = dr/dp`
-it is :math:`p + (r - p) / (1 - q)`, and as much less certain than :math:`r` as :math:`1 - q` is
-small.
+it is :math:`p + (r - p) / (1 - q)`, less certain than :math:`r` by the factor :math:`1 - q`.
 
 The exponent is measured about hover. What it may differ up to full command widens k_t and k_d.
 
@@ -36,6 +35,7 @@ from rotorfit.experiment.law_table import LawEntry, PowerEntry, bent, bent_speed
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.formatting.digits import with_half
 from rotorfit.model.parameters import EVERY
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import retimed
@@ -103,8 +103,7 @@ class FoundLaw:
     """The law from command to rotor speed by a flight.
 
     - `exponent`: of the speed over the command, or over the speed of the law that is given.
-    - `flown`: the exponent by weight and changes of thrust alone; None where the flight does not
-      show it.
+    - `flown`: the exponent by weight and changes of thrust alone; None where they show none.
     - `hover`: rms speed of the flights before, over the `anchor`.
     - `anchor`: speed that stays as it is, that at full command of relative speeds.
     - `given`: the law that is given.
@@ -206,11 +205,11 @@ class FoundLaw:
             kind=CONTRADICTED,
             severity="doubt" if surely else "note",
             sentence=(
-                f"weight and changes of thrust show that thrust grows {100 * abs(off):.0f} +- "
-                f"{196 * self.exponent.std:.0f} % {'less' if off < 0 else 'more'} with the command "
-                "than the motors' law says: thrust is taken as the flight shows it, and the "
-                "intervals cover what that leaves open, up to full command; for narrower ones "
-                f"{AGAIN}"
+                "weight and changes of thrust show that thrust grows "
+                f"{with_half(100 * abs(off), 196 * self.exponent.std)} % "
+                f"{'less' if off < 0 else 'more'} with the command than the motors' law says: "
+                "thrust is taken as the flight shows it, and the intervals cover what that leaves "
+                f"open, up to full command; for narrower ones {AGAIN}"
             ),
             numbers=OF_SPEED if speeds_lost else (),
             doubtful_because=WRONG_SPEEDS if speeds_lost else None,
@@ -231,7 +230,7 @@ class FoundLaw:
             severity="note",
             sentence=(
                 f"no law from command to rotor speed is given; {shown} with the command to the "
-                f"power of {power:.2f} +- {half:.2f} (2: speed in proportion to the command), and "
+                f"power of {with_half(power, half)} (2: speed in proportion to the command), and "
                 "the intervals cover what that leaves open, up to full command; for narrower ones "
                 f"{GIVE}"
             ),
@@ -293,7 +292,6 @@ def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
 
 
 def _trial(fit: Fit, power: float) -> Trial:
-    """Read the exponent of a fit."""
     # Without an accelerometer, whose bias can be free, changes of thrust hang on the weight.
     free = any(name.startswith("accel_bias_z@") for name in fit.estimate.estimate.names)
     left = thrust_ratio(kt_from_changes(fit), weight_of(fit)) if free else None

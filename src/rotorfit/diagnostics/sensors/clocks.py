@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.dataset.dataset import LoadedFlight
+from rotorfit.diagnostics.sensors.log_settings import better_log
 from rotorfit.diagnostics.sensors.sensor_response import (
     FED_BACK,
     LIFT,
@@ -34,6 +35,8 @@ from rotorfit.diagnostics.sensors.sensor_response import (
 from rotorfit.estimation.dispersion import common_mean
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
+from rotorfit.formatting.digits import with_half
+from rotorfit.logs.firmware import FILTERED_ACCEL
 from rotorfit.model.parameters import INERTIA
 
 BANDS: Final = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.5), (4.5, 7.0), (7.0, 10.0))
@@ -186,16 +189,19 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
         interval=late.interval,
         limit=LEAST_DELAY,
     )
+    step = better_log(flight.log, FILTERED_ACCEL) if late.seconds > 0.0 else None
+    step = step or "log gyro and accelerometer unfiltered, by one clock, and fly again"
     sentence = None
     if abs(late.seconds) > LEAST_DELAY + CERTAIN * late.std:
-        sentence = _delay_sentence(Path(flight.entry.file).name, late.seconds, 1.96 * late.std)
+        name = Path(flight.entry.file).name
+        sentence = _delay_sentence(name, late.seconds, 1.96 * late.std, step)
     checked = doubt_or_passed(
         "imu-clocks",
         sentence,
         flights=(flight.entry.written,),
         numbers=("kt", *INERTIA),
         doubtful_because=f"the {_late(late.seconds)} lags behind the {_late(-late.seconds)}",
-        next_step="log gyro and accelerometer unfiltered, by one clock, and fly again",
+        next_step=step,
     )
     yield replace(checked, evidence=(evidence,))
 
@@ -215,13 +221,13 @@ def _late(delay: float) -> str:
     return "accelerometer" if delay > 0 else "gyro"
 
 
-def _delay_sentence(name: str, delay: float, half: float) -> str:
+def _delay_sentence(name: str, delay: float, half: float, step: str) -> str:
     late, early = _late(delay), _late(-delay)
     return (
-        f"{name}: the {late} follows the rotors {1e3 * abs(delay):.0f} +- {1e3 * half:.0f} ms "
+        f"{name}: the {late} follows the rotors {with_half(1e3 * abs(delay), 1e3 * half)} ms "
         f"later than the {early}, though both respond at once: the {late} is stamped late, or "
         f"passes a low-pass filter of about {FILTERED / abs(delay):.0f} Hz that the {early} does "
-        "not; log both unfiltered with one clock. Until then do not trust kt and inertia"
+        f"not; {step}. Until then do not trust kt and inertia"
     )
 
 
@@ -283,7 +289,7 @@ def _late_sentence(delay: float, half: float) -> str:
         else ("before", "the gyro is stamped late, filtered or softly mounted, or thrust lags")
     )
     return (
-        f"the measured rotor speeds come {1e3 * abs(delay):.0f} +- {1e3 * half:.0f} ms {order} the "
+        f"the measured rotor speeds come {with_half(1e3 * abs(delay), 1e3 * half)} ms {order} the "
         f"motion that they make (motor_delay), which is corrected: {cause}; log both by one clock "
         "and unfiltered"
     )

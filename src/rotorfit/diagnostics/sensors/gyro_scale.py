@@ -1,8 +1,7 @@
 """Widen intervals by the uncertainty of the gyro's scale, by a velocity of another source.
 
 Inertia goes with the inverse of the gyro's scale. An autopilot's estimate of its velocity is made
-with that gyro and no reference; where the log has none of another source, the scale is one of the
-assumptions.
+with that gyro and no reference; where the log has no other, the scale is an assumption.
 """
 
 from dataclasses import replace
@@ -58,7 +57,6 @@ def _shift(fit: Fit, axis: int) -> Float[np.ndarray, " q"]:
 
 
 def _scaled(prepared: PreparedFlight, factor: Float[np.ndarray, "3"]) -> PreparedFlight:
-    """Scale what the gyro of a flight reads."""
     data: FlightData = prepared.data
     turned = replace(
         data,

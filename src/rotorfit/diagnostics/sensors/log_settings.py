@@ -30,7 +30,7 @@ LEAST_RATE: Final = 40.0
 FAST: Final = tuple(
     name
     for name, info in EVERY.items()
-    if info.motion in ("roll", "pitch", "yaw", "height")
+    if info.motion in ("roll", "pitch", "yaw", "height", "place")
     or name.startswith("motor_")
     or name in ROTOR_SPREAD.parameters
 )

@@ -46,10 +46,10 @@ MOMENTS: Final = ("Ixx", "Iyy", "Izz")
 PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
 
 
-def lowpass_sentence(dataset: Dataset) -> str | None:
+def lowpass_sentence(dataset: TimedDataset) -> str | None:
     """Explain that the motors' times include the delay of a low-pass; None where there is none."""
     cutoff = lowpass_of(dataset)
-    if cutoff is None:
+    if cutoff is None or dataset.motor_timing is None:
         return None
     return (
         f"the gyro is low-passed on board at {cutoff:g} Hz: {1e3 * filter_delay(cutoff):.0f} ms of "

@@ -141,10 +141,7 @@ def _lines(
 def deviation_by_chance(
     score: Float[np.ndarray, " w"], information: Float[np.ndarray, " w"]
 ) -> float:
-    """Compute the deviation of a number by windows, with their effective degrees of freedom.
-
-    `score`, `information`: of each window.
-    """
+    """Compute the deviation of a number by windows, with their effective degrees of freedom."""
     total = float(information.sum())
     # Windows overlap by half: of three, two are their own.
     shares = information / total

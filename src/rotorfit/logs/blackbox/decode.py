@@ -71,10 +71,8 @@ class BlackboxLog:
     - `events`: E frames.
     - `damaged_stretches`, `skipped_bytes`: where bytes had to be skipped to find the next frame,
       and how many in all.
-    - `dropped_frames`: whole frames left out: P frames after damage, and those with impossible
-      times or numbers.
-    - `trailing_bytes`: after the end-of-log event, or of the frame being written when recording
-      stopped.
+    - `dropped_frames`: whole frames left out: P frames after damage, impossible times or numbers.
+    - `trailing_bytes`: after the end-of-log event, or of a frame that was not finished.
     - `ended`: whether the log has an end-of-log event.
     - `log_number`, `logs_in_file`: which log of the file this is (from 1), and how many there are.
     """
@@ -146,7 +144,6 @@ def decode(
 
 
 def _chosen(count: int, log_number: int | None) -> int:
-    """Choose the number of the log to decode."""
     if count == 0:
         raise LogError(
             "no Blackbox log in these bytes (no line 'H Product:Blackbox flight data recorder by "

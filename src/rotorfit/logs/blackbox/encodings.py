@@ -36,8 +36,7 @@ Integers = Int[np.ndarray, "..."]
 class ByteIndex:
     """The bytes of one log, and the variable-byte numbers in them.
 
-    - `data`: the bytes, and eight zero bytes more so that a truncated frame can be read and
-      refused.
+    - `data`: the bytes, and eight zero bytes more by which a cut frame can be read and refused.
     - `rank`: number of bytes below 128 before each position.
     - `ends`: position after each byte below 128.
     - `values`: of the number that ends there, if it begins right after the one before.
@@ -56,8 +55,7 @@ class ByteIndex:
 class Group:
     """Consecutive fields that are written together.
 
-    Signed, unsigned and negated numbers mix in a run of variable bytes, which has the encoding of
-    signed ones.
+    A run of variable bytes, signed, unsigned or negated, has the encoding of signed ones.
     """
 
     encoding: Encoding

@@ -218,7 +218,6 @@ def _p_interval(text: str) -> tuple[int, int]:
 
 
 def _frame_definitions(entries: Mapping[str, str]) -> dict[str, FrameDefinition]:
-    """Parse the definition of every kind of frame the header declares."""
     frames: dict[str, FrameDefinition] = {}
     for letter in "IPSGH":
         # P frames hold the fields of the I frames and state only what differs.

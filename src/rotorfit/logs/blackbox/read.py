@@ -90,8 +90,7 @@ def _vector(
 ) -> tuple[str, Int[np.ndarray, "n k"]] | None:
     """Find the first of some array fields that the log has, with its columns [0], [1], ...
 
-    Without `count`, as many columns as there are, `MAX_COLUMNS` at most; with it, that many or
-    none.
+    Without `count`, as many columns as there are, `MAX_COLUMNS` at most; else that many or none.
     """
     names = log.main.names
     for base in bases:
@@ -155,7 +154,6 @@ def _accel(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
 
 
 def _rotor_speed(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Read the measured rotor speeds [rad/s]."""
     rotors = _vector(log, ROTOR_FIELDS)
     if rotors is not None:
         base, raw = rotors
@@ -206,7 +204,6 @@ def _motor_range(header: Header) -> tuple[int, int, str]:
 
 
 def _battery(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Read the battery voltage [V]."""
     base = next((name for name in BATTERY_FIELDS if name in log.main.names), None)
     if base is None:
         return "the log has no field vbatLatest"
@@ -436,7 +433,6 @@ def _circumstances(entries: Mapping[str, str]) -> Circumstances:
 
 
 def _frame_counts(log: BlackboxLog) -> str:
-    """Count the frames of each kind that were read."""
     intra = int(log.is_intra.sum())
     counts = {
         "I": intra,
@@ -450,7 +446,6 @@ def _frame_counts(log: BlackboxLog) -> str:
 
 
 def _damage(log: BlackboxLog) -> list[str]:
-    """Say what was damaged and passed over, one sentence each."""
     notes: list[str] = []
     if log.damaged_stretches:
         notes.append(

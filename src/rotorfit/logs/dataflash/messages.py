@@ -145,15 +145,13 @@ GLIMPSES: Final = 8
 class Messages:
     """The messages of a log.
 
-    - `formats`: all that the log defines, the FMT of FMT first. A type that is defined anew is
-      there twice.
+    - `formats`: all that the log defines, the FMT of FMT first. One defined anew is there twice.
     - `rows`: the messages of the formats wanted, in the order of the file, by index of `formats`,
       whose fields say where in them each one is.
     - `damaged_places`, `skipped_bytes`: where no message could be read.
     - `dropped`: messages left out because another begins within them.
     - `trailing_bytes`: after the last message.
-    - `bad_formats`: definitions that could not be used: a length below 3, or FMT itself defined
-      anew.
+    - `bad_formats`: unusable definitions: a length below 3, or FMT itself defined anew.
     """
 
     formats: tuple[MessageFormat, ...]

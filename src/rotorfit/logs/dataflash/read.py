@@ -107,7 +107,6 @@ def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
 
 
 def _read(path: Path, also: Container[str]) -> tuple[FlightLog, Messages]:
-    """Read a log, and the messages of some names."""
     head = read_head(path, len(HEAD))
     if head != HEAD:
         raise LogError(f"{path}: begins with {head.hex(' ')}, expected a3 95 of a DataFlash log")
@@ -353,7 +352,6 @@ def _changed(settings: Parameters) -> list[str]:
 
 
 def _nothing(messages: Messages) -> str:
-    """Describe a log without any channel."""
     read = sum(messages.counts)
     names = sorted({messages.formats[i].name for i, n in enumerate(messages.counts) if n})
     listed = ", ".join(f"{name!a}"[1:-1] for name in names[:20])
@@ -369,7 +367,6 @@ def _nothing(messages: Messages) -> str:
 
 
 def _damage(messages: Messages, names: Container[str]) -> list[str]:
-    """Say what was damaged and passed over, one sentence each."""
     words: list[str] = []
     if messages.damaged_places:
         words.append(

@@ -124,8 +124,7 @@ def _columns_of_bodies(rows: list[list[str]]) -> dict[str, list[int]]:
 def _body(pose: Float[np.ndarray, "n 7"], metre: float) -> Body:
     """Return a body in a world with z up: a quarter turn about x on both ends.
 
-    With C the turn, positions become C p and rotations C R C^T: the same angle about the turned
-    axis.
+    With C the turn, positions become C p and rotations C R C^T: the same angle, the axis turned.
     """
     with np.errstate(over="ignore"):
         position = finite(metre * _y_up_to_z_up(pose[:, 4:]))

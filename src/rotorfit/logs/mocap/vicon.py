@@ -281,5 +281,4 @@ def _cells(line: bytes, delimiter: str) -> list[str]:
 
 
 def _word(line: bytes) -> str:
-    """Read a line of one cell."""
     return line.decode("utf-8", "replace").strip(' \t\r,;"')

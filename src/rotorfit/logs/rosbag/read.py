@@ -91,7 +91,6 @@ def _log(
 
 
 def _nothing(contents: Contents) -> str:
-    """Describe a recording without anything that is known."""
     names = [f"{t.name} ({t.kind})" for t in contents.others]
     empty = [f"{r.topic.name} ({_state(r)})" for r in contents.topics]
     listed = ", ".join([*empty, *names][:_SHOWN]) or "none"

@@ -402,7 +402,6 @@ def _counts(reading: _Reading) -> dict[str, int]:
 
 
 def _damage(reading: _Reading, unordered: int) -> list[str]:
-    """Say what was damaged or lost, one sentence each."""
     damage: list[str] = []
     if reading.dropouts:
         total, longest = sum(reading.dropouts), max(reading.dropouts)

@@ -61,11 +61,9 @@ class ParameterInfo:
       the share by which a law from command to speed is off.
     - `motion`: which motion shows it.
     - `on_yaw_scale`: whether it is known only as well as the scale of the yaw equation.
-    - `relevant`: size below which its relative error does not matter; None: its own size alone
-      counts.
+    - `relevant`: size below which its relative error does not matter; None: any counts.
     - `prior`: deviation about zero before the flight.
-    - `step`: size over which nothing bends, where its value does not show it (for the plan's
-      bound).
+    - `step`: size over which nothing bends, where its value shows none (plan's bound).
     - `between_flights`: what differs between flights of one configuration: it moves with the
       battery, or it is in proportion to the density of the air.
     - `velocity_axis`: axis of the velocity that it multiplies.

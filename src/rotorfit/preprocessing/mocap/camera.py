@@ -108,8 +108,7 @@ STRAY = 0.4
 NEIGHBOURS, FEWEST_NEIGHBOURS = 9, 3
 """Frames on either side of a long step that say whether one was lost, and the fewest that do."""
 NOTED_JITTER = 0.05
-"""Jitter from which mending is reported, and refused unless the jitter is random from frame to
-frame."""
+"""Jitter from which mending is reported, and refused unless random from frame to frame."""
 MOST_CORRELATED = 0.7
 """Correlation of one frame's time error with the next, above which a queue delays whole groups."""
 JUMP = (100.0, 1000.0)

@@ -317,11 +317,7 @@ def _differentiated(frames: _Frames, resolution: float | None) -> FlightData:
 
 
 def _margin(frames: _Frames) -> int:
-    """Count the frames cut from the ends of every run.
-
-    The rate of the cameras is known up to rounding, which grows with the time at which the clock
-    begins; where the margin is a whole number of frames, it must not decide about one more.
-    """
+    """Count the frames cut from the ends of every run; see `whole_samples`."""
     return int(np.ceil(MARGIN / frames.cutoff * frames.rate - JITTER_STEPS))
 
 
@@ -344,10 +340,7 @@ def _windowed(data: FlightData, frames: _Frames, *, arm: float, window: Window) 
 
 
 def _calmed(motion: Motion) -> Motion:
-    """Smooth the rates so that standing still shows (differentiated attitudes are noisy).
-
-    Differentiated attitudes are noisier than a gyro. For the search of the flight only.
-    """
+    """Smooth the noisy rates of poses so that standing still shows, for the search of flight."""
     rates = motion.angular_velocity.copy()
     for a, b in motion.stretches:
         rates[a:b] = smooth(rates[a:b], motion.sample_rate, CALM)

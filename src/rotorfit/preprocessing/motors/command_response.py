@@ -210,8 +210,7 @@ def _gap_free_responses(
 AT: Final = 1e-4
 """Share of the range of the commands: two that differ by less are the same."""
 ALONGSIDE: Final = 0.03
-"""Share of the range next to an end: where the end is a limit, more commands stand at it than
-there."""
+"""Share of the range next to an end: more commands stand at an end that is a limit."""
 ALONGSIDE_STEPS: Final = 4.0
 """The same of coarse commands, in steps of theirs."""
 
@@ -259,8 +258,8 @@ def at_ends(
 ) -> tuple[Bool[np.ndarray, "n N"], Bool[np.ndarray, "n N"]]:
     """Mark the commands at the lowest and at the highest value of all motors, where it is a limit.
 
-    One at which they pile up: a command that merely turns round there passes through what is
-    beside it, too.
+    One at which they pile up: a command that merely turns round there passes through what is beside
+    it, too.
     """
     reach = float(np.ptp(values))
     steps = np.abs(np.diff(values, axis=0))

@@ -355,7 +355,6 @@ def _ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
 
 
 def _sentences(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
-    """Phrase the findings."""
     sentences = [_dead_message(r, pair) for r in rotors if r.state == "dead"]
     swapped = [r for r in rotors if r.state == "swapped"]
     if swapped:
