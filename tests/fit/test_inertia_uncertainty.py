@@ -155,6 +155,26 @@ def test_the_scale_of_every_number_is_stretched_alike():
     np.testing.assert_allclose(half, expected, rtol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("Izz", "half", "factor"), [(2.0, 1.0, 1.0 / 0.75), (0.1, 0.2, 50.0), (6.0, 7.0, 1.0)]
+)
+def test_products_have_the_scale_of_the_yaw_equation(Izz, half, factor):
+    """Known by the inverse, too; unknown, up to the largest I_zz there is: I_xx + I_yy = 5."""
+    _, vehicle = layout_vehicle("quad-x")
+    model = regressor(vehicle)
+    nothing = time_block_factors(np.ones((1, len(model.layout))), block_rows=1)
+    body = JointConfiguration(name="A", mass=1.4, factors=nothing, model=model, vehicle=vehicle)
+    numbers = Numbers(
+        names=("kd", "Ixx_com@A", "Iyy_com@A", "Izz_com@A", "Ixz_com@A", "Ixy_com@A"),
+        values=np.array([1.0, 2.0, 3.0, Izz, 0.01, 0.01]),
+        half_width=np.array([0.1, 0.1, 0.1, half, 0.02, 0.02]),
+        correlation=np.eye(6),
+        excitation={"roll@A": 1e9, "pitch@A": 1e9, "yaw@A": 50.0},
+    )
+    found = coupling_uncertainty(numbers, [body]).half_width
+    assert found[4:] == pytest.approx([0.02 * factor, 0.02])
+
+
 @pytest.mark.slow
 def test_products_are_as_unsure_as_the_equation_of_yaw(tmp_path):
     """Without turns the autopilot's answer to gusts pulls at kd's scale, and at Ixz with it."""

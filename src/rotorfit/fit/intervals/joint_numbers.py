@@ -424,15 +424,22 @@ def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfigu
 
 
 def _stretches(numbers: Numbers, half: Float[np.ndarray, " q"]) -> Float[np.ndarray, " q"]:
-    """Compute the factor of each half-width for the inverse of the scale of half-width `half`."""
+    """Compute the factor of each half-width for the inverse of the scale of half-width `half`.
+
+    The yaw equation has the products of inertia in proportion to I_zz. Where its scale has no
+    upper end, I_zz is at most I_xx + I_yy, as of every body.
+    """
     stretch = np.ones(len(half))
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
-        if base not in SCALED:
+        if base not in (*SCALED, *YAW_PRODUCTS):
             continue
         # J_r and the rotors' drag may be near zero; their scale is that of k_d.
         at = numbers.index(f"Izz_com@{owner}" if owner else "kd")
         stretch[i] = scale_stretch(float(numbers.values[at]), float(half[at]))
+        if base in YAW_PRODUCTS and not np.isfinite(stretch[i]):
+            Ixx, Iyy, Izz = (abs(numbers.number(f"{n}_com@{owner}")[0]) for n in INERTIA[:3])
+            stretch[i] = max((Ixx + Iyy) / Izz, 1.0)
     return stretch
 
 
