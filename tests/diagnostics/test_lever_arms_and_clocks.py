@@ -203,6 +203,20 @@ def test_the_answer_to_gusts_is_a_phase_and_no_lateness():
     assert late.seconds > 3.0 * late.std
 
 
+def test_bands_are_weighed_with_drag_and_phase_in_their_covariance():
+    """The same as errors of all bands together: C = s^2 + drags + phases, 1 / (1' C^-1 1)."""
+    bands = [band(1.1 / omega, omega, 1.1) for omega in OMEGAS]
+    found = weigh_bands([bands])
+    omega, times = np.array(OMEGAS), np.array([one.seconds for one in bands])
+    left = np.mean([one.unexplained(found.seconds) for one in bands])
+    phases = 0.6**2 * left * np.outer(1.0 / omega, 1.0 / omega)
+    drags = np.outer(omega**-2.0, omega**-2.0)
+    weight = np.linalg.inv(0.013**2 * np.eye(4) + phases + drags)
+    expected = float(weight.sum(axis=0) @ times / weight.sum())
+    assert found.seconds == pytest.approx(expected, abs=1e-4)
+    assert found.std == pytest.approx(weight.sum() ** -0.5, rel=0.02)
+
+
 def drawn(*times):
     return of_one_vehicle([Lateness(seconds=value, std=std) for value, std in times])
 

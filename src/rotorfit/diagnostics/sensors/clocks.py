@@ -48,7 +48,7 @@ LEAST: Final = 1e-12
 DRAGGED: Final = 1.0
 """Deviation of a drag that the model lacks, over mass or inertia [1/s]."""
 
-ROUNDS: Final = 3
+ROUNDS: Final = 20
 """After the first, until what is left belongs to the time that is found."""
 
 
