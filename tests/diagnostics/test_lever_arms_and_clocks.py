@@ -203,7 +203,7 @@ def test_the_answer_to_gusts_is_a_phase_and_no_lateness():
     assert late.seconds > 3.0 * late.std
 
 
-def test_bands_are_weighed_with_drag_and_phase_in_their_covariance():
+def test_bands_share_drag_and_phase_in_their_covariance():
     """The same as errors of all bands together: C = s^2 + drags + phases, 1 / (1' C^-1 1)."""
     bands = [band(1.1 / omega, omega, 1.1) for omega in OMEGAS]
     found = weigh_bands([bands])

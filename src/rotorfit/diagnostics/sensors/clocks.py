@@ -86,8 +86,8 @@ class BandDelay(NamedTuple):
 
     def unexplained(self, seconds: float) -> float:
         """Return the power that is left at another time, over that of the prediction."""
-        apart = np.sin(0.5 * self.omega * (seconds - self.seconds))
-        return self.left + 4.0 * self.common * float(apart) ** 2
+        difference = np.sin(0.5 * self.omega * (seconds - self.seconds))
+        return self.left + 4.0 * self.common * float(difference) ** 2
 
 
 def accelerometer_lateness(fit: Fit) -> Iterator[tuple[LoadedFlight, Lateness]]:
