@@ -100,7 +100,8 @@ ROOMS: Final[dict[str, Room]] = {
             "tests/estimation/test_bound.py",
         ),
         scaled=(
-            "rest = prior_cost(problem, phi) - <<2.0>> * feedback_gain(problem, phi, found)",
+            "rest = prior_cost(problem, phi) - <<2.0>> * response",
+            "if not np.isfinite(cost) or response > <<MOST_RESPONSE * _rows(problem)>>:",
             "squares.append(power - <<rows * known_noise_variance(problem, c, G)>>)",
             "gain += <<float(problem.feedback.responses[part].gain_slopes.sum(axis=(0, 1)) @ moves)>>",
             "scores[:, :, part.at(problem.places)] += <<feedback.responses[number].gain_slopes>>",

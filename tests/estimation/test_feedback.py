@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import (
     BandedProblem,
     banded,
@@ -95,6 +96,25 @@ def test_scores_of_the_responses_are_the_derivative_of_the_gain(seed):
     np.testing.assert_allclose(score, slope, rtol=1e-4, atol=1e-4 * np.abs(score).max())
     gain = log_likelihood(problem, phi) - log_likelihood(without, phi)
     assert gain == pytest.approx(gained(phi), rel=1e-6)
+
+
+def test_a_response_that_wins_without_end_is_no_solution():
+    """Its gain is linear in what moves the inputs: over 10 for each of 120 rows is nowhere."""
+    problem = two_axes(3)
+    phi = 0.1 * np.ones(5)
+    late = problem.map.names.index("late")
+
+    def gained(at):
+        return feedback_gain(problem, at, solved_each(problem, at))
+
+    one = np.eye(5)[late]
+    slope = gained(phi + one) - gained(phi)
+    ends = [phi + (1200.0 * share - gained(phi)) / slope * one for share in (0.99, 1.01)]
+    assert np.isfinite(log_likelihood(problem, ends[0]))
+    assert log_likelihood(problem, ends[1]) == -np.inf
+    with pytest.raises(UnsettledError, match="no solution where the fit begins") as raised:
+        banded(problem, ends[1])
+    assert raised.value.reached == dict(zip(problem.map.names, ends[1].tolist(), strict=True))
 
 
 @settings(max_examples=25, deadline=None)

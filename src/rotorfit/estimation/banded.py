@@ -30,7 +30,6 @@ from rotorfit.estimation.banded_equations import (
     Evaluated,
     State,
     corrected_equations,
-    evaluated,
     evaluated_or_none,
     feedback_scores,
     part_information,
@@ -110,7 +109,13 @@ def banded(
     problem: BandedProblem, start: Float[np.ndarray, " f"], *, close: float = SMALLEST_STEP
 ) -> BandedEstimate:
     """Maximise the likelihood by Levenberg-Marquardt steps; `close` ends it, in deviations."""
-    state = evaluated(problem, start)
+    state = evaluated_or_none(problem, start)
+    if state is None:
+        raise UnsettledError(
+            "the equations have no solution where the fit begins; the flights hardly determine "
+            "it: fly more motion",
+            reached=dict(zip(problem.map.names, start.tolist(), strict=True)),
+        )
     if any(factors.noise is not None for factors in problem.factors):
         return _finished(problem, *_settled_with_noise(problem, state, close))
     damping, rise, costs = 1e-3, 2.0, [state.cost]

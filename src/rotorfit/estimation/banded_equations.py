@@ -29,6 +29,9 @@ from rotorfit.estimation.banded_problem import (
 from rotorfit.estimation.factors import borrowed_mean_square
 from rotorfit.estimation.feedback import Feedback
 
+MOST_RESPONSE: Final = 10.0
+"""Gain of log-likelihood by the autopilot's response for each row: of flights it is below zero, and
+linear in the parameters, so that far off it would win without end."""
 SMALLEST_PIVOT: Final = 1e-4
 """Of the column-scaled information, under which its rounding (1e-16 / pivot^2) would show: it is
 made of the rows themselves there. What only a prior determines would drown beside exact flights."""
@@ -92,7 +95,8 @@ class CorrectedEquations:
 def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated:
     """Evaluate residuals, variances and cost at `phi`; raise where nothing solves the equations."""
     found = solved_each(problem, phi)
-    rest = prior_cost(problem, phi) - 2.0 * feedback_gain(problem, phi, found)
+    response = feedback_gain(problem, phi, found)
+    rest = prior_cost(problem, phi) - 2.0 * response
     cost = rest
     decorrelated = [problem.decorrelated(c, G) for c, G in enumerate(found)]
     residual = _errors(problem, phi, decorrelated)
@@ -111,7 +115,7 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
         cost += float(np.sum(spare, where=counted & floored))
         variances.append(np.where(counted, v, np.inf))
         squares.append(power - rows * known_noise_variance(problem, c, G))
-    if not np.isfinite(cost):
+    if not np.isfinite(cost) or response > MOST_RESPONSE * _rows(problem):
         raise EstimationError("the likelihood is not finite here")
     return Evaluated(
         phi=phi,
@@ -121,6 +125,10 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
         squares=np.concatenate(squares),
         rest=rest,
     )
+
+
+def _rows(problem: BandedProblem) -> int:
+    return sum(int(factors.rows.sum()) for factors in problem.factors)
 
 
 def _errors(
