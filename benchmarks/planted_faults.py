@@ -429,7 +429,7 @@ ROOMS: Final[dict[str, Room]] = {
             "parts.append(<<1.96 * relative * value>>)",
             "half_width=np.hypot(numbers.half_width, <<extra>>))",
             "half_width=half * <<_stretches(numbers, half)>>)",
-            "stretch[i] = max(<<(Ixx + Iyy) / Izz>>, 1.0)",
+            "stretch[i] = max(<<(Ixx + Iyy) / max(Izz, np.finfo(float).tiny)>>, 1.0)",
             "speeds = <<len(vehicle.rotors) * hover>>",
             'if base == "Jr_over_Izz":\n        return <<1e-3>>',
         ),

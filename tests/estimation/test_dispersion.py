@@ -10,7 +10,6 @@ from rotorfit.estimation.banded import BandedProblem, banded, information_of_par
 from rotorfit.estimation.dispersion import (
     Dispersion,
     alike,
-    dispersion,
     dispersions,
     pooled,
 )
@@ -48,6 +47,11 @@ def line(seed, apart, *, rows=60):
         prior_std={},
     )
     return banded(problem, np.array([1.0, 0.0]))
+
+
+def dispersion(fit, parts):
+    [found] = dispersions(fit, parts, [np.any(parts, axis=0)])
+    return found
 
 
 def parts_of(fit):

@@ -108,7 +108,11 @@ class NormalEquations:
 def banded(
     problem: BandedProblem, start: Float[np.ndarray, " f"], *, close: float = SMALLEST_STEP
 ) -> BandedEstimate:
-    """Maximise the likelihood by Levenberg-Marquardt steps; `close` ends it, in deviations."""
+    """Maximise the likelihood by Levenberg-Marquardt steps; `close` ends it, in deviations.
+
+    Raises `UnsettledError` where it does not end, or cannot begin. The damping follows Nielsen,
+    Damping parameter in Marquardt's method, IMM-REP-1999-05, Technical University of Denmark, 1999.
+    """
     state = evaluated_or_none(problem, start)
     if state is None:
         raise UnsettledError(

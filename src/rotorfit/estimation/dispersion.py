@@ -76,13 +76,6 @@ def pooled(
     return (blocks * shown + degrees * total) / whole, whole
 
 
-def dispersion(fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]) -> Dispersion:
-    """Estimate the dispersion of a fit by parts of its blocks."""
-    influences = np.array([fit.influence[part].sum(axis=0) for part in parts])
-    information = information_of_parts(fit, parts)
-    return dispersion_of_parts(fit.estimate.covariance, information, influences)
-
-
 def dispersions(
     fit: BandedEstimate,
     parts: Sequence[Bool[np.ndarray, " b"]],

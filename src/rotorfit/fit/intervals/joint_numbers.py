@@ -439,7 +439,7 @@ def _stretches(numbers: Numbers, half: Float[np.ndarray, " q"]) -> Float[np.ndar
         stretch[i] = scale_stretch(float(numbers.values[at]), float(half[at]))
         if base in YAW_PRODUCTS and not np.isfinite(stretch[i]):
             Ixx, Iyy, Izz = (abs(numbers.number(f"{n}_com@{owner}")[0]) for n in INERTIA[:3])
-            stretch[i] = max((Ixx + Iyy) / Izz, 1.0)
+            stretch[i] = max((Ixx + Iyy) / max(Izz, np.finfo(float).tiny), 1.0)
     return stretch
 
 
