@@ -201,7 +201,7 @@ ROOMS: Final[dict[str, Room]] = {
             "<<blocks * shown>> + degrees",
             "<<degrees * total>>) / whole",
             "<<np.array([[one.ratio] for one in dispersions])>> * stated",
-            "<<total**2>> / by_group",
+            "<<weight.sum(axis=0) ** 2>> / by_group",
             "np.log(half) - <<special.digamma(half)>>",
             "spare = <<float(weight @ (values - mean) ** 2)>>",
             "kept = <<self.between / (self.between + variance)>>",

@@ -75,8 +75,10 @@ def fit_at(free, *, moved, covariance=None, influence=None):
     values[at] = MS * np.asarray(moved, dtype=float)
     if covariance is not None:
         spread[np.ix_(at, at)] = MS**2 * np.asarray(covariance)
-    moved = replace(fit, estimate=replace(fit.estimate, values=values, covariance=spread))
-    # What blocks' estimated variances add is tested elsewhere.
+    # What was known before, and what blocks' estimated variances add, is tested elsewhere.
+    unknown = replace(fit.problem, prior_mean={}, prior_std={})
+    estimate = replace(fit.estimate, values=values, covariance=spread)
+    moved = replace(fit, estimate=estimate, problem=unknown)
     return made_fit.with_known_variances(moved)
 
 

@@ -21,9 +21,8 @@ Other faults are in `doubts` and `checks` on simulated flights.
 """
 
 
-SILENT = {("log15", "gyro behind a low-pass of 20 Hz")}
-"""A miss: k_t comes out 6 % higher than of the unspoilt log, with an interval of 5 % (that of the
-unspoilt log is 4 %, and is not counted), and nothing is said of the gyro."""
+SILENT: set[tuple[str, str]] = set()
+"""Misses, by log and fault: numbers outside their intervals of which nothing is said."""
 
 
 def outcomes():

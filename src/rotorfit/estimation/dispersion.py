@@ -69,9 +69,10 @@ def pooled(
     """
     made = np.array([[one.ratio] for one in dispersions]) * stated
     total, free = made.sum(axis=0), np.array([[one.degrees] for one in dispersions])
+    weight = np.where(total > 0.0, made, stated)
     with np.errstate(divide="ignore", invalid="ignore"):
-        by_group = np.nan_to_num((made**2 / free).sum(axis=0), nan=np.inf)
-        degrees = np.where(total > 0.0, total**2 / by_group, 0.0)
+        by_group = np.nan_to_num((weight**2 / free).sum(axis=0), nan=np.inf)
+        degrees = np.where(by_group > 0.0, weight.sum(axis=0) ** 2 / by_group, 0.0)
     whole = blocks + degrees
     return (blocks * shown + degrees * total) / whole, whole
 
