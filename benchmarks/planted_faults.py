@@ -207,7 +207,7 @@ ROOMS: Final[dict[str, Room]] = {
             "kept = <<self.between / (self.between + variance)>>",
             "<<lost * self.between>> + lost**2",
             "+ <<lost**2 * self.variance>>,",
-            "degrees = <<(1.0 + np.sqrt(1.0 + 2.0 * variance))>> /",
+            "return float(<<(1.0 + np.sqrt(1.0 + 2.0 * variance))>> /",
         ),
         changed=(
             ("own = Y - squares", "own = Y"),

@@ -122,7 +122,7 @@ def _of_fit(fit: Fit, half_width: np.ndarray) -> tuple[dict[str, np.ndarray], np
         std,
     )
     formal = intervals.formal_covariance(estimate, J)
-    by_flights = np.maximum(np.diagonal(formal) - intervals.prior_variance(estimate, J), 0.0)
+    by_flights = np.diagonal(formal) - intervals.prior_variance(estimate, J, formal)
     timing = np.reshape(
         intervals.timing_shifts(estimate, configurations[0].timing), (-1, len(values))
     )

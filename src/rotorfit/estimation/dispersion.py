@@ -103,23 +103,25 @@ def alike(found: Sequence[Dispersion]) -> list[Dispersion]:
     The logarithm of a mean square of f degrees of freedom has the variance trigamma(f / 2). One
     that shows nothing is known as the others are alike.
     """
-    shown = [one.degrees > 0.0 and one.ratio > 0.0 for one in found]
-    if len(found) < 2 or not any(shown):
+    ratio, degrees = np.array([(one.ratio, one.degrees) for one in found]).T
+    shown = (degrees > 0.0) & (ratio > 0.0)
+    if len(found) < 2 or not shown.any():
         return list(found)
-    half = 0.5 * np.array([one.degrees for one in found])[shown]
+    half = 0.5 * degrees[shown]
     logarithm, chance = np.zeros(len(found)), np.full(len(found), np.inf)
-    logarithm[shown] = np.log([one.ratio for one, kept in zip(found, shown, strict=True) if kept])
-    logarithm[shown] += np.log(half) - special.digamma(half)
+    logarithm[shown] = np.log(ratio[shown]) + np.log(half) - special.digamma(half)
     chance[shown] = special.polygamma(1, half)
     common = common_mean(logarithm[shown], chance[shown])
     drawn = [common.drawn(float(y), float(v)) for y, v in zip(logarithm, chance, strict=True)]
-    return [_of_logarithm(*one) for one in drawn]
+    return [Dispersion(ratio=float(np.exp(y)), degrees=degrees_of(v)) for y, v in drawn]
 
 
-def _of_logarithm(mean: float, variance: float) -> Dispersion:
-    """Return the dispersion whose logarithm is known: trigamma(f / 2) is 2 / f + 2 / f^2."""
-    degrees = (1.0 + np.sqrt(1.0 + 2.0 * variance)) / max(variance, float(np.finfo(float).eps))
-    return Dispersion(ratio=float(np.exp(mean)), degrees=float(degrees))
+def degrees_of(variance: float, *, least: float = float(np.finfo(float).eps)) -> float:
+    """Return the degrees of freedom f of a variance, by the variance of its logarithm.
+
+    That is trigamma(f / 2), about 2 / f + 2 / f^2. `least`: under it, it is no smaller.
+    """
+    return float((1.0 + np.sqrt(1.0 + 2.0 * variance)) / max(variance, least))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,6 +29,8 @@ from jaxtyping import Float, Int
 from scipy import stats
 from scipy.special import logsumexp
 
+from rotorfit.estimation.dispersion import degrees_of
+
 Kind = Literal["step", "ramp", "once"]
 
 LEAST_SERIES: Final = 4
@@ -267,13 +269,12 @@ def _posterior(
 def _freedom(one: _Series, posterior: Float[np.ndarray, " s"]) -> float:
     """Return the degrees of freedom with which the variance of the values is known.
 
-    A variance known with f of them has a logarithm of variance trigamma(f / 2), about
-    2 / f + 2 / f^2.
+    By how far its logarithm is open (`degrees_of`).
     """
     log_variance = np.log(one.variance).mean(axis=1)
     away = log_variance - posterior @ log_variance
     spread = float(posterior @ away**2)
-    return (1.0 + np.sqrt(1.0 + 2.0 * spread)) / max(spread, 2.0 / MOST_FREEDOM)
+    return degrees_of(spread, least=2.0 / MOST_FREEDOM)
 
 
 def _log_likelihoods(series: Sequence[_Series], model: Model) -> Float[np.ndarray, "2 s"]:

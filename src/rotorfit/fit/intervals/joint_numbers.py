@@ -152,7 +152,7 @@ def random_half_width(
     `formal_covariance` of the numbers.
     """
     blocks, free = len(fit.influence), free_blocks(fit)
-    before = np.minimum(prior_variance(fit, jacobian), np.diagonal(formal))
+    before = prior_variance(fit, jacobian, formal)
     by_flights = np.diagonal(formal) - before
     shown = (
         float(stats.t.ppf(0.975, free)) * np.sqrt(by_flights * blocks / free),
@@ -164,12 +164,11 @@ def random_half_width(
 
 
 def prior_variance(
-    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
-    """Compute what the parameters' prior deviations add to the variance of each number."""
+    """Compute what the parameters' prior deviations add to each number's `formal` variance."""
     by_prior = jacobian @ fit.estimate.covariance / fit.problem.prior[1]
-    variance: Float[np.ndarray, " q"] = (by_prior**2).sum(axis=1)
-    return variance
+    return np.minimum((by_prior**2).sum(axis=1), np.diagonal(formal))
 
 
 def half_width_between_blocks(
