@@ -6,7 +6,7 @@ sides are one parameter beside the fit: with the rotors at :math:`(x (1 + s), y 
 estimated with its deviation, and no other shape of the frame is fitted.
 
 What it says is weighed against how people measure. Nearly all declare sides that a ruler gives
-(to a millimetre each); one in twenty is grossly wrong: x and y exchanged, a square for a rectangle,
+(to a millimetre each); one in fifty is grossly wrong: x and y exchanged, a square for a rectangle,
 another vehicle, or one side alone, with which the mean arm is wrong by as much. With these two
 explanations as the prior of s, the half-width of its posterior about what was declared goes into
 every number as it moves with s: one that flights hardly tell stays at the ruler's, one that they
@@ -47,9 +47,9 @@ FLEXIBLE: Final = 0.005
 MISTAKEN: Final = 0.25
 """Deviation of s of a frame that was not measured: exchanged sides of 1.4 to 1 are 0.33 away, a
 square 0.17."""
-MISTAKES: Final = 0.05
-"""Share of declarations that are mistaken: what an interval of 95 % leaves out, so that a mistake
-counts where the flights speak for it rather than for a ruler, and not where they tell nothing."""
+MISTAKES: Final = 0.02
+"""Share of declarations that are mistaken. Well under the 5 % that an interval leaves out: or a
+flight that tells next to nothing of the sides would decide whether it counts."""
 LACKING: Final = 0.05
 """Deviation of s by what the model lacks in all flights of a vehicle: thirteen of a 3-inch
 quadrotor agree on -0.05 +- 0.01, alone they state 0.02 to 0.1."""
@@ -58,7 +58,7 @@ COHERENT: Final = 0.6
 but a little, it lacks little."""
 REFUSED: Final = 1e-4
 """Chance that it was measured after all, below which the declaration is refused."""
-DOUBTED: Final = 0.8
+DOUBTED: Final = 0.91
 """The same, below which it is doubted: a mistake is five times as likely as before the flight. Of
 489 random worlds with right sides 2 come to that; what is less likely the intervals hold."""
 OPEN: Final = 0.5
