@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import ndimage, stats
 
 TINY: Final = 1e-300
@@ -93,7 +94,8 @@ def _of_span(
     chance = _chance(power, windows)
     looked = np.flatnonzero((frequency >= LOWEST) & (frequency <= top)).tolist()
     clear = [i for i in looked if chance[i] < CLEAR]
-    swings = [i for i in clear if _swings(own, i)]
+    own_line = own > OWN_LINE * _levels(own)
+    swings = [i for i in clear if _swings(own_line, i)]
     drawn = [i for i in clear if not any(_is_multiple(i, k) for k in swings)]
     last = int(np.searchsorted(frequency, top, "right")) - 1
     best = min(((_together(chance, i, last), i) for i in drawn), default=None)
@@ -114,7 +116,7 @@ def _share(power: Float[np.ndarray, " f"], i: int, rows: int) -> float:
 
 def _chance(power: Float[np.ndarray, " f"], windows: float) -> Float[np.ndarray, " f"]:
     """Compute the log of the chance of each line among those around it (a chi-square)."""
-    ratio = np.array([_ratio(power, i) for i in range(len(power))])
+    ratio = power / _levels(power)
     size: Float[np.ndarray, " f"] = np.log(2.0) * windows * ratio
     tail = np.array(stats.gamma.sf(size, windows), dtype=float)
     return np.log(np.maximum(tail, TINY))
@@ -130,9 +132,9 @@ def _together(chance: Float[np.ndarray, " f"], i: int, last: int) -> float:
     return count * max(each)
 
 
-def _swings(power: Float[np.ndarray, " f"], i: int) -> bool:
+def _swings(line: Bool[np.ndarray, " f"], i: int) -> bool:
     """Return whether signals themselves have a line at a rate or at half of it."""
-    return any(_ratio(power, k) > OWN_LINE for k in (i - 1, i, i + 1, i // 2, (i + 1) // 2))
+    return bool(line[[i - 1, i, i + 1, i // 2, (i + 1) // 2]].any())
 
 
 def _is_multiple(i: int, of: int) -> bool:
@@ -160,8 +162,11 @@ def _power(bend: Float[np.ndarray, " b"], rows: int) -> Float[np.ndarray, " f"]:
     return sum(spectra, np.zeros(rows // 2 + 1)) / len(firsts)
 
 
-def _ratio(power: Float[np.ndarray, " f"], i: int) -> float:
-    """Compare a line with the median of those around it."""
-    near = np.r_[power[max(i - AROUND, 1) : i - NEAR], power[i + NEAR + 1 : i + AROUND + 1]]
-    level = float(np.median(near)) if len(near) else 0.0
-    return float(power[i]) / level if level > 0.0 else 0.0
+def _levels(power: Float[np.ndarray, " f"]) -> Float[np.ndarray, " f"]:
+    """Compute the median of the lines around each, but for the nearest and the mean's."""
+    padded = np.pad(power, AROUND, constant_values=np.nan)
+    padded[AROUND] = np.nan
+    near = np.r_[0 : AROUND - NEAR, AROUND + NEAR + 1 : 2 * AROUND + 1]
+    around = sliding_window_view(padded, 2 * AROUND + 1)[:, near]
+    level: Float[np.ndarray, " f"] = np.nanmedian(around, axis=1)
+    return np.where(level > 0.0, level, np.inf)

@@ -16,6 +16,7 @@ from rotorfit.model.terms.term import (
     MY,
     MZ,
     Block,
+    Motion,
     ParameterInfo,
     Significance,
     Term,
@@ -242,6 +243,7 @@ DRAG: Final = Term(
     # To a side: a height controller that opposes gusts looks like drag along z.
     significance=Significance(parameters=DRAG_NAMES[:2], least=lambda s: s.trace_force),
 )
+TURNS: Final[tuple[tuple[str, Motion], ...]] = (("x", "roll"), ("y", "pitch"))
 TURN_DAMPING: Final = Term(
     name="turn_damping",
     words="damping of roll and pitch, in proportion to their rates",
@@ -251,11 +253,12 @@ TURN_DAMPING: Final = Term(
             "N m s",
             1,
             f"torque of the air over the rate about {axis}",
-            title=f"Damping of {words} by the air",
+            title=f"Damping of {turn} by the air",
+            motion=turn,
             relevant=lambda s: 0.3 * s.mass * s.arm**2,
             prior=lambda s: DAMPING_STD * s.mass * s.arm**2,
         )
-        for axis, words in (("x", "roll"), ("y", "pitch"))
+        for axis, turn in TURNS
     },
     owner="configuration",
     entries=turn_damping,
