@@ -80,8 +80,15 @@ def test_a_throw_counts_with_its_momentum():
 
 
 def test_a_logged_velocity_shows_the_momentum():
-    (held,) = kts(flown(thrown(), velocity=0.0), bias=UNKNOWN, velocity_std=1e-3)
+    logged = flown(thrown(), velocity=0.0)
+    (held,) = kts(logged, bias=UNKNOWN, velocity_std=1e-3)
     assert held.ratio == pytest.approx(KT, rel=2e-3)
+    by_positions = replace(logged, velocity=None, carried=logged.velocity)
+    assert kts(by_positions, bias=UNKNOWN, velocity_std=1e-3) == [held]
+    gap = by_positions.carried.copy()
+    gap[300] = np.nan  # far from any position
+    (blind,) = kts(replace(by_positions, carried=gap), bias=UNKNOWN)
+    assert [blind] == kts(flown(thrown()), bias=UNKNOWN)
 
 
 def test_a_bias_is_weighed_against_the_velocity():

@@ -16,6 +16,7 @@ from rotorfit.diagnostics.kt_from_weight import (
     open_law,
     pooled_weight,
     thrust_shares,
+    velocity_std_of,
     with_open_slope,
 )
 from rotorfit.experiment.experiment import MotorsEntry
@@ -108,6 +109,14 @@ def balance(changes, std, *, weight=(1.0, 0.01)):
         changes=Measured(value=changes, std=std),
         weight=Measured(value=weight[0], std=weight[1]),
     )
+
+
+def test_a_velocity_by_positions_is_less_sure_than_by_cameras():
+    data = made_fit.prepared(seconds=1.0).data
+    moving = np.zeros((len(data.time), 3))
+    logged, by_positions = replace(data, velocity=moving), replace(data, carried=moving)
+    assert velocity_std_of(logged, estimated=False) < velocity_std_of(by_positions, estimated=False)
+    assert velocity_std_of(by_positions, estimated=True) < velocity_std_of(logged, estimated=True)
 
 
 def test_kt_is_the_mean_by_variances():

@@ -6,11 +6,11 @@ is the slope of the straight line through the velocity: the velocity at both end
 throw, a landing) does not enter, and where it stays within :math:`\sigma_v` and forgets itself in
 :math:`\tau`, the unknown mean acceleration is as small as
 :math:`\sigma_v \sqrt{12 \cdot 2 \tau / T} / T`. What the accelerometer reads over its bias, and the
-velocity where it is logged, show that acceleration; each counts by its deviation.
+velocity where it is logged or positions are, show that acceleration; each counts by its deviation.
 
 Upwards is where the mean force points in axes that the gyro carries. What the velocity gains
 sideways leans that mean and lengthens it; over thirty seconds a flight gains little, and where the
-velocity is logged, its gain is taken off.
+velocity is known, its gain is taken off.
 
 That thrust is not always the same at one rotor speed (inflow, the ground, a wall, a battery that
 sags) the scatter of ten batches of the stretch shows (batch means).
@@ -386,8 +386,8 @@ def _vertical(
         for values in (flight.specific_force, push)
     )
     moved, gained = np.full_like(read, np.nan), np.zeros_like(read)
-    if flight.velocity is not None:
-        moved = rotated(attitude, _in_groups(axes, flight.velocity, piece))
+    if flight.any_velocity is not None:
+        moved = rotated(attitude, _in_groups(axes, flight.any_velocity, piece))
     if np.isfinite(moved).all():  # of all of a stretch, or of none
         gained = np.gradient(moved, step, axis=0)
     back = small_turns(-gyro_drift(attitude, read - gained, step))

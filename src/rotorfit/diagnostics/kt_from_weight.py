@@ -50,6 +50,8 @@ FREE_BIAS = 3.0
 """Deviation of a bias that leaves the mean thrust open [m/s^2]."""
 CAMERA_VELOCITY = 0.05
 """Deviation of a velocity by motion capture [m/s]."""
+CARRIED_VELOCITY = 0.1
+"""The same of one by rare positions, with the accelerometer between them [m/s]: 3 cm over .3 s."""
 CAMERA_BIAS = Measured(value=0.0, std=0.01)
 """Bias of an acceleration by motion capture, over seconds [m/s^2]."""
 HELD_TO = 1e-4
@@ -226,8 +228,19 @@ def kt_from_weight(
 
 def bias_and_velocity_std(flight: LoadedFlight, source: Source) -> tuple[Measured, float]:
     """Return the bias of a flight's vertical acceleration [m/s^2] and what its velocity is off."""
-    bias = bias_at_rest(flight.prepared.data) if source == "imu" else CAMERA_BIAS
-    return bias, ERROR if is_estimate(flight.log.format) else CAMERA_VELOCITY
+    data = flight.prepared.data
+    bias = bias_at_rest(data) if source == "imu" else CAMERA_BIAS
+    return bias, velocity_std_of(data, estimated=is_estimate(flight.log.format))
+
+
+def velocity_std_of(data: FlightData, *, estimated: bool) -> float:
+    """Return the deviation of `FlightData.any_velocity` [m/s].
+
+    `estimated`: where the log's velocity is the autopilot's estimate.
+    """
+    if data.velocity is None:
+        return CARRIED_VELOCITY
+    return ERROR if estimated else CAMERA_VELOCITY
 
 
 def thrust_shares(numbers: Numbers, vehicle: Vehicle) -> ThrustShares | None:

@@ -14,6 +14,7 @@ from rotorfit.diagnostics.kt_from_weight import (
     Balance,
     bias_at_rest,
     pooled_weight,
+    velocity_std_of,
 )
 from rotorfit.diagnostics.motors.law_from_flight import (
     FoundLaw,
@@ -27,7 +28,6 @@ from rotorfit.diagnostics.sensors.log_settings import (
     log_with_speed,
     slow_words,
 )
-from rotorfit.diagnostics.sensors.sensor_faults import ERROR
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.law_table import LawEntry
 from rotorfit.fit.intervals.excitation import enough_by_weight, mean_ratios, pilots_rows
@@ -400,7 +400,7 @@ def kt_by_weight(data: FlightData, vehicle: Vehicle) -> Measured | None:
         vehicle,
         mass=1.0,
         bias=bias_at_rest(data),
-        velocity_std=ERROR,
+        velocity_std=velocity_std_of(data, estimated=True),
     )
     return pooled_weight(list(held))
 

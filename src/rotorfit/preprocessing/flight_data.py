@@ -122,6 +122,11 @@ class FlightData:
         return np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
 
     @property
+    def any_velocity(self) -> Float[np.ndarray, "n 3"] | None:
+        """The velocity [m/s], else that by positions; None where the log has neither."""
+        return self.carried if self.velocity is None else self.velocity
+
+    @property
     def samples_used(self) -> int:
         """Number of samples in all segments."""
         return sum(len(segment) for segment in self.segments)
