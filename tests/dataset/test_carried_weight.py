@@ -91,16 +91,17 @@ def test_a_logged_velocity_shows_the_momentum():
     assert [blind] == kts(flown(thrown()), bias=UNKNOWN)
 
 
-def test_a_bias_is_weighed_against_the_velocity():
-    """Where each leaves as much open, half of what is read is acceleration."""
+@pytest.mark.parametrize(("read", "std"), [(0.05, 0.05 / np.sqrt(2.0)), (0.2, 0.1)])
+def test_a_bias_is_weighed_against_the_velocity(read, std):
+    """Where each leaves as much open, half of what is read is acceleration; or all is open."""
     step = 0.01
     motion = VerticalMotion(
-        step=step, read=np.full(1000, G + 0.2), push=np.full(1000, 1.0), velocity=np.zeros(1000)
+        step=step, read=np.full(1000, G + read), push=np.full(1000, 1.0), velocity=np.zeros(1000)
     )
     slope = np.sqrt(12.0 * 2.0 / 10.0) / 10.0
     found = vertical_acceleration(motion, Measured(value=0.0, std=0.05), 0.05 / slope)
-    assert found.value == pytest.approx(0.1)
-    assert found.std == pytest.approx(0.05 / np.sqrt(2.0))
+    assert found.value == pytest.approx(0.5 * read)
+    assert found.std == pytest.approx(std)
 
 
 def leaning(seconds=20.0, lean=0.05):

@@ -6,7 +6,8 @@ is the slope of the straight line through the velocity: the velocity at both end
 throw, a landing) does not enter, and where it stays within :math:`\sigma_v` and forgets itself in
 :math:`\tau`, the unknown mean acceleration is as small as
 :math:`\sigma_v \sqrt{12 \cdot 2 \tau / T} / T`. What the accelerometer reads over its bias, and the
-velocity where it is logged or positions are, show that acceleration; each counts by its deviation.
+velocity where it is logged or positions are, show that acceleration; each counts by its deviation,
+and where they contradict each other more is open.
 
 Upwards is where the mean force points in axes that the gyro carries. What the velocity gains
 sideways leans that mean and lengthens it; over thirty seconds a flight gains little, and where the
@@ -200,6 +201,17 @@ class Measured:
         value = (own * self.value + theirs * other.value) / (own + theirs)
         return Measured(value=value, std=(own + theirs) ** -0.5)
 
+    def reconciled_with(self, other: "Measured") -> "Measured":
+        """Combine two, of which one may be wrong: their difference scales the deviation.
+
+        References
+        ----------
+        Birge, Phys. Rev. 40, 1932.
+        """
+        both = self.with_other(other)
+        off = abs(self.value - other.value) / float(np.hypot(self.std, other.std))
+        return Measured(value=both.value, std=both.std * max(off, 1.0))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerticalMotion:
@@ -278,7 +290,7 @@ def vertical_acceleration(motion: VerticalMotion, bias: Measured, velocity_std: 
     if motion.velocity is not None:
         slope = np.gradient(motion.velocity, motion.step)
         known = Measured(value=float(weights @ slope), std=velocity_std * unsure)
-    return known.with_other(read)
+    return known.reconciled_with(read)
 
 
 def _felt_velocity(motion: VerticalMotion) -> Float[np.ndarray, " n"]:

@@ -102,9 +102,7 @@ class Balance:
         """The weighted mean of both; its deviation grows with their difference."""
         if self.changes is None:
             return self.weight
-        mean = self.weight.with_other(self.changes)
-        unlikely = (self.changes.value - mean.value) ** 2 / (self.changes.std**2 - mean.std**2)
-        return replace(mean, std=mean.std * max(unlikely, 1.0) ** 0.5)
+        return self.weight.reconciled_with(self.changes)
 
 
 def weigh_thrust(fit: Fit) -> Fit:

@@ -281,9 +281,7 @@ def voltage_exponent(found: tuple[float, float] | None) -> Measured:
     if found is None:
         return USUAL_EXPONENT
     own = Measured(value=found[0], std=found[1] / 1.96)
-    both = USUAL_EXPONENT.with_other(own)
-    off = abs(own.value - USUAL_EXPONENT.value) / float(np.hypot(own.std, USUAL_EXPONENT.std))
-    return replace(both, std=both.std * max(off, 1.0))
+    return USUAL_EXPONENT.reconciled_with(own)
 
 
 def charge_std(factors: Vector, exponent: float = USUAL_EXPONENT.value) -> float:
