@@ -104,6 +104,23 @@ def test_a_bias_is_weighed_against_the_velocity(read, std):
     assert found.std == pytest.approx(std)
 
 
+def test_the_bias_at_rest_is_no_acceleration():
+    motion = VerticalMotion(
+        step=0.01, read=np.full(1000, G + 0.2), push=np.full(1000, 1.0), velocity=None
+    )
+    found = vertical_acceleration(motion, Measured(value=0.2, std=0.05), 0.3)
+    assert found.value == pytest.approx(0.0, abs=1e-12)
+
+
+def test_drag_that_goes_with_the_velocity_is_no_scatter():
+    velocity = np.sin(np.arange(2000) / 300.0)
+    push = 1.0 + 0.1 * np.sin(np.arange(2000) / 170.0)
+    read = G * push - 0.3 * velocity
+    _, std = climb_drag(VerticalMotion(step=0.01, read=read, push=push, velocity=velocity))
+    scatter = np.std([part.mean() for part in np.array_split(0.3 * velocity, 10)]) / np.sqrt(10.0)
+    assert std < 0.2 * scatter
+
+
 def leaning(seconds=20.0, lean=0.05):
     """Speed up for half of the time, leaning forward, and brake for the other; height is held."""
     t = np.arange(round(100 * seconds)) / 100.0
