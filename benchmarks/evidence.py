@@ -55,13 +55,23 @@ BENCH = (
 
 Shown is each times the bench's other number.
 """
-SLOPE: Final = (0.187 + 2 * 0.323 * 0.662) / (2 * (0.187 + 0.323 * 0.662))
-"""How much less thrust grows with the command in hover (0.662) than its square, by the stand: the
-authors' fits take the square, and inertia goes with that slope."""
+STAND: Final = (0.187, 0.323)
+"""The Crazyflie's thrust on a stand: of four rotors, times command and squared command [N]."""
+
+
+def power_of_stand(command: float = 0.662) -> float:
+    """Return the power of a command with which the stand's thrust grows: 0.662 hovers."""
+    linear, square = STAND
+    return (linear + 2 * square * command) / (linear + square * command)
+
+
+SLOPE: Final = power_of_stand() / 2
+"""How much less thrust grows with the command in hover than its square: the authors' fits take the
+square, and inertia goes with that slope."""
 LEVERS: Final = 0.0325 / 0.028
 """The maker's over the authors', with which the lower numbers of theirs are."""
 CRAZYFLIE: Mapping[str, Span] = {
-    "kt": (0.1275, 0.1275),  # (0.187 + 0.323) / 4 N at full command
+    "kt": (sum(STAND) / 4, sum(STAND) / 4),  # at full command
     "motor_lag": (0.070, 0.090),
     "Ixx_com": (1.6e-5 * LEVERS * SLOPE, 2.0e-5 * SLOPE),
     "Iyy_com": (1.65e-5 * LEVERS * SLOPE, 2.05e-5 * SLOPE),

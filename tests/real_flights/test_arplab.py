@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from benchmarks.evidence import SLOPE, STAND, power_of_stand
 
 from rotorfit.logs import read_log
 from rotorfit.model.vehicle import Rotor, Vehicle
@@ -9,8 +10,6 @@ from rotorfit.preprocessing.motors.motor_model import first_order_lag
 
 pytestmark = pytest.mark.flights
 
-STAND = (0.187, 0.323)
-"""Thrust of four rotors on a stand, times command and squared command [N]."""
 LEVER = 0.028
 """As the authors take it, beside whose numbers these stand; elsewhere it is the maker's drawing's
 0.0325 m (arm 0.046 m, as in `docs/howto/crazyflie.md`)."""
@@ -93,11 +92,10 @@ def test_thrust_carries_the_weight_and_agrees_with_the_stand(result):
 
 def test_inertia_is_that_of_its_authors_with_the_stands_slope(result):
     """Theirs is with thrust in proportion to the squared command, which grows faster in hover."""
-    less = power_of_stand() / 2
     for name, theirs in (("Ixx_com", 1.6e-5), ("Iyy_com", 1.65e-5)):
         found = result.derived_value(name)
-        assert found.interval[0] < less * theirs < found.interval[1]
-        assert found.value == pytest.approx(less * theirs, rel=0.12)
+        assert found.interval[0] < SLOPE * theirs < found.interval[1]
+        assert found.value == pytest.approx(SLOPE * theirs, rel=0.12)
 
 
 def test_the_power_of_the_law_is_that_of_the_stand(result):
@@ -106,12 +104,6 @@ def test_the_power_of_the_law_is_that_of_the_stand(result):
     assert 2 * low < power_of_stand() < 2 * high
     assert high - low < 0.2
     assert "give law under [motors]" in law.sentence
-
-
-def power_of_stand(p=0.662):
-    """Return the power of the command that the stand's thrust grows with at the command p."""
-    linear, square = STAND
-    return (linear + 2 * square * p) / (linear + square * p)
 
 
 def test_yaw_that_was_not_flown_is_refused(result):

@@ -88,12 +88,14 @@ def _of_span(
     frequency = np.fft.rfftfreq(rows, 1.0 / sample_rate)
     top = min(HIGHEST, 0.25 * sample_rate, 0.5 / span)
     bend /= np.maximum(ndimage.uniform_filter1d(bend, round(LEVEL * sample_rate)), 1e-9)
-    own = sum((_power(column, rows) for column in values.T), np.zeros(rows // 2 + 1))
     windows = 1.0 + OVERLAP * ((len(bend) - rows) // max(rows // 2, 1))
     power = _power(bend, rows)
     chance = _chance(power, windows)
     looked = np.flatnonzero((frequency >= LOWEST) & (frequency <= top)).tolist()
     clear = [i for i in looked if chance[i] < CLEAR]
+    if not clear:
+        return None
+    own = sum((_power(column, rows) for column in values.T), np.zeros(rows // 2 + 1))
     own_line = own > OWN_LINE * _levels(own)
     swings = [i for i in clear if _swings(own_line, i)]
     drawn = [i for i in clear if not any(_is_multiple(i, k) for k in swings)]
