@@ -41,6 +41,7 @@ from rotorfit.estimation.banded_problem import power_of, signal_power, solutions
 from rotorfit.estimation.damped_steps import damped_step, extrapolated, reduced_damping
 from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import borrowed_rows
+from rotorfit.estimation.fixed_point import FixedPointRounds
 from rotorfit.estimation.reweighted import scatter_covariance
 
 MOST_ITERATIONS = 400
@@ -50,8 +51,12 @@ LEAST_WIN = 0.02
 """Least gain of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the
 iteration is at the bottom or goes round it; a parameter is known to a tenth of its deviation."""
 PATIENCE = 15
+SHORTER = 0.7
+"""Share to which `PATIENCE` steps at least shorten the shortest one where the iteration settles."""
 FEW_STEPS = 12
 """Steps after which crawling ones are extrapolated."""
+LITTLE_DAMPING = 1e-3
+"""Damping under which a step is of the reweighted fit, whose fixed point can be extrapolated."""
 LARGEST_DAMPING = 1e9
 """Where the iteration ends, too: a step along the slope of which next to nothing is left."""
 MOST_NOISE = 0.7
@@ -124,28 +129,36 @@ def banded(
         return _finished(problem, *_settled_with_noise(problem, state, close))
     damping, rise, costs = 1e-3, 2.0, [state.cost]
     path: tuple[Float[np.ndarray, " f"], ...] = ()
+    rounds = FixedPointRounds()
     for iteration in range(1, MOST_ITERATIONS + 1):
         equations = corrected_equations(problem, state)
         damped = damped_step(
             root_of(problem, state, equations.information), equations.score, damping
         )
-        trial = evaluated_or_none(problem, state.phi + damped.step)
-        # With the variances of the last point: where these squares fall, the likelihood rises,
-        # for log x <= x - 1; and blocks that borrow their variance cannot hold up the last steps.
-        before = state.over(state.variance)
-        won = -np.inf if trial is None else before - trial.over(state.variance)
-        if trial is not None and won >= 0.0:
-            state, rise = trial, 2.0
-            damping = reduced_damping(damping, won, damped.predicted_gain)
+        size = float(np.abs(damped.step / damped.std).max())
+        trial, leap = None, rounds.leap(state.phi, damped.step, damped.std)
+        if leap is not None and damping < LITTLE_DAMPING:
+            trial = evaluated_or_none(problem, state.phi + leap)
+        if trial is not None:
+            state = trial
         else:
-            damping, rise = damping * rise, rise * 2.0
-        small = bool(np.all(np.abs(damped.step) <= close * damped.std))
+            trial = evaluated_or_none(problem, state.phi + damped.step)
+            # With the variances of the last point: where these squares fall, the likelihood rises,
+            # for log x <= x - 1; and blocks that borrow their variance cannot hold up the last
+            # steps.
+            before = state.over(state.variance)
+            won = -np.inf if trial is None else before - trial.over(state.variance)
+            if trial is not None and won >= 0.0:
+                state, rise = trial, 2.0
+                damping = reduced_damping(damping, won, damped.predicted_gain)
+            else:
+                damping, rise = damping * rise, rise * 2.0
         costs.append(state.cost)
-        if len(costs) > FEW_STEPS and iteration % 3 == 0:
+        if len(costs) > FEW_STEPS and iteration % 3 == 0 and leap is None:
             state = _leapt(problem, state, path, damped.std)
         path = (*path[-1:], state.phi)
         stalled = iteration > 2 * PATIENCE and min(costs[:-PATIENCE]) - min(costs) < LEAST_WIN
-        if small or stalled or damping > LARGEST_DAMPING:
+        if size <= close or stalled or damping > LARGEST_DAMPING:
             return _finished(problem, state, iteration)
     raise UnsettledError(
         f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
@@ -183,10 +196,12 @@ def _settled_with_noise(
     than a noisy one: calm flights beside a lively one would win. So every step must lower the
     squares over the variances of the last point, without the regressors' share.
     """
+    sizes: list[float] = []
     for iteration in range(1, MOST_ITERATIONS + 1):
         equations = corrected_equations(problem, state)
         step = _corrected_step(equations.information, equations.noise_information, equations.score)
-        if float(np.max(np.abs(step) * np.sqrt(np.diagonal(equations.information)))) <= close:
+        sizes.append(float(np.max(np.abs(step) * np.sqrt(np.diagonal(equations.information)))))
+        if sizes[-1] <= close or _goes_round(sizes):
             return state, iteration
         before = state.over(state.variance)
         for fraction in STEP_FRACTIONS:
@@ -197,6 +212,13 @@ def _settled_with_noise(
         else:
             return state, iteration  # no step lowers them: this is the bottom
     return state, MOST_ITERATIONS
+
+
+def _goes_round(sizes: Sequence[float]) -> bool:
+    """Return whether the steps have become no shorter for long: where hardly anything moves."""
+    if len(sizes) <= 2 * PATIENCE:
+        return False
+    return min(sizes[-PATIENCE:]) > SHORTER * min(sizes[:-PATIENCE])
 
 
 def _corrected_step(

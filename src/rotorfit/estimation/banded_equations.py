@@ -32,9 +32,10 @@ from rotorfit.estimation.feedback import Feedback
 MOST_RESPONSE: Final = 10.0
 """Gain of log-likelihood by the autopilot's response for each row: of flights it is below zero, and
 linear in the parameters, so that far off it would win without end."""
-SMALLEST_PIVOT: Final = 1e-4
-"""Of the column-scaled information, under which its rounding (1e-16 / pivot^2) would show: it is
-made of the rows themselves there. What only a prior determines would drown beside exact flights."""
+SMALLEST_PIVOT: Final = 1e-5
+"""Smallest pivot of the column-scaled information for which its factor is used: its rounding
+(1e-16 / pivot^2) is a millionth of a deviation. Below, the factor is made of the rows themselves:
+what only a prior determines would drown beside exact flights."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
