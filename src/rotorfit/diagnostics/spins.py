@@ -30,7 +30,12 @@ from jaxtyping import Bool, Float
 
 from rotorfit.dataset.declared_rotors import check_flight
 from rotorfit.diagnostics.coupling import without_coupling
-from rotorfit.diagnostics.yaw_residuals import Pattern, smaller_yaw_residuals, with_spins
+from rotorfit.diagnostics.yaw_residuals import (
+    Pattern,
+    plausible_patterns,
+    smaller_yaw_residuals,
+    with_spins,
+)
 from rotorfit.errors import EstimationError, FrameError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.findings import Evidence, Finding, doubt
@@ -71,6 +76,8 @@ FEW: Final = 4
 CERTAIN: Final = 2.0
 """Half-widths by which J_r must be below zero: it may be about zero, and follows the timing."""
 REVERSED: Final = "reverse all spins (props out instead of in, or in instead of out)"
+MOST_OF_A_GAIN: Final = 1.5
+"""Largest share of a gain of log-likelihood that counts, of at least two effective blocks."""
 ROUNDS: Final = 10
 """Rounds of the search for the mean drag torque of a pattern."""
 
@@ -183,24 +190,28 @@ def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Patt
     as_declared = _fitted_with(fit, declared) if suspects else None
     if as_declared is None:
         return None
-    judged: list[Judged] = []
+    likelier: list[tuple[float, Pattern, SpinFit]] = []
     for pattern in suspects:
         found = _fitted_with(fit, pattern)
         if found is None:
             continue
-        estimate, again = found
-        gain = min(gained(fit.estimate, estimate), gained(as_declared[0], estimate))
-        judged.append((gain, pattern, again))
-    holding = [one for one in judged if one[2].speaks_for(declared, one[1])]
-    if not holding:
-        return None
-    best = max(holding, key=lambda one: one[0])
-    twins = [
-        pattern
-        for gain, pattern, _ in judged
-        if gain > best[0] - SUSPECTED and pattern.sum() == best[1].sum() and pattern is not best[1]
-    ]
-    return best, twins
+        gain = min(
+            gained(fit.estimate, found.estimate), gained(as_declared.estimate, found.estimate)
+        )
+        if MOST_OF_A_GAIN * gain > SUSPECTED:  # less can decide nothing: no drags are needed
+            likelier.append((gain, pattern, found))
+    for gain, pattern, found in sorted(likelier, key=lambda one: -one[0]):
+        drags = _drags_or_none(found.estimate, found.configurations)
+        if drags is not None and drags.speaks_for(declared, pattern):
+            twins = [
+                other
+                for least, other, _ in likelier
+                if least > gain - SUSPECTED
+                and other.sum() == pattern.sum()
+                and other is not pattern
+            ]
+            return (gain, pattern, drags), twins
+    return None
 
 
 def rotor_drags(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> RotorDrags:
@@ -260,17 +271,27 @@ def _suspects(fit: Fit, drags: RotorDrags | None) -> list[Pattern]:
     one of one or two rotors where the declared spins do not hold.
     """
     vehicle = fit.dataset.vehicle
-    suspects, others = smaller_yaw_residuals(vehicle, fit.dataset.yaw_bands())[::-1], []
+    bands = fit.dataset.yaw_bands()
+    suspects, others = smaller_yaw_residuals(vehicle, bands)[::-1], []
     if drags is not None:
         others = sorted(other_patterns(len(vehicle.rotors)), key=drags.against)
         declared = np.ones(len(vehicle.rotors))
         if drags.holds(declared):
             least = drags.against(declared) + SUSPECTED
             others = [p for p in others[:FEW] if drags.against(p) < least]
+        others = plausible_patterns(vehicle, bands, others)
     return list({tuple(pattern.tolist()): pattern for pattern in (*suspects, *others)}.values())
 
 
-def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags] | None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpinFit:
+    """A fit of the flights with other spins."""
+
+    estimate: BandedEstimate
+    configurations: Sequence[JointConfiguration]
+
+
+def _fitted_with(fit: Fit, pattern: Pattern) -> SpinFit | None:
     """Fit the flights with other spins; None where that comes to no end."""
     dataset = fit.dataset
     vehicle = with_spins(dataset.vehicle, pattern)
@@ -281,11 +302,10 @@ def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags
     try:
         guess = fit.estimate.estimate.by_name  # near, but for yaw: half the steps of row fits
         estimate, joint = joint_fit(other, terms=fit.terms, known=fit.known, guess=guess)
-        drags = rotor_drags(estimate, joint)
     except EstimationError:
         return None
     sound = (pattern > 0.0).all() or _yaw_is_flown(estimate, joint)
-    return (estimate, drags) if sound else None
+    return SpinFit(estimate=estimate, configurations=joint) if sound else None
 
 
 def _yaw_is_flown(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> bool:

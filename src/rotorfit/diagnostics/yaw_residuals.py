@@ -18,6 +18,9 @@ from rotorfit.reduction.frequency_bands import EDGES, excited_bands
 
 WORTH: Final = 0.05
 """Log of how many times less of yaw other spins must leave by themselves to be looked at."""
+HOPELESS: Final = 0.7
+"""Log of how many times more of yaw spins may leave by themselves to be fitted at all: what the yaw
+row alone lacks (products of inertia, trims) does not double its residual."""
 PASSES: Final = 4
 """Passes of the reweighting by bands."""
 _TINY: Final = float(np.finfo(float).tiny)
@@ -79,6 +82,25 @@ def smaller_yaw_residuals(declared: Vehicle, bands: Sequence[Factors]) -> list[P
     if _gain(plain, _fits(with_spins(declared, -ones), bands), by_drag=True) > WORTH:
         suspects.append(-ones)
     return suspects
+
+
+def plausible_patterns(
+    declared: Vehicle, bands: Sequence[Factors], patterns: Sequence[Pattern]
+) -> list[Pattern]:
+    """Keep the spins with which the residual of yaw by itself is not far larger than as declared.
+
+    None where nobody yaws: the residual is the same with all.
+    """
+    plain = _fits(declared, bands)
+    kept: list[Pattern] = []
+    for pattern in patterns:
+        other = _fits(with_spins(declared, pattern), bands)
+        excited = any(
+            (one.excited | two.excited).any() for one, two in zip(plain, other, strict=True)
+        )
+        if excited and _gain(plain, other) > -HOPELESS:
+            kept.append(pattern)
+    return kept
 
 
 def _flip(rotors: int, which: int) -> Pattern:
