@@ -78,6 +78,22 @@ def refuse_wrong_speeds(flights: Sequence[LoadedFlight], vehicle: Vehicle) -> No
             raise FlightError(f"{Path(flight.entry.file).name}: {words}{remedy}")
 
 
+def refuse_short_flights(name: str, flights: Sequence[LoadedFlight]) -> None:
+    """Raise where all flights of a configuration together are too short to show what is flown."""
+    seconds = sum(_used_seconds(flight) for flight in flights)
+    if flights and seconds < LEAST_SECONDS:
+        raise FlightError(
+            f"{name}: {seconds:.1f} s of flight are too short to identify anything, which needs "
+            f"{LEAST_SECONDS:.0f} s at least, and 20 s of quick rolls and nods (pitching forward "
+            "and back) for good numbers: fly longer, or give a wider --start and --end"
+        ).about(kind="flight-too-short")
+
+
+def _used_seconds(flight: LoadedFlight) -> float:
+    prepared = flight.prepared
+    return sum(len(phase) for phase in prepared.phases) / prepared.data.sample_rate
+
+
 def _is_wrong(rotor: RotorTelemetry, vehicle: Vehicle) -> bool:
     if rotor.state != "unlike":
         return rotor.state in REFUSED
@@ -89,6 +105,9 @@ Method = Literal["banded", "ols", "tls"]
 Progress = Callable[[str], None]
 
 
+LEAST_SECONDS: Final = 2.0
+"""Shortest flight that is fitted [s]: six lines in the band in which a pilot moves the vehicle
+(up to 3 Hz). Of half a second nothing but the weight could be fitted."""
 UNRESPONSIVE: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
 """States of a measured speed from which no law can be learnt."""
 
@@ -155,6 +174,8 @@ def _load(
             refuse_gyro_in_degrees(
                 {Path(f.entry.file).name: f.prepared.data}, takes_columns=f.log.takes_columns
             )
+    if resolved_method(experiment) == "banded":
+        refuse_short_flights(entry.name, flights)
     motors = agreed_motors(experiment.motors, flights)
     if motors.speed == "measured":
         refuse_wrong_speeds(flights, vehicle)
