@@ -133,17 +133,6 @@ def counted_flights():
     return made_fit.as_kind(CountedFlights, made_fit.dataset(moving(2)))
 
 
-def test_additional_times_are_freed_without_new_signals():
-    whole = counted_flights().at(AT, BOTH, additional=("motor_skew",))
-    freed = whole.freed()
-    assert freed.free_timing == FreeTiming(at=AT, names=(*BOTH, "motor_skew"))
-    assert freed.timed_bands[0].slopes.shape[1] == 3
-    assert whole.made == [AT] and whole.timed_bands[0].slopes.shape[1] == 2
-    plain = prepared_bands(moving(2), made_fit.QUAD, AT, free=FreeTiming(at=AT, names=BOTH))
-    found = whole.timed_bands[0]
-    np.testing.assert_allclose(found.gram, plain.gram, atol=1e-12 * plain.gram.max())
-
-
 def test_bands_of_the_timing_serve_the_same_flights_alone():
     whole = counted_flights().at(AT, BOTH)
     timing = MotorTiming(response=ELSEWHERE, total_std=1e-3, free=BOTH, bands=whole.found_with())

@@ -91,14 +91,6 @@ class Factors:
             slopes=None if self.slopes is None else self.slopes[own],
         )
 
-    def first_slopes(self, count: int) -> "Factors":
-        """Keep the first slopes alone."""
-        assert self.slopes is not None
-        slopes = self.slopes[:, :count]
-        rows = np.flatnonzero(slopes.any(axis=(0, 1, 3)))
-        last = max(self.R.shape[1], int(rows.max(initial=-1)) + 1)
-        return replace(self, slopes=slopes[:, :, :last])
-
     @cached_property
     def columns(self) -> Float[np.ndarray, "b m a"]:
         """The rows of every block: its signals, then the slopes of those that move."""

@@ -118,7 +118,7 @@ def fit_flights(
 
     choice, estimate = chosen(wanted, estimate, joint, refit=refit, present=present)
     if set(choice.terms) - set(present):
-        dataset = timed_again(dataset, choice.terms)
+        dataset = timed_again(dataset, choice.terms, begin=estimate.estimate.by_name)
         # The signals are made anew at that timing: where it stood before is no place to begin.
         free, ended = dataset.free_timing, estimate.estimate.by_name
         begin = ended if free is None else free.without_times(ended)

@@ -75,7 +75,8 @@ def correct_imu_tilt(
         return experiment, dataset, leans
     dataset = tilt_corrected_flights(dataset, tilt).reduced()
     if dataset.motor_timing is not None:
-        dataset = replace(dataset, motor_timing=find_timing(dataset))
+        near = dataset.motor_timing
+        dataset = replace(dataset, motor_timing=find_timing(dataset, near=near))
     found = doubt("imu-tilt", mounting_sentence(tilt), evidence=lean)
     return with_imu_tilt(experiment, tilt), dataset, (found,)
 

@@ -131,18 +131,35 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
 
 
 def _with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
-    """Fit with the law that the flight shows, until a fit shows the law it is made with."""
-    dataset, law, fits = fit.dataset, find_law(fit), 0
+    """Fit with the law that the flight shows, until a fit shows the law it is made with.
+
+    Laws are tried with the terms and the rows' noise levels of the first fit, which hardly depend
+    on the law; both are found again with the law at the end.
+    """
+    law, fits = find_law(fit), 0
     if law is None:
         return fit
+    dataset, terms = fit.dataset, fit.terms
     while not law.settled and fits < MOST_LAWS:
-        timed = time_motors(with_found_law(dataset, law), lag=True, report=_silent)
-        fit = _fitted(timed, wanted)
-        law, fits = find_again(law, fit), fits + 1
+        tried, near = law, fit.dataset.motor_timing
+        timed = time_motors(
+            with_found_law(dataset, tried), lag=True, report=_silent, near=near, terms=terms
+        )
+        fit, fits = fit_flights(timed, terms), fits + 1
+        law = find_again(tried, fit)
+        if law.settled or fits == MOST_LAWS:
+            fit = _with_chosen_terms(fit, wanted)
+            law, terms = find_again(tried, fit), fit.terms
     law = law.fitted
     found = dataclasses.replace(with_law(fit.dataset, law.entry), law_found=law.from_flight)
     fit = dataclasses.replace(fit, dataset=found)
     return fit.found(law.finding) if law.from_flight else fit
+
+
+def _with_chosen_terms(fit: Fit, wanted: Sequence[str] | None) -> Fit:
+    """Choose terms and noise levels again at the timing and with the law of a fit."""
+    levelled = fit_by_noise(fit, wanted)
+    return fit_flights(fit.dataset, wanted) if levelled is fit else levelled
 
 
 def _fitted(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:

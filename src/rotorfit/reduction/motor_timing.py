@@ -99,7 +99,6 @@ class MotorTiming:
     - `total_std`: standard deviation of lag plus delay [s].
     - `free`: which times a fit finds again together with everything else (`FreeTiming.names`): the
       identifiable ones.
-    - `additional`: times by which the signals' slopes are made, too: one may be set free later.
     - `reached`: where the other parameters of its fit ended: the next one begins there.
     - `bands`: what that fit was made to.
     """
@@ -109,7 +108,6 @@ class MotorTiming:
     lag_std: float | None = None
     delay_std: float | None = None
     free: tuple[str, ...] = ()
-    additional: tuple[str, ...] = ()
     reached: Mapping[str, float] | None = None
     bands: TimedBands | None = field(default=None, repr=False, compare=False)
 

@@ -72,27 +72,9 @@ class TimedDataset(Dataset):
     def _made_of(self) -> tuple[object, ...]:
         return self.vehicle, self.configurations, self.model.layout
 
-    def at(
-        self,
-        response: MotorResponse,
-        free: tuple[str, ...] = (),
-        *,
-        additional: tuple[str, ...] = (),
-    ) -> "TimedDataset":
-        """Set the timing of the motors, and which of its times a fit may move.
-
-        With `additional`, what it may move after a call of `freed`.
-        """
-        timing = MotorTiming(response=response, total_std=0.0, free=free, additional=additional)
-        return dataclasses.replace(self, motor_timing=timing)
-
-    def freed(self) -> "TimedDataset":
-        """Free the additional motor times; the cached factors are reused."""
-        found, free = self.motor_timing, self.free_timing
-        assert found is not None and free is not None
-        bands = TimedBands(at=free.at, inputs=self._made_of, factors=self._every_slope)
-        names = (*found.free, *found.additional)
-        timing = dataclasses.replace(found, free=names, additional=(), bands=bands)
+    def at(self, response: MotorResponse, free: tuple[str, ...] = ()) -> "TimedDataset":
+        """Set the timing of the motors, and which of its times a fit may move."""
+        timing = MotorTiming(response=response, total_std=0.0, free=free)
         return dataclasses.replace(self, motor_timing=timing)
 
     def reduced(self) -> "TimedDataset":
@@ -135,20 +117,8 @@ class TimedDataset(Dataset):
     @cached_property
     def timed_bands(self) -> tuple[Factors, ...]:
         """The band factors at the estimated timing, with their slopes by the free times."""
-        bands, found = self._timed_already, self.motor_timing
-        if bands is not None:
-            return bands.factors
-        if found is None or not found.additional:
-            return self.bands(self.timing, free=self.free_timing)
-        return tuple(one.first_slopes(len(found.free)) for one in self._every_slope)
-
-    @cached_property
-    def _every_slope(self) -> tuple[Factors, ...]:
-        """The band factors with the slopes by the additional times."""
-        found, free = self.motor_timing, self.free_timing
-        assert found is not None and free is not None
-        names = (*found.free, *found.additional)
-        return self.bands(free.at, free=dataclasses.replace(free, names=names))
+        bands = self._timed_already
+        return self.bands(self.timing, free=self.free_timing) if bands is None else bands.factors
 
     def found_with(self) -> TimedBands:
         """Return the timed bands for other fits of the same flights."""

@@ -23,6 +23,7 @@ from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.fit.timing.timing_rounds import TimingRound, accelerated_move, timing_round
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
 from rotorfit.model.terms.registry import DEFAULT, DEFAULT_TERMS
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
@@ -76,47 +77,75 @@ in ArduPilot's simulator (11 ms at 20 Hz, motors without lag) give a lag of 5.1 
 FEWEST_TERMS: Final = tuple(term.name for term in DEFAULT if term.dropped is None)
 
 
-def time_motors(dataset: TimedDataset, *, lag: bool, report: Callable[[str], None]) -> TimedDataset:
-    """Find lag and delay of the motors, where they are unknown; without `lag` the delay alone."""
+def time_motors(
+    dataset: TimedDataset,
+    *,
+    lag: bool,
+    report: Callable[[str], None],
+    near: MotorTiming | None = None,
+    terms: Sequence[str] = DEFAULT_TERMS,
+) -> TimedDataset:
+    """Find lag and delay of the motors, where they are unknown; without `lag` the delay alone.
+
+    `near`, `terms`: see `find_timing`.
+    """
     if not dataset.unknown_times:
         return dataset
     report("timing the motors against the motion")
-    return replace(dataset, motor_timing=find_timing(dataset, lag=lag))
+    return replace(dataset, motor_timing=find_timing(dataset, lag=lag, near=near, terms=terms))
 
 
-def find_timing(dataset: TimedDataset, *, lag: bool = True) -> MotorTiming | None:
+def find_timing(
+    dataset: TimedDataset,
+    *,
+    lag: bool = True,
+    near: MotorTiming | None = None,
+    terms: Sequence[str] = DEFAULT_TERMS,
+) -> MotorTiming | None:
     """Estimate the timing; None where the flights do not determine it.
 
     `dataset`: all flights. `lag`: look for the motors' lag, too, where it is unknown; else all
-    lateness is delay.
+    lateness is delay. `near`: a timing of the same flights with another law or other axes, from
+    which the search begins in place of a coarse one. `terms`: optional terms of the model.
     """
     unknown = tuple(name for name in dataset.unknown_times if lag or name != "lag")
+    names = tuple(f"motor_{name}" for name in unknown)
+    if near is not None and set(names) <= set(near.free):
+        with suppress(EstimationError):
+            found = fitted_timing(dataset, near.response, near.free, tuple(terms))
+            if found is not None:
+                return found
     start = coarse_timing(dataset, unknown) if unknown else None
     if start is None:
         return None
-    names = tuple(f"motor_{name}" for name in unknown)
-    for terms in (DEFAULT_TERMS, FEWEST_TERMS):
+    for tried in (tuple(terms), FEWEST_TERMS):
         with suppress(UnsettledError):
-            return fitted_timing(dataset, start, names, terms)
+            return fitted_timing(dataset, start, names, tried)
     # Neither settles: the flights do not show the lag, and without one they would be fitted wrong.
     return (
         unidentifiable_timing(dataset, delay_free="delay" in unknown) if "lag" in unknown else None
     )
 
 
-def timed_again(dataset: TimedDataset, terms: Sequence[str]) -> TimedDataset:
+def timed_again(
+    dataset: TimedDataset, terms: Sequence[str], *, begin: Mapping[str, float] | None = None
+) -> TimedDataset:
     """Estimate the timing of the flights again with other terms of the model.
 
     Damping of the turns that the model lacks makes the motors look quick. Where the fit does not
-    settle with the terms, the timing stays.
+    settle with the terms, the timing stays. `begin`: values of a fit with these terms, at the
+    timing that the flights have.
     """
     found = dataset.motor_timing
     if found is None or not found.free:
         return dataset
+    terms = tuple(terms)
     try:
-        names = tuple(name for name in found.free if name != "motor_skew")
-        start = MotorResponse(lag=found.response.mean_lag, delay=found.response.delay)
-        again = fitted_timing(dataset, start, names, tuple(terms))
+        if begin is None:
+            again = fitted_timing(dataset, found.response, found.free, terms)
+        else:
+            first, _ = joint_fit(dataset, terms=terms, begin=begin)
+            again = _settled_timing(dataset, first, found.free, terms)
     except UnsettledError:
         return dataset
     return dataset if again is None else replace(dataset, motor_timing=again)
@@ -126,12 +155,21 @@ def fitted_timing(
     dataset: TimedDataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
 ) -> MotorTiming | None:
     """Fit the timing from a start with these terms; None where the motion follows no motors."""
-    begun, first = first_fit(dataset, start, names, terms)
+    return _settled_timing(*first_fit(dataset, start, names, terms), names, terms)
+
+
+def _settled_timing(
+    begun: TimedDataset, first: BandedEstimate, names: tuple[str, ...], terms: tuple[str, ...]
+) -> MotorTiming | None:
+    """Fit the timing on from a first fit; None where the motion follows no motors."""
     timed, fit = settled_fit(begun, terms, first)
-    at = timed.timing
-    if at is not None and _additional_times(timed, at, names):
+    if "motor_skew" in names and not _skew_is_shown(timed, fit):
+        names = tuple(name for name in names if name != "motor_skew")
+        at = MotorResponse(lag=timed.free_timing.at.mean_lag, delay=timed.free_timing.at.delay)
+        timed, fit = settled_fit(timed.at(at, names), terms)
+    elif "motor_skew" not in names and _may_skew(timed, names):
         timed, fit = _with_skew(timed, fit, terms)
-    free = timed.free_timing
+    free, dataset = timed.free_timing, timed
     assert free is not None
     response = _moved(free, fit)
     if response.mean_lag >= LONGEST_LAG or abs(response.delay) >= LONGEST_DELAY:
@@ -157,15 +195,13 @@ def first_fit(
     if few is not dataset:
         with suppress(EstimationError):
             begun, first = first_fit(few, start, names, terms)
-            timed, fit = settled_fit(begun, terms, first, skew=False)
+            timed, fit = settled_fit(begun, terms, first)
             free = timed.free_timing
             assert free is not None
             start, guess = _moved(free, fit), free.without_times(fit.estimate.by_name)
-    # Begun where few flights settle it is likely to stay there, and the skew is asked for next.
-    additional = _additional_times(dataset, start, names) if guess is not None else ()
     tried: list[tuple[TimedDataset, BandedEstimate]] = []
     for share in STARTS if start.lag > 0.0 else STARTS[:1]:
-        begun = dataset.at(replace(start, lag=share * start.lag), names, additional=additional)
+        begun = dataset.at(_scaled_lag(start, share), names)
         fit, _ = joint_fit(begun, terms=terms, guess=guess)
         if max(abs(fit.estimate.value(name)) for name in names) < LOST:
             return begun, fit
@@ -173,27 +209,29 @@ def first_fit(
     return tried[0]
 
 
+def _scaled_lag(response: MotorResponse, share: float) -> MotorResponse:
+    """Return a response with its lags times a share."""
+    down = None if response.lag_down is None else share * response.lag_down
+    return replace(response, lag=share * response.lag, lag_down=down)
+
+
 def settled_fit(
-    dataset: TimedDataset,
-    terms: tuple[str, ...],
-    fit: BandedEstimate | None = None,
-    *,
-    skew: bool = True,
+    dataset: TimedDataset, terms: tuple[str, ...], fit: BandedEstimate | None = None
 ) -> tuple[TimedDataset, BandedEstimate]:
     """Fit until the signals are made where the fit ends; with the flights at that timing.
 
-    `fit` is the one at the timing that the flights have, where it is there already; `skew`: slopes
-    by the skew are made beside, too, where it may be asked for.
+    `fit` is the one at the timing that the flights have, where it is there already.
     """
     fit = fit or joint_fit(dataset, terms=terms)[0]
+    last: TimingRound | None = None
     for _ in range(MOST_ROUNDS - 1):
         free = dataset.free_timing
         assert free is not None
         if _near(free, fit):
             break
-        moved = _moved(free, fit)
-        additional = _additional_times(dataset, moved, free.names) if skew else ()
-        dataset = dataset.at(moved, free.names, additional=additional)
+        own = timing_round(free, fit)
+        moved = _move_times(free, accelerated_move(own, last, longest=LONGEST_MOVE))
+        dataset, last = dataset.at(moved, free.names), own
         fit, _ = joint_fit(dataset, terms=terms, begin=free.without_times(fit.estimate.by_name))
     return dataset, fit
 
@@ -205,19 +243,34 @@ def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
     return bool((np.abs(fit.estimate.values[at]) <= enough).all())
 
 
-def _additional_times(
-    dataset: Dataset, at: MotorResponse, names: tuple[str, ...]
-) -> tuple[str, ...]:
-    """Return the skew where rising and falling speed may have a lag each, and share one yet."""
+def _may_skew(dataset: TimedDataset, names: tuple[str, ...]) -> bool:
+    """Return whether rising and falling speed may have a lag each."""
     # Low-passed beside motion capture, motor data rise and fall alike.
-    lagging = "motor_lag" in names and at.mean_lag > LEAST_LAG
-    may = lagging and "motor_skew" not in names and dataset.source == "imu"
-    return ("motor_skew",) if may else ()
+    at = dataset.timing
+    return (
+        at is not None
+        and "motor_lag" in names
+        and at.mean_lag > LEAST_LAG
+        and dataset.source == "imu"
+    )
+
+
+def _skew_is_shown(dataset: TimedDataset, fit: BandedEstimate) -> bool:
+    """Return whether a fit would lose `LEAST_GAIN` without the skew (Wald's test)."""
+    free = dataset.free_timing
+    assert free is not None
+    place = fit.estimate.names.index("motor_skew")
+    skew = skew_of(free.at) + float(fit.estimate.values[place])
+    return 0.5 * (skew / float(fit.estimate.std[place])) ** 2 > LEAST_GAIN
 
 
 def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
     """Compute the timing of a fit, moved in its direction as far as its slopes hold."""
-    by = {name: fit.estimate.value(name) for name in free.names}
+    return _move_times(free, {name: fit.estimate.value(name) for name in free.names})
+
+
+def _move_times(free: FreeTiming, by: Mapping[str, float]) -> MotorResponse:
+    """Move the times of a fit, in that direction as far as the signals' slopes hold."""
     reach = {name: LARGEST_SKEW if name == "motor_skew" else LONGEST_MOVE for name in by}
     if by.get("motor_lag", 0.0) < 0.0 and free.at.mean_lag > LEAST_LAG:
         reach["motor_lag"] = min(LONGEST_MOVE, MOST_OF_A_LAG * free.at.mean_lag)
@@ -229,10 +282,9 @@ def _with_skew(
     dataset: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
 ) -> tuple[TimedDataset, BandedEstimate]:
     """Fit a lag for rising and one for falling speed, and keep them if the gain is enough."""
-    free, found = dataset.free_timing, dataset.motor_timing
-    assert free is not None and found is not None
-    names = (*free.names, "motor_skew")
-    wide = dataset.freed() if found.additional else dataset.at(free.at, names)
+    free = dataset.free_timing
+    assert free is not None
+    wide = dataset.at(free.at, (*free.names, "motor_skew"))
     try:
         first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
         gain = first.log_likelihood - fit.log_likelihood
