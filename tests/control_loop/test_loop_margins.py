@@ -6,10 +6,10 @@ import pytest
 from scipy import signal
 
 from rotorfit.control_loop.controllers import RateController
+from rotorfit.control_loop.margins import margins
 from rotorfit.control_loop.measures import (
     bandwidth,
     closed_loop,
-    margins,
     step_harmonics,
     step_response,
 )

@@ -1,5 +1,6 @@
 """From a result and a log to the plant of each axis, with what the flights leave open of it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,7 +8,7 @@ from jaxtyping import Bool, Complex, Float
 from scipy import signal
 
 from rotorfit.control_loop.controllers import RateController
-from rotorfit.control_loop.plant import GyroFilter, Plant, from_lag
+from rotorfit.control_loop.plant import GyroFilter, Plant, Response, from_lag
 from rotorfit.errors import EstimationError, LogError
 from rotorfit.experiment.declared_vehicle import motor_model_of, vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
@@ -312,13 +313,12 @@ def controller_response(
     flight: Flown,
     controller: RateController,
     axis: int,
-    frequency: Float[np.ndarray, " f"],
-) -> Complex[np.ndarray, " f"]:
-    """Compute the response of the controller's rate to the gyro that identified the vehicle.
+) -> Callable[[Float[np.ndarray, " f"]], Response]:
+    """Measure the response of the controller's rate to the gyro that identified the vehicle.
 
-    That of its filters, times what they leave of the ratio of the two records: a delay (their
-    stamps differ), and a size that falls or grows with the frequency squared (a record that is a
-    mean over its period).
+    Returns the response as a function of frequency [Hz]: the filters of the controller, times what
+    they leave of the ratio of the two records: a delay (their stamps differ), and a size that falls
+    or grows with the frequency squared (a record that is a mean over its period).
     """
     gyro, rows = log.channels["gyro"], flight.log
     at = np.arange(rows.time[0], rows.time[-1], rows.period)
@@ -335,8 +335,12 @@ def controller_response(
     at_bins, same = grid[used], same[used]
     expected = controller.gyro_response(at_bins) / recorded_through(log, at_bins)
     late, growth = left_of_filters(at_bins, cross[used] / power[used] / expected, same)
-    grown = np.exp(growth * np.minimum(frequency, at_bins[-1]) ** 2)
-    return controller.gyro_response(frequency) * grown * np.exp(-2j * np.pi * frequency * late)
+
+    def respond(frequency: Float[np.ndarray, " f"]) -> Response:
+        grown = np.exp(growth * np.minimum(frequency, at_bins[-1]) ** 2)
+        return controller.gyro_response(frequency) * grown * np.exp(-2j * np.pi * frequency * late)
+
+    return respond
 
 
 def recorded_through(
