@@ -270,8 +270,8 @@ def _axis(
         draws=draws,
         seed=seed,
     )
-    heard = controller_response(log, flight, controller, axis)
-    loops = partial(_rate_loops, controller, heard)
+    gyro_to_rate = controller_response(log, flight, controller, axis)
+    loops = partial(_rate_loops, controller, gyro_to_rate)
     measured = measured_loop(controller, flight, axis)
     grid = loop_frequencies(controller)
     error = _closed_loop_error(
@@ -368,13 +368,13 @@ def _gain_peaks(
 
 def _rate_loops(
     controller: RateController,
-    heard: Callable[[Float[np.ndarray, " f"]], Response],
+    gyro_to_rate: Callable[[Float[np.ndarray, " f"]], Response],
     vehicles: Plant,
     frequency: Float[np.ndarray, " f"],
 ) -> Complex[np.ndarray, "D f"]:
     """Compute the open rate loops, cut at the torque command."""
     response = vehicles.response(frequency, controller.period)
-    return controller.from_rate(frequency) * heard(frequency) * response
+    return controller.from_rate(frequency) * gyro_to_rate(frequency) * response
 
 
 def _with_attitude(
