@@ -11,7 +11,9 @@ import pytest
 from rotorfit.control_loop.controllers import RateController
 from rotorfit.control_loop.loop import loop_frequencies
 from rotorfit.control_loop.margins import fine_grid, last_crossover, margins
+from rotorfit.control_loop.measures import measures_of
 from rotorfit.control_loop.plant import GyroFilter, Plant
+from rotorfit.report.loop import limit_words
 
 PERIOD = 1e-5
 """So short that the discrete controller is the continuous one [s]."""
@@ -223,3 +225,25 @@ def test_the_last_crossover_is_a_falling_one():
     size = np.interp(np.log(grid), np.log([0.1, 2.0, 5.0, 9.0, 100.0]), [9.0, 0.5, 3.0, 0.9, 0.1])
     expected = np.exp(np.interp(-1.0, [-3.0, -0.9], np.log([5.0, 9.0])))
     assert last_crossover(grid, size * np.exp(-2j)) == pytest.approx(expected, rel=2e-3)
+
+
+def limits_of(response):
+    found = margins(*judged_on(response))
+    return limit_words(measures_of(found, np.full(1, np.nan)))
+
+
+def test_the_limits_of_a_loop_name_its_nearest_gain():
+    def loop(frequency, factor):
+        s = 2j * np.pi * frequency
+        return (factor * 60.0 * (s + 2.0) ** 2 / s**3 / (1 + s / 600.0) ** 2)[None, :]
+
+    higher, lower = (limits_of(lambda f, k=k: loop(f, k)) for k in (6.0, 0.03))
+    assert "times higher" in higher
+    assert "fell to" not in higher
+    assert "fell to 0.5" in lower
+
+
+def test_a_loop_without_a_gain_margin_names_its_delay_only():
+    words = limits_of(lambda f: (20.0 / (2j * np.pi * f))[None, :])
+    assert words.startswith("turns into oscillation if the loop were 79 ms later")
+    assert "gain" not in words
