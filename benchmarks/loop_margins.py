@@ -30,7 +30,7 @@ from benchmarks.worlds.world import World, draw_world
 
 from rotorfit.control_loop.controllers import RateController
 from rotorfit.control_loop.loop import AxisLoop, judge_flight, loop_margins
-from rotorfit.control_loop.measures import margins
+from rotorfit.control_loop.margins import margins
 from rotorfit.control_loop.plant import GyroFilter, Response, hold
 from rotorfit.errors import RotorfitError
 from rotorfit.experiment.experiment import load_experiment

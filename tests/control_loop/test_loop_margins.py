@@ -6,14 +6,15 @@ import pytest
 from scipy import signal
 
 from rotorfit.control_loop.controllers import RateController
+from rotorfit.control_loop.margins import margins
 from rotorfit.control_loop.measures import (
     bandwidth,
     closed_loop,
-    margins,
     step_harmonics,
     step_response,
 )
 from rotorfit.control_loop.plant import GyroFilter, Plant, delays, first_order, integral, smoothing
+from rotorfit.control_loop.vehicle import cross_spectra
 
 GRID = np.geomspace(0.05, 90.0, 1500)
 S = 2j * np.pi * GRID
@@ -146,3 +147,14 @@ def test_the_bandwidth_is_that_of_python_control(damping):
 def test_the_share_of_d_is_reported_at_a_frequency():
     one = RateController(P=0.2, I=0.0, D=0.002, FF=0.0, angle=0.0, period=1e-4)
     assert one.derivative_share(10.0) == pytest.approx(0.002 * 2 * np.pi * 10.0 / 0.2, rel=1e-3)
+
+
+@pytest.mark.parametrize(("length", "rows"), [(64, 1000), (63, 1000), (64, 50)])
+def test_cross_spectra_are_those_of_scipy(length, rows):
+    records = np.random.default_rng(2).standard_normal((3, rows)) + 1.0
+    found, spectra = cross_spectra(list(records), 0.004, length)
+    for i, one in enumerate(records):
+        for j, other in enumerate(records):
+            grid, expected = signal.csd(one, other, 250.0, nperseg=min(length, rows))
+            assert spectra[i, j] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+            assert found == pytest.approx(grid)

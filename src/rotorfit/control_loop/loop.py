@@ -4,7 +4,7 @@ The outcome of a loop as JSON.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,19 +15,18 @@ from jaxtyping import Bool, Complex, Float
 from threadpoolctl import threadpool_limits
 
 from rotorfit.control_loop.controllers import AXES, RateController, rate_controller
+from rotorfit.control_loop.margins import Margins, fine_grid, last_crossover, margins
 from rotorfit.control_loop.measures import (
     LoopMeasures,
-    Margins,
     StepResponse,
     bandwidth,
     closed_loop,
-    margins,
     measures_of,
     peak_below,
     step_harmonics,
     step_of,
 )
-from rotorfit.control_loop.plant import Plant
+from rotorfit.control_loop.plant import Plant, Response
 from rotorfit.control_loop.proof import (
     PROVED_AXES,
     UNKNOWN,
@@ -54,15 +53,21 @@ from rotorfit.logs.flight_log import FlightLog
 from rotorfit.results.result import IdentificationResult, owner_of
 
 DRAWS: Final = 200
-POINTS: Final = 400
-LOWEST: Final = 0.1
-"""Lowest of the frequencies [Hz]."""
+POINTS: Final = 500
+LOWEST: Final = 0.01
+"""Lowest of the frequencies [Hz]: below it only the integrators matter."""
+NOTCH_PLACES: Final = (-1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0)
+"""Places about the middle of a notch at which its loop is computed, in widths of the notch."""
 FACTORS: Final = (0.8, 1.0, 1.25, 1.5)
 """Factors of the rate gains in the table of what a gain would do."""
 STEPS: Final = 6
 """Steps of finding how far the flown loop is from the predicted one."""
 STEP: Final = (0.3, 5e-3)
 """The longest of them: logarithm of the effectiveness, and delay [s]."""
+
+
+RateLoops = Callable[[Plant, Float[np.ndarray, " f"]], Complex[np.ndarray, "D f"]]
+"""The open rate loops of vehicles at some frequencies."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,7 +260,6 @@ def _axis(
     draws: int,
     seed: int,
 ) -> AxisLoop:
-    frequency = np.geomspace(LOWEST, 0.45 / controller.period, POINTS)
     body = plant(
         result,
         owner,
@@ -266,19 +270,20 @@ def _axis(
         draws=draws,
         seed=seed,
     )
-    harmonics = step_harmonics(controller.period)
-    respond = partial(controller_response, log, flight, controller, axis)
-    filtered, at_harmonics = np.split(respond(np.r_[frequency, harmonics]), [len(frequency)])
-    loops = partial(_rate_loops, controller, filtered=filtered, frequency=frequency)
+    gyro_to_rate = controller_response(log, flight, controller, axis)
+    loops = partial(_rate_loops, controller, gyro_to_rate)
     measured = measured_loop(controller, flight, axis)
-    bands_of = partial(_bands, measured, controller, frequency=frequency)
-    error = _closed_loop_error(body.nominal, loops, bands_of, frequency, flight.log.set_point_std)
+    grid = loop_frequencies(controller)
+    error = _closed_loop_error(
+        body.nominal, loops, partial(_bands, measured, controller), grid, flight.log.set_point_std
+    )
     replay, mixer = replay_output(controller, flight, axis), replay_mixer(flight, axis)
     wrong = axis in PROVED_AXES and error.is_wrong(body)
     doubts = contradictions(axis, replay, mixer, error if wrong else None, flight)
     vehicles = body if doubts else error.corrected(body, seed)
-    inner = loops(vehicles)
-    bands = bands_of(inner[0])
+    frequency = fine_grid(grid, partial(_judged_loops, controller, loops, vehicles))
+    inner = loops(vehicles, frequency)
+    bands = _bands(measured, controller, inner[0], frequency)
     found = margins(frequency, inner)
     closed = closed_loop(controller, inner, frequency)
     rate_loop = measures_of(found, bandwidth(frequency, closed))
@@ -299,7 +304,7 @@ def _axis(
         doubts=tuple(doubts),
         derivative_share=controller.derivative_share(rate_loop.crossover.value),
         gains=_gain_peaks(controller, inner, frequency),
-        step=_step(controller, vehicles, at_harmonics, harmonics, found),
+        step=_step(controller, loops, vehicles, found),
         frequency=frequency,
         open_loop=outer,
         closed_loop=closed,
@@ -307,16 +312,46 @@ def _axis(
     )
 
 
-def _step(
+def loop_frequencies(controller: RateController) -> Float[np.ndarray, " f"]:
+    """Choose frequencies at which to compute the loop of a controller, notches included [Hz]."""
+    highest = 0.45 / controller.period
+    notches = [
+        one.frequency + np.array(NOTCH_PLACES) * one.width
+        for one in controller.gyro_filters
+        if one.order == 0
+    ]
+    grid = np.unique(np.concatenate([np.geomspace(LOWEST, highest, POINTS), *notches]))
+    return grid[(grid >= LOWEST) & (grid <= highest)]
+
+
+def _judged_loops(
     controller: RateController,
+    loops: RateLoops,
     vehicles: Plant,
-    filtered: Complex[np.ndarray, " f"],
-    harmonics: Float[np.ndarray, " f"],
-    found: Margins,
+    frequency: Float[np.ndarray, " f"],
+) -> Complex[np.ndarray, "L f"]:
+    """Compute all open loops whose margins are judged: rate loops, and with the attitude loop."""
+    inner = loops(vehicles, frequency)
+    return np.concatenate([inner, *(one for _, one in _scaled_loops(controller, inner, frequency))])
+
+
+def _scaled_loops(
+    controller: RateController,
+    inner: Complex[np.ndarray, "D f"],
+    frequency: Float[np.ndarray, " f"],
+) -> Iterator[tuple[float, Complex[np.ndarray, "D f"]]]:
+    """Yield a factor of the rate gains, and the open loops with the attitude loop for it."""
+    for factor in FACTORS:
+        yield factor, _with_attitude(factor * inner, controller.scaled(factor), frequency)
+
+
+def _step(
+    controller: RateController, loops: RateLoops, vehicles: Plant, found: Margins
 ) -> StepResponse:
     """Compute the response of the rate loop alone to a step of the rate reference."""
-    loops = _rate_loops(controller, vehicles, filtered=filtered, frequency=harmonics)
-    return step_of(harmonics, closed_loop(controller, loops, harmonics), found.stable)
+    harmonics = step_harmonics(controller.period)
+    closed = closed_loop(controller, loops(vehicles, harmonics), harmonics)
+    return step_of(harmonics, closed, found.stable)
 
 
 def _gain_peaks(
@@ -325,23 +360,21 @@ def _gain_peaks(
     frequency: Float[np.ndarray, " f"],
 ) -> tuple[tuple[float, float], ...]:
     """Compute the peak of the sensitivity that other rate gains would have, by their factor."""
-    scaled = ((factor, controller.scaled(factor)) for factor in FACTORS)
     return tuple(
-        (factor, peak_below(margins(frequency, _with_attitude(factor * inner, one, frequency))))
-        for factor, one in scaled
+        (factor, peak_below(margins(frequency, outer)))
+        for factor, outer in _scaled_loops(controller, inner, frequency)
     )
 
 
 def _rate_loops(
     controller: RateController,
+    gyro_to_rate: Callable[[Float[np.ndarray, " f"]], Response],
     vehicles: Plant,
-    *,
-    filtered: Complex[np.ndarray, " f"],
     frequency: Float[np.ndarray, " f"],
 ) -> Complex[np.ndarray, "D f"]:
     """Compute the open rate loops, cut at the torque command."""
     response = vehicles.response(frequency, controller.period)
-    return controller.from_rate(frequency) * filtered * response
+    return controller.from_rate(frequency) * gyro_to_rate(frequency) * response
 
 
 def _with_attitude(
@@ -357,7 +390,6 @@ def _bands(
     measured: MeasuredLoop,
     controller: RateController,
     loop: Complex[np.ndarray, " f"],
-    *,
     frequency: Float[np.ndarray, " f"],
 ) -> list[Band]:
     """Compare the measured closed loop with that of an open rate loop."""
@@ -368,8 +400,8 @@ def _bands(
 
 def _closed_loop_error(
     nominal: Plant,
-    loops: Callable[[Plant], Complex[np.ndarray, "D f"]],
-    bands_of: Callable[[Complex[np.ndarray, " f"]], list[Band]],
+    loops: RateLoops,
+    bands_of: Callable[[Complex[np.ndarray, " f"], Float[np.ndarray, " f"]], list[Band]],
     frequency: Float[np.ndarray, " f"],
     stamp_std: float,
 ) -> LoopError:
@@ -377,9 +409,9 @@ def _closed_loop_error(
     error = LoopError(gain=1.0, delay=0.0, covariance=UNKNOWN)
     for _ in range(STEPS):
         late = np.array([error.delay])
-        inner = loops(nominal.moved(np.log([error.gain]), late))
-        crossover = float(margins(frequency, inner).crossover[0])
-        step = loop_error(bands_of(inner[0]), crossover, stamp_std)
+        inner = loops(nominal.moved(np.log([error.gain]), late), frequency)[0]
+        crossover = last_crossover(frequency, inner)
+        step = loop_error(bands_of(inner, frequency), crossover, stamp_std)
         error = step.within(STEP).after(error)
     return error
 

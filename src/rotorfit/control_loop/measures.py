@@ -1,7 +1,4 @@
-"""Measures of a loop: margins, bandwidth and step response, each with its interval.
-
-How far an open loop is from oscillating.
-"""
+"""Measures of a loop: margins, bandwidth and step response, each with its interval."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -10,91 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from rotorfit.control_loop.controllers import RateController
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Margins:
-    """Margins of D open loops; NaN where a loop has none.
-
-    - `crossover`: frequency at which the gain falls to 1 for the last time [Hz].
-    - `phase`: phase left at any crossing of gain 1, the least [deg].
-    - `gain`: factor of the gain at which the loop oscillates.
-    - `delay`: time by which the loop may be later until it oscillates, the least [s].
-    - `sensitivity`: peak of 1 / |1 + L|: by how much disturbances are amplified at worst.
-    """
-
-    crossover: Float[np.ndarray, " D"]
-    phase: Float[np.ndarray, " D"]
-    gain: Float[np.ndarray, " D"]
-    delay: Float[np.ndarray, " D"]
-    sensitivity: Float[np.ndarray, " D"]
-    stable: Bool[np.ndarray, " D"]
-
-
-def margins(frequency: Float[np.ndarray, " f"], loops: Complex[np.ndarray, "D f"]) -> Margins:
-    """Compute the margins of open loops L(f), on a grid of rising frequencies [Hz].
-
-    A loop with its integrators alone at zero frequency is stable if its phase has not passed -180
-    degrees where the gain falls to 1, and the gain is under 1 wherever it does later.
-    """
-    rows = [_margins(frequency, loop) for loop in loops]
-    columns = np.array(rows, dtype=float).reshape(len(rows), 6).T
-    return Margins(
-        crossover=columns[0],
-        phase=columns[1],
-        gain=columns[2],
-        delay=columns[3],
-        sensitivity=columns[4],
-        stable=columns[5] > 0.0,
-    )
-
-
-def _margins(
-    frequency: Float[np.ndarray, " f"], loop: Complex[np.ndarray, " f"]
-) -> tuple[float, float, float, float, float, bool]:
-    """Return crossover, phase, gain and delay margin, peak of the sensitivity, whether stable."""
-    size: Float[np.ndarray, " f"] = np.log(np.abs(loop))
-    phase = open_phase(loop)
-    at = np.log(frequency)
-    crossings = [_between(at, size, i) for i in _changes(size)]
-    left = [np.pi + float(np.interp(x, at, phase)) for x in crossings]
-    turns = [_between(at, phase + np.pi, i) for i in _changes(phase + np.pi)]
-    gains = [-float(np.interp(x, at, size)) for x in turns]
-    above = [gain for gain in gains if gain > 0.0]
-    later = [
-        margin / (2.0 * np.pi * float(np.exp(x))) for x, margin in zip(crossings, left, strict=True)
-    ]
-    last = crossings[-1] if crossings else np.nan
-    beyond = [gain for x, gain in zip(turns, gains, strict=True) if crossings and x > last]
-    stable = bool(crossings) and left[-1] > 0.0 and all(gain > 0.0 for gain in beyond)
-    return (
-        float(np.exp(last)),
-        float(np.degrees(min(left, default=np.nan))),
-        float(np.exp(min(above, default=np.nan))),
-        float(min(later, default=np.nan)),
-        float(np.max(1.0 / np.abs(1.0 + loop))),
-        stable,
-    )
-
-
-def open_phase(loop: Complex[np.ndarray, " f"]) -> Float[np.ndarray, " f"]:
-    """Compute the phase of an open loop, from the lowest frequency on without a leap [rad]."""
-    turned: Float[np.ndarray, " f"] = np.asarray(np.unwrap(np.angle(loop)), dtype=float)
-    # From -180 degrees of two integrators, or -90 of one, downwards; never a full turn off.
-    turns_off = round((float(turned[0]) + 0.75 * np.pi) / (2.0 * np.pi))
-    return turned - 2.0 * np.pi * turns_off
-
-
-def _changes(values: Float[np.ndarray, " f"]) -> list[int]:
-    """Find the intervals of the grid in which the values change their sign."""
-    return [int(i) for i in np.flatnonzero(np.signbit(values[:-1]) != np.signbit(values[1:]))]
-
-
-def _between(at: Float[np.ndarray, " f"], values: Float[np.ndarray, " f"], i: int) -> float:
-    """Find where the values are zero in an interval of the grid."""
-    share = values[i] / (values[i] - values[i + 1])
-    return float(at[i] + share * (at[i + 1] - at[i]))
-
+from rotorfit.control_loop.margins import Margins
 
 SIDES: Final = (0.025, 0.975)
 SETTLED: Final = 4.0
@@ -124,18 +37,21 @@ class Measure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopMeasures:
-    """Distances of a loop from oscillating.
+    """Distances of a loop from oscillating, each the smallest over all crossings.
 
     Attributes
     ----------
     crossover
         Frequency at which the gain falls to 1 for the last time [Hz].
     phase
-        Phase margin [deg].
+        Phase margin, of more or less phase [deg]; negative for an unstable loop.
     gain
-        Factor of the gain at which the loop oscillates.
+        Factor above 1 by which a higher gain makes the loop oscillate; below 1 for an unstable
+        loop: where a lower gain may calm it.
+    lower_gain
+        Factor below 1 by which a lower gain makes the loop oscillate; above 1 for an unstable loop.
     delay
-        Time by which the loop may be later until it oscillates [s].
+        Time by which the loop may be later until it oscillates [s]; negative for an unstable loop.
     sensitivity
         Peak of ``1 / |1 + L|``: by how much disturbances are amplified at worst.
     bandwidth
@@ -147,6 +63,7 @@ class LoopMeasures:
     crossover: Measure
     phase: Measure
     gain: Measure
+    lower_gain: Measure
     delay: Measure
     sensitivity: Measure
     bandwidth: Measure
@@ -229,6 +146,7 @@ def measures_of(found: Margins, bandwidths: Float[np.ndarray, " D"]) -> LoopMeas
         crossover=_measure(found.crossover),
         phase=_measure(found.phase),
         gain=_measure(found.gain),
+        lower_gain=_measure(found.lower_gain),
         delay=_measure(found.delay),
         sensitivity=_measure(found.sensitivity),
         bandwidth=_measure(bandwidths),

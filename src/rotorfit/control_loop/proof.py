@@ -19,7 +19,7 @@ from scipy import signal
 
 from rotorfit.control_loop.controllers import RateController, moving_filters, thrust_curve
 from rotorfit.control_loop.plant import Plant
-from rotorfit.control_loop.vehicle import Flown, cross_spectrum, withheld_output
+from rotorfit.control_loop.vehicle import Flown, cross_spectra, withheld_output
 from rotorfit.formatting.digits import with_half
 from rotorfit.logs.flight_log import FlightLog
 
@@ -273,16 +273,19 @@ def measured_loop(controller: RateController, flight: Flown, axis: int) -> Measu
     )
     instrument = np.gradient(asked, log.period) + controller.angle * rate
     length = min(round(LONGEST / log.period), len(at) // 8)
-    grid, zr = cross_spectrum(instrument, asked, log.period, length)
-    _, zy = cross_spectrum(instrument, rate, log.period, length)
-    _, zv = cross_spectrum(instrument, added, log.period, length)
-    _, ry = cross_spectrum(asked, rate, log.period, length)
-    zz, rr, yy = (
-        np.real(cross_spectrum(v, v, log.period, length)[1]) for v in (instrument, asked, rate)
-    )
+    grid, spectra = cross_spectra([instrument, asked, rate, added], log.period, length)
+    (zz, zr, zy, zv), (_, rr, ry, _) = spectra[:2]
     count = WINDOWS * (2 * len(at) / length - 1)
     return MeasuredLoop(
-        frequency=grid, zr=zr, zy=zy, zv=zv, ry=ry, zz=zz, rr=rr, yy=yy, count=count
+        frequency=grid,
+        zr=zr,
+        zy=zy,
+        zv=zv,
+        ry=ry,
+        zz=np.real(zz),
+        rr=np.real(rr),
+        yy=np.real(spectra[2, 2]),
+        count=count,
     )
 
 

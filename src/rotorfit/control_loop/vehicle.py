@@ -1,5 +1,6 @@
 """From a result and a log to the plant of each axis, with what the flights leave open of it."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,7 +8,7 @@ from jaxtyping import Bool, Complex, Float
 from scipy import signal
 
 from rotorfit.control_loop.controllers import RateController
-from rotorfit.control_loop.plant import GyroFilter, Plant, from_lag
+from rotorfit.control_loop.plant import GyroFilter, Plant, Response, from_lag
 from rotorfit.errors import EstimationError, LogError
 from rotorfit.experiment.declared_vehicle import motor_model_of, vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
@@ -312,20 +313,19 @@ def controller_response(
     flight: Flown,
     controller: RateController,
     axis: int,
-    frequency: Float[np.ndarray, " f"],
-) -> Complex[np.ndarray, " f"]:
-    """Compute the response of the controller's rate to the gyro that identified the vehicle.
+) -> Callable[[Float[np.ndarray, " f"]], Response]:
+    """Measure the response of the controller's rate to the gyro that identified the vehicle.
 
-    That of its filters, times what they leave of the ratio of the two records: a delay (their
-    stamps differ), and a size that falls or grows with the frequency squared (a record that is a
-    mean over its period).
+    Returns the response as a function of frequency [Hz]: the filters of the controller, times what
+    they leave of the ratio of the two records: a delay (their stamps differ), and a size that falls
+    or grows with the frequency squared (a record that is a mean over its period).
     """
     gyro, rows = log.channels["gyro"], flight.log
     at = np.arange(rows.time[0], rows.time[-1], rows.period)
     one = np.interp(at, gyro.time, gyro.values[:, axis])
     two = np.interp(at, rows.time, rows.rate[:, axis])
-    grid, cross = cross_spectrum(one, two, rows.period, SEGMENT)
-    power, rate_power = (np.real(cross_spectrum(x, x, rows.period, SEGMENT)[1]) for x in (one, two))
+    grid, spectra = cross_spectra([one, two], rows.period, SEGMENT)
+    cross, power, rate_power = spectra[0, 1], np.real(spectra[0, 0]), np.real(spectra[1, 1])
     same = np.abs(cross) ** 2 / np.maximum(power * rate_power, np.finfo(float).tiny)
     used = (same > SAME) & (grid > 0.0) & (grid < HIGHEST)
     if not used.any():
@@ -335,8 +335,12 @@ def controller_response(
     at_bins, same = grid[used], same[used]
     expected = controller.gyro_response(at_bins) / recorded_through(log, at_bins)
     late, growth = left_of_filters(at_bins, cross[used] / power[used] / expected, same)
-    grown = np.exp(growth * np.minimum(frequency, at_bins[-1]) ** 2)
-    return controller.gyro_response(frequency) * grown * np.exp(-2j * np.pi * frequency * late)
+
+    def respond(frequency: Float[np.ndarray, " f"]) -> Response:
+        grown = np.exp(growth * np.minimum(frequency, at_bins[-1]) ** 2)
+        return controller.gyro_response(frequency) * grown * np.exp(-2j * np.pi * frequency * late)
+
+    return respond
 
 
 def recorded_through(
@@ -367,9 +371,24 @@ def left_of_filters(
     return float(late), float(growth)
 
 
-def cross_spectrum(
-    x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], period: float, length: int
-) -> tuple[Float[np.ndarray, " b"], Complex[np.ndarray, " b"]]:
-    """Compute frequencies [Hz] and cross-spectrum of two records, by windows of a length."""
-    found = signal.csd(x, y, fs=1.0 / period, nperseg=length)
-    return np.asarray(found[0], dtype=float), np.asarray(found[1], dtype=complex)
+def cross_spectra(
+    records: Sequence[Float[np.ndarray, " n"]], period: float, length: int
+) -> tuple[Float[np.ndarray, " b"], Complex[np.ndarray, "R R b"]]:
+    """Compute frequencies [Hz] and the cross-spectra of all pairs of records.
+
+    Welch's method with one transform a record: means of conj(X) Y over Hann windows that overlap by
+    half, each without its mean.
+    """
+    length = min(length, len(records[0]))
+    step = length - length // 2
+    windows = np.lib.stride_tricks.sliding_window_view(np.stack(records), length, axis=1)[:, ::step]
+    taper: Float[np.ndarray, " w"] = signal.get_window("hann", length)
+    transforms: Complex[np.ndarray, "R m b"] = np.fft.rfft(
+        taper * (windows - windows.mean(axis=2, keepdims=True)), axis=2
+    )
+    cross = np.einsum("imb,jmb->ijb", np.conj(transforms), transforms)
+    cross *= period / (transforms.shape[1] * float(taper @ taper))
+    # One-sided: the negative frequencies are added to all but the first, and the last if it is
+    # half of the sample rate.
+    cross[:, :, 1 : (length + 1) // 2] *= 2.0
+    return np.fft.rfftfreq(length, period), cross

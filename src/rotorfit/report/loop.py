@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.control_loop.loop import AxisLoop, LoopOutcome
-from rotorfit.control_loop.measures import SIDES, LoopMeasures, Measure, StepResponse, open_phase
+from rotorfit.control_loop.margins import open_phase
+from rotorfit.control_loop.measures import SIDES, LoopMeasures, Measure, StepResponse
 from rotorfit.formatting.digits import with_half
 from rotorfit.formatting.series import Series
 from rotorfit.formatting.sheet import table_lines, wrapped
@@ -91,11 +92,26 @@ def verdict(loop: AxisLoop) -> str:
     if share > 1.0:
         rests = f"D is {share:.1f} times P and I at the crossover, so its filter and noise decide"
         word = f"close to oscillating ({rests})" if peak > LIVELY else f"not called calm: {rests}"
-    return (
-        f"{loop.axis}: {word}; turns into oscillation if the loop were "
-        f"{1e3 * found.delay.value:.0f} ms later (at least {1e3 * found.delay.low:.0f}) or its "
-        f"gain {found.gain.value:.1f} times higher (at least {found.gain.low:.1f})"
-    )
+    return f"{loop.axis}: {word}; {limit_words(found)}"
+
+
+def limit_words(found: LoopMeasures) -> str:
+    """Say which changes of a stable loop make it oscillate: delay, higher and lower gain.
+
+    A lower gain is named where it does so after a smaller change than a higher one.
+    """
+    delay, gain, lower = found.delay, found.gain, found.lower_gain
+    limits: list[str] = []
+    if math.isfinite(delay.value):
+        later = f"the loop were {1e3 * delay.value:.0f} ms later (at least {1e3 * delay.low:.0f})"
+        limits.append(later)
+    if math.isfinite(gain.value):
+        limits.append(f"its gain {gain.value:.1f} times higher (at least {gain.low:.1f})")
+    if lower.value * (gain.value if math.isfinite(gain.value) else math.inf) > 1.0:
+        limits.append(f"its gain fell to {lower.value:.2f} times (at most {lower.high:.2f})")
+    if not limits:
+        return "neither delay nor gain makes it oscillate within the frequencies of the loop"
+    return f"turns into oscillation if {' or '.join(limits)}"
 
 
 def proof(loop: AxisLoop) -> list[str]:
@@ -213,8 +229,8 @@ HEIGHT: Final = 130.0
 """Height of a panel."""
 LOW_SIZE, HIGH_SIZE = 0.03, 30.0
 """Sizes of the open loop, as drawn."""
-HIGHEST: Final = 60.0
-"""Frequency as drawn [Hz]."""
+LOWEST, HIGHEST = 0.1, 60.0
+"""Frequencies as drawn [Hz]."""
 SHOWN: Final = 0.5
 """Uncertainty of a band of the measured closed loop, from which on it is not drawn."""
 
@@ -255,16 +271,12 @@ def loop_html(outcome: LoopOutcome) -> str:
 
 def bode_chart(loop: AxisLoop) -> Chart:
     """Lay out size and phase of the open loop, and of the closed one as predicted and measured."""
-    seen = loop.frequency <= HIGHEST
+    seen = (loop.frequency >= LOWEST) & (loop.frequency <= HIGHEST)
     at = np.log10(loop.frequency[seen])
-    opened, closed = (
-        np.vstack([values[:1], values[1:][loop.stable[1:]]])[:, seen]
-        for values in (loop.open_loop, loop.closed_loop)
-    )
-    size, phase = (
-        np.log10(np.abs(opened)),
-        np.degrees([open_phase(one) for one in opened]),
-    )
+    shown = np.r_[True, loop.stable[1:]]
+    size = np.log10(np.abs(loop.open_loop[shown][:, seen]))
+    phase = np.degrees(open_phase(loop.open_loop[shown])[:, seen])
+    closed = loop.closed_loop[shown][:, seen]
     closed_size = np.abs(closed)
     closed_phase = np.degrees(np.unwrap(np.angle(closed), axis=1))
     measured = list(_measured(loop, at, closed_size[0], closed_phase[0]))
