@@ -193,10 +193,12 @@ def require_mujoco() -> Any:
     """Import the module; OutputError with the command that installs it where it is absent."""
     try:
         return import_module("mujoco")
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         raise OutputError(
             'flying the model needs MuJoCo: pip install "rotorfit[mujoco]"'
         ) from error
+    except ImportError as error:  # installed, but in pieces; its own text names the repair
+        raise OutputError(f"MuJoCo is installed, but cannot be imported: {error}") from error
 
 
 def _loaded(mujoco: Any, model: VehicleModel) -> Any:
