@@ -102,3 +102,15 @@ def test_an_accelerometer_at_the_imu_reads_specific_force():
     there = alpha + np.cross(dw, IMU) + np.cross(RATES, np.cross(RATES, IMU))
     np.testing.assert_allclose(data.sensor("accelerometer").data, there, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(data.sensor("gyro").data, RATES, rtol=1e-12)
+
+
+def test_randomly_turned_flat_bodies_load():
+    """MuJoCo 3.17 and 4.0 demand A + B >= C without a tolerance, of what the file says."""
+    random = np.random.default_rng(0)
+    for _ in range(60):
+        turn = np.linalg.qr(random.standard_normal((3, 3)))[0]
+        a, b = random.uniform(0.005, 0.02, 2)
+        inertia = turn @ np.diag([a, b, a + b]) @ turn.T
+        model, _ = loaded(a_result(inertia_com=0.5 * (inertia + inertia.T)))
+        found = np.sort(model.body("vehicle").inertia)
+        np.testing.assert_allclose(found, np.sort([a, b, a + b]), rtol=1e-6)

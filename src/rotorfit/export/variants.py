@@ -13,7 +13,7 @@ import numpy as np
 from rotorfit import version
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import npz
-from rotorfit.export.vehicle import VehicleModel, is_possible
+from rotorfit.export.vehicle import VehicleModel, is_possible, thickened
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import COM, INERTIA_COM, inertia_matrix
 from rotorfit.results.result import IdentificationResult
@@ -56,7 +56,7 @@ def variants(
             f"{impossible} of {count} vehicles drawn cannot exist with what was assumed (no body "
             "has such inertia): assume less, or other values"
         )
-    return Variants(nominal=nominal, models=models, samples=samples)
+    return Variants(nominal=nominal, models=tuple(map(thickened, models)), samples=samples)
 
 
 def _factors(
