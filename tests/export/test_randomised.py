@@ -257,7 +257,7 @@ def test_isaac_lab_without_a_term_is_reported(result, monkeypatch):
 
 def test_urdf_variants_are_readable_by_gym_pybullet_drones(result):
     """BaseAviary._parseURDFParameters takes elements by their place, all numbers with one value."""
-    files, found = variant_files(result, "urdf", count=3, date=DATE)
+    files, found = variant_files(result, "gym-pybullet-drones", count=3, date=DATE)
     for text, model in zip(files.values(), found.models, strict=True):
         properties, base = list(ET.fromstring(text))[:2]
         inertial, _, collision = base
