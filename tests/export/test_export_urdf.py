@@ -166,8 +166,8 @@ def test_pinocchio_reads_back_and_moves(tmp_path):
     np.testing.assert_allclose(inertia.inertia, INERTIA_COM, rtol=0, atol=1e-9 * INERTIA_COM.max())
     wrench = np.zeros(6)
     kf, km = (properties(flat())[name] for name in ("kf", "km"))
-    signs = (-1.0, 1.0, -1.0, 1.0)  # of yaw torque in gym-pybullet-drones
-    for i, number in enumerate((0, 3, 1, 2)):
+    signs = (-1.0, -1.0, 1.0, 1.0)  # of yaw torque, rotors in the order of the log
+    for i, number in enumerate(range(4)):
         place = model.frames[model.getFrameId(f"prop{i}_link")].placement
         rpm = SPEEDS[number] / RPM
         thrust = place.rotation @ np.array([0, 0, kf * rpm**2])
@@ -214,11 +214,11 @@ def one_step(p, client, drone, inertia):
     p.setTimeStep(dt, physicsClientId=client)
     p.changeDynamics(drone, -1, linearDamping=0, angularDamping=0, physicsClientId=client)
     kf, km = (properties(flat())[name] for name in ("kf", "km"))
-    rpm = SPEEDS[[0, 3, 1, 2]] / RPM
+    rpm = SPEEDS / RPM
     for i in range(4):
         force = [0, 0, float(kf * rpm[i] ** 2)]
         p.applyExternalForce(drone, i, force, [0, 0, 0], p.LINK_FRAME, physicsClientId=client)
-    torque = km * (-(rpm[0] ** 2) + rpm[1] ** 2 - rpm[2] ** 2 + rpm[3] ** 2)
+    torque = km * (-(rpm[0] ** 2) - rpm[1] ** 2 + rpm[2] ** 2 + rpm[3] ** 2)
     p.applyExternalTorque(drone, 4, [0, 0, float(torque)], p.LINK_FRAME, physicsClientId=client)
     p.stepSimulation(physicsClientId=client)
     linear, angular = p.getBaseVelocity(drone, physicsClientId=client)

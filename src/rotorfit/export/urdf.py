@@ -40,6 +40,7 @@ def write_urdf(model: VehicleModel, head: Sequence[str]) -> str:
     """Write the vehicle as URDF with its whole inertia tensor, rotors in the order of the log."""
     remarks = (
         *REMARKS,
+        "prop0 is rotor 1 of the log, prop1 is rotor 2, and so on",
         "PyBullet takes the principal axes for the axes of the base where there are products of "
         "inertia: getBasePositionAndOrientation(body) is then turned by "
         "getDynamicsInfo(body, -1)[4]; take the inverse of that turn off, or export to "
