@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parents[1] / "export"))
-from export_material import KT, a_result
+from export_material import KT, a_result, changed, parameter
 
 
 def test_a_result_next_to_its_truth(run, tmp_path, monkeypatch):
@@ -47,3 +47,16 @@ def test_the_delay_of_commands_is_next_to_its_own(run, tmp_path, monkeypatch):
     (line,) = (line for line in lines if line.startswith("command_delay"))
     assert "0.01 " in line
     assert "*" not in line
+
+
+def test_a_shared_number_stands_once(run, tmp_path, monkeypatch):
+    """truth.json lists rotor_drag with each configuration; results have it shared."""
+    monkeypatch.chdir(tmp_path)
+    made = changed(a_result(), Jr=None)
+    made = replace(made, parameters=(*made.parameters, parameter("rotor_drag", 1.2e-4)))
+    made.save(tmp_path / "result.json")
+    truth = {"shared": {"kt": KT}, "configurations": {"A": {"mass": 1.285, "rotor_drag": 1e-4}}}
+    (tmp_path / "truth.json").write_text(json.dumps({"seed": 1, **truth}))
+    lines = run("compare", "result.json", "truth.json").out.splitlines()
+    (line,) = [line for line in lines if line.startswith("rotor_drag")]
+    assert "1.200" in line and "1e-04" in line

@@ -23,6 +23,7 @@ NAMES = {
     "px4-setpoints": "px4_setpoints.json",
     "mujoco": "mujoco.xml",
     "urdf": "vehicle.urdf",
+    "gym-pybullet-drones": "gym_pybullet_drones.urdf",
     "rotorpy": "rotorpy_params.py.txt",
     "ardupilot": "ardupilot.param",
     "ardupilot-sitl": "ardupilot.json",
@@ -79,6 +80,7 @@ READERS = {
     "gazebo": ET.fromstring,
     "mujoco": ET.fromstring,
     "urdf": ET.fromstring,
+    "gym-pybullet-drones": ET.fromstring,
     "paparazzi": ET.fromstring,
     "px4-setpoints": json.loads,
     "rotorpy": lambda text: compile(text, "params.py", "exec"),
@@ -99,7 +101,11 @@ def test_any_name_leaves_the_file_readable(words):
     named = replace(result, name=words, flights=(flight,), findings=(doubt("made", words),))
     for target, read in READERS.items():
         text = text_of(named, target, draws=3)  # the intervals' numbers are not looked at
-        assert read(text.encode("utf-8") if target in ("gazebo", "mujoco", "urdf") else text)
+        assert read(
+            text.encode("utf-8")
+            if target in ("gazebo", "mujoco", "urdf", "gym-pybullet-drones")
+            else text
+        )
     lines = text_of(named, "px4").split("\n")
     assert all(line.startswith("#") or line.count("\t") == 4 for line in lines if line)
 

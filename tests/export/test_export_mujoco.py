@@ -102,3 +102,38 @@ def test_an_accelerometer_at_the_imu_reads_specific_force():
     there = alpha + np.cross(dw, IMU) + np.cross(RATES, np.cross(RATES, IMU))
     np.testing.assert_allclose(data.sensor("accelerometer").data, there, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(data.sensor("gyro").data, RATES, rtol=1e-12)
+
+
+def test_randomly_turned_flat_bodies_load():
+    """MuJoCo 3.17 and 4.0 demand A + B >= C without a tolerance, of what the file says."""
+    random = np.random.default_rng(0)
+    for _ in range(60):
+        turn = np.linalg.qr(random.standard_normal((3, 3)))[0]
+        a, b = random.uniform(0.005, 0.02, 2)
+        inertia = turn @ np.diag([a, b, a + b]) @ turn.T
+        model, _ = loaded(a_result(inertia_com=0.5 * (inertia + inertia.T)))
+        found = np.sort(model.body("vehicle").inertia)
+        np.testing.assert_allclose(found, np.sort([a, b, a + b]), rtol=1e-6)
+
+
+def test_it_lands_on_the_floor():
+    """Without thrust the vehicle falls 1 m and stays upon the floor."""
+    model, data = loaded(a_result())
+    mujoco.mj_resetData(model, data)
+    data.qpos[2] = 0.5
+    for _ in range(round(2.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    assert 0.0 < data.qpos[2] < 0.1
+    assert abs(data.qvel[2]) < 0.05
+
+
+@pytest.mark.parametrize(("integrator", "exact"), [("Euler", True), ("RK4", False)])
+def test_filterexact_is_exact_under_euler_alone(integrator, exact):
+    """As the comment of the file says; RK4 advances an activation by its own rule."""
+    text = text_of(a_result(), "mujoco").replace("<option ", f'<option integrator="{integrator}" ')
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 2.0
+    mujoco.mj_step(model, data)
+    expected = 2.0 * (1.0 - np.exp(-model.opt.timestep / LAG))
+    assert bool(abs(data.act[0] / expected - 1.0) < 1e-9) is exact

@@ -135,3 +135,18 @@ def test_numbers_of_a_step_by_hand():
     assert is_lost(of([0.25, 0.25], tilt=1.5))
     assert is_lost(of([0.25, np.nan]))
     assert not is_lost(step)
+
+
+def test_a_broken_installation_keeps_its_own_advice(monkeypatch):
+    """MuJoCo 3.17 upgraded in place to 4.0.0: its ImportError names the repair."""
+    from rotorfit.errors import OutputError
+    from rotorfit.export import mujoco as flown
+
+    def broken(name):
+        raise ImportError("pip install --force-reinstall mujoco-core")
+
+    monkeypatch.setattr(flown, "import_module", broken)
+    with pytest.raises(OutputError) as refused:
+        flown.require_mujoco()
+    assert "--force-reinstall mujoco-core" in str(refused.value)
+    assert "rotorfit[mujoco]" not in str(refused.value)

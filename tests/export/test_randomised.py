@@ -257,7 +257,7 @@ def test_isaac_lab_without_a_term_is_reported(result, monkeypatch):
 
 def test_urdf_variants_are_readable_by_gym_pybullet_drones(result):
     """BaseAviary._parseURDFParameters takes elements by their place, all numbers with one value."""
-    files, found = variant_files(result, "urdf", count=3, date=DATE)
+    files, found = variant_files(result, "gym-pybullet-drones", count=3, date=DATE)
     for text, model in zip(files.values(), found.models, strict=True):
         properties, base = list(ET.fromstring(text))[:2]
         inertial, _, collision = base
@@ -275,3 +275,12 @@ def test_urdf_variants_are_readable_by_gym_pybullet_drones(result):
             *("drag_coeff_xy", "drag_coeff_z", "dw_coeff_1", "dw_coeff_2", "dw_coeff_3"),
         ):
             assert np.isfinite(float(properties.attrib[name])), name
+
+
+@pytest.mark.parametrize(("target", "name"), [("samples", "v.npz"), ("crazyflow-worlds", "w.npz")])
+def test_npz_files_hold_no_other_array_with_the_lowest_numpy(result, monkeypatch, target, name):
+    """NumPy 1.26 to 2.1 has no option allow_pickle: every keyword is an array."""
+    given = {}
+    monkeypatch.setattr(np, "savez", lambda file, **arrays: given.update(arrays))
+    drawn(result, target, name, count=3)
+    assert "about" in given and "allow_pickle" not in given

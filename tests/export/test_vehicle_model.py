@@ -344,7 +344,7 @@ HEXA = tuple(
         ("px4", ("CA_ROTOR_COUNT\t6\t6", "CA_ROTOR5_KM")),
         ("px4-gazebo", ("SIM_GZ_EC_FUNC6\t106",)),
         ("mujoco", ('<general name="rotor_6"',)),
-        ("urdf", ("prop5_joint", "without the <properties>")),
+        ("urdf", ("prop5_joint",)),
         ("casadi", ("SPINS = [-1, 1, -1, 1, 1, -1]",)),
         ("ardupilot-sitl", ("--model hexax:THIS_FILE.json", "motor6_position")),
     ],

@@ -171,6 +171,23 @@ def test_a_trajectory_has_names_or_none(tmp_path):
     np.testing.assert_array_equal(turned.channels["position"].values[2], [1, -2, -4])
 
 
+@pytest.mark.parametrize(
+    "lost",
+    ["0 nan nan nan nan nan nan nan", "0 1 2 3 0 0 0 0", "0 0 0 0 0 0 0 0\n\n# lost"],
+    ids=["nan", "zero quaternion", "comment below"],
+)
+def test_a_trajectory_may_begin_without_a_pose(tmp_path, lost):
+    path = tmp_path / "poses.txt"
+    path.write_text(f"# t x y z qx qy qz qw\n{lost}\n1 1 2 3 0 0 0 1\n2 1 2 4 0 0 1 0\n")
+    log = read_log(path)
+    assert log.format == "trajectory"
+    assert log.channels["position"].time.tolist() == [1.0, 2.0]
+    assert "The body is not seen in 1 of 3 frames." in log.notes
+    gaps = tmp_path / "poses.csv"
+    gaps.write_text("0,,,,,,,\n1,1,2,3,0,0,0,1\n2,1,2,4,0,0,1,0\n")
+    assert read_log(gaps).channels["position"].time.tolist() == [1.0, 2.0]
+
+
 def test_eight_numbers_that_are_no_pose_are_a_table(tmp_path):
     path = tmp_path / "poses.txt"
     path.write_text("0 1 2 3 4 5 6 7\n1 1 2 3 4 5 6 7\n")

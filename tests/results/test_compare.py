@@ -131,3 +131,13 @@ def test_command(tmp_path):
     assert data["labels"] == ["imu", "mocap"]
     assert data["numbers"][0]["entries"][1]["overlap"] is False
     assert CliRunner().invoke(app, ["compare"]).exit_code == 2
+
+
+def test_a_comparison_prints_as_a_table():
+    text = str(compare_results([IMU, MOCAP], ["imu", "mocap"]))
+    head, *rows = text.splitlines()
+    assert head.split() == ["imu", "mocap"]
+    assert len(rows) == len(compare_results([IMU, MOCAP], ["imu", "mocap"]).numbers)
+    lines = {line.split("  ")[0]: line for line in rows}
+    assert "(+1.4 %*)" in lines["kt"] and "(+3.3 %)" in lines["Ixx A"]
+    assert "%" not in lines["Ixy A"]  # zero is inside the first interval

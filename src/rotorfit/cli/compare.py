@@ -79,7 +79,7 @@ def truth_result(path: Path) -> IdentificationResult:
     """Load the truth.json of a simulated flight as a result: every number given, without width."""
     import numpy as np
 
-    from rotorfit.model.parameters import DERIVED, PARAMETERS
+    from rotorfit.model.parameters import DERIVED, PARAMETERS, SHARED
     from rotorfit.results.result import Derived, IdentificationResult, Parameter
 
     parameters: list[Parameter] = []
@@ -87,7 +87,8 @@ def truth_result(path: Path) -> IdentificationResult:
     for name, owner, value in _true_numbers(path):
         exact: dict[str, Any] = {
             "name": name,
-            "configuration": owner,
+            # As results have it: a shared number of a truth may stand among a configuration's.
+            "configuration": None if name in SHARED else owner,
             "value": value,
             "std": 0.0,
             "interval": (value, value),

@@ -1,8 +1,10 @@
 """Conventions of other tools' files: axes, units, numbers, names and comments as text."""
 
+import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -69,6 +71,15 @@ def xml_elements(values: Float[np.ndarray, "3 3"]) -> dict[str, str]:
     """Write the elements of an inertia tensor by their names in SDF and URDF."""
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     return dict(zip(names, map(text, elements(values)), strict=True))
+
+
+def npz(arrays: Mapping[str, np.ndarray]) -> bytes:
+    """Write arrays as the bytes of a NumPy .npz file, under their names and no others."""
+    room = io.BytesIO()
+    # NumPy before 2.2 has no option allow_pickle and would write it as one more array.
+    given: dict[str, Any] = dict(arrays)
+    np.savez(room, **given)
+    return room.getvalue()
 
 
 def identifier(name: str) -> str:

@@ -53,10 +53,11 @@ def write_mujoco(model: VehicleModel, head: Sequence[str]) -> str:
         + f'  <option timestep="{TIMESTEP:g}" gravity="0 0 {-GRAVITY:g}"/>\n'
         + "  <worldbody>\n"
         + '    <light pos="0 0 5" directional="true"/>\n'
-        + '    <geom name="floor" type="plane" size="20 20 0.1" contype="0" conaffinity="0"/>\n'
+        + '    <geom name="floor" type="plane" size="20 20 0.1"/>\n'
         + '    <body name="vehicle" pos="0 0 1">\n      <freejoint name="free"/>\n'
         + f'      <inertial pos="{texts(model.com)}" mass="{text(model.mass)}"\n'
         + f'                fullinertia="{texts(elements(model.inertia_com))}"/>\n'
+        + _collision(model)
         + f'      <site name="imu" pos="{texts(model.imu)}"/>\n'
         + "".join(_site(i, rotor, model) for i, rotor in rotors)
         + "    </body>\n  </worldbody>\n  <actuator>\n"
@@ -78,9 +79,26 @@ def _remarks(model: VehicleModel) -> list[str]:
         "thrust follows with the motors' time constant (the speed does, in truth: the same for "
         "small changes); gyroscopic torque and the reaction to spinning up (Jr) are left out",
     ]
+    if model.mean_lag > 0.0:
+        remarks.append(
+            "filterexact is exact with the integrators Euler (as here) and implicitfast, not RK4"
+        )
+    remarks += [
+        "gyro and accelerometer are of the state before the last mj_step, until mj_forward",
+        "geom hull, a cylinder as wide as the mean arm, touches the floor; it is no measured shape",
+    ]
     if model.lag_up != model.lag_down:
         remarks.append("MuJoCo has one time constant: the mean of up and down")
     return remarks
+
+
+def _collision(model: VehicleModel) -> str:
+    """Write the body that touches the floor: a flat cylinder about the CoM, without mass."""
+    arm = model.mean_arm
+    return (
+        f'      <geom name="hull" type="cylinder" size="{text(arm)} {text(0.15 * arm)}" '
+        f'pos="{texts(model.com)}"\n            group="3" rgba="0.3 0.3 0.3 0.2"/>\n'
+    )
 
 
 def _site(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
@@ -193,10 +211,12 @@ def require_mujoco() -> Any:
     """Import the module; OutputError with the command that installs it where it is absent."""
     try:
         return import_module("mujoco")
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         raise OutputError(
             'flying the model needs MuJoCo: pip install "rotorfit[mujoco]"'
         ) from error
+    except ImportError as error:  # installed, but in pieces; its own text names the repair
+        raise OutputError(f"MuJoCo is installed, but cannot be imported: {error}") from error
 
 
 def _loaded(mujoco: Any, model: VehicleModel) -> Any:

@@ -38,7 +38,6 @@ centre of mass and inertia are of the USD body and set by PhysX's own properties
 the package index: its class is evaluated in the tests by its own formulas.
 """
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -49,6 +48,7 @@ from rotorfit.export.file_format import (
     hash_comment,
     identifier,
     listed,
+    npz,
     per_squared_rpm,
     template_text,
     text,
@@ -127,9 +127,7 @@ def write_crazyflow_worlds(found: Variants, head: Sequence[str]) -> bytes:
     refuse_no_upright_quad(found.nominal, "Crazyflow")
     worlds = [_params(model) for model in found.models]
     arrays = {name: np.array([world[name] for world in worlds])[:, None] for name in worlds[0]}
-    room = io.BytesIO()
-    np.savez(room, allow_pickle=False, about=np.array("\n".join(head)), **arrays)
-    return room.getvalue()
+    return npz({"about": np.array("\n".join(head)), **arrays})
 
 
 def _params(model: VehicleModel) -> dict[str, np.ndarray]:

@@ -19,6 +19,7 @@ TargetName = Literal[
     "px4-setpoints",
     "mujoco",
     "urdf",
+    "gym-pybullet-drones",
     "rotorpy",
     "ardupilot",
     "ardupilot-sitl",

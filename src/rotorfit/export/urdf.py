@@ -1,4 +1,4 @@
-"""URDF, with the properties of gym-pybullet-drones where its quadrotor in X fits.
+"""URDF; and that of gym-pybullet-drones, with its properties, for its quadrotor in X.
 
 Sources: ROS urdf/XML/link (inertia about the CoM, tensor elements, in the axes of <inertial>);
 gym-pybullet-drones, assets/cf2x.urdf and envs/BaseAviary.py: kf and km are thrust [N] and torque
@@ -8,11 +8,15 @@ left; yaw torque is -t0 + t1 - t2 + t3; link 4 is the centre of mass, where that
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from rotorfit.errors import OutputError
 from rotorfit.export.file_format import (
+    elements,
     identifier,
     per_squared_rpm,
     roll_pitch_yaw,
@@ -22,7 +26,8 @@ from rotorfit.export.file_format import (
     xml_comment,
     xml_elements,
 )
-from rotorfit.export.vehicle import VehicleModel
+from rotorfit.export.vehicle import ExportedRotor, VehicleModel
+from rotorfit.model.parameters import INERTIA
 from rotorfit.preprocessing.airborne import GRAVITY
 
 GYM_SEATS = ((1.0, -1.0, 1.0), (-1.0, -1.0, -1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0))
@@ -32,13 +37,55 @@ GYM_SPEED = 30.0
 
 
 def write_urdf(model: VehicleModel, head: Sequence[str]) -> str:
-    """Write the vehicle as URDF."""
+    """Write the vehicle as URDF with its whole inertia tensor, rotors in the order of the log."""
+    remarks = (
+        *REMARKS,
+        "prop0 is rotor 1 of the log, prop1 is rotor 2, and so on",
+        "PyBullet takes the principal axes for the axes of the base where there are products of "
+        "inertia: getBasePositionAndOrientation(body) is then turned by "
+        "getDynamicsInfo(body, -1)[4]; take the inverse of that turn off, or export to "
+        "gym-pybullet-drones, without products",
+    )
+    return _robot(model, with_notes(head, *remarks), model.rotors)
+
+
+def write_gym_pybullet_drones(model: VehicleModel, head: Sequence[str]) -> str:
+    """Write the URDF of gym-pybullet-drones, which takes PyBullet's principal axes for the body's.
+
+    PyBullet 3.2.7 returns the attitude of the principal axes of the base, and the package flies by
+    it: with products of inertia a level vehicle would read as tilted. They are left out.
+    """
     order = _gym_order(model)
-    rotors = [model.rotors[i] for i in (order or range(len(model.rotors)))]
-    properties = "" if order is None else _properties(model)
+    rotors = [model.rotors[i] for i in order]
+    products = ", ".join(
+        f"{name} = {value:.4g}"
+        for name, value in zip(INERTIA[3:], elements(model.inertia_com)[3:], strict=True)
+    )
+    numbers = ", ".join(f"prop{i} is rotor {k + 1} of the log" for i, k in enumerate(order))
+    remarks = (
+        *REMARKS,
+        f"products of inertia are left out ({products} kg m^2): PyBullet would turn the base to "
+        "the principal axes, and the attitude that gym-pybullet-drones reads with it",
+        f"{numbers}; kf and km per squared RPM, the mean of the rotors",
+        "properties that are left out: drag, ground effect and downwash are off (0), "
+        f"max_speed_kmh is {GYM_SPEED:g}",
+    )
+    diagonal = replace(model, inertia_com=np.diag(np.diag(model.inertia_com)))
+    return _robot(diagonal, with_notes(head, *remarks), rotors, _properties(model))
+
+
+REMARKS: Final = (
+    "inertia is about the CoM, tensor elements; a link propN_link is at each rotor, z along its "
+    "thrust; the base link's origin is that of the result",
+)
+
+
+def _robot(
+    model: VehicleModel, head: Sequence[str], rotors: Sequence[ExportedRotor], properties: str = ""
+) -> str:
     return (
         '<?xml version="1.0"?>\n'
-        + xml_comment(with_notes(head, *_remarks(order)))
+        + xml_comment(head)
         + f"<robot name={quoteattr(identifier(f'{model.name}_{model.configuration}'))}>\n"
         + properties
         + _base_link(model)
@@ -51,37 +98,18 @@ def write_urdf(model: VehicleModel, head: Sequence[str]) -> str:
     )
 
 
-def _gym_order(model: VehicleModel) -> list[int] | None:
-    """Find which rotor is prop0, prop1 ..., None where the properties cannot be written."""
-    if len(model.rotors) != 4 or not model.vertical or not np.isfinite(model.max_speed):
-        return None
+def _gym_order(model: VehicleModel) -> list[int]:
+    """Find which rotor is prop0, prop1 ...; OutputError where the package has no such vehicle."""
     seats = [
         (float(np.sign(x)), float(np.sign(y)), rotor.spin)
         for (x, y, _), rotor in zip(model.arms.tolist(), model.rotors, strict=True)
     ]
-    if sorted(seats) != sorted(GYM_SEATS):
-        return None
-    return [seats.index(seat) for seat in GYM_SEATS]
-
-
-def _remarks(order: list[int] | None) -> list[str]:
-    remarks = [
-        "inertia is about the CoM, tensor elements; a link propN_link is at each rotor, z along "
-        "its thrust; the base link's origin is that of the result"
-    ]
-    if order is None:
-        remarks.append(
-            "without the <properties> of gym-pybullet-drones: they take four upright rotors in X, "
-            "front right and rear left ccw, and max_speed (--assume max_speed=VALUE)"
+    if not model.vertical or sorted(seats) != sorted(GYM_SEATS):
+        raise OutputError(
+            "gym-pybullet-drones flies four upright rotors in X, front right and rear left ccw; "
+            "these are others: export to urdf instead"
         )
-        return remarks
-    numbers = ", ".join(f"prop{i} is rotor {k + 1} of the log" for i, k in enumerate(order))
-    return [
-        *remarks,
-        f"{numbers}; kf and km per squared RPM, the mean of the rotors",
-        "properties that are left out: drag, ground effect and downwash are off (0), "
-        f"max_speed_kmh is {GYM_SPEED:g}",
-    ]
+    return [seats.index(seat) for seat in GYM_SEATS]
 
 
 def _properties(model: VehicleModel) -> str:

@@ -3,7 +3,6 @@
 Drawn vehicles as arrays: NumPy's npz, or JSON.
 """
 
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,7 +12,8 @@ import numpy as np
 
 from rotorfit import version
 from rotorfit.errors import OutputError
-from rotorfit.export.vehicle import VehicleModel, is_possible
+from rotorfit.export.file_format import npz
+from rotorfit.export.vehicle import VehicleModel, is_possible, thickened
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import COM, INERTIA_COM, inertia_matrix
 from rotorfit.results.result import IdentificationResult
@@ -56,7 +56,7 @@ def variants(
             f"{impossible} of {count} vehicles drawn cannot exist with what was assumed (no body "
             "has such inertia): assume less, or other values"
         )
-    return Variants(nominal=nominal, models=models, samples=samples)
+    return Variants(nominal=nominal, models=tuple(map(thickened, models)), samples=samples)
 
 
 def _factors(
@@ -141,9 +141,7 @@ def write_samples(found: Variants, result: IdentificationResult, *, suffix: str)
     if suffix == ".json":
         values = {name: array.tolist() for name, array in arrays.items()}
         return (json.dumps({**about, "values": values}, allow_nan=False) + "\n").encode()
-    room = io.BytesIO()
-    np.savez(room, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
-    return room.getvalue()
+    return npz({"about": np.array(json.dumps(about)), **arrays})
 
 
 def _about(found: Variants, result: IdentificationResult, names: tuple[str, ...]) -> dict[str, Any]:

@@ -169,6 +169,27 @@ def refuse_no_lag(model: VehicleModel, target: str) -> None:
         )
 
 
+THINNEST: Final = 1e-7
+"""Smallest second moment over the largest element of the inertia, as `--project` leaves [1].
+
+MuJoCo demands that no principal moment exceeds the sum of the others, without any tolerance, of the
+12 digits that a file has; a flat body is on that border.
+"""
+
+
+def thickened(model: VehicleModel) -> VehicleModel:
+    """Return a possible vehicle whose inertia stays possible when it is rounded for a file."""
+    inertia = model.inertia_com
+    if not np.isfinite(inertia).all() or not is_possible(model):
+        return model
+    moments, axes = np.linalg.eigh(second_moments(inertia))
+    least = THINNEST * float(np.abs(inertia).max())
+    if moments[0] >= least:
+        return model
+    second = (axes * np.maximum(moments, least)) @ axes.T
+    return replace(model, inertia_com=np.trace(second) * np.eye(3) - second)
+
+
 def is_possible(model: VehicleModel) -> bool:
     """Test whether a body can have the inertia; NaN passes, as it is never written."""
     if not np.isfinite(np.diag(model.inertia_com)).all():

@@ -30,6 +30,7 @@ from rotorfit.export.vehicle import (
     is_possible,
     projected,
     refuse_signs,
+    thickened,
 )
 from rotorfit.formatting.digits import with_interval
 from rotorfit.logs.speed_law import SpeedLaw
@@ -73,11 +74,11 @@ def vehicle_model(
     _refuse_missing(numbers, _needed(needs, numbers, vehicle), result=result)
     model = _assembled(result, owner, numbers=numbers, vehicle=vehicle, law=law)
     refuse_signs(model)
-    if is_possible(model):
-        return model
-    if not project:
-        raise OutputError(impossible_message(model))
-    return projected(model, result)
+    if not is_possible(model):
+        if not project:
+            raise OutputError(impossible_message(model))
+        model = projected(model, result)
+    return thickened(model)
 
 
 NOMINAL_SPEED: Final = 1000.0

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rotorfit.errors import ExperimentError
+from rotorfit.formatting.digits import with_interval
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
 
 
@@ -40,7 +41,7 @@ class ComparedNumber:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """Results side by side.
+    """Results side by side; as text a table, an asterisk where intervals do not overlap.
 
     Attributes
     ----------
@@ -52,6 +53,30 @@ class Comparison:
 
     labels: tuple[str, ...]
     numbers: tuple[ComparedNumber, ...]
+
+    def __str__(self) -> str:
+        several = len({n.configuration for n in self.numbers} - {None}) > 1
+        names = [
+            f"{n.name} {n.configuration}" if several and n.configuration else n.name
+            for n in self.numbers
+        ]
+        rows = [["", *self.labels, ""]]
+        for name, number in zip(names, self.numbers, strict=True):
+            values = [_value_text(entry, number.entries[0]) for entry in number.entries]
+            rows.append([name, *values, "" if number.unit == "1" else number.unit])
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = ("  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)) for row in rows)
+        return "\n".join(line.rstrip() for line in lines)
+
+
+def _value_text(entry: Entry, first: Entry) -> str:
+    """Write a value with its interval, and its difference from a first that is not zero."""
+    shown = with_interval(entry.value, entry.interval)
+    low, high = first.interval or (first.value, first.value)
+    if entry.difference is None or low is None or high is None or low <= 0.0 <= high:
+        return shown
+    mark = "*" if entry.overlap is False else ""
+    return f"{shown} ({100.0 * entry.difference:+.1f} %{mark})"
 
 
 def compare_results(results: Sequence[IdentificationResult], labels: Sequence[str]) -> Comparison:

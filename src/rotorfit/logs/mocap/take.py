@@ -8,7 +8,7 @@ to world with z up.
 import hashlib
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -216,13 +216,21 @@ def is_trajectory(head: bytes) -> bool:
         start, _, delimiter, _ = _beginning(text)
     except LogError:
         return False
-    cells = _cells(text[start:].partition(b"\n")[0], delimiter)
-    pose = [number_or_nan(cell) for cell in cells]
-    return (
-        len(pose) == _COLUMNS
-        and bool(np.isfinite(pose).all())
-        and abs(math.hypot(*pose[4:]) - 1.0) < _OFF_LENGTH
-    )
+    # A row without a pose, NaN or a zero quaternion, says nothing: the first pose decides.
+    for row in text[start:].split(b"\n"):
+        if not row.strip() or row.lstrip().startswith((b"#", b"%")):
+            continue
+        pose = [number_or_nan(cell) for cell in _cells(row, delimiter)]
+        if len(pose) != _COLUMNS or not math.isfinite(pose[0]):
+            return False
+        if _is_pose(pose):
+            return abs(math.hypot(*pose[4:]) - 1.0) < _OFF_LENGTH
+    return False
+
+
+def _is_pose(row: Sequence[float]) -> bool:
+    """Tell whether a row has numbers, and a quaternion that is not all zeros."""
+    return all(map(math.isfinite, row)) and any(row[4:])
 
 
 def read_trajectory(path: Path, *, axes: Axes = "FLU") -> FlightLog:
@@ -254,7 +262,7 @@ def _beginning(text: bytes) -> tuple[int, int, str | None, str]:
         if words and not words.startswith(("#", "%")):
             delimiter = next((mark for mark in _DELIMITERS if words.count(mark) == 7), None)
             cells = _cells(row, delimiter)
-            if all(np.isfinite(number_or_nan(cell)) for cell in cells):
+            if math.isfinite(number_or_nan(cells[0])) and all(map(_is_number, cells)):
                 return start, line, delimiter, header
             if header or not _are_names(cells):
                 break
@@ -266,6 +274,15 @@ def _beginning(text: bytes) -> tuple[int, int, str | None, str]:
 def _cells(row: bytes, delimiter: str | None) -> list[str]:
     words = row.decode("utf-8", "replace").strip()
     return [cell.strip().strip('"') for cell in words.split(delimiter)]
+
+
+def _is_number(cell: str) -> bool:
+    """Tell whether a cell is empty or a number, finite or not."""
+    try:
+        float(cell or "nan")
+    except ValueError:
+        return False
+    return True
 
 
 def _are_names(cells: list[str]) -> bool:
