@@ -163,7 +163,7 @@ def _table_of(
     for question in proposal.questions:
         choices = list(question.choices)
         words = f"{question.words}: {', '.join(choices)}"
-        reply = _ask_choice(choices, words, choices[0], f"--unit {question.channel}=UNIT")
+        reply = _ask_choice(choices, words, choices[0], question.option)
         units = {question.channel: reply, **units}
     if proposal.questions:
         proposal = propose_columns(log, named=named, units=units, axes=axes)
