@@ -115,7 +115,7 @@ def _read(path: Path, also: Container[str]) -> tuple[FlightLog, Messages]:
         raise LogError(f"{path}: begins with {shown}, expected a3 95 of a DataFlash log")
     sha256 = sha256_of(path)
     try:
-        return _flight_log(path, sha256, also, text=binary_blocks(path) if is_text(head) else None)
+        return _flight_log(path, sha256, also, lines=binary_blocks(path) if is_text(head) else None)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
 
@@ -125,19 +125,19 @@ LEAST_MOVED: Final = 0.05
 
 
 def _flight_log(
-    path: Path, sha256: str, also: Container[str], *, text: list[bytes] | None
+    path: Path, sha256: str, also: Container[str], *, lines: list[bytes] | None
 ) -> tuple[FlightLog, Messages]:
     """Make the log of the messages in a file, and keep those of some names.
 
     The file is gone through twice: what the other IMUs recorded would fill most of the memory.
-    `text`: the messages of a log in text form; None of a binary one.
+    `lines`: the messages of a log in text form; None of a binary one.
     """
-    glimpse = find_messages(text or read_blocks(path, (0.0, 0.4)), wanted=CHOICE)
+    glimpse = find_messages(lines or read_blocks(path, (0.0, 0.4)), wanted=CHOICE)
     settings, texts = read_parameters(glimpse), parameters.texts(glimpse)
     choice = sensors.choose_imu(glimpse, settings)
     del glimpse
     names = frozenset((*NAMES, *choice.names))
-    blocks = text or read_blocks(path, (0.4, 0.6))
+    blocks = lines or read_blocks(path, (0.4, 0.6))
     messages = find_messages(blocks, wanted=_wanted(choice, names))
     kept = messages.only(also)
     frame = frame_of(settings, texts)
