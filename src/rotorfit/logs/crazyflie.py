@@ -202,7 +202,8 @@ def _chosen_event(records: Records, name: str | None, number: int | None) -> Eve
     usual = _usual_event(records)
     named = [event for event in recorded if event.name == name]
     if number is not None and name is None:
-        # Where the choice is clear, the file is one log.
+        if usual is not None and number > 1:
+            raise LogError(f"a Crazyflie file is one log, there is no log {number}")
         numbered = recorded if usual is None else [usual]
         if number > len(numbered):
             raise LogError(f"no log {number}: the file has {_numbered(numbered)}")
