@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
+from rotorfit.logs.crazyflie import is_crazyflie, list_events, read_crazyflie
 from rotorfit.logs.crazyflie_records import (
     LARGEST_BLOCK,
     SEARCH_BYTES,
