@@ -12,7 +12,7 @@ MOTOR_COUNTS: Final = (3, 4, 6, 8, 12)
 _DELAYS: Final = (0.0, 0.03, 0.06, 0.12)
 """Delays between an output and the motion that it makes [s]: of the autopilot and the motors."""
 _SLOWEST: Final = 1.0
-"""Time over which steady parts and slow changes are taken off [s]: trims and drifts follow no one."""
+"""Time over which steady parts and slow changes are taken off [s]: trims and drifts."""
 _FEWEST: Final = 200
 """Samples that show which outputs drive motors."""
 _CLEAR: Final = 0.05
