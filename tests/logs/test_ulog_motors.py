@@ -180,7 +180,7 @@ def test_dshot_of_older_versions(tmp_path):
     assert "DSHOT_CONFIG" in log.channels["command"].source
 
 
-def test_auxiliary_outputs_that_are_switched_together_are_no_motors(tmp_path):
+def test_auxiliary_outputs_switched_together_are_no_motors(tmp_path):
     """SYS_USE_IO = 1: motors on the IO processor, instance 0; DSHOT_CONFIG is of the others."""
     parameters = {**OLD, "DSHOT_CONFIG": 600, "SYS_USE_IO": 1}
     output = pwm(SHARE, 1075, 1950)

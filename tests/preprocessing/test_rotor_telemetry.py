@@ -230,7 +230,7 @@ def test_spikes_of_single_samples_in_the_commands_hide_nothing(log):
     assert "the command of rotor 1, 2, 3, 4 jumps for single samples" in words
 
 
-def test_a_rotor_that_reads_half_and_nothing_at_times_is_the_one_that_is_named(log):
+def test_a_rotor_that_reads_half_is_named_alone(log):
     values = speeds(log)
     values[:, 0] *= 0.5
     values[len(values) // 3 : len(values) // 2, 0] = 0.0

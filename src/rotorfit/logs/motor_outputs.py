@@ -58,8 +58,9 @@ def motor_outputs(command: Channel, gyro: Channel, accel: Channel) -> Bool[np.nd
 
 
 def _sampled(channel: Channel, even: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n k"]:
-    columns = np.nan_to_num(channel.values).T
-    return np.stack([np.interp(even, channel.time, column) for column in columns], axis=1)
+    values = np.nan_to_num(channel.values)
+    columns = [np.interp(even, channel.time, values[:, i]) for i in range(values.shape[1])]
+    return np.stack(columns, axis=1)
 
 
 def _delayed(command: Channel, even: Float[np.ndarray, " n"], i: int) -> Float[np.ndarray, "n d"]:

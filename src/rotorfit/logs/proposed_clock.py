@@ -22,7 +22,7 @@ _SLOWEST_CLOCK: Final = 60.0
 
 CLOCK: Final = "clock"
 """Channel of the question which of two clocks is right; its answer is the name of a column."""
-_APART: Final = 0.05
+_CLOCKS_DIFFER: Final = 0.05
 """Share of the duration by which two clocks of one table may differ."""
 
 
@@ -97,7 +97,7 @@ def _unit_by_name(clock: _Clock) -> str | None:
 def _may_last(clock: _Clock, seconds: float) -> bool:
     """Return whether a clock runs for so long in any unit."""
     return any(
-        abs(clock.duration * si - seconds) <= _APART * seconds + 2.0 * clock.step * si
+        abs(clock.duration * si - seconds) <= _CLOCKS_DIFFER * seconds + 2.0 * clock.step * si
         for si in UNITS["time"].values()
     )
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from rotorfit.logs.column_names import COMMAND_WORDS, SPEED_WORDS, Candidate, is_by_corner
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.exporters import Exporter
+from rotorfit.logs.motor_outputs import MOTOR_COUNTS
 from rotorfit.logs.proposed_channels import Found, Numbers, Question, known_rows, stacked
 
 _RANGES: Final = {"us": (1000.0, 2000.0), "counts": (0.0, 65535.0)}
@@ -19,8 +20,6 @@ _DSHOT: Final = (48.0, 2047.0)
 _LEAST_PULSE: Final = 900.0
 _LARGEST_PULSE: Final = 2000.0
 """Pulse widths that motors are sent [us]."""
-_FRAMES: Final = (4, 6, 8, 12)
-"""Numbers of motors of a multirotor, by which unused outputs beside them are recognised."""
 
 
 def motors_found(
@@ -69,7 +68,7 @@ def _used_columns(one: Candidate, numbers: Numbers) -> tuple[list[str], str]:
     names = [name for _, name in sorted(one.by_index.items())]
     held = [n for n in names if n in numbers and np.isfinite(numbers[n]).any()]
     moving = [n for n in held if float(np.nanmax(numbers[n])) > float(np.nanmin(numbers[n]))]
-    kept = moving if len(moving) in _FRAMES else held
+    kept = moving if len(moving) in MOTOR_COUNTS[1:] else held
     words = (
         "" if len(kept) == len(names) else f"; {len(names) - len(kept)} that never move left out"
     )

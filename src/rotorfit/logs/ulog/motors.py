@@ -421,9 +421,9 @@ def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
         values = topic.vector("output", 1 + max(wiring.places))
         if values is not None and len(topic.rows) > 1:
             chosen = np.nan_to_num(values[:, list(wiring.places)])
-            apart = float((chosen - chosen.mean(axis=1, keepdims=True)).std(axis=0).sum())
+            between = float((chosen - chosen.mean(axis=1, keepdims=True)).std(axis=0).sum())
             span = float(np.ptp(chosen, axis=0).sum())
-            moved.append((round(apart, 6), span, -topic.instance, topic))
+            moved.append((round(between, 6), span, -topic.instance, topic))
     return max(moved, key=lambda item: item[:3])[3] if moved else None
 
 
