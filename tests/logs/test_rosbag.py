@@ -478,7 +478,9 @@ def test_an_old_bag_is_refused(tmp_path):
 
 def test_an_output_that_the_vehicle_does_not_follow_is_left_out(tmp_path):
     """The airframe's map names the motors where that is wrong."""
-    flown = simulate_flight(*variant(paper_vehicle("A"), "clean")[0], Scenario(seconds=6.0), seed=5)
+    flown = simulate_flight(
+        *variant(paper_vehicle("A"), "clean")[0], Scenario(seconds=12.0), seed=5
+    )
     count = len(flown.time)
 
     def pulses(k):
