@@ -101,7 +101,7 @@ def test_a_broken_ulog(refused, here):
 
 def test_text_that_is_no_table(message, here):
     (here / "flight.csv").write_text("Dear pilot,\nthe battery is charged.\n")
-    assert "no column 'time'; the file has Dear pilot" in message("identify", *LOG)
+    assert "text without rows of numbers" in message("identify", *LOG)
 
 
 # -- what the log holds --------------------------------------------------------------------------

@@ -8,7 +8,8 @@ import pytest
 
 from rotorfit.errors import LogError
 from rotorfit.logs.blackbox import is_blackbox
-from rotorfit.logs.blackbox.read import list_blackbox_logs, read_blackbox
+from rotorfit.logs.blackbox.listing import list_blackbox_logs
+from rotorfit.logs.blackbox.read import read_blackbox
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 
 
@@ -31,6 +32,46 @@ def log_of(tmp_path, fields: dict[str, list[int]], **entries: str | None) -> Fli
 
 def vector(name: str, *columns: list[int]) -> dict[str, list[int]]:
     return {f"{name}[{i}]": column for i, column in enumerate(columns)}
+
+
+BETAFLIGHT_43 = {"Firmware revision": "Betaflight 4.3.1 (abc) STM32F405", "motor_poles": None}
+
+
+def speeds_in_debug(tmp_path, mode, poles=None, **entries):
+    fields = {
+        **vector("motor", *[[158, 2047, 300]] * 4),
+        **vector("debug", [60, 70, 80], [61, 71, 81], [62, 72, 82], [63, 73, 83]),
+    }
+    path = tmp_path / "log.bbl"
+    log_of(tmp_path, fields, debug_mode=mode, **(BETAFLIGHT_43 | entries))
+    return read_blackbox(path, motor_poles=poles)
+
+
+def test_speeds_in_debug_of_older_betaflight(tmp_path):
+    values = np.array([[60, 61, 62, 63], [70, 71, 72, 73], [80, 81, 82, 83]])
+    hertz = speeds_in_debug(tmp_path, "46").channels["rotor_speed"]
+    np.testing.assert_allclose(hertz.values, 2 * np.pi * values)
+    assert "RPM_FILTER" in hertz.source
+    electrical = 100 * 2 * np.pi / 60 * values
+    by_file = speeds_in_debug(tmp_path, "45", poles=12).channels["rotor_speed"]
+    np.testing.assert_allclose(by_file.values, electrical / 6)
+    by_header = speeds_in_debug(tmp_path, "45", poles=12, motor_poles="14").channels["rotor_speed"]
+    np.testing.assert_allclose(by_header.values, electrical / 7)
+
+
+@pytest.mark.parametrize(
+    ("mode", "entries", "words"),
+    [
+        ("45", {}, "the header no motor_poles"),
+        ("6", {}, "neither omega nor eRPM"),
+        ("46", {"Firmware revision": "Betaflight 4.5.0 (a) X"}, "neither omega nor eRPM"),
+        ("46", {"Firmware revision": "INAV 7.0.0 (a) X"}, "INAV to 9 has no"),
+    ],
+)
+def test_debug_holds_no_speeds(tmp_path, mode, entries, words):
+    log = speeds_in_debug(tmp_path, mode, **entries)
+    assert "rotor_speed" not in log.channels
+    assert any(words in note for note in log.notes)
 
 
 INDIFLIGHT = {"Firmware revision": "Indiflight 5.0.0 (abc) TEST"}

@@ -16,7 +16,8 @@ from reading_ends import ended, faults
 from rotorfit.errors import LogError
 from rotorfit.logs.blackbox import encodings, scan
 from rotorfit.logs.blackbox.decode import decode
-from rotorfit.logs.blackbox.read import list_blackbox_logs, read_blackbox
+from rotorfit.logs.blackbox.listing import list_blackbox_logs
+from rotorfit.logs.blackbox.read import read_blackbox
 
 INT32 = st.integers(-(1 << 31), (1 << 31) - 1)
 
@@ -226,7 +227,7 @@ def test_two_logs_are_never_glued(tmp_path):
         read_blackbox(path)
     assert str(error.value).startswith(f"{path}: holds 2 logs (")
     assert "1: about " in str(error.value)
-    assert "expected a choice of one: pass a log number from 1 to 2 (--log" in str(error.value)
+    assert "expected a choice of one: pass the number of one (--log" in str(error.value)
     with pytest.raises(LogError, match="expected a choice: pass the log number"):
         decode(path.read_bytes())
     for number, recorder in ((1, first), (2, second)):
@@ -267,6 +268,18 @@ def test_of_several_logs_the_longest_is_named_first(tmp_path):
         read_blackbox(path)
     path.write_bytes(log_lasting(3))
     assert "about" not in list_blackbox_logs(path)[0].description
+
+
+def test_stubs_are_not_listed_among_flights(tmp_path):
+    path = tmp_path / "stubs.bfl"
+    stubs = log_lasting(0) + log_lasting(0)
+    path.write_bytes(stubs + log_lasting(9) + log_lasting(0))
+    assert [entry.number for entry in list_blackbox_logs(path)] == [3]
+    assert read_blackbox(path).log_number == 3
+    path.write_bytes(stubs + log_lasting(9) + log_lasting(12))
+    assert [entry.number for entry in list_blackbox_logs(path)] == [4, 3]
+    path.write_bytes(stubs)
+    assert sorted(entry.number for entry in list_blackbox_logs(path)) == [1, 2]
 
 
 def replaced(line: str, value: str | None) -> bytes:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
-from rotorfit.logs.crazyflie import is_crazyflie, read_crazyflie
+from rotorfit.logs.crazyflie import is_crazyflie, list_events, read_crazyflie
 from rotorfit.logs.crazyflie_records import (
     LARGEST_BLOCK,
     SEARCH_BYTES,
@@ -194,8 +194,25 @@ def test_the_event_is_chosen(tmp_path):
     assert list(read_crazyflie(only).channels) == ["battery"]
     more = [Record(7, 10 + k, (1, 1.0, 1, 1)) for k in range(4)]
     both = written(tmp_path, encode([voltage, OTHER], [*more, records[0], records[-1]]))
-    with pytest.raises(LogError, match=r"several events .*: choose one by its name"):
+    with pytest.raises(LogError, match=r"several events .*--log N, of 1: 'low', 2: "):
         read_crazyflie(both)
+    assert [entry.number for entry in list_events(both)] == [1, 2]
+    chosen = read_log(both, options=ReadOptions(log_number=1))
+    assert chosen.channels["battery"].values.tolist() == [[3.5], [3.0]]
+    with pytest.raises(LogError, match="no log 3: the file has 1: 'low', 2: "):
+        read_log(both, options=ReadOptions(log_number=3))
+
+
+def test_the_one_event_with_an_imu_is_read_without_a_choice(tmp_path):
+    event = Event(9, "estimator", FLIGHT.variables)
+    voltage = Event(4, "low", [("pm.vbat", "f")])
+    flown_records = [Record(9, r.time, r.values) for r in flight()]
+    records = [Record(4, 1000, (3.5,)), *flown_records, Record(4, 90000000, (3.0,))]
+    path = written(tmp_path, encode([voltage, event], records))
+    assert "accel" in read_log(path).channels
+    assert list_events(path) == ()
+    with pytest.raises(LogError, match="is one log, there is no log 2"):
+        read_log(path, options=ReadOptions(log_number=2))
 
 
 @pytest.mark.parametrize(

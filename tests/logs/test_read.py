@@ -52,7 +52,11 @@ def test_options_reach_the_table_reader(tmp_path):
         (b"%PDF-1.7\n", "a PDF document"),
         (b"\x89PNG\r\n\x1a\n", "an image"),
         (b"\xff\xd8\xff\xe0", "an image"),
-        (b"MATLAB 5.0 MAT-file, Platform", "a MATLAB file"),
+        (
+            b"MATLAB 5.0 MAT-file, Platform",
+            "a MATLAB file: give the log from which it was made (.bin of ArduPilot), or save its "
+            "signals with writetable as CSV",
+        ),
         (b'{"time": 0}', "JSON"),
         (b"[1, 2]", "JSON"),
         (

@@ -21,7 +21,7 @@ from rosbag_writers import (
 from rosbags.rosbag2 import StoragePlugin
 
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
-from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight
+from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
 
 WRITERS = {"flight.bag": write_ros1, "bag": write_ros2, "mcap": write_mcap}
 COUNT = 40
@@ -474,3 +474,33 @@ def test_an_old_bag_is_refused(tmp_path):
     path = tmp_path / "old.bag"
     path.write_bytes(b"#ROSBAG V1.2\n" + bytes(40))
     assert error_of(path).startswith("ROS bag of version '1.2\\n', expected 2.0")
+
+
+def test_an_output_that_the_vehicle_does_not_follow_is_left_out(tmp_path):
+    """The airframe's map names the motors where that is wrong."""
+    flown = simulate_flight(
+        *variant(paper_vehicle("A"), "clean")[0], Scenario(seconds=12.0), seed=5
+    )
+    count = len(flown.time)
+
+    def pulses(k):
+        servo = 1500 + 300 * np.sin(1.9 * flown.time[k])
+        return {"channels": [*(1000 + 1000 * flown.command[k]).round().astype(int), int(servo)]}
+
+    def moving(k):
+        gyro, accel = flown.gyro[k], flown.accel[k]
+        return {
+            "angular_velocity": dict(zip("xyz", gyro.tolist(), strict=True)),
+            "linear_acceleration": dict(zip("xyz", accel.tolist(), strict=True)),
+        }
+
+    step = round(1e9 * float(flown.time[1] - flown.time[0]))
+    log = read(
+        tmp_path,
+        sent("/imu", "sensor_msgs/msg/Imu", moving, count=count, step=step),
+        sent("/mavros/rc/out", "mavros_msgs/msg/RCOut", pulses, count=count, step=step),
+    )
+    assert log.channels["command"].values.shape[1] == 4
+    assert "outputs 1, 2, 3, 4," in log.channels["command"].source
+    [note] = [note for note in log.notes if "Output 5" in note]
+    assert 'columns = { command_1 = "/mavros/rc/out.channels[0]"' in note

@@ -180,6 +180,18 @@ def test_dshot_of_older_versions(tmp_path):
     assert "DSHOT_CONFIG" in log.channels["command"].source
 
 
+def test_auxiliary_outputs_switched_together_are_no_motors(tmp_path):
+    """SYS_USE_IO = 1: motors on the IO processor, instance 0; DSHOT_CONFIG is of the others."""
+    parameters = {**OLD, "DSHOT_CONFIG": 600, "SYS_USE_IO": 1}
+    output = pwm(SHARE, 1075, 1950)
+    output[-5:] = 900.0
+    aux = np.where(np.arange(N)[:, None] < N - 5, 1054.0, 0.0) * np.ones((1, 4))
+    topics = (actuator_outputs(TIME, output), actuator_outputs(TIME, aux, instance=1))
+    command = read(tmp_path, *topics, parameters=parameters).channels["command"]
+    assert command.source.startswith("actuator_outputs.output[0, 1, 2, 3], 1075..1950 (PWM_MIN")
+    np.testing.assert_allclose(command.values[:-5], SHARE[:-5], atol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("prefix", "low", "high", "extra"),
     [

@@ -215,3 +215,30 @@ def test_real_telemetry_and_the_same_with_two_plugs_swapped(flight_data_dir, nam
     assert states(swapped) == ["follows", "follows", "swapped", "swapped"]
     [said] = swapped.doubts
     assert "command 3 moves speed 4, command 4 moves speed 3" in said
+
+
+def test_spikes_of_single_samples_in_the_commands_hide_nothing(log):
+    """Quick commands that jump for single samples, as by a noisy D term: the mean of each 10 ms
+    is what the motors do."""
+    quick = log.channels["command"]
+    time = np.arange(quick.time[0], quick.time[-1], 0.002)
+    even = np.stack([np.interp(time, quick.time, c) for c in quick.values.T], axis=1)
+    jumps = np.zeros((len(time), 1))
+    # Some 102 times a second: every hundredth of a second by itself would see a beat of 2 Hz.
+    jumps[np.round(np.arange(0, len(time) - 1, 4.9)).astype(int)] = 0.4
+    found = telemetry(with_channel(log, "command", even + jumps, time=time))
+    assert states(found) == ["follows"] * 4
+    [words] = found.doubts
+    assert "the command of rotor 1, 2, 3, 4 jumps for single samples" in words
+
+
+def test_a_rotor_that_reads_half_is_named_alone(log):
+    values = speeds(log)
+    values[:, 0] *= 0.5
+    values[len(values) // 3 : len(values) // 2, 0] = 0.0
+    found = telemetry(with_channel(log, "rotor_speed", values))
+    assert states(found) == ["unlike", "follows", "follows", "follows"]
+    assert found.rotors[0].ratio == pytest.approx(0.5, abs=0.03)
+    [words] = found.doubts
+    assert words.startswith("rotor 1 turns at 0.50 times the speed of the others")
+    assert "besides, it stays constant for" in words

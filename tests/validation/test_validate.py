@@ -10,7 +10,7 @@ import pytest
 
 import flown
 from rotorfit.cli.validate import validate as validate_command
-from rotorfit.errors import ExperimentError, FlightError
+from rotorfit.errors import ExperimentError, FlightError, LogError
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
@@ -294,3 +294,23 @@ def test_a_flight_that_cannot_be_used_is_named_once(folder, result):
         validate_file(result, folder / "A2.csv", configuration="A", start=0.0, end=0.02)
     assert str(refused.value).startswith("A2.csv: ")
     assert str(refused.value).count("A2.csv") == 1
+
+
+def test_a_table_is_read_by_the_columns_of_the_result(folder, result, tmp_path):
+    """Flights of the fit with names of their own: the result carries the map to other tables."""
+    names = {"time": "t_ms", **{f"rotor_{i}": f"speed{i}" for i in range(1, 7)}}
+    text = (folder / "A2.csv").read_text()
+    head, _, rows = text.partition("\n")
+    named = ",".join(names.get(name, name) for name in head.split(","))
+    (tmp_path / "other.csv").write_text(f"{named}\n{rows}")
+    columns = {ours: name for ours, name in names.items() if ours in head.split(",")}
+    settings = json.loads(json.dumps(result.settings))
+    with pytest.raises(LogError):
+        validate_file(result, tmp_path / "other.csv", configuration="A")
+    for configuration in settings["configuration"]:
+        for entry in configuration["flights"]:
+            entry["columns"] = columns
+    mapped = dataclasses.replace(result, settings=settings)
+    errors = validate_file(mapped, tmp_path / "other.csv", configuration="A").relative_error
+    plain = validate_file(result, folder / "A2.csv", configuration="A").relative_error
+    assert dict(errors) == pytest.approx(dict(plain))

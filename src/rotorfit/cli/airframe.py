@@ -132,7 +132,9 @@ def airframe(
             print_result(f"  rotorfit inspect {log} --airframe {output}")
         # Of a table its columns say so.
         source = " --source mocap" if seen.posed and table is None else ""
-        print_result(f"  rotorfit identify {log or 'LOG'} --mass KG --airframe {output}{source}")
+        number = "" if log_number is None else f" --log {log_number}"
+        shown = f"{log or 'LOG'}{number} --mass KG --airframe {output}{source}"
+        print_result(f"  rotorfit identify {shown}")
 
 
 def _table_of(
@@ -163,7 +165,7 @@ def _table_of(
     for question in proposal.questions:
         choices = list(question.choices)
         words = f"{question.words}: {', '.join(choices)}"
-        reply = _ask_choice(choices, words, choices[0], f"--unit {question.channel}=UNIT")
+        reply = _ask_choice(choices, words, choices[0], question.option)
         units = {question.channel: reply, **units}
     if proposal.questions:
         proposal = propose_columns(log, named=named, units=units, axes=axes)

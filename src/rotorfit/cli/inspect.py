@@ -51,8 +51,8 @@ def inspect(
         list[Path],
         typer.Argument(
             metavar="LOG",
-            help="Flight logs of any format, or experiment files (.toml) that map their columns; "
-            "an airframe file among logs is taken as --airframe.",
+            help="Flight logs of any format, a folder of them, or experiment files (.toml) that "
+            "map their columns; an airframe file among logs is taken as --airframe.",
         ),
     ],
     log: LogNumber = None,
@@ -125,7 +125,7 @@ def _listed(paths: list[Path]) -> tuple[list[InspectedLog], list[RotorfitError]]
 
     inspected: list[InspectedLog] = []
     refusals: list[RotorfitError] = []
-    for path in paths:
+    for path in (log for given in paths for log in _logs_in(given)):
         if path.suffix.lower() != ".toml":
             inspected.append(InspectedLog(path=path, read=ReadOptions()))
             continue
@@ -134,6 +134,21 @@ def _listed(paths: list[Path]) -> tuple[list[InspectedLog], list[RotorfitError]]
         except RotorfitError as error:
             refusals.append(error)
     return inspected, refusals
+
+
+def _logs_in(path: Path) -> list[Path]:
+    """List the logs of a folder that is no recording itself; a file stays what it is.
+
+    A folder without a log stays, too, to be refused by its name.
+    """
+    from rotorfit.logs.read import format_of
+
+    if not path.is_dir() or format_of(path) is not None:
+        return [path]
+    found = [(p, format_of(p)) for p in sorted(path.iterdir()) if not p.name.startswith(".")]
+    # Nearly any text may be a table: by its name alone it is a log.
+    logs = [p for p, f in found if f and (f.certain or p.suffix.lower() in f.suffixes)]
+    return logs or [path]
 
 
 def logs_of_experiment(path: Path) -> list[InspectedLog]:

@@ -92,5 +92,5 @@ def _text(report: LogReport) -> str:
     decisions = decision_lines(report)
     lines += ["for you to decide:", *(f"  {line}" for line in decisions)] if decisions else []
     if count:
-        lines.append(f"as a file: rotorfit settings {report.file} -o {file_of(report)}")
+        lines.append(f"as a file: rotorfit settings {report.as_argument} -o {file_of(report)}")
     return "\n".join(lines)

@@ -390,8 +390,14 @@ def _is_pose_alone(columns: Mapping[str, object] | None) -> bool:
 
 
 def with_columns(flight: FlightEntry, table: TableEntry | None) -> FlightEntry:
-    """Give a flight that is a table the columns map of a file, where it needs one."""
-    if table is None or flight.columns is not None or not _is_unknown_table(Path(flight.file)):
+    """Give a flight that is a table, or a ROS bag, the columns map of a file that is for such."""
+    if table is None or flight.columns is not None:
+        return flight
+    names = [c if isinstance(c, str) else c.name for c in table.columns.values()]
+    is_for_bags = all(name.startswith("/") and "." in name for name in names)
+    form = format_of(Path(flight.file))
+    is_bag = form is not None and form.name == "rosbag"
+    if not (is_for_bags if is_bag else _is_unknown_table(Path(flight.file))):
         return flight
     return flight.model_copy(update={"columns": table.columns, "axes": table.axes})
 
@@ -422,6 +428,24 @@ def named_flight(
     """Make the entry of a flight that no experiment file names, used from start to end [s]."""
     described = {"file": str(path), "log": log_number, "start": start, "end": end}
     return _checked(FlightEntry, described, path).placed(path)
+
+
+def unseen_entry(
+    path: Path,
+    experiment: Experiment,
+    *,
+    log_number: int | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> FlightEntry:
+    """Make the entry of another flight of a result's vehicle.
+
+    A table is read by the columns by which the result's flights were read.
+    """
+    flights = [f for c in experiment.configuration for f in (*c.flights, *c.validation)]
+    maps = (TableEntry(axes=f.axes, columns=dict(f.columns)) for f in flights if f.columns)
+    entry = named_flight(path, log_number=log_number, start=start, end=end)
+    return with_columns(entry, next(maps, None))
 
 
 def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:

@@ -4,6 +4,7 @@ What the doctor objects to is a list of findings, each by one of `CHECKS`.
 """
 
 import re
+import shlex
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -24,7 +25,7 @@ from rotorfit.experiment.law_table import law_entry_of
 from rotorfit.findings import Evidence, Finding, doubt, note, sentences
 from rotorfit.identification.identify import identify
 from rotorfit.inspection.pictures import LogPictures, log_pictures
-from rotorfit.inspection.prospects import Prospects, foreseen_step, prospects
+from rotorfit.inspection.prospects import Prospects, foreseen_step, prospects, shown_log
 from rotorfit.inspection.recording import (
     LATEST,
     SEARCHED,
@@ -60,8 +61,8 @@ WITH_AIRFRAME: Final = (
     "give --airframe FILE to check motor order, spins and arm, and to get a verdict for each number"
 )
 BY_POSE: Final = (
-    "if the poses are those of motion capture, identify by them: rotorfit identify LOG --mass KG "
-    "--airframe AIRFRAME --source mocap"
+    "if the poses are those of motion capture, describe the vehicle, and identify by them "
+    "(--source mocap): rotorfit airframe {log}"
 )
 READER_NOTE: Final = "reader-note"
 NO_AIRFRAME: Final = "no-airframe"
@@ -92,6 +93,13 @@ class LogReport:
     findings: tuple[Finding, ...] = ()
     next_step: NextStep | None = None
     pictures: LogPictures | None = None
+
+    @property
+    def as_argument(self) -> str:
+        """The log as a command takes it: its file, and which log of several."""
+        number, _, count = self.log.partition(" of ")
+        several = f" --log {number}" if count.isdecimal() and int(count) > 1 else ""
+        return f"{shlex.quote(self.file)}{several}"
 
     @property
     def usable(self) -> bool:
@@ -195,7 +203,11 @@ def _next_step(
         return next_step(look.result)
     if look.prepared is None:
         needed = better_log(look.log, lacking - NO_SPEED - NO_BATTERY)
-        by_pose = NextStep(kind="done", action=BY_POSE) if is_posed(look.log) else None
+        by_pose = (
+            NextStep(kind="done", action=BY_POSE.format(log=shown_log(look.log)))
+            if is_posed(look.log)
+            else None
+        )
         return by_pose if needed is None else NextStep(kind="log", action=needed)
     if foreseen is None:
         return None

@@ -1,5 +1,6 @@
 """Predict cheaply what one log can show: kt, excitation of each axis, and the motor order."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
@@ -63,7 +64,13 @@ PROSPECT: Final[dict[Verdict, Prospect]] = {
 }
 LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
 """Lags of commanded motors, tried one by one [s]."""
-IDENTIFY: Final = "identify it: rotorfit identify LOG --mass KG --airframe AIRFRAME"
+IDENTIFY: Final = "describe the vehicle, which identify needs: rotorfit airframe {log}"
+
+
+def shown_log(log: FlightLog) -> str:
+    """Write a log as a command takes it: its file, and which log of several."""
+    several = f" --log {log.log_number}" if log.logs_in_file > 1 else ""
+    return f"{shlex.quote(str(log.path))}{several}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +190,7 @@ def foreseen_step(log: FlightLog, prepared: PreparedFlight, found: Prospects) ->
     if found.thrust.prospect != "well":
         lacking.append(ADVISED["force"])
     if not lacking:
-        return NextStep(kind="done", action=IDENTIFY)
+        return NextStep(kind="done", action=IDENTIFY.format(log=shown_log(log)))
     faster = faster_log(log, prepared) if found.commanded else None
     if faster is not None:
         return NextStep(kind="log", action=faster, because=slow_words(prepared))

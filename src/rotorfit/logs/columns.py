@@ -1,4 +1,4 @@
-"""Map the columns of a file to quantities: canonical names, maps, and guesses by other names."""
+"""Map the columns of a file to quantities: canonical names and maps."""
 
 import difflib
 import re
@@ -87,6 +87,17 @@ _OTHER_NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     **{f"rotor_{i}": (f"rpm_{i}", f"rpm{i}", f"motor_{i}", f"motor{i}", f"m{i}") for i in "1234"},
     "battery": ("vbat", "voltage"),
 }
+NAMES: Final[Mapping[str, tuple[str, ...]]] = {
+    "gyro": ("gyro_x", "gyro_y", "gyro_z"),
+    "accel": ("accel_x", "accel_y", "accel_z"),
+    "reference": ("ref_x", "ref_y", "ref_z"),
+    "position": ("pos_x", "pos_y", "pos_z"),
+    "velocity": ("vel_x", "vel_y", "vel_z"),
+    "quaternion": ("quat_w", "quat_x", "quat_y", "quat_z"),
+    "angle": ("roll", "pitch", "yaw"),
+    "battery": ("battery",),
+}
+"""Canonical names of the columns of one channel, by kind."""
 _LISTED_COLUMNS: Final = 12
 
 
@@ -248,198 +259,3 @@ def _nearest(canonical: str, in_file: Sequence[str]) -> str | None:
             return lowered[min(inside, key=len)]
     close = difflib.get_close_matches(canonical, lowered, n=1, cutoff=0.75)
     return lowered[close[0]] if close else None
-
-
-_UNIT_WORDS: Final = (
-    (("rad", "s"), "rad/s"),
-    (("rads",), "rad/s"),
-    (("radps",), "rad/s"),
-    (("deg", "s"), "deg/s"),
-    (("degs",), "deg/s"),
-    (("dps",), "deg/s"),
-    (("°", "s"), "deg/s"),
-    (("m", "s", "2"), "m/s^2"),
-    (("ms", "2"), "m/s^2"),
-    (("mps", "2"), "m/s^2"),
-    (("m", "s", "²"), "m/s^2"),
-    (("mss",), "m/s^2"),
-    (("m", "s"), "m/s"),
-    (("mps",), "m/s"),
-    (("µs",), "us"),
-    (("percent",), "%"),
-    *(((word,), word) for word in ("us", "ms", "ns", "s", "rpm", "erpm", "deg", "rad", "g", "mg")),
-    *(((word,), unit) for word, unit in (("sec", "s"), ("hz", "Hz"), ("v", "V"), ("mv", "mV"))),
-    *(((word,), word) for word in ("m", "cm", "mm")),
-)
-"""Words at the end of a name, and the unit that they mean."""
-_ANGLES: Final = {"roll": 0, "pitch": 1, "yaw": 2, "phi": 0, "theta": 1, "psi": 2, "heading": 2}
-_LETTERS: Final = {"w": -1, "x": 0, "y": 1, "z": 2}
-_NO_MEASUREMENT: Final = frozenset(
-    (
-        *("bias", "std", "var", "cov", "covariance", "temp", "temperature", "mag", "baro"),
-        *("status", "flag", "current", "curr", "amps", "offset", "error", "err", "integral"),
-        *("accuracy", "percent", "soc", "count"),
-    )
-)
-_SET_POINT: Final = frozenset(["sp", "setpoint", "ref", "reference", "target", "desired", "des"])
-SPEED_WORDS: Final = ("rpm", "speed", "omega", "rads", "hz", "rps", "rot")
-COMMAND_WORDS: Final = ("pwm", "cmd", "command", "throttle", "duty", "output", "servo", "actuator")
-_MOTOR_WORDS: Final = (*SPEED_WORDS, *COMMAND_WORDS, "motor", "esc", "prop", "thrust")
-NAMES: Final[Mapping[str, tuple[str, ...]]] = {
-    "gyro": ("gyro_x", "gyro_y", "gyro_z"),
-    "accel": ("accel_x", "accel_y", "accel_z"),
-    "reference": ("ref_x", "ref_y", "ref_z"),
-    "position": ("pos_x", "pos_y", "pos_z"),
-    "velocity": ("vel_x", "vel_y", "vel_z"),
-    "quaternion": ("quat_w", "quat_x", "quat_y", "quat_z"),
-    "angle": ("roll", "pitch", "yaw"),
-    "battery": ("battery",),
-}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """Columns of one stem: by their index, and the unit that the names give."""
-
-    kind: str
-    stem: str
-    by_index: Mapping[int, str]
-    unit: str | None
-
-
-def parts_of(name: str) -> tuple[tuple[str, ...], int | None, str | None]:
-    """Split the name of a column into words, an index (w, x, y, z: -1 to 2), and a unit."""
-    split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.replace("eRPM", "erpm")).lower()
-    words = tuple(re.findall(r"[a-zµ°²]+|\d+", split.replace("μ", "µ")))
-    words, unit = _without_unit(words)
-    words, index = _without_index(words)
-    if unit is None:
-        words, unit = _without_unit(words)
-    return words, index, unit
-
-
-def _without_unit(words: tuple[str, ...]) -> tuple[tuple[str, ...], str | None]:
-    for ending, unit in _UNIT_WORDS:
-        if len(words) > len(ending) and words[-len(ending) :] == ending:
-            kept = len(words) if unit in ("rpm", "erpm") else len(words) - len(ending)
-            return words[:kept], unit
-    return words, words[-1] if words and words[-1] in ("rpm", "erpm") else None
-
-
-def _without_index(words: tuple[str, ...]) -> tuple[tuple[str, ...], int | None]:
-    if not words:
-        return words, None
-    last = words[-1]
-    if last.isdecimal() and len(last) < 3:
-        return words[:-1], int(last)
-    known = {**_LETTERS, **_ANGLES}
-    if last in known:
-        is_angle = last in _ANGLES
-        return (*words[:-1], *(("angle",) if is_angle else ())), known[last]
-    # Glued on: gx, accx, quatw; but no letter of a word such as max.
-    if last[-1] in _LETTERS and last[:-1] in _GLUED:
-        return (*words[:-1], last[:-1]), _LETTERS[last[-1]]
-    # The axis before what it is of: x_gyro, roll_rate, yaw_gyro.
-    for word in words[:-1]:
-        if word in known:
-            angle = ("angle",) if word in _ANGLES else ()
-            return (*(other for other in words if other != word), *angle), known[word]
-    # A number inside: ESC0 RPM.
-    for i, word in enumerate(words[:-1]):
-        if word.isdecimal() and len(word) < 3:
-            return (*words[:i], *words[i + 1 :]), int(word)
-    return words, None
-
-
-_GLUED: Final = frozenset(
-    (
-        *("g", "gyr", "gyro", "w", "om", "omega", "a", "acc", "accel", "accelerometer"),
-        *("v", "vel", "p", "pos", "q", "quat", "imugyro", "imuacc"),
-    )
-)
-
-
-def _kind(words: tuple[str, ...], index: int | None) -> str | None:
-    """Tell what a column may hold by the words of its name; None if they say nothing."""
-    joined = "".join(words)
-    bare = tuple(word for word in words if not word.isdecimal())
-    if _NO_MEASUREMENT.intersection(words):
-        return None
-    if index is None:
-        if any(word in joined for word in ("vbat", "batt", "volt")):
-            return "battery"
-        if re.search(r"time|stamp|clock|second|micros|millis", joined) or joined in ("t", "ts"):
-            return "time"
-        return None
-    turns = re.search(r"gyr|ang(ular)?vel|bodyrate|angularrate|anglerate|rateangle", joined)
-    turns = turns or bare in (("w",), ("g",), ("om",)) or "rate" in words or "rates" in words
-    if (turns or ("omega" in words and index < 3 and not _is_motor(words))) and index >= 0:
-        return "reference" if _SET_POINT.intersection(words) else "gyro"
-    if _SET_POINT.intersection(words):
-        return None
-    if ("acc" in joined or bare in (("a",), ("f",)) or "specificforce" in joined) and index >= 0:
-        return "accel"
-    return _kind_of_rest(words, bare, joined, index)
-
-
-def _is_motor(words: tuple[str, ...]) -> bool:
-    return any(word in ("motor", "rotor", "prop", "esc") for word in words)
-
-
-def _kind_of_rest(
-    words: tuple[str, ...], bare: tuple[str, ...], joined: str, index: int
-) -> str | None:
-    if any(word in joined for word in _MOTOR_WORDS) or bare[-1:] in (("m",), ("u",), ("n",)):
-        return "motor" if index >= 0 else None
-    if "quat" in joined or "orientation" in joined or bare == ("q",):
-        return "quaternion"
-    if "angle" in words or "euler" in joined:
-        return "angle"
-    if "vel" in joined or bare == ("v",):
-        return "velocity"
-    if "pos" in joined or bare in (("p",), ()) or "loc" in joined:
-        return "position"
-    return None
-
-
-def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candidate]:
-    """Group columns by the words of their names, those that are named by hand first.
-
-    A canonical name that is given an empty one leaves its kind out.
-    """
-    groups: dict[tuple[str, str], dict[int, str]] = {}
-    units: dict[tuple[str, str], str | None] = {}
-    left_out = {_place(canonical)[0] for canonical, name in named.items() if not name}
-    for canonical, name in named.items():
-        kind, index = _place(canonical)
-        if not name:
-            continue
-        groups.setdefault((kind, ""), {})[index] = name
-        units[kind, ""] = parts_of(name)[2]
-    for name in names:
-        words, index, unit = parts_of(name)
-        kind = _kind(words, index)
-        if kind is None or name in named.values():
-            continue
-        # Which wheel of letters counts is the same for q0..q3 and qw..qz only by their values.
-        lettered = re.search(r"\d", name) is None if kind == "quaternion" else False
-        key = (kind, f"{' '.join(words)}{' lettered' if lettered else ''}" or "plain")
-        if kind in ("time", "battery"):
-            key = (kind, name)
-        groups.setdefault(key, {}).setdefault(0 if index is None else index, name)
-        units.setdefault(key, unit)
-    return [
-        Candidate(kind=kind, stem=stem, by_index=found, unit=units[kind, stem])
-        for (kind, stem), found in groups.items()
-        if kind not in left_out
-    ]
-
-
-def _place(canonical: str) -> tuple[str, int]:
-    """Return kind and index of a canonical name."""
-    if canonical == TIME:
-        return "time", 0
-    for kind, names in NAMES.items():
-        if canonical in names:
-            return kind, names.index(canonical) - (kind == "quaternion")
-    return "motor", int(canonical.rpartition("_")[2])

@@ -1,6 +1,6 @@
 """Micro-SD logs of the Crazyflie; its body axes are FLU."""
 
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -33,6 +33,7 @@ from rotorfit.logs.firmware import (
     settings_of,
 )
 from rotorfit.logs.flight_log import Channel, Circumstances, FlightLog, in_air, in_order
+from rotorfit.logs.formats import LogEntry
 from rotorfit.logs.units import STANDARD_GRAVITY, attitude_from_euler
 
 FIXED_FREQUENCY: Final = "fixedFrequency"
@@ -100,6 +101,10 @@ class _Recording:
         return variables_at(self.data, self.starts, [self.variables[name] for name in names])
 
 
+_IMU: Final = frozenset(f"{name}.{axis}" for name in ("gyro", "acc") for axis in "xyz")
+"""Variables by which an event is recognised as the one with the flight."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Found:
     """A channel, the variables it was made of, and what to say of it."""
@@ -115,8 +120,14 @@ def is_crazyflie(head: bytes) -> bool:
     return head[:1] == bytes([MAGIC]) and head[2:3] == b"\0"
 
 
-def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
-    """Read a micro-SD log of a Crazyflie."""
+def read_crazyflie(
+    path: Path, *, event: str | None = None, log_number: int | None = None
+) -> FlightLog:
+    """Read a micro-SD log of a Crazyflie.
+
+    `event`, `log_number`: which event to read where several were recorded, by its name or as
+    `list_events` numbers it.
+    """
     data = open_mapped(path)
     if not is_crazyflie(data[:3]):
         raise LogError(
@@ -125,7 +136,7 @@ def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
         )
     try:
         records = find_records(data)
-        chosen = _chosen_event(records, event)
+        chosen = _chosen_event(records, event, log_number)
         recording, unordered = _recording(data, records, chosen)
         found = _channels(recording)
         if not found:
@@ -154,21 +165,66 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
     return Advice(settings=asked_for(SETTINGS, lacks), file="config.txt")
 
 
-def _chosen_event(records: Records, name: str | None) -> Event:
-    events = {event.name: event for event in reversed(records.header.events)}
-    recorded = [e for e in records.header.events if len(records.starts[e.number]) > 1]
-    if name is None and FIXED_FREQUENCY in events and events[FIXED_FREQUENCY] in recorded:
-        return events[FIXED_FREQUENCY]
-    if name is None and len(recorded) == 1:
-        return recorded[0]
-    if name is not None and events.get(name) in recorded:
-        return events[name]
+def list_events(path: Path) -> tuple[LogEntry, ...]:
+    """List the recorded events of which one must be chosen; none where the choice is clear."""
+    data = open_mapped(path)
+    try:
+        records = find_records(data)
+    except LogError:
+        return ()  # which is said when it is read
+    if _usual_event(records) is not None:
+        return ()
+    return tuple(
+        LogEntry(
+            number=number,
+            start=0,
+            stop=len(data),
+            description=f"event {event.name!a}, {len(records.starts[event.number])} records",
+        )
+        for number, event in enumerate(_recorded_events(records), start=1)
+    )
+
+
+def _recorded_events(records: Records) -> list[Event]:
+    return [e for e in records.header.events if len(records.starts[e.number]) > 1]
+
+
+def _usual_event(records: Records) -> Event | None:
+    """Return the event to read unless another one is asked for; None where that is open."""
+    recorded = _recorded_events(records)
+    fixed = [event for event in recorded if event.name == FIXED_FREQUENCY]
+    with_imu = [e for e in recorded if {v.name for v in e.variables}.issuperset(_IMU)]
+    return next((found[-1] for found in (fixed, recorded, with_imu) if len(found) == 1), None)
+
+
+def _chosen_event(records: Records, name: str | None, number: int | None) -> Event:
+    recorded = _recorded_events(records)
+    usual = _usual_event(records)
+    named = [event for event in recorded if event.name == name]
+    if number is not None and name is None:
+        if usual is not None and number > 1:
+            raise LogError(f"a Crazyflie file is one log, there is no log {number}")
+        numbered = recorded if usual is None else [usual]
+        if number > len(numbered):
+            raise LogError(f"no log {number}: the file has {_numbered(numbered)}")
+        return numbered[number - 1]
+    if name is None and usual is not None:
+        return usual
+    if named:
+        return named[0]
     counts = _event_counts(records)
     if not recorded:
         raise LogError(f"no flight was recorded: {counts}; expected records of {FIXED_FREQUENCY}")
     if name is None:
-        raise LogError(f"several events were recorded ({counts}): choose one by its name")
+        raise LogError(
+            f"several events were recorded ({counts}): choose one with --log N, of "
+            f"{_numbered(recorded)}"
+        )
     raise LogError(f"no records of the event {name!r}: the log has {counts}")
+
+
+def _numbered(events: Sequence[Event]) -> str:
+    return ", ".join(f"{n}: {event.name!a}" for n, event in enumerate(events[:_LISTED], start=1))
 
 
 def _event_counts(records: Records) -> str:

@@ -3,6 +3,7 @@
 import csv
 import io
 import mmap
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +20,8 @@ _DELIMITERS: Final = (",", ";", "\t", "|")
 _COMMENTS: Final = ("#", "%")
 _ABSENT: Final = frozenset({"", "nan", "na", "n/a", "null", "none"})
 _NEWLINE: Final = b"\n"
+_SETTINGS_BYTES: Final = 65536
+"""Settings above a table are looked for in so many bytes; Blackbox Explorer writes some 10 kB."""
 PIECE_BYTES: Final = 1 << 20
 _LINES_PER_WORD: Final = 100
 """Looked at together: numbers need a tenth of the memory of what finds them."""
@@ -57,7 +60,8 @@ class DelimitedText:
 def open_delimited(data: Content) -> DelimitedText:
     """Return the table in a text file given as bytes, or mapped."""
     text = data if isinstance(data, mmap.mmap) and _is_plain(data) else with_line_feeds(data[:])
-    start, line_number, comment = 0, 1, ""
+    start = _after_settings(text)
+    line_number, comment = text[:start].count(_NEWLINE) + 1, ""
     while start < len(text):
         end = text.find(_NEWLINE, start)
         end = len(text) if end < 0 else end
@@ -67,6 +71,16 @@ def open_delimited(data: Content) -> DelimitedText:
         comment = line.strip().lstrip("#%") if line.strip() else comment
         start, line_number = end + 1, line_number + 1
     raise LogError("no row of column names: the file holds only comments and blank lines")
+
+
+def _after_settings(text: Content) -> int:
+    """Find where the table begins behind the settings that Blackbox Explorer writes above it.
+
+    There each line has a name and a value, up to the row of names of the table.
+    """
+    head = bytes(text[:_SETTINGS_BYTES])
+    found = re.search(rb'\n"?loopIteration"?[,;\t]', head)
+    return 0 if found is None else found.start() + 1
 
 
 def _is_plain(text: mmap.mmap) -> bool:

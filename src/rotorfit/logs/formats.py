@@ -5,15 +5,15 @@ Each is a table of `formats.toml`; its functions stand there as ``module:functio
 files of another format.
 """
 
-import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
 from rotorfit.logs.columns import ColumnSpec
+from rotorfit.logs.foreign import FOREIGN
 from rotorfit.logs.units import Axes
 
 
@@ -128,10 +128,6 @@ def recognise(head: bytes) -> Format | None:
 # Nearly any text may be a table, unless it is known to be something else.
 
 _PRINTABLE: Final = bytes(range(32, 256)) + b"\t\n\r\f"
-_TOML_TABLE: Final = re.compile(
-    rb"(?:[ \t]*(?:#[^\r\n]*|[A-Za-z_]\w*[ \t]*=[^\r\n]*)?\r?\n)*"
-    rb"[ \t]*\[\[?[A-Za-z_][\w.-]*\]\]?[ \t]*(?:#[^\r\n]*)?\r?\n"
-)
 
 
 def is_table(head: bytes) -> bool:
@@ -141,32 +137,3 @@ def is_table(head: bytes) -> bool:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     is_foreign = any(recognises(text) for _, recognises in FOREIGN)
     return bool(text) and not text.translate(None, _PRINTABLE) and not is_foreign
-
-
-def _begins(*magic: bytes) -> Callable[[bytes], bool]:
-    return lambda head: head.startswith(magic)
-
-
-def _is_toml(head: bytes) -> bool:
-    # A table after comments and plain keys; a list of JSON has no bare word in its brackets.
-    return _TOML_TABLE.match(head) is not None
-
-
-def _is_c3d(head: bytes) -> bool:
-    # The block in which its parameters begin, nearly always the second, and its mark.
-    return head[1:2] == b"\x50" and 0 < head[0] < 9
-
-
-FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
-    ("a zip archive: unpack it first", _begins(b"PK\x03\x04", b"PK\x05\x06")),
-    ("a gzip archive: unpack it first", _begins(b"\x1f\x8b")),
-    ("a zstd archive: unpack it first", _begins(b"\x28\xb5\x2f\xfd")),
-    ("a PDF document", _begins(b"%PDF")),
-    ("an image", _begins(b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"II*\x00", b"MM\x00*")),
-    ("a MATLAB file", _begins(b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n")),
-    ("a C3D file: export the rigid bodies as text", _is_c3d),
-    ("a TOML file: name the log itself, and an airframe file with --airframe", _is_toml),
-    ("JSON", _begins(b"{", b"[")),
-    ("a web page or other XML", _begins(b"<")),
-)
-"""Formats that are met where logs are kept, but not read."""

@@ -13,7 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.columns import NAMES, TIME, Candidate, ColumnSpec, candidates_of, quantity_of
+from rotorfit.logs.column_names import Candidate, candidates_of
+from rotorfit.logs.columns import NAMES, TIME, ColumnSpec, quantity_of
+from rotorfit.logs.exporters import Exporter, exporter_of, refuse_export, with_original
 from rotorfit.logs.proposed_channels import (
     MOTOR_UNITS,
     MOTORS,
@@ -27,11 +29,11 @@ from rotorfit.logs.proposed_channels import (
     attitude_signed,
     battery_found,
     chosen_of,
-    clock_found,
     gyro_found,
-    motors_found,
     others_found,
 )
+from rotorfit.logs.proposed_clock import CLOCK, clock_found
+from rotorfit.logs.proposed_motors import motors_found
 from rotorfit.logs.proposed_poses import pose_found
 from rotorfit.logs.table import Source, open_table
 from rotorfit.logs.units import UNITS, Axes
@@ -113,24 +115,28 @@ def _proposal(
             f"one column only, {source.names[0][:40]!r}: cells are separated by comma, semicolon, "
             "tab, | or spaces"
         )
+    refuse_export(source.names)
+    exporter = exporter_of(source.names)
     _check_given(source, named, units)
     candidates = candidates_of(source.names, named)
     numbers, texts = _numbers(source, candidates)
-    founds = [clock_found(source, candidates, numbers, units.get(TIME))]
+    founds = [clock_found(source, candidates, numbers, units)]
     chosen = {kind: chosen_of(kind, candidates, numbers) for kind in NAMES}
-    motors = motors_found(candidates, numbers, units)
+    motors = motors_found(candidates, numbers, units, exporter)
     lacking = [kind for kind in ("gyro", "accel") if chosen[kind] is None]
     attitude = attitude_found(chosen, numbers, units.get("angle"))
     by_pose = bool(lacking) and chosen["position"] is not None and bool(attitude.columns)
     if not motors.columns or (lacking and not by_pose):
         lacking = [*lacking, *([] if motors.columns else ["motors"])]
-        raise LogError(_lacking_words(lacking, candidates, source))
+        words = _lacking_words(lacking, candidates, source)
+        raise LogError(with_original(words, source.names))
     clock = founds[0].columns[TIME]
     found_by = _poses if by_pose else _sensors
     moving, others, axes = found_by(
-        chosen, numbers, attitude=attitude, clock=clock, units=units, axes=axes
+        chosen, numbers, attitude=attitude, clock=clock, units=units, axes=axes, exporter=exporter
     )
-    founds += [*moving, motors, *others]
+    written = () if exporter is None else (f"this is {exporter.title}: {exporter.original}",)
+    founds += [*moving, motors, *others, Found(columns={}, reasons=written)]
     columns = {name: spec for one in founds for name, spec in one.columns.items()}
     used = {spec.name for spec in columns.values()}
     left_texts = [f"{', '.join(texts)}: holds text, left out"] if texts else []
@@ -157,11 +163,13 @@ def _sensors(
     clock: ColumnSpec,
     units: Mapping[str, str],
     axes: Axes | None,
+    exporter: Exporter | None,
 ) -> tuple[list[Found], list[Found], Axes]:
     """Find gyro and accelerometer, and what goes with them."""
     accel, axes = accelerometer_found(chosen["accel"], numbers, units.get("accel"), axes)
     rate = attitude_rate(attitude, clock, numbers)
-    gyro = gyro_found(chosen["gyro"], rate, numbers, units.get("gyro"))
+    usual = None if exporter is None else exporter.units.get("gyro")
+    gyro = gyro_found(chosen["gyro"], rate, numbers, units.get("gyro"), usual=usual)
     signed = attitude_signed(attitude, gyro, rate, numbers)
     others = [signed, battery_found(chosen, numbers), others_found(chosen, gyro, units)]
     return [gyro, accel], others, axes
@@ -175,8 +183,10 @@ def _poses(
     clock: ColumnSpec,
     units: Mapping[str, str],
     axes: Axes | None,
+    exporter: Exporter | None,
 ) -> tuple[list[Found], list[Found], Axes]:
     """Find the position beside an attitude, where gyro or accelerometer are not there."""
+    del exporter  # poses need none of its units
     position = chosen["position"]
     assert position is not None
     pose, axes = pose_found(position, attitude, numbers, clock=clock, units=units, axes=axes)
@@ -193,6 +203,8 @@ def _check_given(source: Source, named: Mapping[str, str], units: Mapping[str, s
             raise LogError(f"no column {name!r} for {canonical}; the table begins with {shown}")
     known = units_to_state()
     for channel, unit in units.items():
+        if channel == CLOCK and unit in source.names:
+            continue
         if channel not in known:
             raise LogError(f"a unit of {channel!r}: expected one of {', '.join(known)}")
         if unit not in known[channel]:

@@ -8,22 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.columns import (
-    COMMAND_WORDS,
-    NAMES,
-    SPEED_WORDS,
-    TIME,
-    Candidate,
-    ColumnSpec,
-    unit_of,
-)
-from rotorfit.logs.table import Source
+from rotorfit.logs.column_names import Candidate
+from rotorfit.logs.columns import NAMES, TIME, ColumnSpec, unit_of
 from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Axes, Quantity, attitude_from_euler
 
 Numbers = Mapping[str, Float[np.ndarray, " n"]]
-_LONGEST_STEP: Final = 0.5
-_SLOWEST_CLOCK: Final = 60.0
-"""Steps of a clock [s]: over the first no log of a flight, under the second perhaps a slow one."""
 _FASTEST_GYRO: Final = 70.0
 """Twice what the usual gyro can measure [rad/s]: more than this is no rad/s."""
 _LEAST_RATES: Final = 0.7
@@ -41,20 +30,25 @@ STATED: Final[Mapping[str, Quantity]] = {
 MOTORS: Final = ("motors", "rotor", "command")
 """The same of motors: of columns that do not show it, of speeds, of commands."""
 MOTOR_UNITS: Final = ("rad/s", "rpm", "erpm", "Hz", "1", "%", "us", "counts")
-_RANGES: Final = {"us": (1000.0, 2000.0), "counts": (0.0, 65535.0)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
     """A unit that neither names nor values of the table show.
 
-    - `channel`: ``gyro`` or ``motors``.
+    - `channel`: ``gyro`` or ``motors``, or ``clock`` where the choices are columns.
     - `choices`: units of which one is right, the likeliest first.
     """
 
     channel: str
     words: str
     choices: tuple[str, ...]
+
+    @property
+    def option(self) -> str:
+        """The option of ``rotorfit airframe`` that answers it."""
+        is_column = self.channel == "clock"
+        return "--column time=NAME" if is_column else f"--unit {self.channel}=UNIT"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +66,8 @@ def stacked(names: Iterable[str], numbers: Numbers) -> Float[np.ndarray, "n k"]:
     return np.stack([numbers[name] for name in names], axis=1)
 
 
-def _known(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
+def known_rows(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
+    """Select the rows in which every column holds a number."""
     return values[np.isfinite(values).all(axis=1)]
 
 
@@ -81,7 +76,7 @@ def chosen_of(kind: str, candidates: Sequence[Candidate], numbers: Numbers) -> C
     wanted = len(NAMES[kind])
     for one in candidates:
         held = {i: n for i, n in sorted(one.by_index.items()) if n in numbers}
-        whole = len(held) >= wanted and len(_known(stacked(held.values(), numbers))) > 1
+        whole = len(held) >= wanted and len(known_rows(stacked(held.values(), numbers))) > 1
         if one.kind == kind and whole:
             return replace(one, by_index=dict(enumerate(list(held.values())[:wanted])))
     return None
@@ -97,75 +92,12 @@ def _specs(
     }
 
 
-def clock_found(
-    source: Source, candidates: Sequence[Candidate], numbers: Numbers, stated: str | None
-) -> Found:
-    """Find the clock: the first column that is named so and only rises; its unit may be stated."""
-    named = [one for one in candidates if one.kind == "time"]
-    fallback = Candidate(kind="time", stem="", by_index={0: source.names[0]}, unit=None)
-    for one in [*named, *([] if named else [fallback])]:
-        name = one.by_index[0]
-        if name not in numbers:
-            continue
-        steps = np.diff(numbers[name][np.isfinite(numbers[name])])
-        # A column of 0, 1, 2, ... counts the rows.
-        counts = not named and bool((steps == 1.0).all())
-        if len(steps) and (steps >= 0).all() and (steps > 0).any() and not counts:
-            step = float(np.median(steps[steps > 0]))
-            return _clock(name, one.unit, step, stated)
-    seen = ", ".join(one.by_index[0] for one in named)
-    texts = [one.by_index[0] for one in named if one.by_index[0] not in numbers]
-    what = f"{seen} does not rise from row to row" if seen else "no column is named like a clock"
-    what = f"{texts[0]} holds text, no numbers of s, ms or us" if texts else what
-    raise LogError(f"no time: {what}; record one, or name it as --column time=NAME")
-
-
-def _clock(name: str, unit: str | None, step: float, stated: str | None) -> Found:
-    """Choose the unit of a clock: as stated, else by its name where rows are then close enough."""
-    if stated is not None:
-        return _set_clock(name, stated, step)
-    fits = {u: s * step for u, s in UNITS["time"].items() if 1e-5 <= s * step <= _LONGEST_STEP}
-    if not fits:
-        raise LogError(
-            f"rows are {step:.4g} apart in {name!r}: in no unit several rows a second, no flight"
-        )
-    best = min(fits, key=lambda u: abs(np.log(fits[u] / 4e-3)))
-    chosen = unit if unit in fits else best
-    why = "by its name" if unit in fits else "as rows come"
-    words = f"time: {name} in {chosen} {why}, {fits[chosen] * 1e3:.4g} ms a row"
-    doubts: tuple[str, ...] = ()
-    if unit in UNITS["time"] and unit not in fits:
-        doubts = (f"{name} is named as {unit}, but rows would be {step:g} {unit} apart",)
-    elif unit is None and _LONGEST_STEP <= step <= _SLOWEST_CLOCK:
-        doubts = (
-            f"{name} has no unit in its name and rises by {step:g} a row: if that is seconds, and "
-            f"not {chosen}, the log is too slow for a flight",
-        )
-    return Found(
-        columns={TIME: ColumnSpec(name=name, unit=chosen)}, reasons=(words,), doubts=doubts
-    )
-
-
-def _set_clock(name: str, unit: str, step: float) -> Found:
-    """Take the unit of a clock as stated; doubt it where no flight has such rows."""
-    seconds = UNITS["time"][unit] * step
-    fits = 1e-5 <= seconds <= _LONGEST_STEP
-    doubt = f"{name} in {unit}, as stated, makes rows {seconds:.4g} s apart: no flight log"
-    return Found(
-        columns={TIME: ColumnSpec(name=name, unit=unit)},
-        reasons=(f"time: {name} in {unit} as stated, {1e3 * seconds:.4g} ms a row",)
-        if fits
-        else (),
-        doubts=() if fits else (doubt,),
-    )
-
-
 def accelerometer_found(
     chosen: Candidate | None, numbers: Numbers, stated: str | None, stated_axes: Axes | None
 ) -> tuple[Found, Axes]:
     """Find the accelerometer's unit by gravity, and the axes by its sign; both may be stated."""
     assert chosen is not None
-    values = _known(stacked(chosen.by_index.values(), numbers))
+    values = known_rows(stacked(chosen.by_index.values(), numbers))
     length = float(np.median(np.linalg.norm(values, axis=1)))
     along = np.median(values, axis=0)
     if stated is not None or stated_axes is not None:
@@ -240,12 +172,12 @@ def attitude_found(
     """Find the attitude: a quaternion of length 1, else Euler angles; their unit may be stated."""
     quaternion, angles = chosen["quaternion"], chosen["angle"]
     if quaternion is not None:
-        values = _known(stacked(quaternion.by_index.values(), numbers))
+        values = known_rows(stacked(quaternion.by_index.values(), numbers))
         if abs(np.median(np.linalg.norm(values, axis=1)) - 1.0) < 0.05:
             return Found(columns=_specs("quaternion", _ordered(quaternion, values), None))
     if angles is None:
         return Found(columns={})
-    values = _known(stacked(angles.by_index.values(), numbers))
+    values = known_rows(stacked(angles.by_index.values(), numbers))
     by_value = "deg" if float(np.abs(values).max()) > 2 * np.pi else "rad"
     unit = stated or (angles.unit if angles.unit in UNITS["angle"] else by_value)
     return Found(columns=_specs("angle", angles, unit))
@@ -285,11 +217,18 @@ def gyro_found(
     rate: Float[np.ndarray, "n 3"] | None,
     numbers: Numbers,
     stated: str | None,
+    *,
+    usual: str | None = None,
 ) -> Found:
-    """Find the gyro's unit: by the attitude, else by name, else by its peaks, else ask."""
+    """Find the gyro's unit: by the attitude, else by name, else by its peaks, else ask.
+
+    `usual`: of the program that wrote the table, where that is known.
+    """
     assert chosen is not None
     values = stacked(chosen.by_index.values(), numbers)
-    named = chosen.unit if chosen.unit in UNITS["angular velocity"] else None
+    # "gyro_rad" is what PX4 calls it: of a turn that is rad/s.
+    unit = f"{chosen.unit}/s" if chosen.unit in UNITS["angle"] else chosen.unit
+    named = unit if unit in UNITS["angular velocity"] else usual
     slopes = None if rate is None else _slopes(values, rate)
     found = slopes if slopes is not None and np.isfinite(slopes).any() else None
     if stated is not None:
@@ -371,75 +310,6 @@ def attitude_signed(
     against = ", ".join(axis for axis, sign in zip("xyz", signs, strict=True) if sign < 0)
     words = f"gyro and attitude turn against each other about {against}: one has a wrong sign"
     return replace(attitude, doubts=(words,))
-
-
-def motors_found(
-    candidates: Sequence[Candidate], numbers: Numbers, units: Mapping[str, str]
-) -> Found:
-    """Find rotor speeds and commands, and their units."""
-    columns: dict[str, ColumnSpec] = {}
-    reasons: list[str] = []
-    questions: list[Question] = []
-    for one in candidates:
-        held = [n for _, n in sorted(one.by_index.items()) if n in numbers]
-        values = _known(stacked(held, numbers)) if held else np.empty((0, 0))
-        if one.kind != "motor" or len(held) < 3 or len(values) < 2 or float(np.ptp(values)) == 0:
-            continue
-        unit, why, choices = _motor_unit(one, values)
-        if unit is None:
-            unit, why = units.get("motors"), "as stated"
-            words = f"Unit of {held[0]} to {held[-1]} ({values.min():.6g} to {values.max():.6g})"
-            if unit is None:
-                questions.append(Question(channel="motors", words=words, choices=choices))
-                unit, why = choices[0], "(asked below: neither names nor values say)"
-        if _stem(unit) in units:
-            unit, why = units[_stem(unit)], "as stated"
-        stem = _stem(unit)
-        if f"{stem}_1" in columns:
-            reasons.append(f"{held[0]} ...: left out, {stem}_1 is {columns[f'{stem}_1'].name}")
-            continue
-        columns |= {
-            f"{stem}_{i}": ColumnSpec(name=name, unit=unit, range=_RANGES.get(unit))
-            for i, name in enumerate(held, start=1)
-        }
-        what = "rotor speed" if stem == "rotor" else "command"
-        reasons.append(f"{what}: {held[0]} to {held[-1]} in {unit} {why}")
-    return Found(columns=columns, reasons=tuple(reasons), questions=tuple(questions))
-
-
-def _stem(unit: str) -> str:
-    """Tell what motor columns of a unit are: ``rotor`` (speeds) or ``command``."""
-    return "rotor" if unit in ("rad/s", "rpm", "erpm", "Hz") else "command"
-
-
-def _motor_unit(
-    one: Candidate, values: Float[np.ndarray, "n k"]
-) -> tuple[str | None, str, tuple[str, ...]]:
-    """Find the unit of motor columns by name and values; None, and the choices, if unknown."""
-    joined, low, high = one.stem.replace(" ", ""), float(values.min()), float(values.max())
-    is_speed = any(word in joined for word in SPEED_WORDS if word != "rot") or one.unit in (
-        "rpm",
-        "erpm",
-        "rad/s",
-        "Hz",
-    )
-    is_command = any(word in joined for word in COMMAND_WORDS) and not is_speed
-    speeds = ("rpm", "erpm", "rad/s", "Hz") if high > 6000 else ("rad/s", "rpm", "Hz", "erpm")
-    is_full_word = 60_000 < high <= 65_535  # 16 bits, all of them used
-    if one.unit in ("rpm", "erpm", "rad/s", "Hz"):
-        return one.unit, "by its name", speeds
-    if not is_speed:
-        if low >= -0.1 and high <= 1.5:
-            return "1", "as it ends at 1", ()
-        if one.unit in ("%", "us"):
-            return one.unit, "by its name", ()
-        if is_command and low >= 700 and high <= 2300:
-            return "us", "as pulse widths are", ()
-        commands = ("us", "counts", "%") if high > 100 else ("%", "us", "counts")
-        if is_full_word:
-            return None, "", ("counts", *speeds)
-        return None, "", commands if is_command else (*speeds, *commands)
-    return None, "", speeds
 
 
 def battery_found(chosen: Mapping[str, Candidate | None], numbers: Numbers) -> Found:

@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.logs.columns import NAMES, TIME, Candidate, ColumnSpec, unit_of
+from rotorfit.logs.column_names import Candidate
+from rotorfit.logs.columns import NAMES, TIME, ColumnSpec, unit_of
 from rotorfit.logs.proposed_channels import Found, Numbers, stacked
 from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Axes, attitude_from_euler, unit_or_nan
 

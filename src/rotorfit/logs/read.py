@@ -11,9 +11,9 @@ import numpy as np
 from rotorfit.errors import LogError
 from rotorfit.logs.files import Progress, read_for, read_head
 from rotorfit.logs.flight_log import FlightLog
+from rotorfit.logs.foreign import FOREIGN
 from rotorfit.logs.formats import (
     BY_NAME,
-    FOREIGN,
     FORMATS,
     Format,
     LogEntry,

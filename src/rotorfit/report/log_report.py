@@ -345,7 +345,10 @@ def setting_messages(report: LogReport) -> list[str]:
     file = settings_file(report.format, report.metadata)
     if file is None:
         return words
-    return [*words, f"as a file, from this log's own values: rotorfit settings {report.file}"]
+    return [
+        *words,
+        f"as a file, from this log's own values: rotorfit settings {report.as_argument}",
+    ]
 
 
 def _channel_lines(c: ChannelReport, width: int) -> list[str]:

@@ -33,7 +33,7 @@ from rotorfit.experiment.experiment import (
     Experiment,
     FlightEntry,
     experiment_of_settings,
-    named_flight,
+    unseen_entry,
 )
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
@@ -324,7 +324,7 @@ def replay_flights(
     `FrameError` where a log cannot be used.
     """
     experiment = experiment_of_settings(result.settings)
-    entries = [named_flight(path, log_number=log_number) for path in others]
+    entries = [unseen_entry(path, experiment, log_number=log_number) for path in others]
     replays: list[Replay] = []
     for entry in entries or _flights_of(experiment, owner):
         if report is not None:

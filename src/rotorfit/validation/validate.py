@@ -17,7 +17,7 @@ from rotorfit.experiment.experiment import (
     Experiment,
     FlightEntry,
     experiment_of_settings,
-    named_flight,
+    unseen_entry,
 )
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.terms import body as body_terms
@@ -67,7 +67,7 @@ def unseen_flight(
 ) -> LoadedFlight:
     """Load a flight that a fit has not seen, as its experiment says; see `validate_file`."""
     experiment = experiment_of_settings(result.settings)
-    entry = named_flight(path, log_number=log_number, start=start, end=end)
+    entry = unseen_entry(path, experiment, log_number=log_number, start=start, end=end)
     return _load_unseen(entry, experiment, result)
 
 

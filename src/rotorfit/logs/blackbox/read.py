@@ -1,4 +1,4 @@
-"""Blackbox files: recognise, list and read them, their fields as channels in SI units."""
+"""Blackbox files: their fields as channels in SI units."""
 
 import hashlib
 import math
@@ -7,6 +7,7 @@ import struct
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -17,10 +18,10 @@ from rotorfit.errors import LogError
 from rotorfit.findings import doubts
 from rotorfit.logs.blackbox import LOG_START
 from rotorfit.logs.blackbox.decode import BlackboxLog, decode
-from rotorfit.logs.blackbox.header import Header, find_logs, read_header
+from rotorfit.logs.blackbox.header import Header
+from rotorfit.logs.blackbox.listing import choice_words, entries_of, metadata_of
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.flight_log import Channel, Circumstances, FlightLog
-from rotorfit.logs.formats import LogEntry
 from rotorfit.logs.units import STANDARD_GRAVITY
 
 QUATERNION_ONE: Final = 8127
@@ -34,7 +35,9 @@ BATTERY_FIELDS: Final = ("vbatLatest", "vbat")
 INDIFLIGHT_REFERENCE: Final = "gyroSp"
 REFERENCE_FIELDS: Final = ("setpoint", "axisRate", INDIFLIGHT_REFERENCE)
 """Betaflight's, INAV's (in the gyro's axes both) and INDIflight's."""
-_OTHER_FIELDS: Final = ("motor", "eRPM", "extPos", "quat", "imuQuaternion")
+_OTHER_FIELDS: Final = ("motor", "eRPM", "debug", "extPos", "quat", "imuQuaternion")
+DEBUG_ERPM, DEBUG_FREQUENCY = 45, 46
+"""debug_mode of DSHOT_RPM_TELEMETRY and RPM_FILTER in Betaflight 4.1 to 4.4."""
 MAX_COLUMNS: Final = 12
 """Most rotors; INAV has as many outputs."""
 
@@ -53,12 +56,14 @@ FIELDS: Final = frozenset(
 """The fields that make the channels; the others need not be kept."""
 
 
-def read_channels(log: BlackboxLog) -> tuple[dict[str, Channel], list[str]]:
+def read_channels(
+    log: BlackboxLog, poles: int | None = None
+) -> tuple[dict[str, Channel], list[str]]:
     """Read the channels of a log in SI units, and what was left out."""
     readers = {
         "gyro": _gyro,
         "accel": _accel,
-        "rotor_speed": _rotor_speed,
+        "rotor_speed": partial(_rotor_speed, given_poles=poles),
         "command": _command,
         "battery": _battery,
         "position": _position,
@@ -153,7 +158,9 @@ def _accel(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     return _scaled(time, raw, STANDARD_GRAVITY / one_g, f"{base}[0..2], {one_g} counts per g")
 
 
-def _rotor_speed(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+def _rotor_speed(
+    log: BlackboxLog, time: Float[np.ndarray, " n"], *, given_poles: int | None
+) -> Channel | str:
     rotors = _vector(log, ROTOR_FIELDS)
     if rotors is not None:
         base, raw = rotors
@@ -170,12 +177,42 @@ def _rotor_speed(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | s
     if erpm is None and log.header.entries.get("Firmware revision", "").startswith("INAV"):
         return "INAV to 9 has no bidirectional DSHOT, and escRPM of a telemetry wire is not read"
     if erpm is None:
-        return "the log has neither omega nor eRPM"
+        return _speed_in_debug(log, time, given_poles)
     raw = erpm[1]
     poles = (log.header.numbers("motor_poles") or (0,))[0]
     if poles < 2:
         return f"header line motor_poles is {poles or 'missing'}, expected 2 or more"
     source = f"eRPM[0..{raw.shape[1] - 1}], 100 electrical rpm, {poles} motor poles"
+    return _scaled(time, raw, 100 * 2 * math.pi / 60 / (poles / 2), source)
+
+
+def _speed_in_debug(
+    log: BlackboxLog, time: Float[np.ndarray, " n"], given_poles: int | None
+) -> Channel | str:
+    """Read the rotor speeds that Betaflight 4.1 to 4.4 logs in ``debug`` where that is set."""
+    lacking = "the log has neither omega nor eRPM"
+    version = re.match(r"Betaflight (\d+)\.(\d+)", log.header.entries.get("Firmware revision", ""))
+    mode = (log.header.numbers("debug_mode") or (0,))[0]
+    fields, motors = _vector(log, ("debug",)), _vector(log, ("motor",))
+    is_known = version is not None and version[1] == "4" and 1 <= int(version[2]) <= 4
+    if not is_known or mode not in (DEBUG_ERPM, DEBUG_FREQUENCY) or fields is None or not motors:
+        return lacking
+    count = motors[1].shape[1]
+    if count > fields[1].shape[1]:
+        return f"debug holds the speeds of {fields[1].shape[1]} motors of {count} only"
+    raw, last = fields[1][:, :count], count - 1
+    if not (raw > 0).any(axis=0).all():
+        return f"debug[0..{last}] holds no speeds: bidirectional DShot was off"
+    if mode == DEBUG_FREQUENCY:
+        source = f"debug[0..{last}], Hz (debug_mode RPM_FILTER)"
+        return _scaled(time, raw, 2.0 * math.pi, source)
+    poles = (log.header.numbers("motor_poles") or (0,))[0] or given_poles or 0
+    if poles < 2:
+        return (
+            "debug has the electrical speed of the motors, but the header no motor_poles: count "
+            "the magnets of a motor, and give poles = ... under [motors]"
+        )
+    source = f"debug[0..{last}], 100 electrical rpm (DSHOT_RPM_TELEMETRY), {poles} motor poles"
     return _scaled(time, raw, 100 * 2 * math.pi / 60 / (poles / 2), source)
 
 
@@ -273,49 +310,19 @@ def _reference(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str
     return _scaled(time, raw, math.radians(step), source)
 
 
-_LISTED: Final = 8
-"""Most logs that an error message lists."""
-_PIECE: Final = 1 << 14
-"""Bytes that are first searched for a frame at either end of a log: some I intervals."""
+def read_blackbox(
+    path: Path, *, log_number: int | None = None, motor_poles: int | None = None
+) -> FlightLog:
+    """Read one log of a Blackbox file.
 
-# Header lines for people, by name or by what filter they set.
-_METADATA: Final = (
-    "Firmware revision",
-    "Firmware date",
-    "Board information",
-    "Craft name",
-    "Log start datetime",
-    "Data version",
-    "looptime",
-    "gyro_sync_denom",
-    "pid_process_denom",
-    "I interval",
-    "P interval",
-    "motor_poles",
-    "motor_kv",
-    "motorOutput",
-    "motor_pwm_protocol",
-    "dshot_bidir",
-    "acc_1G",
-    "gyro_scale",
-    "blackbox_high_resolution",
-    "debug_mode",
-    "rpm_gyro_harmonics",
-    "rpm_gyro_min_hz",
-)
-_FILTER = re.compile(r"(gyro|dterm|rpm|dyn|acc|yaw).*(lpf|lowpass|notch|filter).*", re.IGNORECASE)
-
-
-def list_blackbox_logs(path: Path) -> tuple[LogEntry, ...]:
-    """Return the logs of a Blackbox file, of several the longest first."""
-    return _entries(read_bytes(path))
-
-
-def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
-    """Read one log of a Blackbox file."""
+    `motor_poles`: magnets of a motor, where the header does not say and speeds are electrical.
+    """
     data = read_bytes(path)
     if log_number is None and data.count(LOG_START) > 1:
-        raise LogError(f"{path}: {_choice(_entries(data))}")
+        entries = entries_of(data)
+        if len(entries) > 1:
+            raise LogError(f"{path}: {choice_words(entries)}")
+        log_number = entries[0].number if entries else None
     try:
         log = decode(data, log_number=log_number, fields=FIELDS)
     except LogError as error:
@@ -326,7 +333,7 @@ def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
             f"{log.header.stop - log.header.data_start} bytes after its header, expected one at "
             "least: record a longer flight, or copy the log from the recorder again"
         )
-    channels, missing = read_channels(log)
+    channels, missing = read_channels(log, motor_poles)
     time = seconds(log)
     return FlightLog(
         path=path,
@@ -336,89 +343,11 @@ def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
         log_number=log.log_number,
         logs_in_file=log.logs_in_file,
         seconds=float(time.max() - time.min()),  # its clock may run backwards
-        metadata=_metadata(log.header.entries),
+        metadata=metadata_of(log.header.entries),
         notes=(_frame_counts(log), *missing),
         findings=tuple(doubts("damaged-log", _damage(log))),
         circumstances=_circumstances(log.header.entries),
     )
-
-
-def _entries(data: bytes) -> tuple[LogEntry, ...]:
-    """List the logs in the bytes of a file, of several the longest first."""
-    ranges = find_logs(data)
-    if len(ranges) < 2:
-        return tuple(_entry(data, i, bounds, None) for i, bounds in enumerate(ranges, start=1))
-    lasting = {i: _about_seconds(data, *bounds) for i, bounds in enumerate(ranges, start=1)}
-    longest_first = sorted(lasting, key=lambda i: -(lasting[i] or 0.0))
-    return tuple(_entry(data, i, ranges[i - 1], lasting[i]) for i in longest_first)
-
-
-def _entry(data: bytes, number: int, bounds: tuple[int, int], lasting: float | None) -> LogEntry:
-    """Describe one log in the bytes of a file; lasting [s]."""
-    description = _describe(data, *bounds)
-    if lasting is not None:
-        description = f"about {lasting:.0f} s, {description}"
-    return LogEntry(number=number, start=bounds[0], stop=bounds[1], description=description)
-
-
-def _about_seconds(data: bytes, start: int, stop: int) -> float | None:
-    """Read the clock at both ends of a log [s]; None where no frame can be read."""
-    try:
-        begins = read_header(data, start, stop).data_start
-    except LogError:
-        return None
-    first = _clock(data, start, begins, stop, at_end=False)
-    last = _clock(data, start, begins, stop, at_end=True)
-    if first is None or last is None:
-        return None
-    return (last - first) % (1 << 32) * 1e-6  # its 32 bits overflow
-
-
-def _clock(data: bytes, start: int, begins: int, stop: int, *, at_end: bool) -> int | None:
-    """Read the first or last time [us] of a log from as few of its bytes as have a frame."""
-    size = _PIECE
-    while True:
-        piece = slice(max(begins, stop - size), stop) if at_end else slice(begins, begins + size)
-        try:
-            frames = decode(data[start:begins] + data[piece][: stop - begins], fields=()).main
-        except LogError:
-            return None
-        if len(frames):
-            return int(frames.column("time")[-1 if at_end else 0])
-        if size >= stop - begins:
-            return None
-        size *= 16  # a recorder's memory may end in megabytes without a frame
-
-
-def _describe(data: bytes, start: int, stop: int) -> str:
-    """Return firmware, craft, date and size of a log; or why the header cannot be read."""
-    size = f"{(stop - start) / 1000:.0f} kB"
-    try:
-        entries = _metadata(read_header(data, start, stop).entries)
-    except LogError as error:
-        return f"{size}, {error}"
-    names = ("Firmware revision", "Craft name", "Log start datetime")
-    return ", ".join([*(entries[name] for name in names if name in entries), size])
-
-
-def _choice(entries: tuple[LogEntry, ...]) -> str:
-    """Describe a file with several logs when none was chosen."""
-    listed = "; ".join(f"{e.number}: {e.description}" for e in entries[:_LISTED])
-    more = f"; and {len(entries) - _LISTED} more" if len(entries) > _LISTED else ""
-    return (
-        f"holds {len(entries)} logs ({listed}{more}), expected a choice of one: "
-        f"pass a log number from 1 to {len(entries)} (--log, or log of a flight in an experiment)"
-    )
-
-
-def _metadata(entries: Mapping[str, str]) -> dict[str, str]:
-    """Select the header lines that describe the flight to a person."""
-    named = [name for name in _METADATA if name in entries]
-    filters = [name for name in entries if name not in named and _FILTER.fullmatch(name)]
-    metadata = {name: entries[name][:200] for name in [*named, *filters] if entries[name]}
-    if metadata.get("Log start datetime", "").startswith("0000"):  # the clock was never set
-        del metadata["Log start datetime"]
-    return metadata
 
 
 def _circumstances(entries: Mapping[str, str]) -> Circumstances:

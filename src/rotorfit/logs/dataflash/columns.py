@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from rotorfit.logs.dataflash.messages import TIMES, Field, MessageFormat, Messages
 from rotorfit.logs.flight_log import in_order
@@ -64,7 +64,8 @@ def timed(
 ) -> tuple[Float[np.ndarray, " n"], dict[str, np.ndarray]] | None:
     """Return times [s] and numeric fields of all messages of a name, in the order of time.
 
-    Messages whose time cannot be are left out. None: no message, or none with time and labels.
+    Messages that were written in another order are sorted; those whose time cannot be are left
+    out. None: no message, or none with time and labels.
     """
     label = first_label(messages, name, tuple(TIMES))
     if label is None:
@@ -77,6 +78,8 @@ def timed(
     kept = possible_in_order(time)
     if kept.all():
         return time, found
+    if is_shuffled(time):
+        kept = by_time(time)
     return time[kept], {name: values[kept] for name, values in found.items()}
 
 
@@ -111,6 +114,29 @@ def possible_in_order(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     kept = np.zeros(len(time), dtype=bool)
     kept[possible] = in_order(time[possible])
     return kept
+
+
+LEAST_RESTART: Final = 1.0
+"""Least time by which the clock goes back where a log begins anew [s]."""
+LEAST_LEFT: Final = 0.01
+"""Share of messages out of order, up to which they are taken for damaged ones."""
+
+
+def is_shuffled(time: Float[np.ndarray, " n"]) -> bool:
+    """Return whether messages were written out of order, by less than a new log's clock goes back.
+
+    A damaged time is rare, and a log appended behind another goes back by all its length.
+    """
+    good = time[(time >= 0.0) & (time < LATEST_TIME)]
+    late = np.maximum.accumulate(good) - good
+    count = np.count_nonzero(late > 0.0)
+    return bool(count > LEAST_LEFT * len(good) and late.max() < LEAST_RESTART)
+
+
+def by_time(time: Float[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
+    """Return the places of the messages with a possible time, sorted by it."""
+    possible = np.flatnonzero((time >= 0.0) & (time < LATEST_TIME))
+    return possible[np.argsort(time[possible], kind="stable")]
 
 
 def rate_of(time: Float[np.ndarray, " n"]) -> float:

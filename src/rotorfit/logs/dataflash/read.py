@@ -12,8 +12,11 @@ import numpy as np
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, doubt, doubts
 from rotorfit.logs.controller_log import TURNED, ControllerLog
-from rotorfit.logs.dataflash import HEAD, frames, motors, parameters, sensors
+from rotorfit.logs.dataflash import HEAD, frames, is_dataflash, is_text, motors, parameters, sensors
 from rotorfit.logs.dataflash.columns import (
+    LEAST_LEFT,
+    LEAST_RESTART,
+    is_shuffled,
     possible_in_order,
     time_of,
     timed,
@@ -24,6 +27,7 @@ from rotorfit.logs.dataflash.firmware import lack_notes, too_slow
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
 from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
 from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
+from rotorfit.logs.dataflash.text import binary_blocks
 from rotorfit.logs.files import read_blocks, read_head, sha256_of
 from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog, seconds_of, simulated_sentence
 
@@ -77,11 +81,9 @@ NAMES: Final = (
     *(*motors.NAMES, *parameters.NAMES, *sensors.NAMES, *frames.NAMES, *parameters.CIRCUMSTANCES),
     *("UNIT", "FMTU"),
 )
-LEAST_RESTART: Final = 1.0
-"""Least time by which the clock goes back where a log begins anew [s]."""
-LEAST_LEFT: Final = 0.01
-"""Share of the messages left out from which that is said."""
 _LONGEST_TEXT: Final = 200
+_TEXT_HEAD: Final = 200
+"""Bytes that tell the text form from the binary one."""
 _MOTOR_PARAMETERS: Final = (
     *("FRAME_CLASS", "FRAME_TYPE", "FRAME", "Q_FRAME_CLASS", "Q_FRAME_TYPE"),
     *("MOT_THST_EXPO", "MOT_SPIN_ARM", "MOT_SPIN_MIN", "MOT_SPIN_MAX", "MOT_PWM_MIN"),
@@ -107,12 +109,13 @@ def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
 
 
 def _read(path: Path, also: Container[str]) -> tuple[FlightLog, Messages]:
-    head = read_head(path, len(HEAD))
-    if head != HEAD:
-        raise LogError(f"{path}: begins with {head.hex(' ')}, expected a3 95 of a DataFlash log")
+    head = read_head(path, _TEXT_HEAD)
+    if not is_dataflash(head):
+        shown = head[: len(HEAD)].hex(" ")
+        raise LogError(f"{path}: begins with {shown}, expected a3 95 of a DataFlash log")
     sha256 = sha256_of(path)
     try:
-        return _flight_log(path, sha256, also)
+        return _flight_log(path, sha256, also, lines=binary_blocks(path) if is_text(head) else None)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
 
@@ -121,17 +124,21 @@ LEAST_MOVED: Final = 0.05
 """Change of a command, of full output, by which motors were driven."""
 
 
-def _flight_log(path: Path, sha256: str, also: Container[str]) -> tuple[FlightLog, Messages]:
+def _flight_log(
+    path: Path, sha256: str, also: Container[str], *, lines: list[bytes] | None
+) -> tuple[FlightLog, Messages]:
     """Make the log of the messages in a file, and keep those of some names.
 
     The file is gone through twice: what the other IMUs recorded would fill most of the memory.
+    `lines`: the messages of a log in text form; None of a binary one.
     """
-    glimpse = find_messages(read_blocks(path, (0.0, 0.4)), wanted=CHOICE)
+    glimpse = find_messages(lines or read_blocks(path, (0.0, 0.4)), wanted=CHOICE)
     settings, texts = read_parameters(glimpse), parameters.texts(glimpse)
     choice = sensors.choose_imu(glimpse, settings)
     del glimpse
     names = frozenset((*NAMES, *choice.names))
-    messages = find_messages(read_blocks(path, (0.4, 0.6)), wanted=_wanted(choice, names))
+    blocks = lines or read_blocks(path, (0.4, 0.6))
+    messages = find_messages(blocks, wanted=_wanted(choice, names))
     kept = messages.only(also)
     frame = frame_of(settings, texts)
     wired = motors.wiring(settings, frame)
@@ -139,6 +146,7 @@ def _flight_log(path: Path, sha256: str, also: Container[str]) -> tuple[FlightLo
     speed, speed_notes = motors.read_rotor_speed(messages, settings, wired)
     messages = messages.without(motors.ESC_NAMES)
     appended = _appended(messages, choice.names)
+    shuffled = _shuffled(messages, choice.names)
     measured = sensors.read_imu(messages, settings, choice)
     messages = messages.without(choice.names)
     command, command_notes = _commands(messages, settings, wired, frame)
@@ -167,6 +175,7 @@ def _flight_log(path: Path, sha256: str, also: Container[str]) -> tuple[FlightLo
             *([simulated_sentence(simulator)] if simulator else []),
             *flown,
             *measured.notes,
+            *shuffled,
             *command_notes,
             *speed_notes,
             *_frame_notes(frame, settings, texts),
@@ -339,6 +348,20 @@ def _appended(messages: Messages, names: Container[str]) -> list[Finding]:
             )
             return [doubt("appended-log", words)]
     return []
+
+
+def _shuffled(messages: Messages, names: Container[str]) -> list[str]:
+    """Say which messages were written in another order than they were measured."""
+    words: list[str] = []
+    for name in sorted({form.name for form in messages.formats if form.name in names}):
+        time = time_of(messages, name)
+        if len(time) and is_shuffled(time):
+            late = np.maximum.accumulate(time) - time
+            words.append(
+                f"{np.count_nonzero(late > 0.0)} of {len(time)} messages {name} stand behind later "
+                f"ones, by up to {1e3 * float(late.max()):.3g} ms: all are kept, sorted by time"
+            )
+    return words
 
 
 def _changed(settings: Parameters) -> list[str]:

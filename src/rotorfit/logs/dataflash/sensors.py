@@ -10,10 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.logs.dataflash.columns import (
+    by_time,
     columns,
     first_label,
     format_named,
     has_fields,
+    is_shuffled,
     possible_in_order,
     rate_of,
     timed,
@@ -178,6 +180,7 @@ def _series(
     time = _sample_time(time, fields.get("SampleUS"))
     kept = possible_in_order(time)
     if not kept.all():
+        kept = by_time(time) if is_shuffled(time) else kept
         time, fields = time[kept], {name: values[kept] for name, values in fields.items()}
     source = f"{name}{f'[{instance}]' if 'I' in extra else ''}.{','.join(labels)}"
     if not len(time):

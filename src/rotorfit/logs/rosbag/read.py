@@ -1,7 +1,9 @@
 """ROS recordings: from the file to a FlightLog."""
 
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -9,7 +11,8 @@ from typing import Final
 from rotorfit.errors import LogError
 from rotorfit.findings import doubts
 from rotorfit.logs.columns import ColumnSpec
-from rotorfit.logs.flight_log import CHANNELS, FlightLog, seconds_of
+from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog, seconds_of
+from rotorfit.logs.motor_outputs import MOTOR_COUNTS, motor_outputs
 from rotorfit.logs.rosbag import files_of
 from rotorfit.logs.rosbag.choose import (
     NOT_MOTORS,
@@ -75,6 +78,10 @@ def _log(
     if not channels:
         raise LogError(_nothing(contents)) from contents.cause
     used = {one.topic for one in taken.values()}
+    unclear: list[str] = []
+    if "command" in taken and channels["command"] is taken["command"].channel:
+        channels["command"], idle, unclear = _without_idle_outputs(taken["command"], channels)
+        notes = [*notes, *idle]
     return FlightLog(
         path=path,
         sha256=_sha256(files),
@@ -86,8 +93,36 @@ def _log(
         findings=(
             *doubts("damaged-log", _damage(contents)),
             *doubts("speed-asked-for", _aims(taken)),
+            *doubts("unclear-outputs", unclear),
         ),
     )
+
+
+def _without_idle_outputs(
+    command: Candidate, channels: Mapping[str, Channel]
+) -> tuple[Channel, list[str], list[str]]:
+    """Drop outputs that the motion does not follow; what to say of them, and a doubt."""
+    channel = command.channel
+    listed = re.search(r"outputs ([\d, ]+\d)", channel.source)
+    if listed is None or "gyro" not in channels or "accel" not in channels:
+        return channel, [], []
+    numbers = [int(number) for number in listed[1].split(", ")]
+    example = f'command_1 = "{command.topic}.channels[{numbers[0] - 1}]"'
+    cure = f"name the motors with a columns map, as columns = {{ {example}, ... }}"
+    drives = motor_outputs(channel, channels["gyro"], channels["accel"])
+    if drives is None or drives.all():
+        if len(numbers) in MOTOR_COUNTS:
+            return channel, [], []
+        words = f"{len(numbers)} outputs of {command.topic} move ({listed[1]}), no multirotor"
+        return channel, [], [f"{words} has so many motors: {cure}"]
+    kept = [str(n) for n, one in zip(numbers, drives, strict=True) if one]
+    idle = [str(n) for n, one in zip(numbers, drives, strict=True) if not one]
+    source = channel.source.replace(listed[0], f"outputs {', '.join(kept)}")
+    note = (
+        f"Output {', '.join(idle)} of {command.topic} moves, but the vehicle does not follow it: "
+        f"no motor, left out; where that is wrong, {cure}."
+    )
+    return replace(channel, values=channel.values[:, drives], source=source), [note], []
 
 
 def _nothing(contents: Contents) -> str:

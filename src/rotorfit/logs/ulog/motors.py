@@ -38,6 +38,9 @@ VTOL_TYPES: Final = tuple(range(19, 26))
 VTOL_THOUSANDS: Final = 13
 """SYS_AUTOSTART of the same is 13000 to 13999."""
 DSHOT_MOST: Final = 1999
+DSHOT_BASIS: Final = "DSHOT_CONFIG"
+LEAST_PULSE: Final = 800.0
+"""No output sends a shorter pulse [us]."""
 _AIRFRAMES: Final = {4: 4, 5: 4, 6: 6, 7: 6, 8: 8, 9: 8, 11: 6, 12: 8}
 """Motors of the airframes 4000 to 4999 and so on, before PX4 had parameters for the geometry."""
 TELEMETRY: Final = (
@@ -299,6 +302,8 @@ def _from_outputs(scan: Scan) -> Motors:
     if topic is None or values is None:
         return Motors(notes=("actuator_outputs has no motors: commands are left out.",))
     values = np.take(values, list(wiring.places), axis=1)
+    if wiring.basis == DSHOT_BASIS and _are_pulses(values):
+        wiring = _pulse_outputs(scan, wiring.places)
     low, high = (np.array(edge) for edge in zip(*wiring.ranges, strict=True))
     if bool((values > high + 0.05 * (high - low)).any()):
         note = (
@@ -355,8 +360,25 @@ def _main_outputs(scan: Scan) -> _Outputs:
         return _Outputs(
             places=places,
             ranges=(_dshot_range(scan),) * len(places),
-            basis="DSHOT_CONFIG",
+            basis=DSHOT_BASIS,
         )
+    return _pulse_outputs(scan, places)
+
+
+def _are_pulses(values: Float[np.ndarray, "n N"]) -> bool:
+    """Return whether outputs are pulse widths although DSHOT_CONFIG is set.
+
+    The outputs of an IO processor know no DShot. All motors then idle at one pulse width, where
+    DShot stands still at 0.
+    """
+    sent = np.where(values > 0.0, values, np.nan)
+    with np.errstate(invalid="ignore"):
+        least = np.fmin.reduce(sent, axis=0)
+    return bool(np.isfinite(least).all() and least.min() >= LEAST_PULSE and np.ptp(least) == 0.0)
+
+
+def _pulse_outputs(scan: Scan, places: tuple[int, ...]) -> _Outputs:
+    """Return outputs that send pulse widths, with the ranges of the parameters."""
     low = _first_positive(scan, ("PWM_MAIN_MIN", "PWM_MIN"), 1000.0)
     high = _first_positive(scan, ("PWM_MAIN_MAX", "PWM_MAX"), 2000.0)
     ranges = [
@@ -389,14 +411,20 @@ def _used_outputs(scan: Scan) -> int:
 
 
 def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
-    """Find the instance whose motor outputs move most; several drivers publish their own."""
-    moved: list[tuple[float, int, Topic]] = []
+    """Find the instance whose motor outputs move most against one another.
+
+    Several drivers publish their own; auxiliary outputs that are switched on and off together
+    move far, but all alike.
+    """
+    moved: list[tuple[float, float, int, Topic]] = []
     for topic in scan.all("actuator_outputs"):
         values = topic.vector("output", 1 + max(wiring.places))
         if values is not None and len(topic.rows) > 1:
             chosen = np.nan_to_num(values[:, list(wiring.places)])
-            moved.append((float(np.ptp(chosen, axis=0).sum()), -topic.instance, topic))
-    return max(moved, key=lambda item: item[:2])[2] if moved else None
+            between = float((chosen - chosen.mean(axis=1, keepdims=True)).std(axis=0).sum())
+            span = float(np.ptp(chosen, axis=0).sum())
+            moved.append((round(between, 6), span, -topic.instance, topic))
+    return max(moved, key=lambda item: item[:3])[3] if moved else None
 
 
 def output_speeds(scan: Scan) -> tuple[float, float] | None:

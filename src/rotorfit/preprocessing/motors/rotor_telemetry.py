@@ -6,7 +6,7 @@ controller counts other poles. Everything is looked at in the band that a pilot 
 rotor follows its command; how late the speeds are as a whole is found first.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -50,6 +50,12 @@ UNLIKE: Final = 0.1
 """Share by which a rotor's speed may differ from the others' at the same command."""
 SURE: Final = 4.0
 """Deviations of the mean by which it must."""
+SPIKE: Final = 0.1
+"""Size of jumps of a command for single samples from which they are said [of full]."""
+SPIKY_PERCENTILE: Final = 90.0
+"""Share of the samples that are below that size in a command without spikes [%]."""
+ROUNDS: Final = 8
+"""Rounds of the law that all rotors share, each with less weight on speeds far from it."""
 
 _Columns = list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]
 State = Literal["follows", "swapped", "dead", "stuck", "apart", "unlike", "unclear"]
@@ -122,7 +128,24 @@ def telemetry(log: FlightLog) -> Telemetry | None:
     seconds = 0.0 if pair is None else float(pair.used.sum()) / pair.rate
     if pair is None or seconds < LEAST_SECONDS:
         return Telemetry(seconds=seconds, lateness=None, rotors=(), doubts=())
-    return _compared(pair, seconds)
+    found = _compared(pair, seconds)
+    return replace(found, doubts=(*found.doubts, *_spiky_commands(command)))
+
+
+def _spiky_commands(command: Channel) -> list[str]:
+    """Say which commands jump up or down for single samples."""
+    sizes = [
+        float(np.percentile(np.abs(x - _despiked(x)), SPIKY_PERCENTILE)) if len(x) > 2 else 0.0
+        for _, x in _columns(command)
+    ]
+    spiky = [str(i) for i, size in enumerate(sizes, start=1) if size > SPIKE]
+    if not spiky:
+        return []
+    return [
+        f"the command of rotor {', '.join(spiky)} jumps for single samples, by {max(sizes):.2f} of "
+        "full in one sample of ten: the means over 10 ms are compared with the speeds; lower the "
+        "gyro's low-pass or the D gains, which pass the noise on"
+    ]
 
 
 def _paired(command: Channel, speed: Channel) -> _Pair | None:
@@ -140,7 +163,9 @@ def _paired(command: Channel, speed: Channel) -> _Pair | None:
     if not LEAST_SECONDS * rate < span < MOST_HOLES * max(map(len, clocks)) or rate < SLOWEST:
         return None
     time = begin + np.arange(whole_samples(span)) / rate
-    commands, speeds = (_at(time, one) for one in columns)
+    # Commands may jump from sample to sample: taken singly, the jumps would look like slow motion.
+    commands = _averaged(time, columns[0], rate)
+    speeds = _at(time, [(t, _despiked(x)) for t, x in columns[1]])
     used = _turning(commands, rate) & ~np.any([_in_gap(time, t, rate) for t in clocks], axis=0)
     varies = [used.any() and np.ptp(x[used], axis=0) > 0.0 for x in (commands, speeds)]
     live = np.flatnonzero(np.logical_and(*varies))
@@ -154,6 +179,31 @@ def _at(time: Float[np.ndarray, " m"], columns: _Columns) -> Float[np.ndarray, "
         if len(t) > 1:
             values[:, k] = np.interp(time, t, x)
     return values
+
+
+def _averaged(
+    time: Float[np.ndarray, " m"], columns: _Columns, rate: float
+) -> Float[np.ndarray, "m N"]:
+    """Average columns over the time from one row to the next; NaN where there is no sample."""
+    values = np.full((len(time), len(columns)), np.nan)
+    half = 0.5 / rate
+    for k, (t, x) in enumerate(columns):
+        if len(t) > 1:
+            area = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
+            first, last = np.clip(time - half, t[0], t[-1]), np.clip(time + half, t[0], t[-1])
+            over = np.where(last > first, last - first, 1.0)
+            mean = (np.interp(last, t, area) - np.interp(first, t, area)) / over
+            held = np.interp(time, t, x)
+            values[:, k] = np.where(last > first, mean, held)
+    return values
+
+
+def _despiked(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Replace a value that is above or below both neighbours by the middle one of the three."""
+    if len(values) < 3:
+        return values
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(values, 3), axis=1)
+    return np.concatenate([values[:1], middle, values[-1:]])
 
 
 def _columns(channel: Channel) -> _Columns:
@@ -244,11 +294,13 @@ def _state(
 ) -> State:
     if is_swapped:
         return "swapped"
+    is_unlike = ratio is not None and abs(ratio[0] - 1.0) > max(UNLIKE, SURE * ratio[1])
     if stuck > LEAST_STUCK:
-        return "stuck"
+        # What it reads when it reads anything is the graver fault: no stretch of it can be used.
+        return "unlike" if is_unlike else "stuck"
     if own < NOTHING:
         return "apart" if moves else "unclear"
-    if ratio is not None and abs(ratio[0] - 1.0) > max(UNLIKE, SURE * ratio[1]):
+    if is_unlike:
         return "unlike"
     return "follows" if own > CLEAR else "unclear"
 
@@ -333,25 +385,47 @@ def _ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
     seconds = np.flatnonzero(pair.used)
     seconds = seconds[: len(seconds) // step * step].reshape(-1, step)
     command = pair.command[:, pair.live][seconds].mean(axis=1)
-    speed = _moved(pair.speed[:, pair.live], shift)[seconds].mean(axis=1)
+    speed = _moved(_without_stuck(pair), shift)[seconds].mean(axis=1)
     factor: Float[np.ndarray, " k"] = np.ones(len(pair.live))
     shares: Float[np.ndarray, "m k"] = speed
-    for _ in range(5):
-        rows = np.stack([np.ones(command.size), command.ravel()], axis=1)
-        law = np.asarray(np.linalg.lstsq(rows, (speed / factor).ravel(), rcond=None)[0], float)
+    known = np.isfinite(speed)
+    if not known.any(axis=0).all():
+        return {}
+    weight = np.where(known, 1.0, 0.0)
+    for _ in range(ROUNDS):
+        rows = weight.ravel()[:, None] * np.stack([np.ones(command.size), command.ravel()], axis=1)
+        scaled = weight * np.where(known, speed, 0.0) / factor
+        law = np.asarray(np.linalg.lstsq(rows, scaled.ravel(), rcond=None)[0], float)
         expected = float(law[0]) + float(law[1]) * command
         if not (expected > 0.0).all():
             return {}
-        shares = speed / expected
-        factor = np.array([float(np.median(column)) for column in shares.T])
+        shares = np.where(known, speed, np.nan) / expected
+        factor = np.nanmedian(shares, axis=0)
         if not (factor > 0.0).all():
             return {}
         factor = factor / float(np.median(factor))
-    spread = shares.std(axis=0) / np.sqrt(len(shares))
+        # Least sums of absolute values: a rotor that reads anything must not bend the law of all.
+        off = np.abs(shares / factor - 1.0)
+        least = max(float(np.nanmedian(off)), 1e-6)
+        weight = np.where(known, 1.0 / np.sqrt(np.maximum(np.nan_to_num(off), least)), 0.0)
+    spread = np.nanstd(shares, axis=0) / np.sqrt(np.maximum(known.sum(axis=0), 1))
     return {
         int(i): (float(value), float(std))
         for i, value, std in zip(pair.live, factor, spread, strict=True)
     }
+
+
+def _without_stuck(pair: _Pair) -> Float[np.ndarray, "n k"]:
+    """Return the speeds of the live rotors, NaN where a speed stands still or is 0 in the air."""
+    speed = pair.speed[:, pair.live].copy()
+    least = whole_samples(LONGEST_CONSTANT * pair.rate)
+    for column in speed.T:
+        same = np.concatenate([np.diff(column) == 0.0, [False]])
+        for a, b in true_runs(same):
+            if b - a > least:
+                column[a : b + 1] = np.nan
+        column[pair.used & (column == 0.0)] = np.nan
+    return speed
 
 
 def _sentences(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
@@ -385,10 +459,17 @@ def _sentences(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
     sentences += [
         f"rotor {r.rotor} turns at {r.ratio:.2f} times the speed of the others at the same "
         "command: another number of poles, another propeller or motor, or a damaged one"
+        f"{_stuck_too(r)}"
         for r in rotors
         if r.state == "unlike"
     ]
     return sentences
+
+
+def _stuck_too(rotor: RotorTelemetry) -> str:
+    if rotor.stuck <= LEAST_STUCK:
+        return ""
+    return f"; besides, it stays constant for {100.0 * rotor.stuck:.0f} % of the time"
 
 
 def _dead_message(rotor: RotorTelemetry, pair: _Pair) -> str:

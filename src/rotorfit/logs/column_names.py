@@ -1,0 +1,294 @@
+"""What the columns of an unknown table may hold, by the words of their names."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from rotorfit.logs.columns import NAMES, TIME
+
+_UNIT_WORDS: Final = (
+    (("rad", "s"), "rad/s"),
+    (("rads",), "rad/s"),
+    (("radps",), "rad/s"),
+    (("deg", "s"), "deg/s"),
+    (("degs",), "deg/s"),
+    (("dps",), "deg/s"),
+    (("°", "s"), "deg/s"),
+    (("m", "s", "2"), "m/s^2"),
+    (("ms", "2"), "m/s^2"),
+    (("mps", "2"), "m/s^2"),
+    (("m", "s", "²"), "m/s^2"),
+    (("rad", "s", "1"), "rad/s"),
+    (("m", "s", "1"), "m/s"),
+    (("mss",), "m/s^2"),
+    (("m", "s"), "m/s"),
+    (("mps",), "m/s"),
+    (("µs",), "us"),
+    (("percent",), "%"),
+    *(((word,), word) for word in ("us", "ms", "ns", "s", "rpm", "erpm", "deg", "rad", "g", "mg")),
+    *(((word,), unit) for word, unit in (("sec", "s"), ("hz", "Hz"), ("v", "V"), ("mv", "mV"))),
+    *(((word,), word) for word in ("m", "cm", "mm")),
+)
+"""Words at the end of a name, and the unit that they mean."""
+_CORNERS: Final[Mapping[tuple[str, ...], int]] = {
+    ("fr",): 1,
+    ("rl",): 2,
+    ("bl",): 2,
+    ("fl",): 3,
+    ("rr",): 4,
+    ("br",): 4,
+    ("rfront",): 1,
+    ("lback",): 2,
+    ("lfront",): 3,
+    ("rback",): 4,
+    **{
+        (a, b): n
+        for end, n in (("right", 1), ("left", 3))
+        for a, b in (("front", end), (end, "front"))
+    },
+    **{
+        pair: n
+        for rear in ("rear", "back")
+        for end, n in (("left", 2), ("right", 4))
+        for pair in ((rear, end), (end, rear))
+    },
+}
+"""Words for the corner of a quadrotor at which a motor is, and its number in PX4's order."""
+_BODY_RATES: Final = {"p": 0, "q": 1, "r": 2}
+"""Letters of the turns about x, y, z in flight mechanics."""
+_RATE_WORDS: Final = frozenset(["rate", "rates", "body", "gyro", "omega", "vel", "velocity", "w"])
+_ANGLES: Final = {"roll": 0, "pitch": 1, "yaw": 2, "phi": 0, "theta": 1, "psi": 2, "heading": 2}
+_LETTERS: Final = {"w": -1, "x": 0, "y": 1, "z": 2}
+_NO_MEASUREMENT: Final = frozenset(
+    (
+        *("bias", "std", "var", "cov", "covariance", "temp", "temperature", "mag", "baro"),
+        *("status", "flag", "current", "curr", "amps", "offset", "error", "err", "integral"),
+        *("accuracy", "percent", "soc", "count", "derivative", "reset", "delta", "temps"),
+    )
+)
+_SET_POINT: Final = frozenset(["sp", "setpoint", "ref", "reference", "target", "desired", "des"])
+SPEED_WORDS: Final = ("rpm", "speed", "omega", "rads", "hz", "rps", "rot", "velocities")
+COMMAND_WORDS: Final = (
+    *("pwm", "cmd", "command", "throttle", "duty", "output", "servo", "actuator"),
+    *("rcou", "rcout", "dshot"),
+)
+_NO_MOTOR: Final = frozenset(
+    (
+        *(
+            "voltage",
+            "volts",
+            "volt",
+            "power",
+            "state",
+            "counter",
+            "address",
+            "failures",
+            "failure",
+        ),
+        *(
+            "timestamp",
+            "online",
+            "armed",
+            "torque",
+            "rc",
+            "rcin",
+            "controls",
+            "manual",
+            "pid",
+            "axis",
+        ),
+        *("function", "id", "age", "stick", "input", "in"),
+    )
+)
+"""Words of columns about motors, or of sticks, that are neither speeds nor commands of motors."""
+_MOTOR_WORDS: Final = (*SPEED_WORDS, *COMMAND_WORDS, "motor", "esc", "prop", "thrust")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """Columns of one stem: by their index, and the unit that the names give."""
+
+    kind: str
+    stem: str
+    by_index: Mapping[int, str]
+    unit: str | None
+
+
+def parts_of(name: str) -> tuple[tuple[str, ...], int | None, str | None]:
+    """Split the name of a column into words, an index (w, x, y, z: -1 to 2), and a unit."""
+    words, unit = _without_unit(_words_of(name))
+    found, index = _without_index(words)
+    # The g of gx is no unit, that of accel_g_x is one.
+    is_glued = len(found) == len(words) and index is not None and words[-1].startswith(found[-1])
+    if unit is None and not is_glued:
+        found, unit = _without_unit(found)
+    return found, index, unit
+
+
+def _words_of(name: str) -> tuple[str, ...]:
+    split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.replace("eRPM", "erpm")).lower()
+    return tuple(re.findall(r"[a-zµ°²]+|\d+", split.replace("μ", "µ")))
+
+
+def _without_unit(words: tuple[str, ...]) -> tuple[tuple[str, ...], str | None]:
+    for ending, unit in _UNIT_WORDS:
+        if len(words) > len(ending) and words[-len(ending) :] == ending:
+            kept = len(words) if unit in ("rpm", "erpm") else len(words) - len(ending)
+            return words[:kept], unit
+    return words, words[-1] if words and words[-1] in ("rpm", "erpm") else None
+
+
+def _without_index(words: tuple[str, ...]) -> tuple[tuple[str, ...], int | None]:
+    if not words:
+        return words, None
+    last = words[-1]
+    if last.isdecimal() and len(last) < 3:
+        return words[:-1], int(last)
+    corner = _without_corner(words)
+    if corner is not None:
+        return corner
+    if last in _BODY_RATES and _RATE_WORDS.intersection(words[:-1]):
+        return (*words[:-1], "rate"), _BODY_RATES[last]
+    known = {**_LETTERS, **_ANGLES}
+    if last in known:
+        is_angle = last in _ANGLES
+        return (*words[:-1], *(("angle",) if is_angle else ())), known[last]
+    # Glued on: gx, accx, quatw; but no letter of a word such as max.
+    if last[-1] in _LETTERS and last[:-1] in _GLUED:
+        return (*words[:-1], last[:-1]), _LETTERS[last[-1]]
+    # The axis before what it is of: x_gyro, roll_rate, yaw_gyro.
+    for word in words[:-1]:
+        if word in known:
+            angle = ("angle",) if word in _ANGLES else ()
+            return (*(other for other in words if other != word), *angle), known[word]
+    # A number inside: ESC0 RPM.
+    for i, word in enumerate(words[:-1]):
+        if word.isdecimal() and len(word) < 3:
+            return (*words[:i], *words[i + 1 :]), int(word)
+    return words, None
+
+
+def _without_corner(words: tuple[str, ...]) -> tuple[tuple[str, ...], int] | None:
+    """Split off the corner of a motor at the end or at the beginning; None where there is none."""
+    for corner, index in _CORNERS.items():
+        size = len(corner)
+        if words[-size:] == corner:
+            return (*words[:-size], "motor"), index
+        if words[:size] == corner and len(words) > size:
+            return (*words[size:], "motor"), index
+    return None
+
+
+def is_by_corner(name: str) -> bool:
+    """Return whether the name of a motor's column says at which corner the motor is."""
+    words, _ = _without_unit(_words_of(name))
+    return _without_corner(words) is not None
+
+
+_GLUED: Final = frozenset(
+    (
+        *("g", "gyr", "gyro", "w", "om", "omega", "a", "acc", "accel", "accelerometer"),
+        *("v", "vel", "p", "pos", "q", "quat", "imugyro", "imuacc"),
+    )
+)
+
+
+def _kind(words: tuple[str, ...], index: int | None) -> str | None:
+    """Tell what a column may hold by the words of its name; None if they say nothing."""
+    joined = "".join(words)
+    bare = tuple(word for word in words if not word.isdecimal() and word not in _FRAMES)
+    # "offset" is a fault of a sensor, but the time since a log began, too.
+    is_clock = index is None and re.search(r"time|clock", joined) is not None
+    if _NO_MEASUREMENT.difference(["offset"] if is_clock else []).intersection(words):
+        return None
+    if "batt" in joined and "volt" in joined and "cell" not in joined:
+        return "battery"
+    if index is None:
+        if any(word in joined for word in ("vbat", "batt", "volt")):
+            return "battery"
+        if re.search(r"time|stamp|clock|second|micros|millis", joined) or joined in ("t", "ts"):
+            return "time"
+        return None
+    if words[-2:] == ("angular", "velocities"):  # mav_msgs/Actuators: of the rotors
+        return "motor"
+    turns = re.search(r"gyr|ang(ular)?vel|bodyrate|angularrate|anglerate|rateangle", joined)
+    turns = turns or bare[-1:] in (("w",), ("g",), ("om",)) or "rate" in words or "rates" in words
+    if (turns or ("omega" in words and index < 3 and not _is_motor(words))) and index >= 0:
+        return "reference" if _SET_POINT.intersection(words) else "gyro"
+    if _SET_POINT.intersection(words):
+        return None
+    if (
+        "acc" in joined or bare[-1:] in (("a",), ("f",)) or "specificforce" in joined
+    ) and index >= 0:
+        return "accel"
+    return _kind_of_rest(words, bare, joined, index)
+
+
+_FRAMES: Final = frozenset(["body", "imu", "rs", "r", "s", "b", "frd", "flu", "field", "data"])
+"""Words of a name for axes or messages, which say nothing about the quantity."""
+
+
+def _is_motor(words: tuple[str, ...]) -> bool:
+    return any(word in ("motor", "rotor", "prop", "esc") for word in words)
+
+
+def _kind_of_rest(
+    words: tuple[str, ...], bare: tuple[str, ...], joined: str, index: int
+) -> str | None:
+    if any(word in joined for word in _MOTOR_WORDS) or bare[-1:] in (("m",), ("u",), ("n",)):
+        return None if index < 0 or _NO_MOTOR.intersection(words) else "motor"
+    if "quat" in joined or "orientation" in joined or bare[-1:] == ("q",):
+        return "quaternion"
+    if "angle" in words or "euler" in joined:
+        return "angle"
+    if "vel" in joined or bare[-1:] == ("v",):
+        return "velocity"
+    if "pos" in joined or bare in (("p",), ()) or "loc" in joined:
+        return "position"
+    return None
+
+
+def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candidate]:
+    """Group columns by the words of their names, those that are named by hand first.
+
+    A canonical name that is given an empty one leaves its kind out.
+    """
+    groups: dict[tuple[str, str], dict[int, str]] = {}
+    units: dict[tuple[str, str], str | None] = {}
+    left_out = {_place(canonical)[0] for canonical, name in named.items() if not name}
+    for canonical, name in named.items():
+        kind, index = _place(canonical)
+        if not name:
+            continue
+        groups.setdefault((kind, ""), {})[index] = name
+        units[kind, ""] = parts_of(name)[2]
+    has_pqr = {"p", "q", "r"} <= {name.strip().lower() for name in names}
+    for name in names:
+        is_rate = has_pqr and name.strip().lower() in _BODY_RATES
+        words, index, unit = parts_of(f"rate_{name}" if is_rate else name)
+        kind = _kind(words, index)
+        if kind is None or name in named.values():
+            continue
+        # Which wheel of letters counts is the same for q0..q3 and qw..qz only by their values.
+        lettered = re.search(r"\d", name) is None if kind == "quaternion" else False
+        key = (kind, f"{' '.join(words)}{' lettered' if lettered else ''}" or "plain")
+        if kind in ("time", "battery"):
+            key = (kind, name)
+        groups.setdefault(key, {}).setdefault(0 if index is None else index, name)
+        units.setdefault(key, unit)
+    return [
+        Candidate(kind=kind, stem=stem, by_index=found, unit=units[kind, stem])
+        for (kind, stem), found in groups.items()
+        if kind not in left_out
+    ]
+
+
+def _place(canonical: str) -> tuple[str, int]:
+    """Return kind and index of a canonical name."""
+    if canonical == TIME:
+        return "time", 0
+    for kind, names in NAMES.items():
+        if canonical in names:
+            return kind, names.index(canonical) - (kind == "quaternion")
+    return "motor", int(canonical.rpartition("_")[2])

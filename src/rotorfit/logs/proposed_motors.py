@@ -1,0 +1,139 @@
+"""Rotor speeds and commands of an unknown table: which columns, in what unit."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.logs.column_names import COMMAND_WORDS, SPEED_WORDS, Candidate, is_by_corner
+from rotorfit.logs.columns import ColumnSpec
+from rotorfit.logs.exporters import Exporter
+from rotorfit.logs.motor_outputs import MOTOR_COUNTS
+from rotorfit.logs.proposed_channels import Found, Numbers, Question, known_rows, stacked
+
+_RANGES: Final = {"us": (1000.0, 2000.0), "counts": (0.0, 65535.0)}
+
+
+_DSHOT: Final = (48.0, 2047.0)
+"""Least and largest throttle of DShot, which flight controllers log as it is sent."""
+_LEAST_PULSE: Final = 900.0
+_LARGEST_PULSE: Final = 2000.0
+"""Pulse widths that motors are sent [us]."""
+
+
+def motors_found(
+    candidates: Sequence[Candidate],
+    numbers: Numbers,
+    units: Mapping[str, str],
+    exporter: Exporter | None,
+) -> Found:
+    """Find rotor speeds and commands, and their units."""
+    columns: dict[str, ColumnSpec] = {}
+    reasons: list[str] = []
+    questions: list[Question] = []
+    for one in candidates:
+        held, words = _used_columns(one, numbers) if one.kind == "motor" else ([], "")
+        values = known_rows(stacked(held, numbers)) if len(held) > 2 else np.empty((0, 0))
+        if len(values) < 2 or float(np.ptp(values)) == 0:
+            continue
+        unit, why, choices = _unit_by_exporter(one, values, exporter) or _motor_unit(one, values)
+        if unit is None:
+            unit, why = units.get("motors"), "as stated"
+            asked = f"Unit of {held[0]} to {held[-1]} ({values.min():.6g} to {values.max():.6g})"
+            if unit is None:
+                questions.append(Question(channel="motors", words=asked, choices=choices))
+                unit, why = choices[0], "(asked below: neither names nor values say)"
+        if _stem(unit) in units:
+            unit, why = units[_stem(unit)], "as stated"
+        stem = _stem(unit)
+        if f"{stem}_1" in columns:
+            reasons.append(f"{held[0]} ...: left out, {stem}_1 is {columns[f'{stem}_1'].name}")
+            continue
+        columns |= {
+            f"{stem}_{i}": _spec_of(name, unit, values, exporter)
+            for i, name in enumerate(held, start=1)
+        }
+        what = "rotor speed" if stem == "rotor" else "command"
+        reasons.append(f"{what}: {held[0]} to {held[-1]} in {unit} {why}{words}")
+    return Found(columns=columns, reasons=tuple(reasons), questions=tuple(questions))
+
+
+def _used_columns(one: Candidate, numbers: Numbers) -> tuple[list[str], str]:
+    """Select the columns of motors: those with numbers, without outputs that never move.
+
+    Outputs that stand still are left out only where the others are as many as a multirotor has: a
+    motor that stands still is one of these.
+    """
+    names = [name for _, name in sorted(one.by_index.items())]
+    held = [n for n in names if n in numbers and np.isfinite(numbers[n]).any()]
+    moving = [n for n in held if float(np.nanmax(numbers[n])) > float(np.nanmin(numbers[n]))]
+    kept = moving if len(moving) in MOTOR_COUNTS[1:] else held
+    words = (
+        "" if len(kept) == len(names) else f"; {len(names) - len(kept)} that never move left out"
+    )
+    if any(is_by_corner(name) for name in kept):
+        words += "; numbered by their corners as PX4 does: choose the order px4"
+    return kept, words
+
+
+def _spec_of(
+    name: str, unit: str, values: Float[np.ndarray, "n k"], exporter: Exporter | None
+) -> ColumnSpec:
+    """Return how a motor's column is read."""
+    scale = exporter.erpm_scale if exporter is not None and unit == "erpm" else 1.0
+    span = _RANGES.get(unit)
+    if unit == "counts" and exporter is not None and exporter.dshot:
+        span = _DSHOT
+    return ColumnSpec(name=name, unit=unit, scale=scale, range=span)
+
+
+def _unit_by_exporter(
+    one: Candidate, values: Float[np.ndarray, "n k"], exporter: Exporter | None
+) -> tuple[str, str, tuple[str, ...]] | None:
+    """Find the unit that a program's motor columns have; None where its names do not say."""
+    if exporter is None or one.unit is not None:
+        return None
+    why = "as such tables have it"
+    if exporter.dshot and one.stem == "motor":
+        low, high = float(values.min()), float(values.max())
+        is_pulse = low >= _LEAST_PULSE and high <= _LARGEST_PULSE
+        return ("us", why, ()) if is_pulse else ("counts", f"(DShot, 48 to 2047), {why}", ())
+    is_speed = any(word in one.stem for word in SPEED_WORDS)
+    unit = exporter.units.get("rotor" if is_speed else "command")
+    return None if unit is None else (unit, why, ())
+
+
+def _stem(unit: str) -> str:
+    """Tell what motor columns of a unit are: ``rotor`` (speeds) or ``command``."""
+    return "rotor" if unit in ("rad/s", "rpm", "erpm", "Hz") else "command"
+
+
+def _motor_unit(
+    one: Candidate, values: Float[np.ndarray, "n k"]
+) -> tuple[str | None, str, tuple[str, ...]]:
+    """Find the unit of motor columns by name and values; None, and the choices, if unknown."""
+    joined, low, high = one.stem.replace(" ", ""), float(values.min()), float(values.max())
+    is_speed = any(word in joined for word in SPEED_WORDS if word != "rot") or one.unit in (
+        "rpm",
+        "erpm",
+        "rad/s",
+        "Hz",
+    )
+    is_command = any(word in joined for word in COMMAND_WORDS) and not is_speed
+    speeds = ("rpm", "erpm", "rad/s", "Hz") if high > 6000 else ("rad/s", "rpm", "Hz", "erpm")
+    is_full_word = 60_000 < high <= 65_535  # 16 bits, all of them used
+    if one.unit in ("rpm", "erpm", "rad/s", "Hz"):
+        return one.unit, "by its name", speeds
+    if not is_speed:
+        if low >= -0.1 and high <= 1.5:
+            return "1", "as it ends at 1", ()
+        if one.unit in ("%", "us"):
+            return one.unit, "by its name", ()
+        if is_command and low >= 700 and high <= 2300:
+            return "us", "as pulse widths are", ()
+        commands = ("us", "counts", "%") if high > 100 else ("%", "us", "counts")
+        if is_full_word:
+            return None, "", ("counts", *speeds)
+        return None, "", commands if is_command else (*speeds, *commands)
+    return None, "", speeds

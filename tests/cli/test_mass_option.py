@@ -1,0 +1,35 @@
+"""--mass takes kilograms, or grams where it says so."""
+
+import pytest
+import typer
+
+from rotorfit.cli.identify import _parse_mass as parse_mass
+from rotorfit.errors import ExperimentError
+
+
+@pytest.mark.parametrize(
+    ("text", "mass"),
+    [("0.428", 0.428), ("428g", 0.428), ("428 g", 0.428), (".428kg", 0.428), ("12 KG", 12.0)],
+)
+def test_a_mass_with_a_unit(text, mass):
+    assert parse_mass(text) == pytest.approx(mass, rel=1e-12)
+
+
+def test_a_mass_that_is_meant_in_grams_is_asked_about():
+    with pytest.raises(
+        ExperimentError, match=r"did you mean 428 g.*--mass 428g; if not, --mass 428kg"
+    ):
+        parse_mass("428")
+    assert parse_mass("428kg") == 428.0
+
+
+@pytest.mark.parametrize("text", ["g", "", "428 lb", "1,5"])
+def test_what_is_no_mass_is_refused(text):
+    with pytest.raises(typer.BadParameter, match="is not a mass"):
+        parse_mass(text)
+
+
+@pytest.mark.parametrize("text", ["-1g", "0", "nan", "inf"])
+def test_a_mass_below_nothing_is_refused(text):
+    with pytest.raises(ExperimentError, match="expected more than 0 kg"):
+        parse_mass(text)
