@@ -235,7 +235,7 @@ def sysid_parameters(
         held.inertia_type = sysid.InertiaType.Pseudo
         held.update_from_vector(np.concatenate([whole.nominal[:1], parameter.value]))
         sysid.apply_body_inertia(spec, "frame", held)
-        # It leaves the axes undefined, and MuJoCo (3.17, 4.0) then takes the body to be without inertia.
+        # It leaves the axes undefined: MuJoCo (3.17, 4.0) then takes the body to have no inertia.
         spec.body("frame").iquat = [1.0, 0.0, 0.0, 0.0]
 
     def thrust(spec: mujoco.MjSpec, parameter: Any) -> None:

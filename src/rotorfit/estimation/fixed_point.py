@@ -29,8 +29,8 @@ forgotten."""
 class FixedPointRounds:
     """The last points of an iteration and the steps from them, in standard deviations."""
 
-    points: list[Float[np.ndarray, " f"]] = field(default_factory=list)
-    steps: list[Float[np.ndarray, " f"]] = field(default_factory=list)
+    points: list[Float[np.ndarray, " f"]] = field(default_factory=list[np.ndarray])
+    steps: list[Float[np.ndarray, " f"]] = field(default_factory=list[np.ndarray])
     before_leap: float = np.inf
 
     def leap(

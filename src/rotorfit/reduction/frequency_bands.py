@@ -17,6 +17,7 @@ from rotorfit.model.signals import AddedSignals
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse, with_motors
+from rotorfit.preprocessing.motors.speed_slopes import flights_beside
 from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.reduction.motor_timing import FreeTiming
 from rotorfit.reduction.reduce import BandPlan, Lines, band_factors
@@ -174,6 +175,10 @@ def _moved(
     prepared: PreparedFlight, free: FreeTiming
 ) -> list[tuple[FlightData, FlightData, float]]:
     """Retime the flight a step later and earlier by each free time, with the step between."""
+    steps = {name: STEPS[name] for name in free.names}
+    found = flights_beside(prepared.data, prepared.motor_channel, free.at, steps)
+    if found is not None:
+        return found
     moved: list[tuple[FlightData, FlightData, float]] = []
     for name in free.names:
         later, earlier = (free.moved({name: side * STEPS[name]}) for side in (1.0, -1.0))

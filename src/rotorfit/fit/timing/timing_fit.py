@@ -164,8 +164,9 @@ def _settled_timing(
     """Fit the timing on from a first fit; None where the motion follows no motors."""
     timed, fit = settled_fit(begun, terms, first)
     if "motor_skew" in names and not _skew_is_shown(timed, fit):
-        names = tuple(name for name in names if name != "motor_skew")
-        at = MotorResponse(lag=timed.free_timing.at.mean_lag, delay=timed.free_timing.at.delay)
+        names, found = tuple(name for name in names if name != "motor_skew"), timed.free_timing
+        assert found is not None
+        at = MotorResponse(lag=found.at.mean_lag, delay=found.at.delay)
         timed, fit = settled_fit(timed.at(at, names), terms)
     elif "motor_skew" not in names and _may_skew(timed, names):
         timed, fit = _with_skew(timed, fit, terms)

@@ -134,44 +134,63 @@ def _solved(
     held: Float[np.ndarray, "n N"], remaining: Float[np.ndarray, "n N"]
 ) -> Float[np.ndarray, "n N"]:
     """Solve O_0 = u_0, O_k+1 = a_k O_k + (1 - a_k) u_k."""
-    n = len(held)
-    speed = np.empty_like(held)
-    for i in range(held.shape[1]):
+    return solve_recursion(remaining, (1.0 - remaining) * held, held[0])
+
+
+def solve_recursion(
+    share: Float[np.ndarray, "n N"], input: Float[np.ndarray, "n N"], first: Float[np.ndarray, " N"]
+) -> Float[np.ndarray, "n N"]:
+    """Solve S_0 = first, S_k+1 = a_k S_k + f_k, `share` and `input` being a and f."""
+    n = len(share)
+    solved = np.empty_like(share)
+    for i in range(share.shape[1]):
         bands = np.ones((2, n))
-        bands[1, :-1] = -remaining[:-1, i]
-        right = np.concatenate([held[:1, i], (1.0 - remaining[:-1, i]) * held[:-1, i]])
+        bands[1, :-1] = -share[:-1, i]
+        right = np.concatenate([first[i : i + 1], input[:-1, i]])
         # Triangular: a general banded solver takes five times as long.
-        speed[:, i] = lapack.dtbtrs(bands, right, uplo="L", diag="U", overwrite_b=1)[0]
-    return speed
+        solved[:, i] = lapack.dtbtrs(bands, right, uplo="L", diag="U", overwrite_b=1)[0]
+    return solved
 
 
 def shift_time(
-    values: Float[np.ndarray, "n N"], sample_rate: float, delay: float
+    values: Float[np.ndarray, "n N"], sample_rate: float, delay: float, *, slope: bool = False
 ) -> Float[np.ndarray, "n N"]:
-    """Interpolate values as they were `delay` seconds before each sample.
+    """Interpolate values as they were `delay` seconds before each sample; or their slope by it.
 
     By the polynomial through the ten nearest samples. A straight line between two would average
     their noise away at half a sample, and a search for the delay would take that for a good fit.
     The first and the last value are held.
     """
-    if delay == 0:
+    if delay == 0 and not slope:
         return values
     whole = int(np.floor(delay * sample_rate))
     part = delay * sample_rate - whole
     nodes = np.arange(-4, 6)
-    weights = [
-        float(np.prod([(part - m) / (k - m) for m in nodes if m != k])) for k in nodes.tolist()
-    ]
+    weights = _slope_weights(part, nodes) * sample_rate if slope else _weights(part, nodes)
     n = len(values)
     shifted = np.zeros(values.shape)
     for piece in pieces(n, longest=LONG // len(nodes)):
         first = int(piece.start) - whole - int(nodes[-1])
         rows = np.arange(first, int(piece.stop) - whole - int(nodes[0]))
         near = values[np.clip(rows, 0, n - 1)]
-        for weight, k in zip(weights, nodes.tolist(), strict=True):
+        for weight, k in zip(weights.tolist(), nodes.tolist(), strict=True):
             begin = int(nodes[-1]) - k
             shifted[piece] += weight * near[begin : begin + piece.stop - piece.start]
     return shifted
+
+
+def _weights(part: float, nodes: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """Return Lagrange's weights of the nodes at a place between them."""
+    return np.array([np.prod([(part - m) / (k - m) for m in nodes if m != k]) for k in nodes])
+
+
+def _slope_weights(part: float, nodes: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """Differentiate Lagrange's weights by the place."""
+    polynomials = (
+        np.poly1d([m for m in nodes if m != k], r=True) / np.prod([k - m for m in nodes if m != k])
+        for k in nodes
+    )
+    return np.array([one.deriv()(part) for one in polynomials])
 
 
 def white_noise_std(
