@@ -96,6 +96,28 @@ class _Flights:
     trim: Float[np.ndarray, "m 3"]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loop:
+    """Vehicle and autopilot as arrays; the gains times inertia and sample period.
+
+    - `motion`: from force, torque and products of rates to the accelerations.
+    - `half_decay`: what is left of a rotor's deviation from its command after half a sample.
+    - `fall`: velocity that gravity takes in a sample [m/s].
+    """
+
+    autopilot: Autopilot
+    rotors: Rotors
+    motion: Float[np.ndarray, "24 6"]
+    mixer: Float[np.ndarray, "4 N"]
+    squares: tuple[float, float]
+    attitude: Float[np.ndarray, " 3"]
+    rate: Float[np.ndarray, " 3"]
+    damping: Float[np.ndarray, " 3"]
+    integral: Float[np.ndarray, " 3"]
+    half_decay: float
+    fall: Float[np.ndarray, " 3"]
+
+
 def simulate_calm_flights(
     truth: Truth,
     vehicle: Vehicle,
@@ -146,25 +168,17 @@ def _fly_together(
 ) -> list[Recording]:
     """Advance all manoeuvres together, and record every sample of each."""
     n, m, _ = plan.shape
-    period = 1.0 / scenario.sample_rate
-    autopilot = autopilot_of(
-        truth,
-        vehicle,
-        thrust_to_weight=scenario.thrust_to_weight,
-        period=period,
-        gains=scenario.gains,
-    )
-    rotors, motion = rotors_of(truth, vehicle), _motion_matrix(truth)
-    fly = _hovering(truth, autopilot, m)
-    half_yaw = 0.5 * period * np.cumsum(plan[:, :, 2], axis=0)
-    turned = np.stack([np.cos(half_yaw), np.sin(half_yaw)], axis=2)
+    loop = _loop(truth, vehicle, scenario)
+    fly = _hovering(truth, loop.autopilot, m)
+    half_yaw = 0.5 * np.cumsum(plan[:, :, 2], axis=0) / scenario.sample_rate
+    turned = np.stack([np.cos(half_yaw), np.sin(half_yaw)], axis=2)[:, :, None, None, :]
     N = len(vehicle.rotors)
     w, q, v, p = (np.empty((n, m, k)) for k in (3, 4, 3, 3))
     speeds, commands, asked = np.empty((n, m, N)), np.empty((n, m, N)), np.empty((n, m, 3))
     for k in range(n):
         w[k], q[k], v[k], p[k], speeds[k] = fly.w, fly.q, fly.v, fly.p, fly.speeds
-        commands[k], asked[k] = _command(autopilot, fly, plan[k], turned[k])
-        _advance(fly, rotors, motion, commands[k], period)
+        commands[k], asked[k] = _command(loop, fly, plan[k], turned[k])
+        _advance(loop, fly, commands[k])
     R = _rotations(q)
     body_v = np.einsum("nmab,nma->nmb", R, v)
     state = np.concatenate([w, q, body_v, p], axis=2)
@@ -177,10 +191,37 @@ def _fly_together(
             asked=asked[:, i],
             grounded=np.zeros(n, dtype=bool),
             disturbance=np.zeros((n, 6)),
-            max_speed=autopilot.speed_limits[1],
+            max_speed=loop.autopilot.speed_limits[1],
         )
         for i in range(m)
     ]
+
+
+def _loop(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Loop:
+    """Collect what stays constant during the flights."""
+    period, gains = 1.0 / scenario.sample_rate, scenario.gains
+    autopilot = autopilot_of(
+        truth,
+        vehicle,
+        thrust_to_weight=scenario.thrust_to_weight,
+        period=period,
+        gains=gains,
+    )
+    lowest, highest = autopilot.speed_limits
+    inertia = np.array(autopilot.inertia)
+    return _Loop(
+        autopilot=autopilot,
+        rotors=rotors_of(truth, vehicle),
+        motion=_motion_matrix(truth),
+        mixer=np.array(autopilot.mixer).T,
+        squares=(lowest**2, highest**2),
+        attitude=np.array(gains.attitude),
+        rate=inertia * gains.rate,
+        damping=inertia * gains.damping / period,
+        integral=inertia * gains.integral * period,
+        half_decay=float(np.exp(-0.5 * period / truth.motor_lag)),
+        fall=np.array([0.0, 0.0, period * GRAVITY]),
+    )
 
 
 def _hovering(truth: Truth, autopilot: Autopilot, count: int) -> _Flights:
@@ -202,68 +243,66 @@ def _hovering(truth: Truth, autopilot: Autopilot, count: int) -> _Flights:
 
 
 def _command(
-    autopilot: Autopilot,
+    loop: _Loop,
     fly: _Flights,
     reference: Float[np.ndarray, "m 8"],
-    turned: Float[np.ndarray, "m 2"],
+    turned: Float[np.ndarray, "m 1 1 2"],
 ) -> tuple[Float[np.ndarray, "m N"], Float[np.ndarray, "m 3"]]:
     """Compute commanded rotor speeds and the body rates asked for, as `controller.control` does."""
-    gains, period, R = autopilot.gains, autopilot.period, fly.R
-    inertia = np.array(autopilot.inertia)
-    wanted = -gains.position * fly.p[:, :2] - gains.velocity * fly.v[:, :2]
-    heading = R[:, :2, 0]
-    along = np.hypot(heading[:, 0], heading[:, 1])
-    forward = (heading * wanted).sum(axis=1) / along
-    left = (heading[:, 0] * wanted[:, 1] - heading[:, 1] * wanted[:, 0]) / along
-    hold = np.clip(np.stack([-left, forward], axis=1) / GRAVITY, -gains.hold_tilt, gains.hold_tilt)
-    halves = 0.5 * (reference[:, :2] + hold)
-    rise = gains.height * (reference[:, 4] - fly.p[:, 2])
-    rise += gains.climb * (reference[:, 5] - fly.v[:, 2]) + reference[:, 3] + GRAVITY
-    lift = autopilot.mass * rise / np.maximum(R[:, 2, 2], 0.5)
-    trig = np.stack([np.cos(halves), np.sin(halves)], axis=2)
-    parts = trig[:, 0, :, None, None] * trig[:, 1, None, :, None] * turned[:, None, None, :]
-    attitude = parts.reshape(-1, 8) @ EULER
+    gains, p, v, R = loop.autopilot.gains, fly.p, fly.v, fly.R
+    wanted = -gains.position * p - gains.velocity * v
+    ahead, aside = R[:, 0, 0], R[:, 1, 0]
+    along = GRAVITY * np.sqrt(ahead * ahead + aside * aside)
+    angles = np.empty((len(p), 2))
+    angles[:, 0] = (aside * wanted[:, 0] - ahead * wanted[:, 1]) / along
+    angles[:, 1] = (ahead * wanted[:, 0] + aside * wanted[:, 1]) / along
+    np.minimum(np.maximum(angles, -gains.hold_tilt, out=angles), gains.hold_tilt, out=angles)
+    angles += reference[:, :2]
+    angles *= 0.5
+    parts = np.cos(angles)[:, :, None].repeat(2, axis=2)
+    np.sin(angles, out=parts[:, :, 1])
+    products = parts[:, 0, :, None, None] * parts[:, 1, None, :, None] * turned
+    attitude = products.reshape(-1, 8) @ EULER
     error = (fly.q[:, :, None] * attitude[:, None, :]).reshape(-1, 16) @ ERROR
-    shorter = np.where(error[:, :1] >= 0.0, 2.0, -2.0)
-    asked = gains.attitude * (shorter * error[:, 1:]) + R[:, 2] * reference[:, 2:3]
+    shorter = 2.0 * np.copysign(1.0, error[:, :1])
+    asked = loop.attitude * (shorter * error[:, 1:]) + R[:, 2] * reference[:, 2:3]
     off = asked - fly.w
-    fly.trim = fly.trim + (inertia * gains.integral * period) * off
-    damped = np.array(gains.damping) / period * (fly.w - fly.last_w)
-    torque = fly.trim + inertia * (gains.rate * off - damped)
+    fly.trim = fly.trim + loop.integral * off
+    effort = np.empty((len(p), 4))
+    effort[:, 1:] = fly.trim + loop.rate * off - loop.damping * (fly.w - fly.last_w)
+    rise = gains.height * (reference[:, 4] - p[:, 2]) + gains.climb * (reference[:, 5] - v[:, 2])
+    rise += reference[:, 3] + GRAVITY
+    effort[:, 0] = loop.autopilot.mass * rise / np.maximum(R[:, 2, 2], 0.5)
     fly.last_w = fly.w
-    lowest, highest = autopilot.speed_limits
-    squares = np.concatenate([lift[:, None], torque], axis=1) @ np.array(autopilot.mixer).T
-    return np.sqrt(np.clip(squares, lowest**2, highest**2)), asked
+    lowest, highest = loop.squares
+    squares = effort @ loop.mixer
+    return np.sqrt(np.minimum(np.maximum(squares, lowest), highest)), asked
 
 
-def _advance(
-    fly: _Flights,
-    rotors: Rotors,
-    motion: Float[np.ndarray, "24 6"],
-    command: Float[np.ndarray, "m N"],
-    h: float,
-) -> None:
+def _advance(loop: _Loop, fly: _Flights, command: Float[np.ndarray, "m N"]) -> None:
     """Take one step by the midpoint rule; the rotors' speeds are exact at its middle and end."""
+    h = loop.autopilot.period
     away = fly.speeds - command
-    middle = command + np.exp(-0.5 * h / rotors.lag) * away
-    slopes = (command - middle) / rotors.lag
-    wrench = np.concatenate([middle * middle, middle, slopes], axis=1) @ rotors.wrench_matrix
-    w = fly.w + 0.5 * h * fly.turn
+    middle_away = loop.half_decay * away
+    middle = command + middle_away
+    slopes = middle_away * (-1.0 / loop.rotors.lag)
+    wrench = np.concatenate([middle * middle, middle, slopes], axis=1) @ loop.rotors.wrench_matrix
+    w = fly.w + (0.5 * h) * fly.turn
     turning = np.concatenate([w, wrench[:, 6:9]], axis=1)
-    products = (w[:, :, None] * turning[:, None, :]).reshape(len(w), 18)
-    motions = np.concatenate([wrench[:, :6], products], axis=1) @ motion
+    products = (w[:, :, None] * turning[:, None, :]).reshape(-1, 18)
+    motions = np.concatenate([wrench[:, :6], products], axis=1) @ loop.motion
     fly.turn = motions[:, 3:]
     new_w = fly.w + h * fly.turn
-    angle = 0.25 * h * (fly.w + new_w)
-    scalar = 1.0 - 0.5 * (angle * angle).sum(axis=1, keepdims=True)
-    change = np.concatenate([scalar, angle], axis=1)
+    change = np.empty((len(w), 4))
+    change[:, 1:] = angle = (0.25 * h) * (fly.w + new_w)
+    change[:, 0] = 1.0 - 0.5 * np.einsum("ma,ma->m", angle, angle)
     q = (fly.q[:, :, None] * change[:, None, :]).reshape(-1, 16) @ PRODUCT
-    fly.q = q / np.sqrt((q * q).sum(axis=1, keepdims=True))
+    fly.q = q / np.sqrt(np.einsum("ma,ma->m", q, q))[:, None]
     R = _rotations(fly.q)
-    v = fly.v + (0.5 * h) * ((fly.R + R) @ motions[:, :3, None])[:, :, 0]
-    v[:, 2] -= h * GRAVITY
+    v = fly.v + ((fly.R + R) @ motions[:, :3, None])[:, :, 0] * (0.5 * h) - loop.fall
     fly.p = fly.p + (0.5 * h) * (fly.v + v)
-    fly.w, fly.R, fly.v, fly.speeds = new_w, R, v, command + np.exp(-h / rotors.lag) * away
+    fly.w, fly.R, fly.v = new_w, R, v
+    fly.speeds = command + loop.half_decay * middle_away
 
 
 def _rotations(q: Float[np.ndarray, "*any 4"]) -> Float[np.ndarray, "*any 3 3"]:
