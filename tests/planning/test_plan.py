@@ -77,7 +77,10 @@ def fly_once(planned, manoeuvre, configuration):
     """Fly a manoeuvre, or remember it: the same vehicle flies it in the same way."""
     key = (planned.bodies[configuration], id(planned.configurations[0].vehicle), manoeuvre)
     if key not in FLOWN:
-        FLOWN[key] = (fly(planned, [manoeuvre], configuration)[manoeuvre], planned)  # keeps the id in use
+        FLOWN[key] = (
+            fly(planned, [manoeuvre], configuration)[manoeuvre],
+            planned,
+        )  # keeps the id in use
     return FLOWN[key][0]
 
 

@@ -1,0 +1,50 @@
+"""A refusal imports nothing that it does not use."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROGRAM = """
+import sys
+from rotorfit.cli.main import main
+try:
+    main(sys.argv[1:])
+finally:
+    print(*sys.modules)
+"""
+
+
+def imported(*arguments: str) -> set[str]:
+    """Run a command in a process of its own, and return the modules that it imports."""
+    run = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, check=False
+    )
+    return set(run.stdout.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--help",),
+        ("identify", "--help"),
+        ("identify", "missing.bfl", "--mass", "1", "--airframe", "airframe.toml"),
+        ("identify", "missing.bfl", "--mas", "1"),
+    ],
+)
+def test_help_and_a_missing_log_need_no_numpy(arguments: tuple[str, ...]) -> None:
+    assert imported(*arguments).isdisjoint({"numpy", "scipy", "jinja2", "jaxtyping"})
+
+
+def test_a_missing_mass_is_refused_before_anything_of_the_fit_is_imported(tmp_path: Path) -> None:
+    log = tmp_path / "flight.csv"
+    log.write_text("time,gyro_x\n0.0,0.1\n0.1,0.1\n")
+    found = imported("identify", str(log), "--airframe", "airframe.toml")
+    assert found.isdisjoint({"scipy.stats", "scipy.signal", "jinja2", "rotorfit.simulation"})
+    assert not any(name.startswith("rotorfit.fit") for name in found)
+
+
+def test_a_missing_log_is_refused_by_inspect_before_the_inspection_is_imported() -> None:
+    found = imported("inspect", "missing.bfl")
+    assert found.isdisjoint({"scipy", "rotorfit.inspection", "rotorfit.simulation", "jinja2"})
