@@ -37,7 +37,7 @@ def test_help_and_a_missing_log_need_no_numpy(arguments: tuple[str, ...]) -> Non
     assert imported(*arguments).isdisjoint({"numpy", "scipy", "jinja2", "jaxtyping"})
 
 
-def test_a_missing_mass_is_refused_before_anything_of_the_fit_is_imported(tmp_path: Path) -> None:
+def test_a_missing_mass_is_refused_without_the_fit(tmp_path: Path) -> None:
     log = tmp_path / "flight.csv"
     log.write_text("time,gyro_x\n0.0,0.1\n0.1,0.1\n")
     found = imported("identify", str(log), "--airframe", "airframe.toml")
@@ -45,6 +45,6 @@ def test_a_missing_mass_is_refused_before_anything_of_the_fit_is_imported(tmp_pa
     assert not any(name.startswith("rotorfit.fit") for name in found)
 
 
-def test_a_missing_log_is_refused_by_inspect_before_the_inspection_is_imported() -> None:
+def test_inspect_refuses_a_missing_log_without_its_checks() -> None:
     found = imported("inspect", "missing.bfl")
     assert found.isdisjoint({"scipy", "rotorfit.inspection", "rotorfit.simulation", "jinja2"})

@@ -39,7 +39,7 @@ def test_calm_flights_are_those_of_the_general_simulator() -> None:
             assert np.abs(found - right).max() < 0.01 * np.abs(right).max(), name
 
 
-def test_the_error_of_a_calm_flight_falls_with_the_square_of_the_step() -> None:
+def test_the_error_falls_with_the_square_of_the_step() -> None:
     def error(rate: float) -> float:
         scenario = Scenario(seconds=4.0, sample_rate=rate, sticks=MANOEUVRES["turns"])
         flight = simulate_calm_flights(

@@ -1,8 +1,8 @@
 """Fly several manoeuvres of one vehicle at once, in still air and from hover to hover.
 
-`flight.simulate_flight` flies one manoeuvre with everything that the simulator has, in plain Python.
-This module advances one array with a row for each manoeuvre, which is twenty times as fast. It
-leaves out gusts, drag, the ground, delays and sensor noise; tests hold it against `simulate_flight`.
+`flight.simulate_flight` flies one manoeuvre with everything that the simulator has, in plain
+Python. This module advances one array with a row for each manoeuvre. It leaves out gusts, drag,
+the ground, delays and sensor noise; tests hold it against `simulate_flight`.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.model.vehicle import Vehicle
@@ -180,6 +180,7 @@ def _fly_together(
         commands[k], asked[k] = _command(loop, fly, plan[k], turned[k])
         _advance(loop, fly, commands[k])
     R = _rotations(q)
+    flying: Bool[np.ndarray, " n"] = np.zeros(n, dtype=np.bool_)
     body_v = np.einsum("nmab,nma->nmb", R, v)
     state = np.concatenate([w, q, body_v, p], axis=2)
     return [
@@ -189,7 +190,7 @@ def _fly_together(
             commands=commands[:, i],
             acting=commands[:, i],
             asked=asked[:, i],
-            grounded=np.zeros(n, dtype=bool),
+            grounded=flying,
             disturbance=np.zeros((n, 6)),
             max_speed=loop.autopilot.speed_limits[1],
         )
