@@ -5,10 +5,11 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import interpolate, signal
+from scipy import interpolate
 from scipy.spatial.transform import Rotation
 
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.filters import first_order_recursion
 from rotorfit.simulation.truth import Truth
 
 
@@ -83,7 +84,7 @@ def gauss_markov(
     keep = float(np.exp(-2 * np.pi * bandwidth / sample_rate))
     noise = rng.normal(size=(samples, std.size))
     noise[1:] *= np.sqrt(1 - keep**2)
-    process: Float[np.ndarray, "n k"] = signal.lfilter([1.0], [1.0, -keep], noise, axis=0)
+    process: Float[np.ndarray, "n k"] = first_order_recursion(noise, keep)
     return process * std
 
 
