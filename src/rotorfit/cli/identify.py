@@ -146,14 +146,17 @@ def _with_next_step(result: IdentificationResult) -> IdentificationResult:
 
 def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment:
     """Load an experiment file; raise where options are given that belong to a single log."""
-    from rotorfit.experiment.experiment import load_experiment
-
     for option, value in log_options.items():
         if value is not None:
             raise typer.BadParameter(
                 f"--{option} belongs to a log; {source.name} is an experiment file, "
                 "which says it itself"
             )
+    from rotorfit.experiment.toml_files import read_toml
+
+    read_toml(source)  # a missing or broken file is reported before heavy imports
+    from rotorfit.experiment.experiment import load_experiment
+
     return load_experiment(source)
 
 

@@ -21,7 +21,7 @@ from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy import interpolate, ndimage
+from scipy import ndimage
 
 from rotorfit.logs.flight_log import LONG, pieces
 from rotorfit.preprocessing.filters import (
@@ -32,6 +32,7 @@ from rotorfit.preprocessing.filters import (
     slowest_pole,
     thinned_sums,
 )
+from rotorfit.preprocessing.quintic_spline import quintic_spline
 
 MEDIAN_WIDTH = 7
 SCALE_WIDTH = 51
@@ -227,7 +228,6 @@ def at_limit(
 
 ORDER = 4
 """Order of one pass of the Butterworth filter whose forward and backward pass `low_pass` equals."""
-DEGREE = 5
 
 
 def low_pass(
@@ -265,8 +265,8 @@ def spline_derivatives(
     Near the ends they are not to be used: a few samples hold what the spline does not know.
     """
     rows = np.arange(len(values), dtype=float)
-    spline = interpolate.make_interp_spline(rows, values, k=DEGREE)
-    return spline(rows, nu=1) * sample_rate, spline(rows, nu=2) * sample_rate**2
+    _, slope, bend = quintic_spline(values, rows, derivatives=2)
+    return slope * sample_rate, bend * sample_rate**2
 
 
 def spline_at(
@@ -274,9 +274,9 @@ def spline_at(
     rows: Float[np.ndarray, " m"],
 ) -> tuple[Float[np.ndarray, "m k"], Float[np.ndarray, "m k"]]:
     """Interpolate values and derivatives per sample at fractional rows, held beyond the ends."""
-    spline = interpolate.make_interp_spline(np.arange(len(values)), values, k=DEGREE)
     inside = np.clip(rows, 0.0, len(values) - 1.0)
-    return spline(inside), spline(inside, nu=1)
+    value, slope = quintic_spline(values, inside, derivatives=1)
+    return value, slope
 
 
 def smooth_motors(

@@ -5,7 +5,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import interpolate
 from scipy.spatial.transform import Rotation
 
 from rotorfit.model.vehicle import Vehicle
@@ -219,7 +218,9 @@ def _frames(
         time = np.arange(int(last * sensors.pose_rate + 1e-9) + 1) / sensors.pose_rate
     pose = np.concatenate([flight.position, flight.attitude_wxyz], axis=1)
     # The attitude of a simulation turns without jumps of sign.
-    spline = interpolate.make_interp_spline(flight.time, pose, k=5)
+    from scipy.interpolate import make_interp_spline
+
+    spline = make_interp_spline(flight.time, pose, k=5)
     seen = spline(np.clip(time - sensors.pose_delay, 0.0, last))
     return time, seen[:, :3], from_wxyz(seen[:, 3:])
 

@@ -24,7 +24,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy import optimize
 
 from rotorfit.dataset.carried_weight import Measured
 from rotorfit.dataset.dataset import Kind, with_flights
@@ -358,8 +357,10 @@ def mixed(
             for side in (-1.0, 1.0)
         )
 
+    from scipy.optimize import brentq  # slow to import
+
     farthest = max(abs(one.value - mean) + 3.0 * one.std for _, one in both)
-    return Measured(value=mean, std=float(optimize.brentq(beyond, 0.0, farthest)) / 1.96)
+    return Measured(value=mean, std=float(brentq(beyond, 0.0, farthest)) / 1.96)
 
 
 def rms_speed(flights: Sequence[FlightData]) -> float:

@@ -27,7 +27,6 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage
-from scipy.interpolate import make_smoothing_spline
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
@@ -453,6 +452,8 @@ def _velocity(
     near: Bool[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n 3"] | None:
     """Integrate specific force in world axes, and take the drift off; None where it is too much."""
+    from scipy.interpolate import make_smoothing_spline
+
     steps = np.diff(time, prepend=time[:1])[:, None]
     velocity: Float[np.ndarray, "n 3"] = np.cumsum((force - [0.0, 0.0, GRAVITY]) * steps, axis=0)
     path: Float[np.ndarray, "n 3"] = np.cumsum(velocity * steps, axis=0)

@@ -10,7 +10,6 @@ from functools import partial
 from typing import Final, Literal
 
 import numpy as np
-import scipy.optimize
 from jaxtyping import Float, Int
 from scipy.linalg import lapack
 
@@ -389,7 +388,9 @@ def betaflight_linear(law: SpeedLaw) -> ThrustCurve:
     full is nearest to a straight line.
     """
     x = GRID
-    found = scipy.optimize.minimize_scalar(
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    found = minimize_scalar(
         lambda c: float(np.mean(_bend(law, x, float(c)) ** 2)), bounds=(0.0, 1.5), method="bounded"
     )
     c = float(found.x)
