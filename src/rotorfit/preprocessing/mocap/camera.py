@@ -41,6 +41,7 @@ from rotorfit.preprocessing.signals import (
     spline_derivatives,
     whole_samples,
 )
+from rotorfit.preprocessing.smoothing_spline import smoothing_spline_derivatives
 
 REACH: Final = 2
 """Neighbours on either side that are looked at."""
@@ -452,15 +453,15 @@ def _velocity(
     near: Bool[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n 3"] | None:
     """Integrate specific force in world axes, and take the drift off; None where it is too much."""
-    from scipy.interpolate import make_smoothing_spline
-
     steps = np.diff(time, prepend=time[:1])[:, None]
     velocity: Float[np.ndarray, "n 3"] = np.cumsum((force - [0.0, 0.0, GRAVITY]) * steps, axis=0)
     path: Float[np.ndarray, "n 3"] = np.cumsum(velocity * steps, axis=0)
     for k in range(3):
         left = position[:, k] - np.interp(fixes, time, path[:, k])
-        drift = make_smoothing_spline(fixes, left, lam=(PLACE_STD / DRIFT_STD) ** 2)
-        if float(np.std(drift(time[near], 2))) > MOST_DRIFT:
+        slope, bend = smoothing_spline_derivatives(
+            fixes, left, time, penalty=(PLACE_STD / DRIFT_STD) ** 2
+        )
+        if float(np.std(bend[near])) > MOST_DRIFT:
             return None
-        velocity[:, k] += drift(time, 1)
+        velocity[:, k] += slope
     return velocity
