@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+SLOW = {"scipy.stats", "scipy.signal", "scipy.interpolate", "jinja2", "matplotlib", "rich"}
+"""Modules that take longer to import than a short log takes to identify, or draw pictures."""
+
 PROGRAM = """
 import sys
 from rotorfit.cli.main import main
@@ -48,3 +51,24 @@ def test_a_missing_mass_is_refused_without_the_fit(tmp_path: Path) -> None:
 def test_inspect_refuses_a_missing_log_without_its_checks() -> None:
     found = imported("inspect", "missing.bfl")
     assert found.isdisjoint({"scipy", "rotorfit.inspection", "rotorfit.simulation", "jinja2"})
+
+
+def test_a_missing_experiment_file_needs_no_numpy() -> None:
+    found = imported("identify", "missing.toml")
+    assert found.isdisjoint({"numpy", "scipy", "jinja2", "jaxtyping"})
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("inspect", "flight.csv"),
+        ("identify", "flight.csv", "--mass", "1.285", "--airframe", "airframe.toml"),
+    ],
+)
+@pytest.mark.usefixtures("here")
+def test_inspect_and_identify_import_no_module_that_they_can_do_without(
+    arguments: tuple[str, ...],
+) -> None:
+    found = imported(*arguments)
+    assert "rotorfit.fit.fit" in found
+    assert found.isdisjoint(SLOW)
