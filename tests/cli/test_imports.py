@@ -66,7 +66,7 @@ def test_a_missing_experiment_file_needs_no_numpy() -> None:
     ],
 )
 @pytest.mark.usefixtures("here")
-def test_inspect_and_identify_import_no_module_that_they_can_do_without(
+def test_inspect_and_identify_import_only_what_they_use(
     arguments: tuple[str, ...],
 ) -> None:
     found = imported(*arguments)
