@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.model.vehicle import Vehicle
@@ -180,7 +180,7 @@ def _fly_together(
         commands[k], asked[k] = _command(loop, fly, plan[k], turned[k])
         _advance(loop, fly, commands[k])
     R = _rotations(q)
-    flying: Bool[np.ndarray, " n"] = np.zeros(n, dtype=np.bool_)
+    flying = np.zeros(n, dtype=np.bool_)
     body_v = np.einsum("nmab,nma->nmb", R, v)
     state = np.concatenate([w, q, body_v, p], axis=2)
     return [

@@ -155,6 +155,7 @@ def _spectra(
     """Estimate the densities of body and rotor wrench, and both parts of their cross density."""
     window = whole_samples(WINDOW_SECONDS * rate)
     f, cross = cross_densities(np.column_stack([body, rotor]), rate, window)
-    parts = np.real(cross[0, 0]), np.real(cross[1, 1]), np.real(cross[0, 1]), np.imag(cross[0, 1])
+    parts: list[Float[np.ndarray, " f"]] = [np.real(cross[0, 0]), np.real(cross[1, 1])]
+    parts += [np.real(cross[0, 1]), np.imag(cross[0, 1])]
     # Each at its own rate: the bins are not quite those of the grid.
     return np.array([np.interp(grid, f, part) for part in parts])
