@@ -64,7 +64,8 @@ def half_intervals(places: Places, manoeuvre: Manoeuvre, *, loaded: bool) -> lis
     problem = problem_of(places)
     flown = [(BARE, SECONDS), (LOADED, SECONDS)] if loaded else [(BARE, SECONDS)]
     parts = [
-        (evidence(problem, fly(problem, manoeuvre, name), name), seconds) for name, seconds in flown
+        (evidence(problem, fly(problem, [manoeuvre], name)[manoeuvre], name), seconds)
+        for name, seconds in flown
     ]
     numbers = predicted(problem, combined(parts))
     places_of = [numbers.index(name) for name in NUMBERS]

@@ -73,18 +73,25 @@ def problem(assumed=None, *, commanded=False, rough=None):
 FLOWN = {}
 
 
+def fly_each_once(planned, manoeuvres, configuration):
+    """Fly manoeuvres, or remember them: the same vehicle flies them in the same way."""
+    vehicle = planned.configurations[0].vehicle
+    body = (planned.bodies[configuration], id(vehicle))
+    new = [m for m in manoeuvres if (body, m) not in FLOWN]
+    flown = fly(planned, new, configuration) if new else {}
+    FLOWN.update({(body, m): (data, vehicle) for m, data in flown.items()})  # keeps the id in use
+    return {m: FLOWN[body, m][0] for m in manoeuvres}
+
+
 def fly_once(planned, manoeuvre, configuration):
-    """Fly a manoeuvre, or remember it: the same vehicle flies it in the same way."""
-    key = (planned.bodies[configuration], id(planned.configurations[0].vehicle), manoeuvre)
-    if key not in FLOWN:
-        FLOWN[key] = (fly(planned, manoeuvre, configuration), planned)  # keeps the id in use
-    return FLOWN[key][0]
+    """Fly one manoeuvre, or remember it."""
+    return fly_each_once(planned, [manoeuvre], configuration)[manoeuvre]
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _each_manoeuvre_is_flown_once():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("rotorfit.planning.plan.fly", fly_once)
+        patch.setattr("rotorfit.planning.plan.fly", fly_each_once)
         yield
 
 

@@ -101,9 +101,6 @@ def identify(
     From an experiment file, which names airframe, masses and flights, or from one log with --mass
     and --airframe, which a log of PX4 with its own rotor geometry does not need.
     """
-    from rotorfit.report.summary import summary_text
-    from rotorfit.report.text import result_text
-
     window = {"log": log, "start": start, "end": end}
     if source.suffix.lower() == ".toml":
         experiment = _load_experiment(source, {"mass": mass, "airframe": airframe, **window})
@@ -123,6 +120,9 @@ def identify(
         print_status(f"wrote {output}")
     if report is not None or figures is not None:
         _write_pictures(result, experiment, report, figures, force=force)
+    from rotorfit.report.summary import summary_text
+    from rotorfit.report.text import result_text
+
     written = result_text if full else summary_text
     text = result.to_json() if as_json else coloured(written(result, width=terminal_width()))
     print_result(text.rstrip())
@@ -146,26 +146,31 @@ def _with_next_step(result: IdentificationResult) -> IdentificationResult:
 
 def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment:
     """Load an experiment file; raise where options are given that belong to a single log."""
-    from rotorfit.experiment.experiment import load_experiment
-
     for option, value in log_options.items():
         if value is not None:
             raise typer.BadParameter(
                 f"--{option} belongs to a log; {source.name} is an experiment file, "
                 "which says it itself"
             )
+    from rotorfit.experiment.toml_files import read_toml
+
+    read_toml(source)  # a missing or broken file is reported before heavy imports
+    from rotorfit.experiment.experiment import load_experiment
+
     return load_experiment(source)
 
 
 def _experiment_of_log(
     source: Path, mass: str | None, airframe: Path | None, log_number: int | None
 ) -> Experiment:
-    from rotorfit.experiment.experiment import single_flight_experiment
     from rotorfit.logs.files import read_head
+
+    if not source.is_dir():
+        read_head(source, 1)  # a missing log is reported before missing options and heavy imports
     from rotorfit.logs.read import format_of, own_kind, read_log
 
-    if not source.is_dir() or format_of(source) is None:
-        read_head(source, 1)  # a missing log is reported before missing options
+    if source.is_dir() and format_of(source) is None:
+        read_head(source, 1)
     if own_kind(source) is not None:
         read_log(source)  # which says what it is
     described = airframe
@@ -176,6 +181,8 @@ def _experiment_of_log(
         missing = [option for option, value in required.items() if value is None]
         writes = f": rotorfit airframe {source.name} writes that file" if described is None else ""
         raise typer.BadParameter(f"a log also needs {' and '.join(missing)}{writes}")
+    from rotorfit.experiment.experiment import single_flight_experiment
+
     return single_flight_experiment(source, mass=_parse_mass(mass), airframe=described)
 
 

@@ -74,8 +74,6 @@ def inspect(
     Prints its channels, the part in the air, what an identification will find, and the autopilot
     settings to change before the next flight.
     """
-    from rotorfit.report.log_page import write_log_page
-
     if report is not None:
         refuse_output_file(report, inputs=logs, force=force)
     paths, airframe = _logs_and_airframe(logs, airframe)
@@ -101,6 +99,8 @@ def inspect(
         print_result(json.dumps([_plain(one) for one in reports], indent=1, allow_nan=False))
     single = [one for one in reports if not isinstance(one, SeveralLogs)]
     if report is not None and single:
+        from rotorfit.report.log_page import write_log_page
+
         write_log_page(report, single, force=force)
         print_status(f"rotorfit: wrote {report}")
     if failed:
@@ -177,11 +177,15 @@ def _inspect(
     one: InspectedLog, log_number: int | None, airframe: Path | None
 ) -> LogReport | SeveralLogs:
     """Inspect a log, or list the logs in its file where one must be chosen."""
+    from rotorfit.logs.files import read_head
+
+    path, number = one.path, one.read.log_number or log_number
+    if not path.is_dir():
+        read_head(path, 1)  # a missing log is reported before heavy imports
     from rotorfit.inspection.inspect_log import inspect_log
     from rotorfit.logs import read_log
     from rotorfit.logs.read import logs_in_file
 
-    path, number = one.path, one.read.log_number or log_number
     entries = logs_in_file(path) if number is None else ()
     if len(entries) > 1:
         return SeveralLogs(

@@ -17,7 +17,6 @@ from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Float
-from scipy import signal
 
 from rotorfit.control_loop.plant import (
     GyroFilter,
@@ -29,6 +28,7 @@ from rotorfit.control_loop.plant import (
     smoothing,
 )
 from rotorfit.logs.controller_log import ControllerLog
+from rotorfit.preprocessing.filters import first_order_recursion
 
 FULL_INTEGRAL = np.deg2rad(400.0)
 """Rate error at which PX4 stops integrating [rad/s] (rate_control.cpp, updateIntegral)."""
@@ -143,7 +143,7 @@ class RateController:
         if alpha == 1.0:
             return values
         left = 1.0 - alpha
-        return signal.lfilter([alpha], [1.0, -left], values, zi=[left * values[0]])[0]
+        return first_order_recursion(np.concatenate([values[:1], alpha * values[1:]]), left)
 
 
 AXES: Final = ("roll", "pitch", "yaw")

@@ -15,13 +15,13 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy import signal
 
 from rotorfit.control_loop.controllers import RateController, moving_filters, thrust_curve
 from rotorfit.control_loop.plant import Plant
 from rotorfit.control_loop.vehicle import Flown, cross_spectra, withheld_output
 from rotorfit.formatting.digits import with_half
 from rotorfit.logs.flight_log import FlightLog
+from rotorfit.preprocessing.filters import butterworth, filter_both_ways
 
 EDGES = 0.3 * 1.5 ** np.arange(13)
 """Edges of the bands [Hz]."""
@@ -221,9 +221,9 @@ def replay_output(controller: RateController, flight: Flown, axis: int) -> Repla
     slope, left = _followed(made, log.output[:, axis], log.period)
     derivative = 1.0
     if log.slope is not None:
-        smooth = signal.butter(2, SMOOTH, fs=1.0 / log.period, output="sos")
+        smooth = butterworth(2, SMOOTH, 1.0 / log.period)
         both = [controller.derivative(log.rate[:, axis]), log.slope[:, axis]]
-        low = [np.asarray(signal.sosfiltfilt(smooth, x), dtype=float) for x in both]
+        low = [filter_both_ways(smooth, x) for x in both]
         derivative, _ = _followed(low[0], low[1], log.period)
     return ReplayedOutput(slope=slope, left=left, derivative=derivative)
 

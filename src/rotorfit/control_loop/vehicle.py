@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
-from scipy import signal
 
 from rotorfit.control_loop.controllers import RateController
 from rotorfit.control_loop.plant import GyroFilter, Plant, Response, from_lag
@@ -17,6 +16,7 @@ from rotorfit.logs.controller_log import ControllerLog
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.speed_law import speed_from_command
 from rotorfit.preprocessing.signals import true_runs
+from rotorfit.preprocessing.spectral_density import cross_densities
 from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
 from rotorfit.results.samples import Values, about_com, normal_draws
@@ -374,21 +374,5 @@ def left_of_filters(
 def cross_spectra(
     records: Sequence[Float[np.ndarray, " n"]], period: float, length: int
 ) -> tuple[Float[np.ndarray, " b"], Complex[np.ndarray, "R R b"]]:
-    """Compute frequencies [Hz] and the cross-spectra of all pairs of records.
-
-    Welch's method with one transform a record: means of conj(X) Y over Hann windows that overlap by
-    half, each without its mean.
-    """
-    length = min(length, len(records[0]))
-    step = length - length // 2
-    windows = np.lib.stride_tricks.sliding_window_view(np.stack(records), length, axis=1)[:, ::step]
-    taper: Float[np.ndarray, " w"] = signal.get_window("hann", length)
-    transforms: Complex[np.ndarray, "R m b"] = np.fft.rfft(
-        taper * (windows - windows.mean(axis=2, keepdims=True)), axis=2
-    )
-    cross = np.einsum("imb,jmb->ijb", np.conj(transforms), transforms)
-    cross *= period / (transforms.shape[1] * float(taper @ taper))
-    # One-sided: the negative frequencies are added to all but the first, and the last if it is
-    # half of the sample rate.
-    cross[:, :, 1 : (length + 1) // 2] *= 2.0
-    return np.fft.rfftfreq(length, period), cross
+    """Compute frequencies [Hz] and the cross-spectra of all pairs of records."""
+    return cross_densities(np.stack(records, axis=1), 1.0 / period, length)

@@ -31,9 +31,9 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy import stats
 
 from rotorfit.dataset.weight_balance import VELOCITY_CHANGE, Held, Turning, grouped
+from rotorfit.estimation.distributions import normal_density, student_density, student_quantile
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
@@ -142,9 +142,9 @@ def _by_gusts(
 def weighed(value: float, std: float, *, degrees: int) -> HeightForce:
     """Weigh an estimate by the mixture of no force and a usual one."""
     grid = np.linspace(0.0, LARGEST, 601)
-    prior = SHARE * 2.0 * stats.norm.pdf(grid, scale=USUAL)
-    some = prior * stats.t.pdf((value - grid) / std, degrees) * (grid[1] - grid[0])
-    none = (1.0 - SHARE) * float(stats.t.pdf(value / std, degrees))
+    prior = SHARE * 2.0 * normal_density(grid, USUAL)
+    some = prior * student_density((value - grid) / std, degrees) * (grid[1] - grid[0])
+    none = (1.0 - SHARE) * float(student_density(value / std, degrees))
     total = float(some.sum()) + none
     beyond = 1.0 - (none + np.cumsum(some)) / total
     return HeightForce(
@@ -327,7 +327,7 @@ def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
     count = int(np.clip(motion.seconds / SHORTEST_BATCH, 2, MOST_BATCHES))
     rest = weights * (left + brake * swing)
     batches = np.array([float(batch.sum()) for batch in np.array_split(rest, count)])
-    few = float(stats.t.ppf(0.975, count - 1)) / 1.96
+    few = float(student_quantile(0.975, count - 1)) / 1.96
     std = few * float(np.sqrt(variance_of_sum(batches) * count / (count - 1)))
     mean = brake * float(weights @ velocity) if known else 0.0
     found = height_force_of(motion)

@@ -18,9 +18,10 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import signal, stats
 
 from rotorfit.dataset.weight_balance import grouped
+from rotorfit.estimation.distributions import normal_density, student_density, student_quantile
+from rotorfit.preprocessing.filters import first_order_recursion
 from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.preprocessing.kinematics import rotated, running_product, small_turns
 from rotorfit.reduction.reduce import split_segment
@@ -72,15 +73,15 @@ class GyroScale:
 
     def interval(self, axis: int) -> tuple[float, float]:
         """Return the 95 % interval of an axis by the velocity alone."""
-        reach = float(stats.t.ppf(0.975, self.degrees) * self.std[axis])
+        reach = float(student_quantile(0.975, self.degrees) * self.std[axis])
         return float(self.value[axis]) - reach, float(self.value[axis]) + reach
 
     def _posterior(self, axis: int) -> Float[np.ndarray, "2 n"]:
         """Weigh sound gyros, and others, over the grid."""
         off: Float[np.ndarray, " n"] = (_GRID - self.value[axis]) / self.std[axis]
-        seen = np.array(stats.t.pdf(off, self.degrees), dtype=float)
+        seen = student_density(off, self.degrees)
         shares = ((1.0 - SHARE, SOUND), (SHARE, OFF))
-        prior = [share * np.asarray(stats.norm.pdf(_GRID, scale=std)) for share, std in shares]
+        prior = [share * normal_density(_GRID, std) for share, std in shares]
         parts: Float[np.ndarray, "2 n"] = np.array(prior) * seen
         total = float(np.sum(parts))
         return parts / total
@@ -210,7 +211,7 @@ def _whitened(
 def _innovations(x: Float[np.ndarray, "m k"], share: float) -> Float[np.ndarray, "m k"]:
     """Subtract from each sample an exponential mean of the samples before."""
     first = np.concatenate([x[:1], np.diff(x, axis=0)])
-    return np.asarray(signal.lfilter([1.0], [1.0, share - 1.0], first, axis=0))
+    return first_order_recursion(first, 1.0 - share)
 
 
 def _steps(w: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:

@@ -19,10 +19,10 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.distributions import chi_square_tail, normal_tail
 from rotorfit.experiment.payload import MOMENTS, added_moments, tolerances
 from rotorfit.findings import Finding, doubt, doubt_or_passed
 from rotorfit.fit.fit import Fit
@@ -150,7 +150,7 @@ class PayloadCheck:
     @property
     def arm_probability(self) -> float:
         """Of chance alone moving the factor of the arm that far from one."""
-        return float(2.0 * stats.norm.sf(abs(self.arm - 1.0) / self.arm_std))
+        return 2.0 * normal_tail(abs(self.arm - 1.0) / self.arm_std)
 
 
 def known_payloads(fit: Fit) -> Iterator[Finding]:
@@ -202,10 +202,10 @@ def _check(configuration: JointConfiguration, numbers: Numbers) -> PayloadCheck:
         flown=flown,
         std=std,
         chi2=chi2,
-        probability=float(stats.chi2.sf(chi2, len(d))),
+        probability=chi_square_tail(chi2, len(d)),
         arm=s,
         arm_std=information**-0.5,
-        rest_probability=float(stats.chi2.sf(rest, len(d) - 1)),
+        rest_probability=chi_square_tail(rest, len(d) - 1),
     )
 
 

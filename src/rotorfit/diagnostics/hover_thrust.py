@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from rotorfit.dataset.carried_weight import (
     HeightForce,
@@ -19,6 +18,7 @@ from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.dataset.weight_balance import Held, held_together, held_up, hovering, turning
 from rotorfit.diagnostics.kt_from_weight import bias_and_velocity_std, pooled_weight
 from rotorfit.estimation.banded import shift_without
+from rotorfit.estimation.distributions import normal_quantile, student_quantile
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.experiment.experiment import Source
 from rotorfit.experiment.payload import MOMENTS
@@ -213,7 +213,7 @@ def thrust_sag(data: FlightData, force: Float[np.ndarray, "n 3"]) -> Measured | 
     early, late = ratios[: n // 2].mean(), ratios[n // 2 :].mean()
     trend = np.polynomial.Polynomial.fit(np.arange(n), ratios, 1)
     left = ratios - trend(np.arange(n))
-    few = float(stats.t.ppf(0.975, n - 2)) / 1.96
+    few = float(student_quantile(0.975, n - 2)) / 1.96
     std = few * 2.0 * float(np.sqrt(left @ left / (n - 2) / n)) / early
     return Measured(value=float(late / early) - 1.0, std=std)
 
@@ -337,7 +337,7 @@ def _of_flight(one: HoverThrust, found: Sequence[HoverThrust]) -> str:
 
 def unlikely_deviations() -> float:
     """Compute the number of deviations that chance alone does not reach."""
-    return float(stats.norm.isf(0.5 * UNLIKELY))
+    return -normal_quantile(0.5 * UNLIKELY)
 
 
 CHECKS: Final = (accelerometer_against_gravity, thrust_consistency, force_by_height)
@@ -371,7 +371,7 @@ def missing_constant_wrench(fit: Fit) -> Iterator[Finding]:
     # What only the means show no change of motion contradicts.
     shown = shift.std[chosen] < MOST_UNCERTAIN * half / 1.96
     outside = shown & (np.abs(shift.values[chosen]) > half)
-    limit = float(stats.norm.isf(0.5 * UNLIKELY / len(chosen)))
+    limit = -normal_quantile(0.5 * UNLIKELY / len(chosen))
     worst = chosen[int(np.argmax(np.where(outside, size, 0.0)))]
     value = float(estimate.estimate.values[worst])
     sentence = (

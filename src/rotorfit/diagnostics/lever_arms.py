@@ -22,9 +22,9 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from rotorfit.errors import EstimationError, FrameError
+from rotorfit.estimation.distributions import normal_density, student_density, student_quantile
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.additional_parameters import Added, Additional, estimate_additional, gained
@@ -114,7 +114,7 @@ class FrameSides:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval of the ratio, by the flights alone."""
-        reach = float(stats.t.ppf(0.975, self.degrees)) * self.whole_std
+        reach = float(student_quantile(0.975, self.degrees)) * self.whole_std
         return self.ratio(self.value - reach), self.ratio(self.value + reach)
 
     def ratio(self, s: float) -> float:
@@ -127,10 +127,10 @@ class FrameSides:
         """The posterior of s over the grid: measured with a ruler, and mistaken."""
         seen = np.ones(len(_GRID))
         if np.isfinite(self.std):
-            seen = stats.t.pdf((_GRID - self.value) / self.whole_std, self.degrees)
+            seen = student_density((_GRID - self.value) / self.whole_std, self.degrees)
         prior = [
-            (1.0 - MISTAKES) * stats.norm.pdf(_GRID, scale=self.ruler),
-            MISTAKES * stats.norm.pdf(_GRID, scale=MISTAKEN),
+            (1.0 - MISTAKES) * normal_density(_GRID, self.ruler),
+            MISTAKES * normal_density(_GRID, MISTAKEN),
         ]
         parts: Float[np.ndarray, "2 n"] = np.array(prior) * seen
         return parts / parts.sum()

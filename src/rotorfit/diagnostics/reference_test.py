@@ -29,10 +29,10 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
-from scipy import stats
 
 from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.estimation.banded_problem import solved
+from rotorfit.estimation.distributions import normal_quantile, student_quantile
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import AXES, Numbers
@@ -78,8 +78,9 @@ class Instrumented:
 
     def _reach(self, unlikely: float) -> float:
         """Compute the deviations that chance reaches with this probability."""
-        by_lines = float(stats.norm.isf(0.5 * unlikely))
-        return max(by_lines, self.of_blocks * float(stats.t.isf(0.5 * unlikely, self.degrees)))
+        by_lines = -normal_quantile(0.5 * unlikely)
+        by_blocks = -float(student_quantile(0.5 * unlikely, self.degrees))
+        return max(by_lines, self.of_blocks * by_blocks)
 
     @property
     def passed_on(self) -> float:

@@ -13,14 +13,15 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy import signal, stats
 
 from rotorfit.estimation.banded_problem import solved
+from rotorfit.estimation.distributions import f_tail
 from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_problem import theta_of
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.signals import signal_matrix
+from rotorfit.preprocessing.filters import tukey_window
 from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.reduction.frequency_bands import EDGES, STRETCH, retimed
 from rotorfit.reduction.reduce import split_segment
@@ -145,7 +146,7 @@ def _binned(
 def _spectrum(values: Float[np.ndarray, "n k"]) -> Complex[np.ndarray, "f k"]:
     """Compute the spectrum of a stretch, each axis over its own size."""
     size = np.abs(values).max(axis=0)
-    window = signal.windows.tukey(len(values), 0.2)[:, None]
+    window = tukey_window(len(values), 0.2)[:, None]
     return np.fft.rfft(values / np.where(size > 0.0, size, 1.0) * window, axis=0)
 
 
@@ -161,7 +162,7 @@ def _highest(spectra: Spectra, configuration: str) -> Peak | None:
         ratio = _over_surroundings(spectra.errors, lines, f)
         k = int(np.argmax(ratio))
         if best is None or ratio[k] > best.ratio:
-            tail = float(stats.f.sf(float(ratio[k]), 2.0 * float(lines[f]), 2.0 * float(around)))
+            tail = f_tail(float(ratio[k]), 2.0 * float(lines[f]), 2.0 * float(around))
             push_ratio, coherence = _with_push(spectra, f, k)
             best = Peak(
                 configuration=configuration,

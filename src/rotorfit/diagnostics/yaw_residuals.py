@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.dataset.declared_rotors import BAND
@@ -178,7 +177,9 @@ def _left(yaw: _Yaw, weight: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]
     if size > 0.0:
         columns = columns - np.outer(thrust, thrust @ columns / size)
     length = np.maximum(np.linalg.norm(columns[:, :-1], axis=0), _TINY)
-    found, _ = scipy.optimize.nnls(columns[:, :-1] / length, columns[:, -1])
+    from scipy.optimize import nnls  # slow to import
+
+    found, _ = nnls(columns[:, :-1] / length, columns[:, -1])
     errors = columns[:, -1] - columns[:, :-1] @ (found / length)
     return (errors.reshape(shape[:2]) ** 2).sum(axis=1) / weight
 

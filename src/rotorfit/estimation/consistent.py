@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy import sparse
 
 from rotorfit.errors import EstimationError
 
@@ -64,6 +63,8 @@ def _solved(
         raise EstimationError(
             'the nearest consistent inertia needs Clarabel: pip install "rotorfit[physical]"'
         ) from error
+    from scipy import sparse
+
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     solver = clarabel.DefaultSolver(

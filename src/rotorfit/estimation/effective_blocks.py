@@ -9,11 +9,11 @@ Bell and McCaffrey, Survey Methodology 28, 2002).
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.banded_equations import decorrelated_solutions, lifted_slopes
 from rotorfit.estimation.banded_problem import solutions
+from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.reweighted import scatter_covariance
 
 
@@ -60,7 +60,7 @@ def half_width_of_parameter(fit: BandedEstimate, name: str) -> float:
     """Compute the half-width of one parameter by the scatter of its informative blocks alone."""
     one = np.eye(len(fit.estimate.names))[[fit.estimate.names.index(name)]]
     variance, degrees = own_scatter(fit, one)
-    return float(stats.t.ppf(0.975, degrees[0]) * np.sqrt(variance[0]))
+    return float(student_quantile(0.975, degrees[0]) * np.sqrt(variance[0]))
 
 
 def own_scatter(

@@ -10,11 +10,12 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from rotorfit.errors import ExperimentError
-from rotorfit.logs.formats import ReadOptions
-from rotorfit.logs.read import kind_of
+
+if TYPE_CHECKING:
+    from rotorfit.logs.formats import ReadOptions
 
 MOST_VALUES: Final = 20_000
 """Most values in one file; each that is wrong would be reported, at a kilobyte or two."""
@@ -124,6 +125,8 @@ def refuse_too_many_values(tables: Mapping[str, Any], source: Path) -> None:
 
 def _other_kind(path: Path) -> str | None:
     """Explain which kind a file is that is no TOML; None where it is called TOML or unknown."""
+    from rotorfit.logs.read import kind_of
+
     kind = None if path.suffix == ".toml" else kind_of(path)
     if kind is None:
         return None
@@ -211,7 +214,7 @@ def _key(name: str) -> str:
     return name if _BARE.fullmatch(name) else _value(name)
 
 
-def table_of_options(options: ReadOptions) -> dict[str, Any]:
+def table_of_options(options: "ReadOptions") -> dict[str, Any]:
     """Write the columns and axes of a reader's options as a ``[table]``, without its defaults."""
     columns = {
         name: {

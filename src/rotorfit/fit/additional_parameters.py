@@ -13,11 +13,11 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate, banded, response_sensitivity
 from rotorfit.estimation.banded_problem import BandedProblem
+from rotorfit.estimation.distributions import f_quantile
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.parameter_map import ParameterMap, Product
 from rotorfit.fit.intervals.joint_numbers import (
@@ -182,7 +182,7 @@ def log_likelihood_loss(square: float, blocks: float, dimensions: int = 1) -> fl
 
 def inside(square: float, blocks: float, dimensions: int) -> bool:
     """Test whether chance explains a squared distance, at 1 %."""
-    return square <= dimensions * float(stats.f.ppf(0.99, dimensions, blocks))
+    return square <= dimensions * f_quantile(0.99, dimensions, blocks)
 
 
 def gained(one: BandedEstimate, other: BandedEstimate) -> float:

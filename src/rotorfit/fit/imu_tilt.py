@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.distributions import student_quantile
 from rotorfit.experiment.declared_vehicle import with_imu_tilt
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Evidence, Finding, doubt
@@ -99,9 +99,8 @@ def lean_evidence(dataset: TimedDataset) -> tuple[Evidence, ...]:
     half = np.inf
     if len(parts) >= FEWEST_PARTS:
         spread = parts.std(axis=0, ddof=1) / np.sqrt(len(parts))
-        half = float(
-            stats.t.ppf(0.975, len(parts) - 1) * np.linalg.norm(spread[:2] / parts.mean(axis=0)[2])
-        )
+        t = float(student_quantile(0.975, len(parts) - 1))
+        half = t * float(np.linalg.norm(spread[:2] / parts.mean(axis=0)[2]))
     angle = mean_force_tilt(flights).angle
     interval = (angle - half, angle + half) if np.isfinite(half) else None
     return (Evidence(name="imu_lean", value=angle, interval=interval, limit=LEAST_TILT),)

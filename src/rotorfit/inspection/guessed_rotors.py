@@ -11,12 +11,12 @@ from typing import Final, Literal
 import numpy as np
 import scipy.linalg
 from jaxtyping import Float
-from scipy import signal
 
 from rotorfit.dataset.declared_rotors import response
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors
+from rotorfit.preprocessing.filters import butterworth, filter_both_ways
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import whole_samples
 from rotorfit.reduction.frequency_bands import PILOT_BAND
@@ -114,9 +114,7 @@ def _slow_signals(
 ) -> tuple[Float[np.ndarray, "z 3"], Float[np.ndarray, "z N"], Float[np.ndarray, "z N"]]:
     """Return turn, squared speeds and their slopes as a factor, in the pilot's band."""
     low, high = PILOT_BAND
-    sos = signal.butter(
-        2, (low, min(high, 0.45 * data.sample_rate)), "bandpass", fs=data.sample_rate, output="sos"
-    )
+    sos = butterworth(2, (low, min(high, 0.45 * data.sample_rate)), data.sample_rate)
     count = data.rotor_speed.shape[1]
     wide = 3 + 2 * count
     factor = np.zeros((0, wide))
@@ -131,7 +129,7 @@ def _slow_signals(
                 data.rotor_acceleration[rows],
             ]
         )
-        slow = signal.sosfiltfilt(sos, columns, axis=0)
+        slow = filter_both_ways(sos, columns)
         factor = np.linalg.qr(np.concatenate([factor, slow]), mode="r")
     # Never fewer rows than columns, so that a flight without a long stretch is no special case.
     factor = np.concatenate([factor, np.zeros((wide, wide))])

@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Float
-from scipy import signal
 
 from rotorfit.fit.timing.timing_search import DELAYS_TRIED
 from rotorfit.logs.firmware import Lack, Setting, advice_for
@@ -27,6 +26,7 @@ from rotorfit.preprocessing.signals import (
     true_runs,
     whole_samples,
 )
+from rotorfit.preprocessing.spectral_density import power_density
 
 UNKNOWN: Final[Mapping[str, str]] = MappingProxyType({})
 
@@ -266,7 +266,7 @@ def vibration(data: FlightData) -> tuple[Vibration, ...]:
     if longest is None or rows < 64:
         return ()
     force = data.specific_force[longest.start : longest.stop]
-    f, density = signal.welch(force, fs=data.sample_rate, nperseg=rows, axis=0)
+    f, density = power_density(force, data.sample_rate, rows)
     total = density.sum(axis=1) * (f[1] - f[0])
     nyquist = 0.5 * data.sample_rate
     return tuple(

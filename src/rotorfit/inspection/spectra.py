@@ -11,12 +11,12 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import signal, stats
 
 from rotorfit.errors import FlightError
 from rotorfit.logs.flight_log import CHANNELS, COMPONENTS, Channel
 from rotorfit.preprocessing.clocks import UniformChannels, uniform_channels, usable_samples
 from rotorfit.preprocessing.signals import true_runs
+from rotorfit.preprocessing.spectral_density import power_density, prominent_peaks, windowed_lines
 
 WINDOW_SECONDS: Final = 1.0
 SHORTEST_WINDOW: Final = 128
@@ -223,7 +223,7 @@ def _welch(
     mean = np.zeros((len(frequency), values.shape[1]))
     power = np.zeros((len(blocks), len(frequency)))
     for i, (a, b) in enumerate(blocks):
-        _, density = signal.welch(values[a:b], sample_rate, nperseg=window, axis=0)
+        _, density = power_density(values[a:b], sample_rate, window)
         mean += density * (b - a)
         power[i] = density.sum(axis=1)
     return frequency, mean / sum(b - a for a, b in blocks), power
@@ -253,12 +253,7 @@ def _peaks(
     mean = power.mean(axis=0)
     level = np.log10(np.maximum(mean, 1e-12 * max(float(mean.max(initial=0.0)), 1e-30)))
     least = max(LEAST_RISE, LEAST_RISE_STDS * np.log10(np.e) / np.sqrt(averages))
-    found, about = signal.find_peaks(level, prominence=least)
-    kept = [
-        (float(rise), int(i))
-        for i, rise in zip(found, about["prominences"], strict=True)
-        if frequency[i] >= LOWEST_PEAK
-    ]
+    kept = [(rise, i) for i, rise in prominent_peaks(level, least) if frequency[i] >= LOWEST_PEAK]
     strongest = sorted(kept, reverse=True)[:MOST_PEAKS]
     return tuple(
         _named(float(frequency[i]), 10.0**rise, power[:, max(i - 1, 0) : i + 2].max(axis=1),
@@ -366,13 +361,14 @@ def frequency_sweeps(
         return ()
     fs = 1.0 / float(np.median(np.diff(time)))
     length = round(SWEEP_WINDOW_SECONDS * fs)
-    frequency, at, power = signal.spectrogram(
-        rates.T, fs, "hann", length, length - max(round(STEP_SECONDS * fs), 1), nfft=4 * length
-    )
+    step = max(round(STEP_SECONDS * fs), 1)
+    power = np.abs(windowed_lines(rates, length, step, padded=4 * length)) ** 2
+    frequency = np.fft.rfftfreq(4 * length, 1.0 / fs)
+    at = (0.5 * length + step * np.arange(len(power))) / fs
     used = (frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.4 * fs))
     found: list[Sweep] = []
     for i, axis in enumerate(AXES):
-        strongest, share = _sine(frequency[used], power[i][used])
+        strongest, share = _sine(frequency[used], power[:, used, i].T)
         found += _rises(axis, at + time[0], strongest, share > PURE)
     return tuple(found)
 
@@ -401,9 +397,18 @@ def _rises(
         f, t = strongest[first : last + 1], at[first : last + 1]
         lowest, highest = float(f.min()), float(f.max())
         long = t[-1] - t[0] >= LEAST_SECONDS and highest >= SWEEP_LEAST_RISE * lowest
-        if long and float(stats.spearmanr(t, f).statistic) > STEADY:
+        if long and _correlate_ranks(t, f) > STEADY:
             sweep = Sweep(
                 axis=axis, start=float(t[0]), end=float(t[-1]), lowest=lowest, highest=highest
             )
             sweeps.append(sweep)
     return sweeps
+
+
+def _correlate_ranks(x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"]) -> float:
+    """Compute Spearman's rank correlation; equal values share the mean of their ranks."""
+    ranks: list[Float[np.ndarray, " n"]] = []
+    for values in (x, y):
+        _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+        ranks.append((np.cumsum(count) - 0.5 * (count - 1))[place])
+    return float(np.corrcoef(ranks)[0, 1])

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import scipy.stats
 from jaxtyping import Float, Int
+
+from rotorfit.estimation.distributions import student_quantile
 
 FEWEST_BLOCKS: Final = 8
 """Fewest blocks: with fewer, the scatter between them is hardly known."""
@@ -28,7 +29,7 @@ class Jackknife:
         blocks = len(self.shifts)
         moved = self.shifts @ gradient
         std = np.sqrt((blocks - 1) / blocks * float(moved @ moved))
-        return float(scipy.stats.t.ppf(0.975, blocks - 1) * std)
+        return float(student_quantile(0.975, blocks - 1) * std)
 
 
 def jackknife(

@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.interpolate import CubicSpline
 from scipy.linalg import lapack
 
 from rotorfit.preprocessing.motors.command_response import MeasuredResponse
@@ -169,6 +168,8 @@ def _drawn(
     if len(time) < FEWEST_DRAWN:
         return begin, np.repeat(command, parts)
     middle = (time[:, None] + lasts * (shares + 0.5 / parts)).ravel()
+    from scipy.interpolate import CubicSpline  # slow to import
+
     curve = CubicSpline(time, command)(np.minimum(middle, time[-1]))
     return begin, np.clip(curve, command.min(), command.max())
 

@@ -39,7 +39,8 @@ from rotorfit.planning.vehicle import (
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import EDGES, STRETCH, in_pilot_band
 from rotorfit.reduction.reduce import BandPlan, band_factors
-from rotorfit.simulation import Scenario, Truth, exact_flight_data, simulate_flight
+from rotorfit.simulation import Scenario, Truth, exact_flight_data
+from rotorfit.simulation.calm_flights import simulate_calm_flights
 from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre
 
 SECONDS: Final = 30.0
@@ -147,32 +148,32 @@ def planned_problem(
     )
 
 
-def fly(problem: Problem, manoeuvre: Manoeuvre, configuration: str) -> FlightData:
-    """Simulate a manoeuvre of the bare or loaded vehicle, exact.
+def fly(
+    problem: Problem, manoeuvres: Sequence[Manoeuvre], configuration: str
+) -> dict[Manoeuvre, FlightData]:
+    """Simulate manoeuvres of the bare or loaded vehicle, exact.
 
     Raises `ExperimentError` if the simulated autopilot loses this vehicle.
     """
-    body = problem.bodies[configuration]
     vehicle = problem.configurations[0].vehicle
-    scenario = Scenario(
-        seconds=SECONDS,
-        sticks=MANOEUVRES[manoeuvre],
-        sample_rate=SAMPLE_RATE,
-        # Samples satisfy the equations of motion exactly, however coarse the steps between them.
-        physics_rate=SAMPLE_RATE,
-    )
-    lost = ExperimentError(
-        "the simulated autopilot cannot fly this vehicle; check mass, arm and what was set with "
-        "--guess, most of all the inertia and the motor lag"
-    )
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):  # a vehicle that is lost is found below
-            flight = simulate_flight(body, vehicle, scenario, seed=SEED)
-    except (OverflowError, ValueError) as error:
-        raise lost from error
-    if not np.abs(flight.position).max() < FARTHEST:
-        raise lost
-    return exact_flight_data(flight, vehicle, specific_force_at="imu")
+    # Samples satisfy the equations of motion exactly, however coarse the steps between them.
+    with np.errstate(all="ignore"):  # a vehicle that is lost is found below
+        flights = simulate_calm_flights(
+            problem.bodies[configuration],
+            vehicle,
+            Scenario(seconds=SECONDS, sample_rate=SAMPLE_RATE),
+            sticks=[MANOEUVRES[manoeuvre] for manoeuvre in manoeuvres],
+            seed=SEED,
+        )
+    if not all(np.abs(flight.position).max() < FARTHEST for flight in flights):
+        raise ExperimentError(
+            "the simulated autopilot cannot fly this vehicle; check mass, arm and what was set "
+            "with --guess, most of all the inertia and the motor lag"
+        )
+    return {
+        manoeuvre: exact_flight_data(flight, vehicle, specific_force_at="imu")
+        for manoeuvre, flight in zip(manoeuvres, flights, strict=True)
+    }
 
 
 def evidence(problem: Problem, data: FlightData, configuration: str) -> Evidence:

@@ -119,7 +119,7 @@ def with_best_manoeuvre(
             report("simulating what to fly next")
         problem = _problem(result)
         pieces: dict[Manoeuvre, bound.Evidence] = {
-            m: evidence(problem, fly(problem, m, BARE), BARE) for m in PRACTICE
+            m: evidence(problem, data, BARE) for m, data in fly(problem, PRACTICE, BARE).items()
         }
         known = knowledge_of(result, problem)
         missing = missing_numbers(problem, pieces, known)

@@ -325,17 +325,17 @@ def _flown(
     problem: Problem, configurations: tuple[str, ...], progress: Progress | None
 ) -> dict[tuple[Manoeuvre, str], FlightData]:
     """Simulate every manoeuvre of every schedule once."""
-    wanted: list[tuple[Manoeuvre, str]] = [
-        (manoeuvre, configuration)
-        for manoeuvre in MANOEUVRES
+    wanted: dict[str, list[Manoeuvre]] = {
+        configuration: [m for m in MANOEUVRES if (m, configuration) != ("hover", LOADED)]
         for configuration in configurations
-        if (manoeuvre, configuration) != ("hover", LOADED)
-    ]
+    }
+    total = sum(map(len, wanted.values()))
     flights: dict[tuple[Manoeuvre, str], FlightData] = {}
-    for number, (manoeuvre, configuration) in enumerate(wanted, start=1):
-        flights[manoeuvre, configuration] = fly(problem, manoeuvre, configuration)
+    for configuration, manoeuvres in wanted.items():
+        flown = fly(problem, manoeuvres, configuration)
+        flights |= {(manoeuvre, configuration): data for manoeuvre, data in flown.items()}
         if progress is not None:
-            progress(number, len(wanted))
+            progress(len(flights), total)
     return flights
 
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import ndimage, stats
+from scipy import ndimage, special
 
 TINY: Final = 1e-300
 
@@ -120,7 +120,7 @@ def _chance(power: Float[np.ndarray, " f"], windows: float) -> Float[np.ndarray,
     """Compute the log of the chance of each line among those around it (a chi-square)."""
     ratio = power / _levels(power)
     size: Float[np.ndarray, " f"] = np.log(2.0) * windows * ratio
-    tail = np.array(stats.gamma.sf(size, windows), dtype=float)
+    tail = np.asarray(special.gammaincc(windows, size))
     return np.log(np.maximum(tail, TINY))
 
 

@@ -19,10 +19,11 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import fft, signal
+from scipy import fft
 from scipy.spatial.transform import Rotation
 
 from rotorfit.preprocessing.airborne import GRAVITY
+from rotorfit.preprocessing.filters import without_line
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import spline_derivatives
 
@@ -161,7 +162,7 @@ def _along_z(
     a = rotated(attitude, f)
     a -= a.mean(axis=0)
     v: Float[np.ndarray, "m 3"] = (np.cumsum(a, axis=0) - 0.5 * a) * step
-    v = np.asarray(signal.detrend(v, axis=0))
+    v = without_line(v)
     lines: Float[np.ndarray, "m 3"] = np.asarray(fft.dct(v, axis=0, norm="ortho"))
     lines[: int(2.0 * SLOWEST * count * step) + 1] = 0.0
     velocity: Float[np.ndarray, "m 3"] = np.asarray(fft.idct(lines, axis=0, norm="ortho"))

@@ -21,9 +21,18 @@ from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy import interpolate, ndimage, signal
+from scipy import ndimage
 
 from rotorfit.logs.flight_log import LONG, pieces
+from rotorfit.preprocessing.filters import (
+    butterworth,
+    filter_both_ways,
+    first_order_recursion,
+    kaiser_low_pass,
+    slowest_pole,
+    thinned_sums,
+)
+from rotorfit.preprocessing.quintic_spline import quintic_spline
 
 MEDIAN_WIDTH = 7
 SCALE_WIDTH = 51
@@ -133,28 +142,26 @@ def smooth(
 ) -> Float[np.ndarray, "n k"]:
     """Filter by a zero-phase second-order low-pass (for looking, not fitting)."""
     sos = _butterworth(sample_rate, cutoff)
-    pad = min(9, len(values) - 1)
     if len(values) < LONG:
-        return signal.sosfiltfilt(sos, values, axis=0, padlen=pad)
+        return filter_both_ways(sos, values)
     result = np.empty(values.shape)
     margin = fading_rows(sos)
     for rows in pieces(len(values)):
         first, last = max(rows.start - margin, 0), min(rows.stop + margin, len(values))
-        wide = signal.sosfiltfilt(sos, values[first:last], axis=0, padlen=pad)
+        wide = filter_both_ways(sos, values[first:last])
         result[rows] = wide[rows.start - first : rows.stop - first]
     return result
 
 
 def fading_rows(sos: Float[np.ndarray, "s 6"]) -> int:
     """Count the rows in which a filter's response fades to rounding."""
-    _, poles, _ = signal.sos2zpk(sos)
-    return int(np.ceil(np.log(1e-17) / np.log(np.abs(poles).max())))
+    return int(np.ceil(np.log(1e-17) / np.log(slowest_pole(sos))))
 
 
 @cache
 def _butterworth(sample_rate: float, cutoff: float) -> Float[np.ndarray, "1 6"]:
     """Design a second-order Butterworth filter (cached: logs with many gaps ask for it often)."""
-    return signal.butter(2, min(cutoff, 0.45 * sample_rate), fs=sample_rate, output="sos")
+    return butterworth(2, min(cutoff, 0.45 * sample_rate), sample_rate)
 
 
 def true_runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
@@ -221,7 +228,6 @@ def at_limit(
 
 ORDER = 4
 """Order of one pass of the Butterworth filter whose forward and backward pass `low_pass` equals."""
-DEGREE = 5
 
 
 def low_pass(
@@ -259,8 +265,8 @@ def spline_derivatives(
     Near the ends they are not to be used: a few samples hold what the spline does not know.
     """
     rows = np.arange(len(values), dtype=float)
-    spline = interpolate.make_interp_spline(rows, values, k=DEGREE)
-    return spline(rows, nu=1) * sample_rate, spline(rows, nu=2) * sample_rate**2
+    _, slope, bend = quintic_spline(values, rows, derivatives=2)
+    return slope * sample_rate, bend * sample_rate**2
 
 
 def spline_at(
@@ -268,9 +274,9 @@ def spline_at(
     rows: Float[np.ndarray, " m"],
 ) -> tuple[Float[np.ndarray, "m k"], Float[np.ndarray, "m k"]]:
     """Interpolate values and derivatives per sample at fractional rows, held beyond the ends."""
-    spline = interpolate.make_interp_spline(np.arange(len(values)), values, k=DEGREE)
     inside = np.clip(rows, 0.0, len(values) - 1.0)
-    return spline(inside), spline(inside, nu=1)
+    value, slope = quintic_spline(values, inside, derivatives=1)
+    return value, slope
 
 
 def smooth_motors(
@@ -291,10 +297,10 @@ def _lagged(speed: Float[np.ndarray, "n N"], step: float) -> Float[np.ndarray, "
     """
     a = float(np.exp(-step))
     mean = (1.0 - a) / step
-    b = [1.0 - mean, mean - a]
-    start = speed[:1] * b[1] + a * speed[:1]  # settled before the first sample
-    lagged, _ = signal.lfilter(b, [1.0, -a], speed, axis=0, zi=start)
-    return lagged
+    forcing = (1.0 - mean) * speed
+    forcing[1:] += (mean - a) * speed[:-1]
+    forcing[0] = speed[0]  # settled before the first sample
+    return first_order_recursion(forcing, a)
 
 
 FLAT: Final = 4.0 / 3.0
@@ -381,14 +387,11 @@ class Thinning:
         """Return the kept rows of filtered values, every part continued by point reflection."""
         step, last = self.within[0].step, len(self.weights) - 1
         ends = ((self.before + step, last - self.before + step), (0, 0))
-        # With as many zeros that the first sum over samples alone is one of those that are made.
-        turned = np.concatenate([np.zeros(-last % step), self.weights[::-1]])
-        skipped = (len(turned) - 1) // step
         made: list[Float[np.ndarray, "_ k"]] = []
         for rows, kept in (part for stretch in self.within for part in stretch.parts):
             wide = np.pad(values[rows], ends, mode="reflect", reflect_type="odd")
-            sums = signal.upfirdn(turned, wide[kept.start - rows.start + step :], down=step, axis=0)
-            made.append(sums[skipped : skipped + len(kept)])
+            sums = thinned_sums(self.weights, wide[kept.start - rows.start + step :], step)
+            made.append(sums[: len(kept)])
         return np.concatenate(made)
 
 
@@ -397,5 +400,4 @@ def thinning_low_pass(sample_rate: float, step: int, top: float) -> Float[np.nda
     """Design an odd-length linear-phase filter that is flat for lines up to `top` [Hz]."""
     kept_rate = sample_rate / step
     width = kept_rate - 2.0 * FLAT * top
-    count, beta = signal.kaiserord(DAMPED, width / (0.5 * sample_rate))
-    return signal.firwin(count | 1, 0.5 * kept_rate, window=("kaiser", beta), fs=sample_rate)
+    return kaiser_low_pass(0.5 * kept_rate, width, DAMPED, sample_rate)

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy import signal
 
 from rotorfit.errors import FlightError
 from rotorfit.estimation.factors import (
@@ -27,6 +26,7 @@ from rotorfit.model.signals import (
     yaw_signals,
 )
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.filters import butterworth, filter_both_ways, tukey_window
 from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.preprocessing.signals import fading_rows
 
@@ -58,7 +58,7 @@ class LowPass:
                 f"a cut-off of {self.cutoff:g} Hz needs a log faster than {2.1 * widened:.0f} Hz, "
                 f"this one has {sample_rate:.0f} Hz; lower the cut-off"
             )
-        return signal.butter(self.order, widened, fs=sample_rate, output="sos")
+        return butterworth(self.order, widened, sample_rate)
 
     def memory_rows(self, sample_rate: float) -> int:
         """Count the rows in which the filter's response fades to rounding."""
@@ -130,8 +130,7 @@ def _filtered_chunks(
         Z = signal_matrix(flight, vehicle, first, last, added=added)
         sos = lowpass.sos(flight.sample_rate)
         # Forward and backward; the ends are continued by point reflection.
-        padding = min(3 * (2 * len(sos) + 1), len(Z) - 1)
-        smooth: Float[np.ndarray, "n z"] = signal.sosfiltfilt(sos, Z, axis=0, padlen=padding)
+        smooth = filter_both_ways(sos, Z)
         yield smooth[start - first : stop - first : lowpass.step(flight.sample_rate)]
 
 
@@ -318,7 +317,7 @@ def _bands(stretch: Segment, sample_rate: float, plan: BandPlan) -> list[tuple[i
 
 def stretch_window(flight: FlightData, stretch: Segment, plan: BandPlan) -> Float[np.ndarray, " n"]:
     """Return the window of a stretch, of unit energy: its taper, over the noise of its rows."""
-    window: Float[np.ndarray, " n"] = signal.windows.tukey(len(stretch), plan.taper)
+    window: Float[np.ndarray, " n"] = tukey_window(len(stretch), plan.taper)
     if flight.noise_level is not None:
         window = window / flight.noise_level[stretch.start : stretch.stop]
     energy = float(window @ window)

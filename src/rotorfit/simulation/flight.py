@@ -117,6 +117,29 @@ class _Moment(NamedTuple):
     grounded: bool
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """What a simulation records of a flight, a row for each sample.
+
+    - `state`: as `body.State`.
+    - `speeds`, `commands`, `acting`: rotor speeds, those commanded, and the command that reaches
+      the motors from each sample on [rad/s].
+    - `asked`: body rates that the attitude loop asked for [rad/s].
+    - `grounded`: whether the vehicle stands.
+    - `disturbance`: force and torque of gusts [N, N m].
+    - `max_speed`: the largest command [rad/s].
+    """
+
+    state: Float[np.ndarray, "n 13"]
+    speeds: Float[np.ndarray, "n N"]
+    commands: Float[np.ndarray, "n N"]
+    acting: Float[np.ndarray, "n N"]
+    asked: Float[np.ndarray, "n 3"]
+    grounded: Bool[np.ndarray, " n"]
+    disturbance: Float[np.ndarray, "n 6"]
+    max_speed: float
+
+
 def simulate_flight(
     truth: Truth, vehicle: Vehicle, scenario: Scenario, *, seed: int
 ) -> SimulatedFlight:
@@ -148,9 +171,8 @@ def simulate_flight(
         trim=trimmed(truth),
         grounded=scenario.ground_seconds > 0,
     )
-    flight = _assemble(
-        (truth, vehicle, scenario), machine=machine, moments=moments, disturbance=disturbance[:-1]
-    )
+    recorded = _record(moments, disturbance[:-1], machine.autopilot.speed_limits[1])
+    flight = assemble_flight(truth, vehicle, scenario, recorded)
     return measure(flight, scenario.sensors, seed=sensor_seed)
 
 
@@ -291,28 +313,41 @@ def _motions(
     )
 
 
-def _assemble(
-    flown: tuple[Truth, Vehicle, Scenario],
-    *,
-    machine: _Machine,
-    moments: list[_Moment],
-    disturbance: Float[np.ndarray, "n 6"],
+def _record(
+    moments: list[_Moment], disturbance: Float[np.ndarray, "n 6"], max_speed: float
+) -> Recording:
+    """Collect the samples of a flight as arrays."""
+    return Recording(
+        state=np.array([moment.state for moment in moments]),
+        speeds=np.array([moment.speeds for moment in moments]),
+        commands=np.array([moment.command for moment in moments]),
+        acting=np.array([moment.acting for moment in moments]),
+        asked=np.array([moment.asked for moment in moments]),
+        grounded=np.array([moment.grounded for moment in moments]),
+        disturbance=disturbance,
+        max_speed=max_speed,
+    )
+
+
+def assemble_flight(
+    truth: Truth, vehicle: Vehicle, scenario: Scenario, recorded: Recording
 ) -> SimulatedFlight:
     """Collect the flight as arrays, measured without errors."""
-    truth, vehicle, scenario = flown
-    state = np.array([moment.state for moment in moments])
-    attitude, rotor_speed = state[:, 3:7], np.array([moment.speeds for moment in moments])
-    acting = np.array([moment.acting for moment in moments])
-    slopes = speed_slopes(machine.rotors, rotor_speed, acting)
-    grounded = np.array([moment.grounded for moment in moments])
-    of_rotors = wrenches(machine.rotors, rotor_speed, slopes)
-    force, turn, external = _motions(machine.body, state, of_rotors, disturbance, grounded)
+    state, rotor_speed, grounded = recorded.state, recorded.speeds, recorded.grounded
+    attitude = state[:, 3:7]
+    rotors = rotors_of(truth, vehicle)
+    slopes = speed_slopes(rotors, rotor_speed, recorded.acting)
+    of_rotors = wrenches(rotors, rotor_speed, slopes)
+    force, turn, external = _motions(
+        rigid_body(truth), state, of_rotors, recorded.disturbance, grounded
+    )
+    time = np.arange(len(state)) / scenario.sample_rate
     return SimulatedFlight(
         truth=truth,
         vehicle=vehicle,
         sensors=PERFECT,
         sample_rate=scenario.sample_rate,
-        time=np.arange(len(moments)) / scenario.sample_rate,
+        time=time,
         attitude_wxyz=attitude,
         position=state[:, 10:],
         velocity=from_wxyz(attitude).apply(state[:, 7:10]),
@@ -322,15 +357,15 @@ def _assemble(
         angular_acceleration=turn,
         rotor_speed=rotor_speed,
         rotor_acceleration=slopes,
-        commanded_speed=np.array([moment.command for moment in moments]),
-        reference=np.array([moment.asked for moment in moments]),
-        max_speed=machine.autopilot.speed_limits[1],
+        commanded_speed=recorded.commands,
+        reference=recorded.asked,
+        max_speed=recorded.max_speed,
         external_wrench=external,
         airborne=~grounded,
         gyro=state[:, :3],
         accel=force,
         rotor_speed_measured=rotor_speed,
-        pose_time=np.arange(len(moments)) / scenario.sample_rate,
+        pose_time=time,
         position_measured=state[:, 10:],
         attitude_wxyz_measured=attitude,
     )

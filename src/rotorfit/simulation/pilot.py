@@ -89,6 +89,21 @@ def plan_flight(
     rng: np.random.Generator,
 ) -> list[Reference]:
     """Plan the pilot's references at each sample, with rest on the ground before and after [s]."""
+    rows = plan_rows(
+        sticks, seconds=seconds, ground_seconds=ground_seconds, sample_rate=sample_rate, rng=rng
+    )
+    return [Reference(*row) for row in rows.tolist()]
+
+
+def plan_rows(
+    sticks: Sticks,
+    *,
+    seconds: float,
+    ground_seconds: float,
+    sample_rate: float,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "n 8"]:
+    """Plan the pilot's references as rows, with the columns of `Reference`."""
     n = round(seconds * sample_rate)
     # A generator for each stick, so that changing one leaves the others as they were.
     moved = [
@@ -105,7 +120,7 @@ def plan_flight(
         )
         flown[:, 4] = FLIGHT_HEIGHT
         flown = np.vstack([before, flown, after])
-    return [Reference(*row) for row in flown.tolist()]
+    return flown
 
 
 def movement(

@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import interpolate, signal
 from scipy.spatial.transform import Rotation
 
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.filters import first_order_recursion
 from rotorfit.simulation.truth import Truth
 
 
@@ -83,7 +83,7 @@ def gauss_markov(
     keep = float(np.exp(-2 * np.pi * bandwidth / sample_rate))
     noise = rng.normal(size=(samples, std.size))
     noise[1:] *= np.sqrt(1 - keep**2)
-    process: Float[np.ndarray, "n k"] = signal.lfilter([1.0], [1.0, -keep], noise, axis=0)
+    process: Float[np.ndarray, "n k"] = first_order_recursion(noise, keep)
     return process * std
 
 
@@ -218,7 +218,9 @@ def _frames(
         time = np.arange(int(last * sensors.pose_rate + 1e-9) + 1) / sensors.pose_rate
     pose = np.concatenate([flight.position, flight.attitude_wxyz], axis=1)
     # The attitude of a simulation turns without jumps of sign.
-    spline = interpolate.make_interp_spline(flight.time, pose, k=5)
+    from scipy.interpolate import make_interp_spline
+
+    spline = make_interp_spline(flight.time, pose, k=5)
     seen = spline(np.clip(time - sensors.pose_delay, 0.0, last))
     return time, seen[:, :3], from_wxyz(seen[:, 3:])
 

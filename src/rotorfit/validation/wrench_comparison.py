@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import signal
 
 from rotorfit.preprocessing.signals import whole_samples
+from rotorfit.preprocessing.spectral_density import cross_densities
 
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 SHOWN = ("Fz", "Mx", "My", "Mz")
@@ -154,8 +154,8 @@ def _spectra(
 ) -> Float[np.ndarray, "4 f"]:
     """Estimate the densities of body and rotor wrench, and both parts of their cross density."""
     window = whole_samples(WINDOW_SECONDS * rate)
-    f, bb = signal.welch(body, rate, nperseg=window)
-    _, rr = signal.welch(rotor, rate, nperseg=window)
-    _, br = signal.csd(body, rotor, rate, nperseg=window)
+    f, cross = cross_densities(np.column_stack([body, rotor]), rate, window)
+    parts: list[Float[np.ndarray, " f"]] = [np.real(cross[0, 0]), np.real(cross[1, 1])]
+    parts += [np.real(cross[0, 1]), np.imag(cross[0, 1])]
     # Each at its own rate: the bins are not quite those of the grid.
-    return np.array([np.interp(grid, f, part) for part in (bb, rr, br.real, br.imag)])
+    return np.array([np.interp(grid, f, part) for part in parts])

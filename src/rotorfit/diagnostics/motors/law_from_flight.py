@@ -24,12 +24,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy import optimize, stats
 
 from rotorfit.dataset.carried_weight import Measured
 from rotorfit.dataset.dataset import Kind, with_flights
 from rotorfit.diagnostics.kt_from_weight import kt_from_changes, weight_of
 from rotorfit.diagnostics.motors.commanded_speeds import with_other_speeds
+from rotorfit.estimation.distributions import normal_density, normal_tail
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.experiment.law_table import LawEntry, PowerEntry, bent, bent_speed
 from rotorfit.findings import Evidence, Finding
@@ -326,7 +326,7 @@ def mistaken(flown: Measured | None, given: LawEntry) -> float:
     if flown is None or not before:
         return before
     likely = [
-        share * float(stats.norm.pdf(flown.value, one.value, float(np.hypot(flown.std, one.std))))
+        share * float(normal_density(flown.value - one.value, float(np.hypot(flown.std, one.std))))
         for share, one in zip((1.0 - before, before), _kinds(given), strict=True)
     ]
     # Where the flight is far from both, both are zero.
@@ -352,13 +352,15 @@ def mixed(
 
     def beyond(half: float) -> float:
         return -0.05 + sum(
-            share * float(stats.norm.sf(half, side * (one.value - mean), one.std))
+            share * normal_tail((half - side * (one.value - mean)) / one.std)
             for share, one in both
             for side in (-1.0, 1.0)
         )
 
+    from scipy.optimize import brentq  # slow to import
+
     farthest = max(abs(one.value - mean) + 3.0 * one.std for _, one in both)
-    return Measured(value=mean, std=float(optimize.brentq(beyond, 0.0, farthest)) / 1.96)
+    return Measured(value=mean, std=float(brentq(beyond, 0.0, farthest)) / 1.96)
 
 
 def rms_speed(flights: Sequence[FlightData]) -> float:

@@ -19,10 +19,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy import stats
 
 from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.estimation.banded_problem import solved
+from rotorfit.estimation.distributions import student_quantile
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_problem import theta_of
@@ -146,7 +146,7 @@ def deviation_by_chance(
     # Windows overlap by half: of three, two are their own.
     shares = information / total
     degrees = max(1.0 / float(shares @ shares) / 1.5, 1.0)
-    t = float(stats.t.ppf(0.975, degrees)) / 1.96
+    t = float(student_quantile(0.975, degrees)) / 1.96
     return t * float(np.linalg.norm(score / total))
 
 

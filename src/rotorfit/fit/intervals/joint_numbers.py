@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from rotorfit.estimation.banded import (
@@ -24,6 +23,7 @@ from rotorfit.estimation.banded import (
     steps_without,
 )
 from rotorfit.estimation.dispersion import dispersions, pooled
+from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.effective_blocks import free_blocks, own_scatter
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import numerical_jacobian
@@ -155,7 +155,7 @@ def random_half_width(
     before = prior_variance(fit, jacobian, formal)
     by_flights = np.diagonal(formal) - before
     shown = (
-        float(stats.t.ppf(0.975, free)) * np.sqrt(by_flights * blocks / free),
+        float(student_quantile(0.975, free)) * np.sqrt(by_flights * blocks / free),
         half_width_between_blocks(fit, jacobian, by_flights),
         half_width_between_phases(fit, jacobian),
         _between_flights(fit, jacobian),
@@ -185,7 +185,7 @@ def half_width_between_blocks(
     variance, degrees = pooled(
         dispersions(fit, parts, flights), by_flights * shares, own, own_blocks
     )
-    found: Float[np.ndarray, " q"] = stats.t.ppf(0.975, degrees) * np.sqrt(variance)
+    found: Float[np.ndarray, " q"] = student_quantile(0.975, degrees) * np.sqrt(variance)
     return found
 
 
@@ -225,7 +225,7 @@ def _between_flights(
         variance += m / (m - 1.0) * ((influences - influences.mean(axis=0)) ** 2).sum(axis=0)
         if m >= ENOUGH_FLIGHTS:
             degrees = min(degrees, m - 1)
-    return float(stats.t.ppf(0.975, degrees)) * np.sqrt(variance)
+    return float(student_quantile(0.975, degrees)) * np.sqrt(variance)
 
 
 def timing_shifts(fit: BandedEstimate, timing: FreeTiming | None) -> list[Float[np.ndarray, " f"]]:

@@ -26,8 +26,8 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
+from rotorfit.estimation.distributions import student_quantile
 from rotorfit.model.parameters import EVERY, FIRST_MOMENTS
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
@@ -263,7 +263,7 @@ def t_half_width(
     `formal`, `scatter`: covariances: by the variances of the fit, and by the scatter between its
     blocks. `degrees`: of freedom of the scatter.
     """
-    t = float(stats.t.ppf(0.975, degrees))
+    t = float(student_quantile(0.975, degrees))
     return t * np.sqrt(np.maximum(np.diagonal(formal), np.diagonal(scatter)))
 
 

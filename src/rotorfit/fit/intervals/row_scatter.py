@@ -6,9 +6,9 @@ the model lacks shows in all rows (`estimation/dispersion.py`), as in all number
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import stats
 
 from rotorfit.estimation.dispersion import Dispersion, dispersion_of_parts, pooled
+from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.effective_blocks import effective_count
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.fit.intervals.joint_numbers import FEWEST_PHASES
@@ -24,11 +24,11 @@ def row_half_widths(fits: RowFits) -> Float[np.ndarray, " f"]:
     stated = np.diagonal(fits.formal)
     blocks = len(fits.segment)
     own = np.diagonal(fits.covariance) * blocks / free
-    formal = stats.t.ppf(0.975, free) * np.sqrt(stated * blocks / free)
+    formal = student_quantile(0.975, free) * np.sqrt(stated * blocks / free)
     degrees = np.minimum(_effective_blocks(fits), free)
     variance, degrees = pooled([_dispersion(fits)], stated[None], own, degrees)
     found: Float[np.ndarray, " f"] = np.maximum(
-        formal, stats.t.ppf(0.975, degrees) * np.sqrt(variance)
+        formal, student_quantile(0.975, degrees) * np.sqrt(variance)
     )
     return found
 

@@ -17,7 +17,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from rotorfit.estimation.banded import (
     BandedEstimate,
@@ -27,6 +26,7 @@ from rotorfit.estimation.banded import (
 )
 from rotorfit.estimation.banded_equations import feedback_scores
 from rotorfit.estimation.banded_problem import solutions
+from rotorfit.estimation.distributions import student_quantile
 
 BEFORE: Final = 1.0 / 1.96
 """Deviation of a response from the nominal one, before the flights: nothing or twice it
@@ -86,7 +86,7 @@ def response_from_scores(
     left = s - X @ found
     influences = np.einsum("ij,kjf,kf->ki", covariance, weighed, left)[:, f:]
     scatter = flights / (flights - 1.0) * (influences**2).sum(axis=0)
-    few = float(stats.t.ppf(0.975, flights - 1)) / 1.96
+    few = float(student_quantile(0.975, flights - 1)) / 1.96
     variance = few**2 * np.maximum(np.diagonal(covariance)[f:], scatter)
     gain = BEFORE**2 / (BEFORE**2 + variance)
     half = np.maximum(1.96 * np.sqrt(gain * variance), LEAST_OPEN)

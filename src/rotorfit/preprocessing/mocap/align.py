@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import signal
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
 from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.preprocessing.clocks import JITTER_STEPS, uniform_channels, usable_samples
+from rotorfit.preprocessing.filters import correlate
 from rotorfit.preprocessing.kinematics import continuous_quaternions, motion_from_quaternions
 from rotorfit.preprocessing.mocap.camera import camera_clock, poses
 from rotorfit.preprocessing.signals import low_pass, whole_samples
@@ -196,7 +196,7 @@ def _candidates(body: _Rates, marker: _Rates) -> list[float]:
     def over_lags(
         x: Float[np.ndarray, " n"], y: Float[np.ndarray, " m"]
     ) -> Float[np.ndarray, " k"]:
-        return signal.correlate(x, y, mode="full", method="fft")
+        return correlate(x, y)
 
     x, y = body.size, marker.size
     there, here = body.known.astype(float), marker.known.astype(float)

@@ -27,7 +27,6 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage
-from scipy.interpolate import make_smoothing_spline
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
@@ -42,6 +41,7 @@ from rotorfit.preprocessing.signals import (
     spline_derivatives,
     whole_samples,
 )
+from rotorfit.preprocessing.smoothing_spline import smoothing_spline_derivatives
 
 REACH: Final = 2
 """Neighbours on either side that are looked at."""
@@ -458,8 +458,10 @@ def _velocity(
     path: Float[np.ndarray, "n 3"] = np.cumsum(velocity * steps, axis=0)
     for k in range(3):
         left = position[:, k] - np.interp(fixes, time, path[:, k])
-        drift = make_smoothing_spline(fixes, left, lam=(PLACE_STD / DRIFT_STD) ** 2)
-        if float(np.std(drift(time[near], 2))) > MOST_DRIFT:
+        slope, bend = smoothing_spline_derivatives(
+            fixes, left, time, penalty=(PLACE_STD / DRIFT_STD) ** 2
+        )
+        if float(np.std(bend[near])) > MOST_DRIFT:
             return None
-        velocity[:, k] += drift(time, 1)
+        velocity[:, k] += slope
     return velocity

@@ -10,15 +10,15 @@ from functools import partial
 from typing import Final, Literal
 
 import numpy as np
-import scipy.optimize
 from jaxtyping import Float, Int
-from scipy import signal
 from scipy.linalg import lapack
 
 from rotorfit.logs.flight_log import LONG, LagOn, pieces
 from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, speed_from_command
+from rotorfit.preprocessing.filters import first_order_recursion
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import central_difference, smooth_motors
+from rotorfit.preprocessing.spectral_density import power_density
 
 MOST_ROUNDS = 40
 SETTLED = 1e-9
@@ -93,8 +93,7 @@ def first_order_lag(
     if lag <= 0:
         return held
     a = _remaining(sample_rate, lag)
-    lagged, _ = signal.lfilter([0.0, 1.0 - a], [1.0, -a], held, axis=0, zi=held[:1])
-    return lagged
+    return first_order_recursion(np.concatenate([held[:1], (1.0 - a) * held[:-1]]), a)
 
 
 def two_way_lag(
@@ -218,8 +217,8 @@ def _spectrum(values: Float[np.ndarray, "n N"]) -> Float[np.ndarray, "f N"]:
     mean = np.zeros((half + 1, values.shape[1]))
     for piece in pieces(windows, longest=LONG // half):
         rows = values[piece.start * half : (piece.stop + 1) * half]
-        spectrum = signal.welch(rows, fs=1.0, nperseg=NOISE_ROWS, axis=0, detrend="constant")
-        mean += (piece.stop - piece.start) / windows * np.asarray(spectrum[1], dtype=float)
+        _, density = power_density(rows, 1.0, NOISE_ROWS)
+        mean += (piece.stop - piece.start) / windows * density
     return mean
 
 
@@ -389,7 +388,9 @@ def betaflight_linear(law: SpeedLaw) -> ThrustCurve:
     full is nearest to a straight line.
     """
     x = GRID
-    found = scipy.optimize.minimize_scalar(
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    found = minimize_scalar(
         lambda c: float(np.mean(_bend(law, x, float(c)) ** 2)), bounds=(0.0, 1.5), method="bounded"
     )
     c = float(found.x)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
-import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.logs.flight_log import Channel, FlightLog
@@ -353,7 +352,11 @@ def _assigned(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
     if len(alike) < 2:
         return own
     left = 1.0 - np.clip(alike, 0.0, 0.9999) ** 2
-    best: Int[np.ndarray, " k"] = scipy.optimize.linear_sum_assignment(np.log(left))[1]
+    if (left.argmin(axis=1) == own).all():
+        return own  # no assignment is better than the best of every row
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
+    best: Int[np.ndarray, " k"] = linear_sum_assignment(np.log(left))[1]
     moved = best != own
     clear = (alike[own, best] > CLEAR) & (left[own, best] < CLEARER * left[own, own])
     return best if clear[moved].all() else own
