@@ -17,7 +17,7 @@ from rotorfit.model.signals import AddedSignals
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse, with_motors
-from rotorfit.preprocessing.motors.speed_slopes import flights_beside
+from rotorfit.preprocessing.motors.speed_slopes import flights_with_moved_motors
 from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.reduction.motor_timing import FreeTiming
 from rotorfit.reduction.reduce import BandPlan, Lines, band_factors
@@ -176,7 +176,7 @@ def _moved(
 ) -> list[tuple[FlightData, FlightData, float]]:
     """Retime the flight a step later and earlier by each free time, with the step between."""
     steps = {name: STEPS[name] for name in free.names}
-    found = flights_beside(prepared.data, prepared.motor_channel, free.at, steps)
+    found = flights_with_moved_motors(prepared.data, prepared.motor_channel, free.at, steps)
     if found is not None:
         return found
     moved: list[tuple[FlightData, FlightData, float]] = []

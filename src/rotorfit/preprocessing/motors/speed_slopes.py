@@ -31,7 +31,7 @@ Moved = tuple[FlightData, FlightData, float]
 """A flight with its rotors a step later, a step earlier, and the distance of the two."""
 
 
-def flights_beside(
+def flights_with_moved_motors(
     data: FlightData,
     channel: Float[np.ndarray, "n N"],
     response: MotorResponse,
@@ -113,10 +113,10 @@ def speed_and_slopes(
             late = shift_time(channel, sample_rate, response.delay, slope=True)
             slopes.append(_follow_slope(late, held > speed, sample_rate, response))
         else:
-            pull = _pull_of_lag(name, held > speed, sample_rate, response) * (speed - held)
+            input = _lag_sensitivity(name, held > speed, sample_rate, response) * (speed - held)
             keep = _kept_shares(held > speed, sample_rate, response)
             nothing: Float[np.ndarray, " N"] = np.zeros(channel.shape[1])
-            slopes.append(solve_recursion(keep, pull, nothing))
+            slopes.append(solve_recursion(keep, input, nothing))
     return [speed, *slopes]
 
 
@@ -147,7 +147,7 @@ def _kept_shares(
     return np.where(rising, up, down)
 
 
-def _pull_of_lag(
+def _lag_sensitivity(
     name: str, rising: Float[np.ndarray, "n N"], sample_rate: float, response: MotorResponse
 ) -> Float[np.ndarray, "n N"]:
     """Differentiate a by the mean lag L or by the skew s: lags are L (1 - s) and L (1 + s)."""
