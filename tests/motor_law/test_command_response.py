@@ -8,7 +8,12 @@ from motor_responses import motor_responses
 from scipy.integrate import solve_ivp
 
 from rotorfit.logs.flight_log import Channel
-from rotorfit.motor_law.command_response import Timing, recording_of, speed_response
+from rotorfit.motor_law.command_response import (
+    Timing,
+    recording_of,
+    speed_response,
+    speeds_at_delays,
+)
 from rotorfit.motor_law.fit_law import fit_law
 from rotorfit.motor_law.law_model import Layout, predicted
 from rotorfit.preprocessing.motors.command_response import MeasuredResponse, command_responses
@@ -30,6 +35,18 @@ def one_answer(seed):
         speed_time=speed_time,
         speed=np.ones(25),
     )
+
+
+def test_speeds_at_many_delays_are_those_at_each():
+    answer = one_answer(5)
+    settled, recording = 1000.0 * answer.command, recording_of([[answer]])
+    delays = (-0.02, 0.0, 0.013, 0.1)
+    for lag in (0.008, 0.05):
+        many = speeds_at_delays(recording, settled, lag, delays)
+        for delay, speed in zip(delays, many, strict=True):
+            timing = Timing(log_lag=np.log(lag), log_ratio=0.0, delay=delay)
+            expected, _ = speed_response(recording, settled, NONE, timing)
+            np.testing.assert_allclose(speed, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("up", "down", "delay"), [(0.05, 0.05, 0.0), (0.05, 0.02, 0.013)])

@@ -208,9 +208,7 @@ def speed_response(
     start = np.zeros((len(into), int(recording.begins.sum())))
     start[:p] = bending[:, recording.begins]
     moved = _solved(remaining, into, start, recording.begins)
-    k = np.searchsorted(recording.command_time, recording.time - timing.delay, side="right") - 1
-    k = np.clip(k, 0, len(settled) - 1)
-    since = np.maximum(recording.time - timing.delay - recording.command_time[k], 0.0)
+    k, since = _commands_in_force(recording, timing.delay)
     left = np.exp(-since / lag[k])
     speed = settled[k] + away[k] * left
     slopes = np.empty((len(into) + 1, len(k)))
@@ -223,6 +221,32 @@ def speed_response(
         slopes[p + 1] += np.where(rising[k], 0.0, late)
     slopes[-1] = away[k] * left / lag[k]
     return speed, slopes.T
+
+
+def speeds_at_delays(
+    recording: Recording, settled: Float[np.ndarray, " n"], lag: float, delays: Sequence[float]
+) -> list[Float[np.ndarray, " m"]]:
+    """Predict the speed at the instants of measurement for one lag and each delay [rad/s].
+
+    As `speed_response`, without derivatives: the recursion over the commands is run once.
+    """
+    step = np.diff(recording.command_time, append=recording.command_time[-1] + 1.0)
+    away = _at_commands(recording, settled, step, up=lag, down=lag)[2] - settled
+    speeds: list[Float[np.ndarray, " m"]] = []
+    for delay in delays:
+        k, since = _commands_in_force(recording, delay)
+        speeds.append(settled[k] + away[k] * np.exp(-since / lag))
+    return speeds
+
+
+def _commands_in_force(
+    recording: Recording, delay: float
+) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Return which command is in force at each measured speed, and since when [s]."""
+    at = recording.time - delay
+    k = np.searchsorted(recording.command_time, at, side="right") - 1
+    k = np.clip(k, 0, len(recording.command) - 1)
+    return k, np.maximum(at - recording.command_time[k], 0.0)
 
 
 def _at_commands(

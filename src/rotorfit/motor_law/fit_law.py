@@ -9,7 +9,7 @@ are correlated by battery, air and what no law says.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -30,7 +30,7 @@ from rotorfit.motor_law.command_response import (
     Timing,
     drawn_between,
     recording_of,
-    speed_response,
+    speeds_at_delays,
 )
 from rotorfit.motor_law.law_model import FORMS, FormName, Layout, predicted, timing_of
 from rotorfit.preprocessing.motors.command_response import (
@@ -325,14 +325,15 @@ def _refuse_short(recording: Recording) -> None:
 def _first(layout: Layout, recording: Recording) -> Float[np.ndarray, " p"]:
     """Choose where the first fit begins: at the times by which speeds correlate with commands."""
     x = np.zeros(layout.size)
-    settled, none = recording.command + 0.1, np.zeros((len(recording.command), 0))
-
-    def correlation(times: tuple[float, float]) -> float:
-        timing = Timing(log_lag=np.log(times[0]), log_ratio=0.0, delay=times[1])
-        speed, _ = speed_response(recording, settled, none, timing)
-        return float(np.corrcoef(speed, recording.speed)[0, 1])
-
-    lag, delay = max(product(FIRST_LAGS, FIRST_DELAYS), key=correlation)
+    settled = recording.command + 0.1
+    correlations = {
+        (lag, delay): float(np.corrcoef(speed, recording.speed)[0, 1])
+        for lag in FIRST_LAGS
+        for delay, speed in zip(
+            FIRST_DELAYS, speeds_at_delays(recording, settled, lag, FIRST_DELAYS), strict=True
+        )
+    }
+    lag, delay = max(correlations, key=lambda times: correlations[times])
     x[0] = np.log(float(np.median(recording.speed)) / float(np.median(settled)))
     x[layout.curve] = FORMS[layout.form].start
     x[-2], x[-1] = np.log(lag), delay
@@ -393,8 +394,8 @@ def _fitted(
         x_scale="jac",
         loss="huber" if robust else "linear",
         f_scale=OUTLYING * scale if robust else 1.0,
-        xtol=1e-6,
-        ftol=1e-7,
+        xtol=1e-4,
+        ftol=1e-5,
         gtol=1e-12,
         max_nfev=MOST_STEPS,
     )
