@@ -148,7 +148,8 @@ def test_one_of_several_logs_is_identified(run, refused, here, columns):
     (here / "two.bbl").write_bytes(ground + blackbox_of(columns))
     (here / "one.bbl").write_bytes(blackbox_of(columns))
     options = ("--mass", "1.285", "--airframe", "airframe.toml", "--method", "ols", "--json")
-    assert "from 1 to 2 (--log" in refused("identify", "two.bbl", *options)
+    message = refused("identify", "two.bbl", *options)
+    assert "holds 2 logs (2: " in message and "(--log" in message
     chosen = run("identify", "two.bbl", "--log", "2", *options)
     flight = '{ file = "two.bbl", log = 2 }'
     (here / "experiment.toml").write_text(EXPERIMENT.replace('"flight.csv"', flight))

@@ -45,7 +45,7 @@ LONGEST_MOVE: Final = 0.02
 MOST_OF_A_LAG: Final = 0.75
 """Largest share by which a lag falls in one round: without any lag, its slope says nothing of
 longer ones."""
-NEAR: Final = 0.3
+NEAR: Final = 0.1
 """Deviations by which the last round may still move a time, by the slopes of its signals: made anew
 there, they move it by a few hundredths more."""
 ENOUGH: Final[Mapping[str, float]] = {
