@@ -115,8 +115,8 @@ def speed_and_slopes(
         else:
             input = _lag_sensitivity(name, held > speed, sample_rate, response) * (speed - held)
             keep = _kept_shares(held > speed, sample_rate, response)
-            nothing: Float[np.ndarray, " N"] = np.zeros(channel.shape[1])
-            slopes.append(solve_recursion(keep, input, nothing))
+            still: Float[np.ndarray, " N"] = 0.0 * channel[0]
+            slopes.append(solve_recursion(keep, input, still))
     return [speed, *slopes]
 
 
