@@ -13,7 +13,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import (
@@ -122,7 +122,7 @@ def speed_and_slopes(
 
 def _follow_slope(
     late: Float[np.ndarray, "n N"],
-    rising: Float[np.ndarray, "n N"],
+    rising: Bool[np.ndarray, "n N"],
     sample_rate: float,
     response: MotorResponse,
 ) -> Float[np.ndarray, "n N"]:
@@ -140,7 +140,7 @@ def _lags(response: MotorResponse) -> tuple[float, float]:
 
 
 def _kept_shares(
-    rising: Float[np.ndarray, "n N"], sample_rate: float, response: MotorResponse
+    rising: Bool[np.ndarray, "n N"], sample_rate: float, response: MotorResponse
 ) -> Float[np.ndarray, "n N"]:
     """Return a: the share of the distance that is left after each sample."""
     up, down = (np.exp(-1.0 / (sample_rate * lag)) if lag > 0.0 else 0.0 for lag in _lags(response))
@@ -148,7 +148,7 @@ def _kept_shares(
 
 
 def _lag_sensitivity(
-    name: str, rising: Float[np.ndarray, "n N"], sample_rate: float, response: MotorResponse
+    name: str, rising: Bool[np.ndarray, "n N"], sample_rate: float, response: MotorResponse
 ) -> Float[np.ndarray, "n N"]:
     """Differentiate a by the mean lag L or by the skew s: lags are L (1 - s) and L (1 + s)."""
     mean = response.mean_lag
