@@ -83,12 +83,25 @@ def filter_both_ways(
     The ends are continued by point reflection, as `scipy.signal.sosfiltfilt` does, and each pass
     begins settled at its first sample.
     """
-    x = values.reshape(len(values), -1)
-    pad = min(3 * (2 * len(sos) + 1), len(x) - 1)
+    if not values.size:
+        return np.array(values)
+    columns = values.reshape(len(values), -1)
+    both = np.empty(columns.shape)
+    # One after the other: the passes need several copies of what they act on.
+    for k in range(columns.shape[1]):
+        both[:, k : k + 1] = _filter_column(sos, columns[:, k : k + 1])
+    return both.reshape(values.shape)
+
+
+def _filter_column(
+    sos: Float[np.ndarray, "s 6"], x: Float[np.ndarray, "n 1"]
+) -> Float[np.ndarray, "n 1"]:
+    """Filter one column forward and backward, its ends continued by point reflection."""
+    count, pad = len(x), min(3 * (2 * len(sos) + 1), len(x) - 1)
     if pad > 0:
         x = np.concatenate([2.0 * x[:1] - x[pad:0:-1], x, 2.0 * x[-1:] - x[-2 : -pad - 2 : -1]])
     both = _filter_settled(sos, _filter_settled(sos, x)[::-1])[::-1]
-    return np.ascontiguousarray(both[pad : pad + len(values)]).reshape(values.shape)
+    return both[pad : pad + count]
 
 
 def _filter_settled(
