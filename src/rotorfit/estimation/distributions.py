@@ -11,7 +11,7 @@ from jaxtyping import Float
 from scipy import special
 
 
-def student_quantile(probability: float, degrees: Any) -> Any:
+def student_quantile(probability: float | int, degrees: Any) -> Any:
     """Compute the quantile of Student's t for degrees of freedom; NaN where there are none."""
     nu: Float[np.ndarray, ...] = np.asarray(degrees, dtype=float)
     finite = np.where(np.isinf(nu), 1.0, np.where(nu > 0.0, nu, np.nan))
@@ -19,7 +19,7 @@ def student_quantile(probability: float, degrees: Any) -> Any:
     return np.where(np.isinf(nu), float(special.ndtri(probability)), quantile)[()]
 
 
-def student_density(t: Any, degrees: float) -> Any:
+def student_density(t: Any, degrees: float | int) -> Any:
     """Compute the density of Student's t."""
     if np.isinf(degrees):
         return normal_density(t)
@@ -28,32 +28,32 @@ def student_density(t: Any, degrees: float) -> Any:
     return peak * np.exp(-0.5 * (degrees + 1.0) * np.log1p(square / degrees))
 
 
-def normal_quantile(probability: float) -> float:
+def normal_quantile(probability: float | int) -> float:
     """Compute the quantile of the standard normal distribution."""
     return float(special.ndtri(probability))
 
 
-def normal_tail(x: float) -> float:
+def normal_tail(x: float | int) -> float:
     """Compute the probability that a standard normal number exceeds x."""
     return float(special.ndtr(-x))
 
 
-def normal_density(x: Any, std: float = 1.0) -> Any:
+def normal_density(x: Any, std: float | int = 1.0) -> Any:
     """Compute the density of a normal number of mean zero."""
     z: Float[np.ndarray, ...] = np.asarray(x, dtype=float) / std
     return np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * std)
 
 
-def f_quantile(probability: float, degrees: float, degrees_below: float) -> float:
+def f_quantile(probability: float | int, degrees: float | int, degrees_below: float | int) -> float:
     """Compute the quantile of F for the degrees of numerator and denominator."""
     return float(special.fdtri(degrees, degrees_below, probability))
 
 
-def f_tail(ratio: float, degrees: float, degrees_below: float) -> float:
+def f_tail(ratio: float | int, degrees: float | int, degrees_below: float | int) -> float:
     """Compute the probability that a ratio of two mean squares exceeds one that was seen."""
     return float(special.fdtrc(degrees, degrees_below, ratio))
 
 
-def chi_square_tail(chi2: float, degrees: float) -> float:
+def chi_square_tail(chi2: float | int, degrees: float | int) -> float:
     """Compute the probability that a chi-square exceeds one that was seen."""
     return float(special.chdtrc(degrees, chi2))
