@@ -284,8 +284,8 @@ def test_of_many_flights_the_liveliest_settle_first(monkeypatch):
     assert timed.timing == AT and seen[-1][0].at == AT
 
 
-def test_three_tenths_of_a_deviation_need_no_other_round(monkeypatch):
-    for off, rounds in ((0.29, 1), (0.31, 2)):
+def test_a_tenth_of_a_deviation_needs_no_other_round(monkeypatch):
+    for off, rounds in ((0.09, 1), (0.11, 2)):
         seen = fits_to(monkeypatch, AT)
         start = MotorResponse(lag=AT.lag + off * MS, delay=AT.delay)
         settled_fit(dataset().at(start, BOTH), ())
