@@ -92,7 +92,7 @@ def first_order_lag(
     """
     if lag <= 0:
         return held
-    a = _remaining(sample_rate, lag)
+    a = remaining_share(sample_rate, lag)
     return first_order_recursion(np.concatenate([held[:1], (1.0 - a) * held[:-1]]), a)
 
 
@@ -112,7 +112,7 @@ def two_way_lag(
         for k in range(held.shape[1]):
             each[:, k] = two_way_lag(held[:, k : k + 1], sample_rate, up=up, down=down)[:, 0]
         return each
-    keep_up, keep_down = _remaining(sample_rate, up), _remaining(sample_rate, down)
+    keep_up, keep_down = remaining_share(sample_rate, up), remaining_share(sample_rate, down)
     speed = first_order_lag(held, sample_rate, 0.5 * (up + down))
     rising = held > speed
     for _ in range(MOST_ROUNDS):
@@ -124,7 +124,7 @@ def two_way_lag(
     return speed
 
 
-def _remaining(sample_rate: float, lag: float) -> float:
+def remaining_share(sample_rate: float, lag: float) -> float:
     """Return the share of the distance that is left after a sample."""
     return float(np.exp(-1.0 / (sample_rate * lag))) if lag > 0 else 0.0
 

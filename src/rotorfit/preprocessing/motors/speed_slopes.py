@@ -22,6 +22,7 @@ from rotorfit.preprocessing.motors.motor_model import (
     clock_jumps,
     first_order_lag,
     following_speed,
+    remaining_share,
     shift_time,
     solve_recursion,
 )
@@ -106,15 +107,16 @@ def speed_and_slopes(
 ) -> list[Float[np.ndarray, "n N"]]:
     """Return the speed behind delay and lag [rad/s], and its slope by each named time."""
     held = shift_time(channel, sample_rate, response.delay)
-    speed = following_speed(channel, sample_rate, response)
+    speed = following_speed(held, sample_rate, dataclasses.replace(response, delay=0.0))
+    rising = held > speed
+    keep = np.where(rising, *(remaining_share(sample_rate, lag) for lag in _lags(response)))
     slopes: list[Float[np.ndarray, "n N"]] = []
     for name in names:
         if name == "motor_delay":
             late = shift_time(channel, sample_rate, response.delay, slope=True)
-            slopes.append(_follow_slope(late, held > speed, sample_rate, response))
+            slopes.append(_follow_slope(late, keep, sample_rate, response))
         else:
-            input = _lag_sensitivity(name, held > speed, sample_rate, response) * (speed - held)
-            keep = _kept_shares(held > speed, sample_rate, response)
+            input = _lag_sensitivity(name, rising, sample_rate, response) * (speed - held)
             still: Float[np.ndarray, " N"] = 0.0 * channel[0]
             slopes.append(solve_recursion(keep, input, still))
     return [speed, *slopes]
@@ -122,14 +124,13 @@ def speed_and_slopes(
 
 def _follow_slope(
     late: Float[np.ndarray, "n N"],
-    rising: Bool[np.ndarray, "n N"],
+    keep: Float[np.ndarray, "n N"],
     sample_rate: float,
     response: MotorResponse,
 ) -> Float[np.ndarray, "n N"]:
     """Filter the slope of the delayed channel by the lag that holds at each sample."""
     if not response.two_way:
         return first_order_lag(late, sample_rate, response.lag)
-    keep = _kept_shares(rising, sample_rate, response)
     first: Float[np.ndarray, " N"] = late[0]
     return solve_recursion(keep, (1.0 - keep) * late, first)
 
@@ -139,14 +140,6 @@ def _lags(response: MotorResponse) -> tuple[float, float]:
     return response.lag, response.lag if response.lag_down is None else response.lag_down
 
 
-def _kept_shares(
-    rising: Bool[np.ndarray, "n N"], sample_rate: float, response: MotorResponse
-) -> Float[np.ndarray, "n N"]:
-    """Return a: the share of the distance that is left after each sample."""
-    up, down = (np.exp(-1.0 / (sample_rate * lag)) if lag > 0.0 else 0.0 for lag in _lags(response))
-    return np.where(rising, up, down)
-
-
 def _lag_sensitivity(
     name: str, rising: Bool[np.ndarray, "n N"], sample_rate: float, response: MotorResponse
 ) -> Float[np.ndarray, "n N"]:
@@ -154,6 +147,6 @@ def _lag_sensitivity(
     mean = response.mean_lag
     each: list[float] = []
     for lag, side in zip(_lags(response), (-1.0, 1.0), strict=True):
-        by_lag = np.exp(-1.0 / (sample_rate * lag)) / (sample_rate * lag**2) if lag > 0.0 else 0.0
+        by_lag = remaining_share(sample_rate, lag) / (sample_rate * lag**2) if lag > 0.0 else 0.0
         each.append(by_lag * (side * mean if name == "motor_skew" else lag / mean))
     return np.where(rising, *each)
