@@ -72,3 +72,13 @@ def test_inspect_and_identify_import_only_what_they_use(
     found = imported(*arguments)
     assert "rotorfit.fit.fit" in found
     assert found.isdisjoint(SLOW)
+
+
+@pytest.mark.usefixtures("here")
+def test_airframe_and_settings_load_no_fit_of_the_flight() -> None:
+    found = imported("settings", "flight.csv")
+    assert "rotorfit.inspection.recording" in found
+    assert not any(name.startswith(("rotorfit.fit", "rotorfit.planning")) for name in found)
+    found = imported("airframe", "flight.csv")
+    assert "rotorfit.inspection.flown_part" in found
+    assert found.isdisjoint({"rotorfit.inspection.prospects", "rotorfit.planning.next_step"})

@@ -8,8 +8,10 @@ import made_fit
 from rotorfit.diagnostics.kt_from_weight import kt_from_weight
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
 from rotorfit.inspection.guessed_rotors import guessed_vehicles
+from rotorfit.inspection.inspect_log import inspect_log
+from rotorfit.inspection.motor_lateness import motor_lateness
 from rotorfit.inspection.prospects import PROSPECT, kt_by_weight, prospects
-from rotorfit.inspection.recording import motor_lateness
+from rotorfit.inspection.seen_airframe import motors_in_flight
 from rotorfit.logs import read_log
 from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.preprocessing.prepare import prepare
@@ -121,3 +123,15 @@ def test_real_flights_promise_no_more_than_they_give(flight_data_dir, name):
     found = foreseen(path, commanded="rotor_speed" not in read_log(path).channels)
     said = (found.thrust.prospect, *(axis.prospect for axis in found.excitation))
     assert [s for s, v in zip(said, REAL[name], strict=True) if v] == [v for v in REAL[name] if v]
+
+
+@pytest.mark.flights
+@pytest.mark.parametrize("name", ["arplab-crazyflie/log15", "tudelft-indiflight/LOG00267.BFL"])
+def test_airframe_and_inspect_confirm_the_same_motors(flight_data_dir, name):
+    path = flight_data_dir / name
+    if not path.is_file():
+        pytest.skip(f"no {path}")
+    log = read_log(path)
+    confirmed = motors_in_flight(log)
+    assert confirmed is not None
+    assert confirmed == inspect_log(log).prospects.motors

@@ -11,10 +11,10 @@ from rotorfit.dataset.plausible_units import GravitySeen
 from rotorfit.diagnostics.hover_thrust import AGAINST_GRAVITY
 from rotorfit.findings import doubt
 from rotorfit.inspection.inspect_log import CHECKS
+from rotorfit.inspection.motor_lateness import motor_lateness
 from rotorfit.inspection.recording import (
     channel_report,
     lacks,
-    motor_lateness,
     new_share,
     share_at_limit,
     vibration,

@@ -112,7 +112,7 @@ def _of_log(one: Dropped, options: ReadOptions) -> dict[str, Any]:
     report = inspect_log(log)
     html = with_shown_names(one.path.parent.parent, log_report_html(report))
     write_whole(one.page, html, force=True)
-    seen = asdict(seen_airframe(log, report))
+    seen = asdict(seen_airframe(log, report.prospects and report.prospects.motors))
     found = plain(report) | {
         "sections": [{"title": title, "words": words} for title, words in sections(report)],
         "usable": report.usable,

@@ -247,8 +247,7 @@ def _named_text(
 def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> SeenAirframe:
     """Read the airframe off a log, a table by its columns, and print it."""
     from rotorfit.cli.inspect import logs_of_experiment
-    from rotorfit.inspection.inspect_log import inspect_log
-    from rotorfit.inspection.seen_airframe import seen_airframe
+    from rotorfit.inspection.seen_airframe import motors_in_flight, seen_airframe
     from rotorfit.logs import ReadOptions, read_log
 
     options = table or ReadOptions(log_number=log_number)
@@ -259,7 +258,7 @@ def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> S
     with steps() as report_progress:
         report_progress(f"reading {path.name}")
         log = read_log(path, options=options)
-        seen = seen_airframe(log, inspect_log(log))
+        seen = seen_airframe(log, motors_in_flight(log))
     if seen.rotors is None:
         raise ExperimentError(
             f"{path}: no motors in this log, so it shows nothing of the rotors: leave it "

@@ -20,7 +20,7 @@ from rotorfit.cli.terminal import (
 from rotorfit.errors import LogError
 
 if TYPE_CHECKING:
-    from rotorfit.inspection.inspect_log import LogReport
+    from rotorfit.inspection.advised_settings import AdvisedSettings
 
 
 def settings(
@@ -48,7 +48,7 @@ def settings(
 
     if output is not None:
         refuse_output_file(output, inputs=[log_file], force=force)
-    report = _inspected(log_file, log)
+    report = _advised(log_file, log)
     if file_of(report) is None:
         raise LogError(
             f"{log_file}: rotorfit knows no settings of what wrote this {report.format}: "
@@ -64,17 +64,17 @@ def settings(
         print_status(f"rotorfit: {output} not written: nothing to change")
 
 
-def _inspected(path: Path, number: int | None) -> LogReport:
-    from rotorfit.inspection.inspect_log import inspect_log
+def _advised(path: Path, number: int | None) -> AdvisedSettings:
+    from rotorfit.inspection.advised_settings import advised_settings
     from rotorfit.logs import ReadOptions, read_log
 
     with steps() as report_progress:
         report_progress(f"reading {path.name}")
         log = read_log(path, options=ReadOptions(log_number=number))
-    return inspect_log(log)
+    return advised_settings(log)
 
 
-def _json(report: LogReport) -> str:
+def _json(report: AdvisedSettings) -> str:
     plain = [
         {"name": s.name, "old": s.old, "new": s.new, "value": s.value, "why": s.why}
         for s in report.settings
@@ -82,7 +82,7 @@ def _json(report: LogReport) -> str:
     return json.dumps({"file": report.file, "settings": plain}, indent=1, allow_nan=False)
 
 
-def _text(report: LogReport) -> str:
+def _text(report: AdvisedSettings) -> str:
     from rotorfit.inspection.settings_to_change import decision_lines, diff_lines, file_of, to_write
 
     count = len(to_write(report))

@@ -12,14 +12,16 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float
 
-from rotorfit.dataset.declared_rotors import response
+from rotorfit.dataset.declared_rotors import BAND, response
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors
 from rotorfit.preprocessing.filters import butterworth, filter_both_ways
 from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.preprocessing.signals import whole_samples
-from rotorfit.reduction.frequency_bands import PILOT_BAND
+from rotorfit.reduction.frequency_bands import PILOT_BAND, prepared_bands
+from rotorfit.reduction.reduce import Lines
 
 Convention = Literal["px4", "betaflight", "crazyflie", "paper"]
 CONVENTIONS: Final[tuple[Convention, ...]] = ("px4", "betaflight", "crazyflie", "paper")
@@ -58,6 +60,18 @@ def likely_motors(factors: Factors, made_for: Vehicle) -> tuple[Vehicle, str] | 
         return None
     best, vehicle, name = max(found, key=lambda one: one[0].score)
     return vehicle, name if best.yaw > LEAST_YAW else f"{name} (spins unsure: yaw hardly moves)"
+
+
+def confirmed_motors(
+    timed: PreparedFlight, *, body: tuple[Lines, ...]
+) -> tuple[Vehicle, str] | None:
+    """Select and name the layout and order that a timed flight confirms.
+
+    `body`: the lines of its body, which are the same for all layouts.
+    """
+    circle = rotors_on_circle(timed.data.rotor_speed.shape[1])
+    factors = prepared_bands(timed, circle, None, body=body, top=BAND[1])
+    return likely_motors(factors, circle)
 
 
 def _usual_vehicles(rotor_count: int) -> Iterator[tuple[Vehicle, str]]:

@@ -3,13 +3,11 @@
 What the doctor objects to is a list of findings, each by one of `CHECKS`.
 """
 
-import re
-import shlex
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.dataset.plausible_units import (
     GravitySeen,
@@ -17,46 +15,39 @@ from rotorfit.dataset.plausible_units import (
     gravity_seen,
     gyro_in_degrees,
 )
-from rotorfit.diagnostics.hover_thrust import AGAINST_GRAVITY
 from rotorfit.diagnostics.sensors.log_settings import better_log
 from rotorfit.errors import EstimationError, FlightError, LogError
-from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
 from rotorfit.experiment.law_table import law_entry_of
 from rotorfit.findings import Evidence, Finding, doubt, note, sentences
-from rotorfit.identification.identify import identify
+from rotorfit.inspection.advised_settings import (
+    channel_reports,
+    lacks_of,
+    log_as_argument,
+    logged_low_passes,
+)
+from rotorfit.inspection.flown_part import (
+    NEEDED,
+    expected_response,
+    is_posed,
+    name_in_usual_order,
+    prepare_if_usable,
+)
+from rotorfit.inspection.motor_lateness import motor_lateness
 from rotorfit.inspection.pictures import LogPictures, log_pictures
 from rotorfit.inspection.prospects import Prospects, foreseen_step, prospects, shown_log
-from rotorfit.inspection.recording import (
-    LATEST,
-    SEARCHED,
-    ChannelReport,
-    Vibration,
-    channel_report,
-    lacks,
-    motor_lateness,
-    settings_for,
-    vibration,
-)
+from rotorfit.inspection.recording import ChannelReport, Vibration, settings_for, vibration
 from rotorfit.inspection.spectra import Sweep, frequency_sweeps
-from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, Filter, Lack, Setting
-from rotorfit.logs.flight_log import CHANNELS, FlightLog
-from rotorfit.logs.formats import BY_NAME
-from rotorfit.model.vehicle import LAYOUTS
-from rotorfit.planning.next_step import NextStep, next_step, with_best_manoeuvre
+from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, Lack, Setting
+from rotorfit.logs.flight_log import FlightLog
+from rotorfit.planning.next_step import NextStep, next_step
 from rotorfit.preprocessing.mocap.camera import camera_clock
-from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry, telemetry
-from rotorfit.preprocessing.prepare import PreparedFlight, prepare
-from rotorfit.reduction.motor_timing import LAG_PRIOR
-from rotorfit.results.result import IdentificationResult
+from rotorfit.preprocessing.prepare import PreparedFlight
 
-NAMED_LAYOUT: Final = re.compile(
-    r'layout = "(?P<layout>[^"]+)", order = "(?P<order>[^"]+)"(?P<turned> with every spin rev)?'
-)
-"""How `prospects` names the motors that a flight confirms."""
-GUESSED_ARM: Final = 0.15
-"""Only a scale to separate flight from ground, where no airframe is given [m]."""
-NEEDED: Final = ("gyro", "accel")
+if TYPE_CHECKING:
+    from rotorfit.experiment.experiment import FlightEntry
+    from rotorfit.results.result import IdentificationResult
+
 WITH_AIRFRAME: Final = (
     "give --airframe FILE to check motor order, spins and arm, and to get a verdict for each number"
 )
@@ -97,9 +88,7 @@ class LogReport:
     @property
     def as_argument(self) -> str:
         """The log as a command takes it: its file, and which log of several."""
-        number, _, count = self.log.partition(" of ")
-        several = f" --log {number}" if count.isdecimal() and int(count) > 1 else ""
-        return f"{shlex.quote(self.file)}{several}"
+        return log_as_argument(self.file, self.log)
 
     @property
     def usable(self) -> bool:
@@ -143,18 +132,16 @@ class _Look:
     unforeseen: str | None
     telemetry: Telemetry | None
     gravity: GravitySeen | None
-    result: IdentificationResult | None
+    result: "IdentificationResult | None"
     unidentified: str | None
 
 
 def inspect_log(
-    log: FlightLog, *, airframe: Path | None = None, entry: FlightEntry | None = None
+    log: FlightLog, *, airframe: Path | None = None, entry: "FlightEntry | None" = None
 ) -> LogReport:
     """Find what a log holds and lacks, which part of it is flight, and what that can show."""
-    channels = {
-        name: channel_report(name, log.channels[name]) for name in CHANNELS if name in log.channels
-    }
-    prepared, unprepared = _flight(log)
+    channels = channel_reports(log)
+    prepared, unprepared = prepare_if_usable(log)
     late = None if prepared is None else motor_lateness(prepared.data)
     foreseen, unforeseen = _foreseen(log, prepared, late)
     result, unidentified = _identified(log, airframe, entry)
@@ -170,9 +157,8 @@ def inspect_log(
         unidentified=unidentified,
     )
     pictures = log_pictures(log, prepared, channels)
-    filters = _low_passes(log, pictures)
-    accel = [f.low for f in filters if f.channel == "accel"]
-    lacking = lacks(channels, accel_cutoff=min(accel, default=None))
+    filters = logged_low_passes(log)
+    lacking = lacks_of(channels, filters)
     return LogReport(
         file=str(log.path),
         format=log.format,
@@ -214,37 +200,6 @@ def _next_step(
     return foreseen_step(look.log, look.prepared, foreseen)
 
 
-def is_posed(log: FlightLog) -> bool:
-    """Test whether a log without a whole IMU has motors and poses to take the motion from."""
-    present = log.channels.keys()
-    posed = {"position", "attitude"} <= present and bool({"rotor_speed", "command"} & present)
-    return posed and not all(name in present for name in NEEDED)
-
-
-def _flight(log: FlightLog) -> tuple[PreparedFlight | None, str | None]:
-    """Prepare the flight of a log with motors and IMU, or say why that fails."""
-    motors = {"rotor_speed", "command"} & log.channels.keys()
-    if not motors or not all(name in log.channels for name in NEEDED):
-        return None, None
-    try:
-        return _prepared(log), None
-    except (LogError, FlightError) as error:
-        return None, str(error)
-
-
-def _prepared(log: FlightLog) -> PreparedFlight:
-    """Prepare a log with whatever motors it has; commands by the law that the log states."""
-    measured = "rotor_speed" in log.channels
-    motors = log.channels["rotor_speed" if measured else "command"]
-    if measured:
-        model = MotorModel(speed="measured")
-    elif log.motors is None:
-        model = MotorModel(speed="commanded")
-    else:
-        model = MotorModel(speed="commanded", law=log.motors.law, lag_on=log.motors.lag_on)
-    return prepare(log, rotor_count=motors.values.shape[1], arm=GUESSED_ARM, motors=model)
-
-
 def _foreseen(
     log: FlightLog, prepared: PreparedFlight | None, late: float | None
 ) -> tuple[Prospects | None, str | None]:
@@ -254,30 +209,23 @@ def _foreseen(
     commanded = "rotor_speed" not in log.channels
     try:
         law = None if log.motors is None else law_entry_of(log.motors)
-        found = prospects(prepared, _response(log, late), commanded=commanded, law=law)
-        return replace(found, motors=found.motors and _in_the_logs_order(log, found.motors)), None
+        found = prospects(prepared, expected_response(log, late), commanded=commanded, law=law)
+        return replace(found, motors=found.motors and name_in_usual_order(log, found.motors)), None
     except (FlightError, EstimationError) as error:
         return None, str(error)
 
 
-def _in_the_logs_order(log: FlightLog, motors: str) -> str:
-    """Name a motor order by the log's autopilot, where the two are the same."""
-    form, found = BY_NAME.get(log.format), NAMED_LAYOUT.search(motors)
-    usual = form.motor_order if form is not None else None
-    if found is None or usual is None:
-        return motors
-    layout, order = found["layout"], found["order"]
-    if LAYOUTS.get((layout, usual)) != LAYOUTS[layout, order]:
-        return motors
-    return motors.replace(f'order = "{order}"', f'order = "{usual}"')
-
-
 def _identified(
-    log: FlightLog, airframe: Path | None, entry: FlightEntry | None
-) -> tuple[IdentificationResult | None, str | None]:
+    log: FlightLog, airframe: Path | None, entry: "FlightEntry | None"
+) -> "tuple[IdentificationResult | None, str | None]":
     """Identify a log with an airframe, per kilogram, or say why that fails."""
     if airframe is None:
         return None, None
+    # Without an airframe nothing is identified, and what identifies need not be loaded.
+    from rotorfit.experiment.experiment import single_flight_experiment
+    from rotorfit.identification.identify import identify
+    from rotorfit.planning.next_step import with_best_manoeuvre
+
     number = log.log_number if log.logs_in_file > 1 else None
     experiment = single_flight_experiment(
         log.path, mass="unknown", airframe=airframe, log_number=number
@@ -377,12 +325,18 @@ def _gravity(look: _Look) -> Iterator[Finding]:
     # With an airframe the identification has looked at the flight itself.
     identified = look.result is not None and bool(look.result.parameters)
     seen = replace(look.gravity, in_flight=None) if identified else look.gravity
-    found = () if look.result is None else look.result.findings
-    if any(one.kind == AGAINST_GRAVITY and one.sentence for one in found):
+    if look.result is not None and _is_against_gravity(look.result):
         return  # which says the same of the hover
     measured = {"gravity_at_rest": seen.at_rest, "gravity_in_flight": seen.in_flight}
     evidence = tuple(Evidence(name=n, value=v) for n, v in measured.items() if v is not None)
     yield from (doubt("gravity", sentence, evidence=evidence) for sentence in gravity_doubts(seen))
+
+
+def _is_against_gravity(result: "IdentificationResult") -> bool:
+    """Test whether an identification objects to thrust or accelerometer by the hover."""
+    from rotorfit.diagnostics.hover_thrust import AGAINST_GRAVITY
+
+    return any(one.kind == AGAINST_GRAVITY and one.sentence for one in result.findings)
 
 
 def _identification(look: _Look) -> Iterator[Finding]:
@@ -424,27 +378,6 @@ CHECKS: Final[tuple[Callable[[_Look], Iterable[Finding]], ...]] = (
     _missing_airframe,
 )
 """The doctor's checks, in the order of a report."""
-
-
-def _response(log: FlightLog, late: float | None) -> MotorResponse | None:
-    """Return the motors' timing of the forecast: commands are followed with a lag."""
-    if late is None:
-        return None
-    if "rotor_speed" in log.channels:
-        return MotorResponse(delay=late)
-    if -SEARCHED <= late <= 0.0:
-        return None  # no motor responds before its command: an autopilot does, nobody steers
-    # No motor is so slow: the clocks are apart, and that is not to be taken for a lag.
-    lag = min(max(late, 0.0), LAG_PRIOR[0] if late > LATEST else LATEST)
-    return MotorResponse(lag=lag, delay=late - lag)
-
-
-def _low_passes(log: FlightLog, pictures: LogPictures) -> list[Filter]:
-    """Select the low-passes that the samples went through, where the reader's notes do not."""
-    form = BY_NAME.get(log.format)
-    if form is not None and form.notes_filters:
-        return []
-    return [f for f in pictures.filters if f.kind == "low-pass" and f.passed]
 
 
 def _airborne(prepared: PreparedFlight) -> tuple[tuple[float, float], ...]:

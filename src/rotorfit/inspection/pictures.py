@@ -10,11 +10,11 @@ from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import FlightError
 from rotorfit.formatting.series import Series, thinned
+from rotorfit.inspection.advised_settings import logged_filters
 from rotorfit.inspection.recording import ChannelReport
 from rotorfit.inspection.spectra import RotorBand, Spectrum, rotor_bands, spectrum
 from rotorfit.logs.firmware import Filter
 from rotorfit.logs.flight_log import CHANNELS, COMPONENTS, Channel, FlightLog
-from rotorfit.logs.formats import BY_NAME, load
 from rotorfit.preprocessing.clocks import GAP_STEPS, LARGEST_VALUE, usable_samples
 from rotorfit.preprocessing.prepare import Cut, PreparedFlight
 from rotorfit.preprocessing.signals import LEAST_LIMIT, at_limit, true_runs
@@ -349,15 +349,9 @@ def log_pictures(
         time=time,
         spectra=tuple(spectra),
         bands=rotor_bands(rotor_speed, spans),
-        filters=filters_of(log),
+        filters=logged_filters(log),
         left_out=tuple(left_out),
     )
-
-
-def filters_of(log: FlightLog) -> tuple[Filter, ...]:
-    """Find the filters on board by a log's settings; none where its format says nothing of them."""
-    form = BY_NAME.get(log.format)
-    return tuple(load(form.filters)(log)) if form is not None and form.filters else ()
 
 
 def first_sample(log: FlightLog) -> float:

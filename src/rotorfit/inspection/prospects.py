@@ -1,7 +1,7 @@
 """Predict cheaply what one log can show: kt, excitation of each axis, and the motor order."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -34,20 +34,28 @@ from rotorfit.experiment.law_table import LawEntry
 from rotorfit.fit.intervals.excitation import enough_by_weight, mean_ratios, pilots_rows
 from rotorfit.fit.intervals.numbers import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.intervals.row_scatter import row_half_widths
-from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
-from rotorfit.fit.timing.timing_search import CLEAR_GAIN
-from rotorfit.inspection.guessed_rotors import guessed_vehicles, likely_motors, rotors_on_circle
-from rotorfit.inspection.recording import LOW_PASS
+from rotorfit.fit.row_fits import RowFits, fit_rows
+from rotorfit.inspection.flown_part import tried_response
+from rotorfit.inspection.guessed_rotors import confirmed_motors, guessed_vehicles
+from rotorfit.inspection.lag_search import (
+    TriedLag,
+    best_lag,
+    clearer_lag,
+    lines_of_body,
+    tried_lags,
+    turn_likelihood,
+)
+from rotorfit.inspection.motor_lateness import LOW_PASS
 from rotorfit.logs.flight_log import FlightLog
-from rotorfit.model.regressor import Regressor, regressor
+from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.next_step import NextStep
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.preprocessing.signals import smooth
-from rotorfit.reduction.frequency_bands import prepared_bands, retimed, slow_bands
-from rotorfit.reduction.motor_timing import LAG_PRIOR
+from rotorfit.reduction.frequency_bands import PILOT_BAND, prepared_bands, retimed
+from rotorfit.reduction.reduce import Lines
 from rotorfit.results.result import Verdict
 from rotorfit.simulation.pilot import Manoeuvre
 from rotorfit.verdicts.judge import ADVISED, FLOWN, judge
@@ -62,8 +70,6 @@ PROSPECT: Final[dict[Verdict, Prospect]] = {
     "weak": "roughly",
     "not-identified": "not",
 }
-LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
-"""Lags of commanded motors, tried one by one [s]."""
 IDENTIFY: Final = "describe the vehicle, which identify needs: rotorfit airframe {log}"
 
 
@@ -220,27 +226,24 @@ def prospects(
     the lag of commands is searched; `law` is theirs, where the log states it. Raises `FlightError`
     where the flight is too short, `EstimationError` where it does not move its rotors.
     """
-    if commanded and motors is None:
-        motors = MotorResponse(lag=LAG_PRIOR[0])
-    timed = replace(prepared, data=retimed(prepared, motors))
-    circle = rotors_on_circle(timed.data.rotor_speed.shape[1])
-    known = likely_motors(prepared_bands(timed, circle, None), circle)
-    vehicle = known[0] if known is not None else _likeliest(timed, guessed_vehicles(timed.data))
-    model, commands = regressor(vehicle), None
-    if commanded and motors is not None:
-        seen = motors.lag
-        best = _best_lag(prepared, vehicle, model, motors)
-        # A maximum at either end is none: there the autopilot responds to gyro noise or gusts.
-        motors = best if LAGS[0] < best.lag < LAGS[-1] else motors
-        timed = replace(prepared, data=retimed(prepared, motors))
+    seen = tried_response(motors, commanded=commanded)
+    body = lines_of_body(prepared)
+    timed = replace(prepared, data=retimed(prepared, seen))
+    known = confirmed_motors(timed, body=body)
+    vehicle = known[0] if known is not None else _likeliest(timed, body)
+    if commanded and seen is not None:
+        fitted = _commanded_rows(prepared, vehicle, seen, body=body)
+        timed, fits, lag = fitted.flight, fitted.fits, fitted.lag
         commands = Commands(
             law_known=law is not None,
             limited=_limited(prepared),
-            lag=motors.lag,
-            seen_lag=seen,
+            lag=lag,
+            seen_lag=seen.lag,
             rate=prepared.slowest_rate,
         )
-    timed, fits = _rows(prepared, timed, vehicle, model, commanded=motors if commanded else None)
+    else:
+        factors, commands = prepared_bands(timed, vehicle, None, body=body), None
+        fits = _by_weight(fit_rows(factors, regressor(vehicle), mass=1.0), factors)
     followed = _followed(fits)
     rows = _with_widths(fits)
     thrust = _thrust(
@@ -278,53 +281,50 @@ def _limited(prepared: PreparedFlight) -> float:
     return float(((speed <= low) | (speed >= high)).any(axis=1).mean())
 
 
-def _likeliest(prepared: PreparedFlight, likely: Sequence[Vehicle]) -> Vehicle:
-    """Select the rotors that explain the turns best."""
+def _likeliest(prepared: PreparedFlight, body: tuple[Lines, ...]) -> Vehicle:
+    """Select the guessed rotors that explain the turns best."""
+    likely = guessed_vehicles(prepared.data)
     if len(likely) == 1:
         return likely[0]
-    return max(likely, key=lambda vehicle: _likelihood(prepared, vehicle, regressor(vehicle)))
+
+    def likelihood(vehicle: Vehicle) -> float:
+        factors = prepared_bands(prepared, vehicle, None, body=body, top=PILOT_BAND[1])
+        return turn_likelihood(factors, regressor(vehicle))
+
+    return max(likely, key=likelihood)
 
 
-def _best_lag(
-    prepared: PreparedFlight, vehicle: Vehicle, model: Regressor, motors: MotorResponse
-) -> MotorResponse:
-    """Find the lag with which commands explain the turns best in the pilot's band."""
-    return max(
-        (replace(motors, lag=lag) for lag in LAGS),
-        key=lambda at: _likelihood(prepared, vehicle, model, at),
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _CommandedRows:
+    """The rows of a flight of commanded motors: at which lag, and the lag of the pilot's band."""
+
+    flight: PreparedFlight
+    fits: RowFits
+    lag: float
 
 
-def _clearer_lag(
-    prepared: PreparedFlight, vehicle: Vehicle, model: Regressor, motors: MotorResponse
-) -> MotorResponse:
-    """Find the lag of all bands where that of the pilot's is clearly wrong, as an estimate does."""
-    tried = [motors, *(replace(motors, lag=lag) for lag in LAGS)]
-    gains = [_likelihood(prepared, vehicle, model, at, every=True) for at in tried]
-    best = int(np.argmax(gains))
-    return tried[best] if gains[best] - gains[0] > CLEAR_GAIN else motors
-
-
-def _rows(
+def _commanded_rows(
     prepared: PreparedFlight,
-    timed: PreparedFlight,
     vehicle: Vehicle,
-    model: Regressor,
+    motors: MotorResponse,
     *,
-    commanded: MotorResponse | None,
-) -> tuple[PreparedFlight, RowFits]:
-    """Fit the rows of a timed flight, at a clearer lag where its commands explain nothing.
-
-    `commanded`: timing of motors whose speeds are commands. Returns the flight as it was fitted.
-    """
-    factors = prepared_bands(timed, vehicle, None)
-    fits = fit_rows(factors, model, mass=1.0)
-    if commanded is not None and not _followed(fits):
-        clearer = _clearer_lag(prepared, vehicle, model, commanded)
-        timed = replace(prepared, data=retimed(prepared, clearer))
-        factors = prepared_bands(timed, vehicle, None)
-        fits = fit_rows(factors, model, mass=1.0)
-    return timed, _by_weight(fits, factors)
+    body: tuple[Lines, ...],
+) -> _CommandedRows:
+    """Fit the rows at the lag of the pilot's band, at a clearer one where that explains nothing."""
+    model = regressor(vehicle)
+    tried = tried_lags(prepared, vehicle, motors, body=body)
+    usual = best_lag(tried, model) or TriedLag(
+        response=motors, factors=prepared_bands(prepared, vehicle, motors, body=body)
+    )
+    fitted, fits = usual, fit_rows(usual.factors, model, mass=1.0)
+    if not _followed(fits):
+        fitted = clearer_lag(tried, model, usual)
+        fits = fits if fitted is usual else fit_rows(fitted.factors, model, mass=1.0)
+    return _CommandedRows(
+        flight=replace(prepared, data=retimed(prepared, fitted.response)),
+        fits=_by_weight(fits, fitted.factors),
+        lag=usual.response.lag,
+    )
 
 
 def _by_weight(fits: RowFits, factors: Factors) -> RowFits:
@@ -341,20 +341,6 @@ def _by_weight(fits: RowFits, factors: Factors) -> RowFits:
 def _followed(fits: RowFits) -> bool:
     """Test whether roll or pitch shows more of the motors than of disturbances."""
     return max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
-
-
-def _likelihood(
-    prepared: PreparedFlight,
-    vehicle: Vehicle,
-    model: Regressor,
-    motors: MotorResponse | None = None,
-    *,
-    every: bool = False,
-) -> float:
-    """Compute the log-likelihood of the turns in the pilot's band, or in every one."""
-    factors = prepared_bands(prepared, vehicle, motors)
-    counted = slow_bands(factors) | every
-    return angular_log_likelihood(factors, model, mass=1.0, counted=counted)
 
 
 def _thrust(

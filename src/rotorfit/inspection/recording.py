@@ -1,4 +1,4 @@
-"""Check how a log was recorded: true rates, clocks, limits, vibration, delay of the motor data.
+"""Check how a log was recorded: true rates, clocks, limits, vibration.
 
 Which settings of an autopilot make its next log a better one: what its format advises.
 """
@@ -10,21 +10,16 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Bool, Float
 
-from rotorfit.fit.timing.timing_search import DELAYS_TRIED
 from rotorfit.logs.firmware import Lack, Setting, advice_for
 from rotorfit.logs.flight_log import CHANNELS, Channel
 from rotorfit.preprocessing.clocks import GAP_STEPS, LARGEST_VALUE
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import (
     LEAST_LIMIT,
-    central_difference,
     share_at_limit,
-    smooth,
     true_runs,
-    whole_samples,
 )
 from rotorfit.preprocessing.spectral_density import power_density
 
@@ -65,17 +60,6 @@ LOWEST_CUTOFF: Final = 40.0
 """A low-pass below this takes away what inertia shows in, or makes sensors differ [Hz]."""
 BANDS: Final = ((10.0, 50.0), (50.0, 150.0), (150.0, 500.0))
 """Bands in which vibration is given [Hz]."""
-LATEST: Final = 0.1
-SEARCHED: Final = DELAYS_TRIED["imu"][1]
-"""Reach of the search for the delay of measured speeds, and of motor data that come late [s]."""
-FARTHEST: Final = 0.5
-"""End of the search where nothing shows within `LATEST` [s]."""
-STRIDE: Final = 0.004
-"""Stride of that search [s]."""
-LOW_PASS: Final = 15.0
-"""Low-pass for comparing motors and gyro [Hz]."""
-LEAST_EXPLAINED: Final = 0.3
-"""Share of the angular acceleration that motors must explain for their delay to be known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -278,52 +262,3 @@ def vibration(data: FlightData) -> tuple[Vibration, ...]:
         for low, high in BANDS
         if low < 0.9 * nyquist
     )
-
-
-def motor_lateness(data: FlightData) -> float | None:
-    """Estimate how much later than the motors the vehicle turns [s]; None where it does not show.
-
-    The time shift at which the squared motor data explain the angular acceleration best.
-    Negative: the motor data were recorded late. Of commands it holds the motors' lag, too.
-    Only where nothing shows within a tenth of a second it is looked for further away.
-    """
-    near = _lateness_within(data, LATEST)
-    return _lateness_within(data, FARTHEST) if near is None else near
-
-
-def _lateness_within(data: FlightData, seconds: float) -> float | None:
-    """Estimate the lateness, in a search that ends at so many seconds both ways."""
-    longest = max(data.segments, key=len, default=None)
-    reach = whole_samples(seconds * data.sample_rate)
-    if longest is None or len(longest) < 20 * max(reach, 1) or reach < 2:
-        return None
-    rows = slice(longest.start, longest.stop)
-    rates = smooth(data.angular_velocity[rows], data.sample_rate, LOW_PASS)
-    turn = central_difference(rates, data.sample_rate)
-    squares = smooth(data.rotor_speed[rows] ** 2, data.sample_rate, LOW_PASS)
-    stride = max(whole_samples(STRIDE * data.sample_rate), 1)
-    shifts = range(-reach, reach + 1, stride)
-    shares = np.array([_explained(turn, squares, shift, reach) for shift in shifts])
-    best = int(np.argmax(shares))
-    if shares[best] < LEAST_EXPLAINED or best in (0, len(shares) - 1):
-        return None
-    left, top, right = shares[best - 1 : best + 2]
-    bend = left - 2.0 * top + right
-    between = 0.0 if bend == 0.0 else 0.5 * (left - right) / bend
-    return float((shifts[best] + between * stride) / data.sample_rate)
-
-
-def _explained(
-    turn: Float[np.ndarray, "n 3"], squares: Float[np.ndarray, "n N"], shift: int, reach: int
-) -> float:
-    """Return the mean share of roll and pitch acceleration that earlier motor data explain."""
-    n = len(turn)
-    y = turn[reach : n - reach, :2]
-    x = squares[reach - shift : n - reach - shift]
-    y, x = y - y.mean(axis=0), x - x.mean(axis=0)
-    gram = x.T @ x
-    cross = x.T @ y
-    solved: Float[np.ndarray, "N 2"] = scipy.linalg.pinvh(gram, rtol=1e-8) @ cross
-    total: Float[np.ndarray, " 2"] = (y * y).sum(axis=0)
-    explained: Float[np.ndarray, " 2"] = np.einsum("ij,ij->j", cross, solved)
-    return float((explained / np.where(total > 0, total, 1.0)).mean())

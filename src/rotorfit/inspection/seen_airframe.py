@@ -2,10 +2,18 @@
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from rotorfit.inspection.inspect_log import NAMED_LAYOUT, LogReport, is_posed
+from rotorfit.errors import FlightError
+from rotorfit.inspection.flown_part import (
+    NAMED_LAYOUT,
+    expected_response,
+    is_posed,
+    name_in_usual_order,
+    prepare_if_usable,
+    tried_response,
+)
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.formats import BY_NAME
 
@@ -37,14 +45,44 @@ class SeenAirframe:
     posed: bool = False
 
 
-def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
-    """Read from a log and its report what they say of the airframe."""
+def motors_in_flight(log: FlightLog) -> str | None:
+    """Name the layout and motor order that a flight confirms, as `inspect_log` does.
+
+    Only the parts of the inspection that this takes are done.
+    """
+    from rotorfit.inspection.guessed_rotors import confirmed_motors
+    from rotorfit.inspection.lag_search import lines_of_body
+    from rotorfit.inspection.motor_lateness import motor_lateness
+    from rotorfit.reduction.frequency_bands import retimed
+
+    prepared, _ = prepare_if_usable(log)
+    if prepared is None:
+        return None
+    response = tried_response(
+        expected_response(log, motor_lateness(prepared.data)),
+        commanded="rotor_speed" not in log.channels,
+    )
+    try:
+        body = lines_of_body(prepared)
+        timed = replace(prepared, data=retimed(prepared, response))
+        confirmed = confirmed_motors(timed, body=body)
+    except FlightError:
+        return None
+    return None if confirmed is None else name_in_usual_order(log, confirmed[1])
+
+
+def seen_airframe(log: FlightLog, confirmed: str | None) -> SeenAirframe:
+    """Read from a log what it says of the airframe.
+
+    `confirmed`: layout and motor order that its flight confirms, from `motors_in_flight` or the
+    prospects of a report.
+    """
     motors = log.channels.get("rotor_speed", log.channels.get("command"))
     if motors is None:
         return SeenAirframe()
     count = motors.values.shape[1]
     speed = "measured" if "rotor_speed" in log.channels else "commanded"
-    found = NAMED_LAYOUT.match((report.prospects and report.prospects.motors) or "")
+    found = NAMED_LAYOUT.match(confirmed or "")
     listed = _logged_rotors(log, count)
     table = listed if log.metadata.get("airframe is") == "set" else ()
     if found is None:

@@ -7,7 +7,7 @@ only the owner knows is a comment.
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from rotorfit.inspection.inspect_log import LogReport
+from rotorfit.inspection.advised_settings import AdvisedSettings
 from rotorfit.inspection.recording import settings_file
 from rotorfit.logs.files import file_name
 from rotorfit.logs.firmware import Setting
@@ -43,23 +43,23 @@ LINES: Final[dict[str, tuple[Line, tuple[str, ...]]]] = {
 """How a file of each autopilot writes a setting, and how it ends."""
 
 
-def file_of(report: LogReport) -> str | None:
+def file_of(report: AdvisedSettings) -> str | None:
     """Return the name of the kind of file that the log's autopilot loads; None for other logs."""
     path = settings_file(report.format, report.metadata)
     return None if path is None else path.name
 
 
-def to_write(report: LogReport) -> tuple[Setting, ...]:
+def to_write(report: AdvisedSettings) -> tuple[Setting, ...]:
     """Select the settings whose new value is known."""
     return tuple(setting for setting in report.settings if setting.new is not None)
 
 
-def to_decide(report: LogReport) -> tuple[Setting, ...]:
+def to_decide(report: AdvisedSettings) -> tuple[Setting, ...]:
     """Select the settings whose value only the owner of the vehicle knows."""
     return tuple(setting for setting in report.settings if setting.new is None)
 
 
-def diff_lines(report: LogReport) -> list[str]:
+def diff_lines(report: AdvisedSettings) -> list[str]:
     """Return old and new of every setting that must change, as a diff, with the reasons."""
     out: list[str] = []
     for setting in to_write(report):
@@ -69,7 +69,7 @@ def diff_lines(report: LogReport) -> list[str]:
     return out
 
 
-def decision_lines(report: LogReport) -> list[str]:
+def decision_lines(report: AdvisedSettings) -> list[str]:
     """Return a line for each setting that the owner must decide."""
     return [
         f"{s.name}{'' if s.old is None else f' (now {s.old})'}: {s.value}: {s.why}"
@@ -77,7 +77,7 @@ def decision_lines(report: LogReport) -> list[str]:
     ]
 
 
-def file_text(report: LogReport) -> str:
+def file_text(report: AdvisedSettings) -> str:
     """Return the file that changes what must change and nothing else."""
     file = file_of(report)
     assert file is not None
@@ -102,7 +102,7 @@ def _reason(setting: Setting) -> str:
     return "; ".join(parts)
 
 
-def _line(report: LogReport, setting: Setting, value: str) -> str:
+def _line(report: AdvisedSettings, setting: Setting, value: str) -> str:
     if setting.name.endswith(WHOLE_LINE):
         return value
     line, _ = LINES[file_of(report) or ""]

@@ -11,8 +11,9 @@ from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
 from rotorfit.formatting.digits import short, with_half
 from rotorfit.formatting.sheet import wrapped
 from rotorfit.inspection.inspect_log import LogReport
+from rotorfit.inspection.motor_lateness import LATEST, SEARCHED
 from rotorfit.inspection.prospects import Excitation, Prospects
-from rotorfit.inspection.recording import LATEST, SEARCHED, ChannelReport, settings_file
+from rotorfit.inspection.recording import ChannelReport, settings_file
 from rotorfit.inspection.spectra import AXES, Spectrum, Sweep
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry
 from rotorfit.verdicts.judge import ratio_words
