@@ -293,3 +293,7 @@ def test_answers_for_a_table_may_be_options(run, refused, unknown):
         "airframe", "own.csv", "-o", "b.toml", "--column", "gyro_x=nix"
     )
     assert "exists" in refused("airframe", "own.csv", *given, "--unit", "motors=rpm")
+
+
+def test_a_wrong_spacing_is_refused_before_the_log_is_read(refused):
+    assert "such as 91,127" in refused("airframe", "missing.bfl", "--spacing", "200")

@@ -109,6 +109,8 @@ def airframe(
     from rotorfit.logs.files import write_whole
 
     refuse_output_file(output, inputs=[] if log is None else [log], force=force)
+    if log is not None and spacing is not None:
+        _parse_spacing(spacing)  # refused before the log is read, not after
     table = None if log is None else _table_of(log, column, unit, axes=axes, poles=poles)
     seen = SeenAirframe() if log is None else _seen_in(log, log_number, table)
     given = (layout, order, spacing)
