@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from rotorfit.estimation.least_squares import total
+from rotorfit.fit.reduction.reduce import time_factors
 from rotorfit.model.regressor import regressor
-from rotorfit.reduction.reduce import time_factors
 
 
 @pytest.fixture(scope="module")

@@ -44,8 +44,8 @@ READING: Final = """
 import json, sys, time, warnings
 from pathlib import Path
 warnings.simplefilter("ignore")
-from rotorfit.experiment.declared_vehicle import read_options_of
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.experiment.declared_vehicle import read_options_of
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.logs import ReadOptions, read_log
 logs = []
 for path in map(Path, sys.argv[1:]):

@@ -15,8 +15,8 @@ from scipy import signal
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightWarning, RotorfitError
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.results.result import IdentificationResult

@@ -24,7 +24,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from benchmarks.common import real_data_folder
 from benchmarks.real_flights import SHOWN, Case, Outcome, cases, outcome
 
-from rotorfit.formatting.digits import number_of
+from rotorfit.digits import number_of
 
 ROOT = Path(__file__).parents[1]
 README, EVIDENCE = ROOT / "README.md", ROOT / "docs" / "evidence.md"

@@ -32,9 +32,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recovery"))
 import numpy as np
 
 from rotorfit.errors import FlightWarning, RotorfitError
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.identification.identify import identify_flights
+from rotorfit.identification import identify_flights
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import (
     Scenario,

@@ -12,11 +12,11 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from rotorfit.dataset.load import load_dataset
 from rotorfit.errors import FlightWarning
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.experiment.strict_tables import TERM_NAMES
+from rotorfit.fit.dataset.load import load_dataset
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.fit.experiment.strict_tables import TERM_NAMES
 from rotorfit.fit.intervals.joint_numbers import joint_numbers
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import joint_fit

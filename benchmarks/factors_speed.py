@@ -28,11 +28,11 @@ from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.least_squares import total
 from rotorfit.estimation.parameter_map import parameter_map
+from rotorfit.fit.reduction.reduce import time_factors
+from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.signals import signal_matrix
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.preprocessing.flight_data import FlightData, Segment
-from rotorfit.reduction.reduce import time_factors
 
 RATE = 200.0
 ARM = 0.2

@@ -29,17 +29,18 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from rotorfit.dataset.load import load_flight
 from rotorfit.errors import RotorfitWarning
-from rotorfit.fleet.executors import Workspace, process_log
-from rotorfit.fleet.joined import joined
-from rotorfit.fleet.listing import Defaults, FlightTask, listed_logs
-from rotorfit.fleet.one_flight import entry_of, experiment_of, fitted_factors
-from rotorfit.fleet.records import read_entry
-from rotorfit.fleet.run import PAGE, Workers, fleet_files, read_fleet, types_of
-from rotorfit.fleet.tables import ROWS, flight_columns, numbers_of, table_file
+from rotorfit.fit.dataset.load import load_flight
+from rotorfit.report.fleet_files import PAGE, fleet_files
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
 from rotorfit.simulation.experiment_files import write_flight_table
+from rotorfit.tools.fleet.executors import Workspace, process_log
+from rotorfit.tools.fleet.joined import joined
+from rotorfit.tools.fleet.listing import Defaults, FlightTask, listed_logs
+from rotorfit.tools.fleet.one_flight import entry_of, experiment_of, fitted_factors
+from rotorfit.tools.fleet.records import read_entry
+from rotorfit.tools.fleet.run import Workers, read_fleet, types_of
+from rotorfit.tools.fleet.tables import ROWS, flight_columns, numbers_of, table_file
 
 VEHICLES = 2
 

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.fleet.changes import Change, find_changes
+from rotorfit.tools.fleet.changes import Change, find_changes
 
 SETS: Final = ((6, 1), (13, 1), (25, 1), (12, 8))
 """Flights of a vehicle, and vehicles."""

@@ -33,13 +33,13 @@ from benchmarks.common import identify_flights, named_vehicle, true_values
 from benchmarks.recovery import flown
 from jaxtyping import Float
 
-from rotorfit.fleet.compared import TOGETHER
-from rotorfit.fleet.page import fleet_html
-from rotorfit.fleet.records import KT_WEIGHT, FlightRecord
-from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics, fleet_statistics
+from rotorfit.report.fleet_page import fleet_html
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import Scenario, Truth, simulate_flight, variant, write_flight_table
 from rotorfit.simulation.experiment_files import IMU_AND_SPEED
+from rotorfit.tools.fleet.compared import TOGETHER
+from rotorfit.tools.fleet.records import KT_WEIGHT, FlightRecord
+from rotorfit.tools.fleet.statistics import FleetStatistics, NumberStatistics, fleet_statistics
 
 VEHICLES, FLIGHTS, SECONDS = 20, 25, 40.0
 LEVEL: Final = {

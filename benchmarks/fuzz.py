@@ -291,7 +291,7 @@ def wrong_words(words: str) -> str | None:
 
 def wrong_with(found: object) -> str | None:
     """Return what is wrong with what a reader gave."""
-    from rotorfit.experiment.experiment import Experiment
+    from rotorfit.fit.experiment.experiment import Experiment
     from rotorfit.logs.flight_log import CHANNELS, FlightLog
 
     if isinstance(found, Experiment):
@@ -313,7 +313,7 @@ def wrong_with(found: object) -> str | None:
 
 def reader_of(name: str) -> Callable[[Path], object]:
     if name == "experiment":
-        from rotorfit.experiment.experiment import load_experiment
+        from rotorfit.fit.experiment.experiment import load_experiment
 
         return load_experiment
     from rotorfit.logs import read_log

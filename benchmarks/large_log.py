@@ -131,8 +131,8 @@ def work(path: Path, what: str) -> None:
         needed = sum(8 * (c.values.size + c.time.size) for c in taken) / 1e6
         print(peak(), needed, time.process_time() - begin)
         return
-    from rotorfit.experiment.experiment import load_experiment
-    from rotorfit.identification.identify import identify
+    from rotorfit.fit.experiment.experiment import load_experiment
+    from rotorfit.identification import identify
 
     result = identify(load_experiment(path))
     found = next(p.value for p in result.parameters if p.name == "kt")

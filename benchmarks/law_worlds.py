@@ -28,8 +28,8 @@ from benchmarks.worlds.study import identified
 from benchmarks.worlds.world import MANOEUVRES, World, draw_world
 
 from rotorfit.errors import RotorfitError
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 
 Row = dict[str, Any]
 SAGS = 0.5

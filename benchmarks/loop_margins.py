@@ -28,15 +28,15 @@ from benchmarks.worlds.pilot import STEP
 from benchmarks.worlds.sensing import write_world
 from benchmarks.worlds.world import World, draw_world
 
-from rotorfit.control_loop.controllers import RateController
-from rotorfit.control_loop.loop import AxisLoop, judge_flight, loop_margins
-from rotorfit.control_loop.margins import margins
-from rotorfit.control_loop.plant import GyroFilter, Response, hold
 from rotorfit.errors import RotorfitError
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.logs import read_log
 from rotorfit.logs.controller_log import ControllerLog
+from rotorfit.tools.control_loop.controllers import RateController
+from rotorfit.tools.control_loop.loop import AxisLoop, judge_flight, loop_margins
+from rotorfit.tools.control_loop.margins import margins
+from rotorfit.tools.control_loop.plant import GyroFilter, Response, hold
 
 MEASURES = ("crossover", "phase", "gain", "delay", "sensitivity")
 SHORT = 30.0

@@ -29,8 +29,8 @@ from benchmarks.common import experiment_text, named_vehicle, true_values
 from benchmarks.recovery import Found, found_values
 
 from rotorfit.errors import FlightWarning, RotorfitError
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.simulation import (
     Scenario,

@@ -25,8 +25,8 @@ import mujoco_paper
 import numpy as np
 
 from rotorfit.errors import FlightWarning
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 
 Run = tuple[dict[str, mujoco_paper.Error], dict[str, float]]
 UNITS = {"msx": (1e6, "1e-6 kg m"), "msy": (1e6, "1e-6 kg m"), "motor_lag_total": (1e3, "ms")}

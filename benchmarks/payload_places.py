@@ -10,9 +10,10 @@ hangs in different places, weighed to 0.5 g and measured to 2 mm. The prediction
 
 from typing import Final
 
-from rotorfit.experiment.payload import PointMass
+from rotorfit.fit.experiment.payload import PointMass
 from rotorfit.model.vehicle import Vehicle, layout_rotors
-from rotorfit.planning.bound import (
+from rotorfit.simulation.pilot import Manoeuvre
+from rotorfit.tools.planning.bound import (
     BARE,
     LOADED,
     Problem,
@@ -22,8 +23,7 @@ from rotorfit.planning.bound import (
     planned_problem,
     predicted,
 )
-from rotorfit.planning.vehicle import assumptions_for, rough_vehicle
-from rotorfit.simulation.pilot import Manoeuvre
+from rotorfit.tools.planning.vehicle import assumptions_for, rough_vehicle
 
 MASS, SECONDS, TOTAL = 1.285, 40.0, 0.16
 KNOWN: Final = {"Ixx": 0.0182, "Iyy": 0.0186, "Izz": 0.0288}

@@ -54,8 +54,8 @@ from mujoco_paper import DRAG, SENSORS
 from scipy import signal
 
 from rotorfit.errors import FlightWarning
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation import SimulatedVehicle, Truth, paper_vehicle
 from rotorfit.simulation.experiment_files import true_parameters

@@ -277,7 +277,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("return max(value for key", "return min(value for key"),
         ),
     ),
-    "reduction/frequency_bands.py": Room(
+    "fit/reduction/frequency_bands.py": Room(
         tests=(
             "tests/fit/test_excitation.py",
             "tests/fit/test_joint_intervals.py",
@@ -388,8 +388,8 @@ ROOMS: Final[dict[str, Room]] = {
             ("bias = weight / (1.0 + rho)", "bias = weight / np.maximum(rho, 1.0)"),
         ),
     ),
-    "diagnostics/sensors/clocks.py": Room(
-        tests=("tests/diagnostics/test_lever_arms_and_clocks.py",),
+    "checks/sensors/clocks.py": Room(
+        tests=("tests/checks/test_lever_arms_and_clocks.py",),
         scaled=(
             "phase = <<FED_BACK * _mean_unexplained(bands, about)>>",
             "return self.left + <<4.0 * self.common>> * float",
@@ -455,10 +455,10 @@ ROOMS: Final[dict[str, Room]] = {
             ('f"Izz_com@{owner}" if owner else "kd"', "name"),
         ),
     ),
-    "diagnostics/kt_from_weight.py": Room(
+    "checks/kt_from_weight.py": Room(
         tests=(
-            "tests/diagnostics/test_kt_from_weight.py",
-            "tests/diagnostics/test_weight_steps.py",
+            "tests/checks/test_kt_from_weight.py",
+            "tests/checks/test_weight_steps.py",
         ),
         scaled=(
             "CHANGES_STD = <<0.02>>",
@@ -473,9 +473,9 @@ ROOMS: Final[dict[str, Room]] = {
             ("correlation_of(own + common)", "correlation_of(own)"),
         ),
     ),
-    "diagnostics/motors/law_from_flight.py": Room(
+    "checks/motors/law_from_flight.py": Room(
         tests=(
-            "tests/diagnostics/test_law_from_flight.py",
+            "tests/checks/test_law_from_flight.py",
             "tests/results/test_command_units.py",
         ),
         scaled=(
@@ -499,9 +499,9 @@ ROOMS: Final[dict[str, Room]] = {
             ("near = NEAR if self.from_flight else 1.0", "near = NEAR"),
         ),
     ),
-    "experiment/law_table.py": Room(
+    "fit/experiment/law_table.py": Room(
         tests=(
-            "tests/diagnostics/test_law_from_flight.py",
+            "tests/checks/test_law_from_flight.py",
             "tests/results/test_command_units.py",
         ),
         changed=(
@@ -509,8 +509,8 @@ ROOMS: Final[dict[str, Room]] = {
             ('"exponent": power * law.power.exponent', '"exponent": law.power.exponent'),
         ),
     ),
-    "dataset/carried_weight.py": Room(
-        tests=("tests/dataset/test_carried_weight.py",),
+    "fit/dataset/carried_weight.py": Room(
+        tests=("tests/fit/dataset/test_carried_weight.py",),
         scaled=(
             "FORGOTTEN = <<2.0>>",
             "PRIOR_VELOCITIES = <<2.0>>",
@@ -526,7 +526,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("(GRAVITY + gained.value + drag)", "(GRAVITY + gained.value)"),
         ),
     ),
-    "reduction/motor_timing.py": Room(
+    "fit/reduction/motor_timing.py": Room(
         tests=("tests/fit/test_timing_deviations.py",),
         scaled=(
             "LAG_PRIOR: Final = (<<0.035>>, 0.03)",
@@ -681,8 +681,8 @@ ROOMS: Final[dict[str, Room]] = {
             ("* (1.0 if best else -1.0)", ""),
         ),
     ),
-    "dataset/weight_balance.py": Room(
-        tests=("tests/diagnostics/test_kt_from_weight.py",),
+    "fit/dataset/weight_balance.py": Room(
+        tests=("tests/checks/test_kt_from_weight.py",),
         scaled=(
             "LONGEST_WINDOW = <<10.0>>",
             "SHORTEST_WINDOW = <<2.0>>",
@@ -697,8 +697,8 @@ ROOMS: Final[dict[str, Room]] = {
             ("part.std**-2.0", "part.std**-1.0"),
         ),
     ),
-    "reduction/reduce.py": Room(
-        tests=("tests/reduction/test_rotor_noise.py",),
+    "fit/reduction/reduce.py": Room(
+        tests=("tests/fit/reduction/test_rotor_noise.py",),
         scaled=(
             "half = <<0.5>> * flight.rotor_speed_std**2",
             "= <<4.0 * square * half * average>>",
@@ -711,11 +711,11 @@ ROOMS: Final[dict[str, Room]] = {
             ("difference = np.sin(turn) * flight.sample_rate", "pass"),
         ),
     ),
-    "verdicts/parameters.py": Room(
+    "checks/verdicts/parameters.py": Room(
         tests=(
-            "tests/verdicts/test_motor_parameters.py",
+            "tests/checks/verdicts/test_motor_parameters.py",
             "tests/results/test_stated_intervals.py",
-            "tests/verdicts/test_rotor_spread.py",
+            "tests/checks/verdicts/test_rotor_spread.py",
         ),
         scaled=(
             "TIME_SCALE = <<0.008>>",
@@ -750,7 +750,7 @@ ROOMS: Final[dict[str, Room]] = {
             "return <<0.5>> * float(np.sqrt(mass *",
         ),
     ),
-    "diagnostics/impossible_inertia.py": Room(
+    "checks/impossible_inertia.py": Room(
         tests=("tests/results/test_physical_inertia.py",),
         scaled=(
             "spread = <<slope * half>>",
@@ -761,7 +761,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("spread @ numbers.correlation[np.ix_(places, places)] @ spread", "spread @ spread"),
         ),
     ),
-    "verdicts/judge.py": Room(
+    "checks/verdicts/judge.py": Room(
         tests=("tests/results/test_result.py",),
         scaled=(
             "\nWEAK = <<0.25>>",
@@ -774,10 +774,10 @@ ROOMS: Final[dict[str, Room]] = {
             ("HOPELESS_YAW if little and axis", "HOPELESS_YAW if axis"),
         ),
     ),
-    "diagnostics/weak_directions.py": Room(
+    "checks/weak_directions.py": Room(
         tests=(
-            "tests/diagnostics/test_weak_directions.py",
-            "tests/verdicts/test_motor_parameters.py",
+            "tests/checks/test_weak_directions.py",
+            "tests/checks/verdicts/test_motor_parameters.py",
             "tests/results/test_stated_intervals.py",
         ),
         scaled=(
@@ -790,12 +790,12 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         changed=(("root = np.sqrt(np.maximum(values, 0.0))", "root = np.maximum(values, 0.0)"),),
     ),
-    "validation/replay.py": Room(
-        tests=("tests/validation/test_whiteness.py", "tests/validation/test_replay.py"),
+    "results/validation/replay.py": Room(
+        tests=("tests/results/validation/test_whiteness.py", "tests/results/validation/test_replay.py"),
         scaled=("NORMAL_95: Final = <<1.96>>",),
     ),
-    "validation/validate.py": Room(
-        tests=("tests/validation/test_whiteness.py", "tests/validation/test_validate.py"),
+    "results/validation/validate.py": Room(
+        tests=("tests/results/validation/test_whiteness.py", "tests/results/validation/test_validate.py"),
         scaled=(
             "\nCUTOFF = <<3.0>>",
             "WHITENESS_LAGS = <<10>>",

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from rotorfit.errors import RotorfitError
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.logs import read_log
 
 NO_LOGS = (".md", ".toml", ".json", ".py", ".txt")

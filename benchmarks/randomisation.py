@@ -35,17 +35,17 @@ import numpy as np
 from scipy.optimize import minimize
 
 from rotorfit.errors import FlightWarning
-from rotorfit.experiment.experiment import load_experiment
 from rotorfit.export.mujoco import FREE, fly_manoeuvre
 from rotorfit.export.variants import variants
 from rotorfit.export.vehicle import VehicleModel, is_possible
 from rotorfit.export.vehicle_model import vehicle_model
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
+from rotorfit.results.validation.fly_outcome import BEFORE, STEPS, is_lost
 from rotorfit.simulation.controller import Gains
 from rotorfit.simulation.experiment_files import simulate
 from rotorfit.simulation.experiments import FULL_SPEED, plan_experiment
 from rotorfit.simulation.truth import Truth
-from rotorfit.validation.fly_outcome import BEFORE, STEPS, is_lost
 
 SHARE = 0.2
 COM_SHARE = 0.02

@@ -33,8 +33,8 @@ import numpy as np
 from benchmarks.common import real_data_folder
 
 from rotorfit.errors import RotorfitError
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 
 SHOWN = ("kt", "kd", "Ixx_com", "Iyy_com", "Izz_com", "Jr", "kd_over_Izz", "Jr_over_Izz",
          "Ixy_com", "Ixz_com", "Iyz_com", "com_x", "com_y", "com_z", "motor_lag",

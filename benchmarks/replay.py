@@ -23,10 +23,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from rotorfit.errors import RotorfitWarning
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.results.result import IdentificationResult
-from rotorfit.validation.replay import (
+from rotorfit.results.validation.replay import (
     HOLD,
     Replay,
     Timed,
@@ -36,8 +36,8 @@ from rotorfit.validation.replay import (
     growth_time,
     replay_flights,
 )
-from rotorfit.validation.replay_vehicle import ReplayVehicle, replay_vehicle
-from rotorfit.validation.validate import fitted_response
+from rotorfit.results.validation.replay_vehicle import ReplayVehicle, replay_vehicle
+from rotorfit.results.validation.validate import fitted_response
 
 AIRFRAME = Path(__file__).parents[1] / "examples" / "cinerat.toml"
 MASS = 0.428

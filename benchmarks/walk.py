@@ -52,7 +52,7 @@ def looks(frame, event, arg):
     if event not in ("call", "return") or frame.f_back is None:
         return
     here, there = module_of(frame), module_of(frame.f_back)
-    if here is None or there is None or here == there or not there.startswith("identification/"):
+    if here is None or there is None or here == there or there != "identification.py":
         return
     if frame.f_code.co_name.startswith("<"):
         return
@@ -64,8 +64,8 @@ def looks(frame, event, arg):
         named(arg)
 
 def main():
-    from rotorfit.experiment.experiment import load_experiment
-    from rotorfit.identification.identify import identify
+    from rotorfit.fit.experiment.experiment import load_experiment
+    from rotorfit.identification import identify
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         from tests.flown import simulated, experiment_file
@@ -78,10 +78,11 @@ def main():
         result = identify(experiment)
         sys.setprofile(None)
         line = next(l for l in text_module.result_text(result).splitlines() if "kd" in l)
-    files = sorted({m for m, _ in calls} | {"identification/identify.py", "report/text.py"})
-    rooms = [(m.split("/")[0], name) for m, name in calls if m.split("/")[0] in ORDER]
+    files = sorted({m for m, _ in calls} | {"identification.py", "report/text.py"})
+    rooms = [(m.split("/")[0].removesuffix(".py"), name) for m, name in calls]
+    rooms = [(room, name) for room, name in rooms if room in ORDER]
     rooms = [(room, name) for room, name in rooms if room != "identification"]
-    loaded = next((i for i, (room, _) in enumerate(rooms) if room in ("fit", "diagnostics")), 0)
+    loaded = next((i for i, (room, _) in enumerate(rooms) if room in ("fit", "checks")), 0)
     back = [f"{one} -> {two} ({name})"
             for (one, _), (two, name) in zip(rooms[loaded:], rooms[loaded + 1:])
             if ORDER[two] < ORDER[one]]

@@ -30,16 +30,16 @@ import numpy as np
 from benchmarks.common import real_data_folder
 from benchmarks.real_flights import cases
 
-from rotorfit.dataset.load import load_dataset
-from rotorfit.diagnostics.diagnose import STEPS
-from rotorfit.diagnostics.kt_from_weight import weigh_thrust
+from rotorfit.checks.diagnose import STEPS
+from rotorfit.checks.kt_from_weight import weigh_thrust
 from rotorfit.errors import RotorfitError
 from rotorfit.estimation.banded import response_sensitivity
 from rotorfit.estimation.effective_blocks import effective_blocks
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.dataset.load import load_dataset
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.fit.fit import Fit, numbers_of
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.imu_tilt import correct_imu_tilt

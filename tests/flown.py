@@ -5,8 +5,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rotorfit.errors import FlightWarning
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import (

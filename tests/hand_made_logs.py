@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorfit.flight.motors.motor_model import MotorModel
+from rotorfit.flight.prepare import prepare
 from rotorfit.logs.flight_log import Channel, FlightLog
-from rotorfit.preprocessing.motors.motor_model import MotorModel
-from rotorfit.preprocessing.prepare import prepare
 
 G = 9.80665
 HOVER = 400.0  # rad/s

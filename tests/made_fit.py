@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
-from rotorfit.experiment.airframe_table import AirframeEntry
-from rotorfit.experiment.experiment import (
+from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
+from rotorfit.fit.experiment.airframe_table import AirframeEntry
+from rotorfit.fit.experiment.experiment import (
     ConfigurationEntry,
     Experiment,
     FlightEntry,
@@ -22,12 +22,12 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
 from rotorfit.fit.joint.term_choice import Choice
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.flight.decimate import as_recorded
+from rotorfit.flight.flight_data import FlightData, Segment
+from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.preprocessing.decimate import as_recorded
-from rotorfit.preprocessing.flight_data import FlightData, Segment
-from rotorfit.preprocessing.prepare import PreparedFlight
 
 ARM = 0.25
 SQUARE = (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)

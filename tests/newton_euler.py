@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.preprocessing.flight_data import FlightData, Segment
 
 INERTIA_NAMES = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 CHI = ("msx", "msy", "msz", *INERTIA_NAMES)

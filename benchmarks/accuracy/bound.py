@@ -24,12 +24,12 @@ from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.joint.joint_map import joint_map
 from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior
+from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.signals import signal_layout, signal_matrix
 from rotorfit.model.terms.rotors import rotor_drag_std
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.simulation import SimulatedFlight, sampled_flight_data
 
 TOP = 30.0

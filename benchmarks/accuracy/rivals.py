@@ -22,11 +22,11 @@ from rotorfit.estimation.estimate import (
 )
 from rotorfit.estimation.least_squares import component_weights, ordinary, total
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
+from rotorfit.fit.reduction.reduce import LowPass, time_factors
+from rotorfit.flight.flight_data import FlightData
+from rotorfit.flight.signals import central_difference
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
 from rotorfit.model.regressor import regressor
-from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.preprocessing.signals import central_difference
-from rotorfit.reduction.reduce import LowPass, time_factors
 from rotorfit.simulation import SimulatedFlight, sampled_flight_data
 
 PAPER_FILTER = LowPass(cutoff=3.0, samples_per_period=8.0)

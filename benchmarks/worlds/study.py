@@ -23,9 +23,9 @@ from benchmarks.worlds.told import tell
 from benchmarks.worlds.world import World, draw_world
 
 from rotorfit.errors import RotorfitError
-from rotorfit.experiment.experiment import load_experiment
 from rotorfit.findings import Evidence
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.results.result import IdentificationResult, verdict_of
 
 BATCH: Final = 50

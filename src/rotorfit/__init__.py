@@ -10,11 +10,6 @@ from rotorfit.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from rotorfit import plot as plot
-    from rotorfit.control_loop.loop import AxisLoop as AxisLoop
-    from rotorfit.control_loop.loop import LoopOutcome as LoopOutcome
-    from rotorfit.control_loop.loop import loop_margins as loop_margins
-    from rotorfit.control_loop.measures import LoopMeasures as LoopMeasures
-    from rotorfit.control_loop.measures import Measure as Measure
     from rotorfit.errors import EstimationError as EstimationError
     from rotorfit.errors import ExcitationError as ExcitationError
     from rotorfit.errors import ExperimentError as ExperimentError
@@ -25,13 +20,20 @@ if TYPE_CHECKING:
     from rotorfit.errors import OutputError as OutputError
     from rotorfit.errors import RotorfitError as RotorfitError
     from rotorfit.errors import RotorfitWarning as RotorfitWarning
-    from rotorfit.experiment.declared_vehicle import motor_model_of as motor_model_of
-    from rotorfit.experiment.declared_vehicle import vehicle_of as vehicle_of
-    from rotorfit.experiment.experiment import Experiment as Experiment
-    from rotorfit.experiment.experiment import load_experiment as load_experiment
-    from rotorfit.experiment.experiment import single_flight_experiment as single_flight_experiment
     from rotorfit.export.write import write_export as write_export
-    from rotorfit.identification.identify import identify as identify
+    from rotorfit.fit.experiment.declared_vehicle import motor_model_of as motor_model_of
+    from rotorfit.fit.experiment.declared_vehicle import vehicle_of as vehicle_of
+    from rotorfit.fit.experiment.experiment import Experiment as Experiment
+    from rotorfit.fit.experiment.experiment import load_experiment as load_experiment
+    from rotorfit.fit.experiment.experiment import (
+        single_flight_experiment as single_flight_experiment,
+    )
+    from rotorfit.flight.flight_data import FlightData as FlightData
+    from rotorfit.flight.flight_data import Segment as Segment
+    from rotorfit.flight.motors.motor_model import MotorModel as MotorModel
+    from rotorfit.flight.prepare import PreparedFlight as PreparedFlight
+    from rotorfit.flight.prepare import prepare as prepare
+    from rotorfit.identification import identify as identify
     from rotorfit.logs.columns import ColumnSpec as ColumnSpec
     from rotorfit.logs.flight_log import Channel as Channel
     from rotorfit.logs.flight_log import FlightLog as FlightLog
@@ -40,16 +42,6 @@ if TYPE_CHECKING:
     from rotorfit.model.vehicle import Rotor as Rotor
     from rotorfit.model.vehicle import Vehicle as Vehicle
     from rotorfit.model.vehicle import layout_rotors as layout_rotors
-    from rotorfit.planning.plan import FlightPlan as FlightPlan
-    from rotorfit.planning.plan import PlanRequest as PlanRequest
-    from rotorfit.planning.plan import plan as plan
-    from rotorfit.planning.wanted import Wanted as Wanted
-    from rotorfit.planning.wanted import wanted_accuracy as wanted_accuracy
-    from rotorfit.preprocessing.flight_data import FlightData as FlightData
-    from rotorfit.preprocessing.flight_data import Segment as Segment
-    from rotorfit.preprocessing.motors.motor_model import MotorModel as MotorModel
-    from rotorfit.preprocessing.prepare import PreparedFlight as PreparedFlight
-    from rotorfit.preprocessing.prepare import prepare as prepare
     from rotorfit.report.parameters import latex_table as latex_table
     from rotorfit.report.plan_card import write_card as write_card
     from rotorfit.report.plan_text import plan_text as plan_text
@@ -68,11 +60,23 @@ if TYPE_CHECKING:
     from rotorfit.results.result import IdentificationResult as IdentificationResult
     from rotorfit.results.result import Parameter as Parameter
     from rotorfit.results.samples import Samples as Samples
+    from rotorfit.results.validation.validate import fitted_comparisons as fitted_comparisons
+    from rotorfit.results.validation.validate import validate_file as validate_file
+    from rotorfit.results.validation.validate import (
+        validation_comparisons as validation_comparisons,
+    )
+    from rotorfit.results.validation.wrench_comparison import WrenchComparison as WrenchComparison
     from rotorfit.simulation.experiment_files import simulate as simulate
-    from rotorfit.validation.validate import fitted_comparisons as fitted_comparisons
-    from rotorfit.validation.validate import validate_file as validate_file
-    from rotorfit.validation.validate import validation_comparisons as validation_comparisons
-    from rotorfit.validation.wrench_comparison import WrenchComparison as WrenchComparison
+    from rotorfit.tools.control_loop.loop import AxisLoop as AxisLoop
+    from rotorfit.tools.control_loop.loop import LoopOutcome as LoopOutcome
+    from rotorfit.tools.control_loop.loop import loop_margins as loop_margins
+    from rotorfit.tools.control_loop.measures import LoopMeasures as LoopMeasures
+    from rotorfit.tools.control_loop.measures import Measure as Measure
+    from rotorfit.tools.planning.plan import FlightPlan as FlightPlan
+    from rotorfit.tools.planning.plan import PlanRequest as PlanRequest
+    from rotorfit.tools.planning.plan import plan as plan
+    from rotorfit.tools.planning.wanted import Wanted as Wanted
+    from rotorfit.tools.planning.wanted import wanted_accuracy as wanted_accuracy
 else:
     _PLACES = {
         "rotorfit.errors": (
@@ -87,33 +91,33 @@ else:
             "RotorfitError",
             "RotorfitWarning",
         ),
-        "rotorfit.control_loop.loop": ("AxisLoop", "LoopOutcome", "loop_margins"),
-        "rotorfit.control_loop.measures": ("LoopMeasures", "Measure"),
+        "rotorfit.tools.control_loop.loop": ("AxisLoop", "LoopOutcome", "loop_margins"),
+        "rotorfit.tools.control_loop.measures": ("LoopMeasures", "Measure"),
         "rotorfit.export.write": ("write_export",),
-        "rotorfit.preprocessing.flight_data": ("FlightData", "Segment"),
+        "rotorfit.flight.flight_data": ("FlightData", "Segment"),
         "rotorfit.logs.flight_log": ("Channel", "FlightLog"),
-        "rotorfit.preprocessing.motors.motor_model": ("MotorModel",),
-        "rotorfit.preprocessing.prepare": ("PreparedFlight", "prepare"),
+        "rotorfit.flight.motors.motor_model": ("MotorModel",),
+        "rotorfit.flight.prepare": ("PreparedFlight", "prepare"),
         "rotorfit.results.command_law": ("CommandLaw", "LawNumber", "LawPoint"),
         "rotorfit.results.compare": ("Comparison", "compare_results"),
-        "rotorfit.validation.wrench_comparison": ("WrenchComparison",),
-        "rotorfit.experiment.declared_vehicle": ("motor_model_of", "vehicle_of"),
-        "rotorfit.experiment.experiment": (
+        "rotorfit.results.validation.wrench_comparison": ("WrenchComparison",),
+        "rotorfit.fit.experiment.declared_vehicle": ("motor_model_of", "vehicle_of"),
+        "rotorfit.fit.experiment.experiment": (
             "Experiment",
             "load_experiment",
             "single_flight_experiment",
         ),
-        "rotorfit.identification.identify": ("identify",),
+        "rotorfit.identification": ("identify",),
         "rotorfit.results.physical_inertia": ("Projected", "project_to_physical"),
-        "rotorfit.planning.plan": ("FlightPlan", "PlanRequest", "plan"),
-        "rotorfit.planning.wanted": ("Wanted", "wanted_accuracy"),
+        "rotorfit.tools.planning.plan": ("FlightPlan", "PlanRequest", "plan"),
+        "rotorfit.tools.planning.wanted": ("Wanted", "wanted_accuracy"),
         "rotorfit.results.result": (
             "Derived",
             "FlightRecord",
             "IdentificationResult",
             "Parameter",
         ),
-        "rotorfit.validation.validate": (
+        "rotorfit.results.validation.validate": (
             "fitted_comparisons",
             "validate_file",
             "validation_comparisons",

@@ -10,17 +10,17 @@ from typing import Any, Final
 
 import numpy as np
 
+from rotorfit.digits import finite_interval, known
 from rotorfit.errors import OutputError
-from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.report.correlations import correlation
 from rotorfit.report.parameters import unit_words
 from rotorfit.report.wrenches import COMPONENT, series_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, owner_of, verdict_of
-from rotorfit.validation.judgement import AXES
-from rotorfit.validation.replay import HOLD, IDENTIFIED, Replay, Timed, replay_flights
-from rotorfit.validation.replay_vehicle import replay_vehicle
-from rotorfit.validation.validate import fitted_response
-from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
+from rotorfit.results.validation.judgement import AXES
+from rotorfit.results.validation.replay import HOLD, IDENTIFIED, Replay, Timed, replay_flights
+from rotorfit.results.validation.replay_vehicle import replay_vehicle
+from rotorfit.results.validation.validate import fitted_response
+from rotorfit.results.validation.wrench_comparison import SHOWN, WrenchComparison
 
 Axes = Any
 """Axes of matplotlib, which need not be installed."""

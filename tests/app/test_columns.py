@@ -9,9 +9,9 @@ from served import FORM, dropped, quiet
 from rotorfit.app.engine import Engine
 from rotorfit.app.form import experiment_of
 from rotorfit.cli.main import main
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.inspection.inspect_log import inspect_log
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.logs import read_log
+from rotorfit.tools.inspection.inspect_log import inspect_log
 
 REPLIES = {"named": {}, "units": {"gyro": "rad/s", "motors": "rad/s"}, "axes": None}
 

@@ -12,11 +12,11 @@ from served import FORM, dropped, quiet
 from rotorfit.app.engine import Engine
 from rotorfit.app.files import MOST_FILES, receive
 from rotorfit.errors import OutputError
-from rotorfit.experiment.experiment import load_experiment
 from rotorfit.export.targets import OFFERED, AnyTargetName
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.model.vehicle import LAYOUTS
-from rotorfit.planning.next_step import with_best_manoeuvre
+from rotorfit.tools.planning.next_step import with_best_manoeuvre
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 

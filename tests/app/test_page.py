@@ -19,8 +19,8 @@ import pytest
 from benchmarks.page_stopwatch import served
 
 from real_browser import opened_browser
+from rotorfit.digits import number_of
 from rotorfit.errors import LogError
-from rotorfit.formatting.digits import number_of
 from rotorfit.logs import read_log
 from rotorfit.model.vehicle import Vehicle, layout_rotors
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, write_flight_table

@@ -14,8 +14,8 @@ from ulog_encoder import write_ulog
 
 import rotorfit
 from rotorfit.cli.airframe import listed_text
-from rotorfit.experiment.airframe_table import AirframeEntry
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.experiment.airframe_table import AirframeEntry
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.model.vehicle import layout_rotors, spaced_rotors
 
 POSED = {"t", "px", "py", "pz", "qx", "qy", "qz", "qw", *(f"motor_motor_m{i}" for i in range(1, 5))}

@@ -23,8 +23,8 @@ from rotorfit import __version__
 from rotorfit.cli.main import main
 from rotorfit.cli.terminal import COLOUR, colour_from, coloured, paced, steps
 from rotorfit.errors import EstimationError
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.logs import read_log
 from rotorfit.report.summary import summary_text
 from rotorfit.results.result import IdentificationResult

@@ -17,7 +17,7 @@ from rotorfit.export.targets import RANDOM_TARGETS, TARGETS
 from rotorfit.export.write import columns_of, table_files, write_export
 from rotorfit.logs.table import open_parquet
 from rotorfit.results.result import IdentificationResult
-from rotorfit.validation.wrench_comparison import WrenchComparison
+from rotorfit.results.validation.wrench_comparison import WrenchComparison
 
 sys.path.append(str(Path(__file__).parents[1] / "export"))
 from export_material import MASS, YAW_LOST, a_result, changed

@@ -50,7 +50,7 @@ def test_a_missing_mass_is_refused_without_the_fit(tmp_path: Path) -> None:
 
 def test_inspect_refuses_a_missing_log_without_its_checks() -> None:
     found = imported("inspect", "missing.bfl")
-    assert found.isdisjoint({"scipy", "rotorfit.inspection", "rotorfit.simulation", "jinja2"})
+    assert found.isdisjoint({"scipy", "rotorfit.tools.inspection", "rotorfit.simulation", "jinja2"})
 
 
 def test_a_missing_experiment_file_needs_no_numpy() -> None:
@@ -77,8 +77,10 @@ def test_inspect_and_identify_import_only_what_they_use(
 @pytest.mark.usefixtures("here")
 def test_airframe_and_settings_load_no_fit_of_the_flight() -> None:
     found = imported("settings", "flight.csv")
-    assert "rotorfit.inspection.recording" in found
-    assert not any(name.startswith(("rotorfit.fit", "rotorfit.planning")) for name in found)
+    assert "rotorfit.tools.inspection.recording" in found
+    assert not any(name.startswith(("rotorfit.fit", "rotorfit.tools.planning")) for name in found)
     found = imported("airframe", "flight.csv")
-    assert "rotorfit.inspection.flown_part" in found
-    assert found.isdisjoint({"rotorfit.inspection.prospects", "rotorfit.planning.next_step"})
+    assert "rotorfit.tools.inspection.flown_part" in found
+    assert found.isdisjoint(
+        {"rotorfit.tools.inspection.prospects", "rotorfit.tools.planning.next_step"}
+    )

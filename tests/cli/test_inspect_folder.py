@@ -4,8 +4,8 @@ import pytest
 
 from flown import simulated
 from rotorfit.cli.inspect import _logs_in as logs_in
-from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.simulation import write_flight_table
+from rotorfit.tools.inspection.inspect_log import LogReport
 
 
 @pytest.fixture(scope="module")

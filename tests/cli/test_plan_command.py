@@ -6,11 +6,11 @@ import re
 
 import pytest
 
-from rotorfit.planning.plan import PlanRequest, plan
-from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.report.plan_card import card_html, card_text
 from rotorfit.report.plan_text import plan_text, remedy_sentences
 from rotorfit.simulation import paper_vehicle
+from rotorfit.tools.planning.plan import PlanRequest, plan
+from rotorfit.tools.planning.wanted import wanted_accuracy
 
 QUICK = ("--mass", "1.285", "--payload", "0", "--seconds", "20")
 

@@ -7,8 +7,8 @@ import pytest
 from blackbox_file import blackbox_of
 from dataflash_encoder import KINDS, QUAD_X, imu, log, parameters, rcou
 
-from rotorfit.inspection.recording import settings_for
-from rotorfit.inspection.settings_to_change import LINES
+from rotorfit.tools.inspection.recording import settings_for
+from rotorfit.tools.inspection.settings_to_change import LINES
 
 NEWER_DEFAULT = 180222
 """LOG_BITMASK of ArduCopter 4.6; before it was 176126, without bit 12."""

@@ -5,8 +5,8 @@ import pytest
 
 from rotorfit.cli.validate import validation_text
 from rotorfit.report.parameters import NOTHING_PREDICTED
-from rotorfit.validation.judgement import judgement
-from rotorfit.validation.wrench_comparison import WrenchComparison
+from rotorfit.results.validation.judgement import judgement
+from rotorfit.results.validation.wrench_comparison import WrenchComparison
 
 
 def flight(**errors: float) -> WrenchComparison:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from rotorfit.experiment.experiment import Experiment
+from rotorfit.fit.experiment.experiment import Experiment
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.model.vehicle import LAYOUTS, layout_rotors
 

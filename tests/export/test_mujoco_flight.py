@@ -11,7 +11,7 @@ from rotorfit.errors import OutputError
 from rotorfit.export.mujoco import STOCK_LAG, STOCK_THRUST, fly_manoeuvre, flyable
 from rotorfit.export.targets import BODY, ROTORS
 from rotorfit.export.vehicle_model import vehicle_model
-from rotorfit.validation.fly_outcome import (
+from rotorfit.results.validation.fly_outcome import (
     MANOEUVRES,
     STEP,
     STEPS,

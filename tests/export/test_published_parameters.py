@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from export_material import a_result, text_of
 
-from rotorfit.inspection.recording import settings_file
+from rotorfit.tools.inspection.recording import settings_file
 
 HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"

@@ -32,6 +32,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from rotorfit.checks.verdicts.judge import body_verdict
 from rotorfit.errors import OutputError
 from rotorfit.export import file_format
 from rotorfit.export.result_numbers import number_warnings, numbers_of
@@ -40,12 +41,11 @@ from rotorfit.export.vehicle import inertia_at_origin
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.export.write import export
 from rotorfit.findings import doubt, note
+from rotorfit.flight.motors.motor_model import thrust_curve
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import INERTIA
-from rotorfit.preprocessing.motors.motor_model import thrust_curve
 from rotorfit.report.parameters import body_entry
 from rotorfit.results.command_units import effective_unit
-from rotorfit.verdicts.judge import body_verdict
 
 EVERY = sorted(TARGETS)
 WITH_YAW = [target for target in EVERY if "kd" in TARGETS[target].needs]

@@ -16,10 +16,10 @@ from rotorfit.fit.joint.joint_problem import (
     lateness,
     nominal_response,
 )
+from rotorfit.fit.reduction.motor_timing import FreeTiming
+from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.motor_timing import FreeTiming
 
 ROLL, PITCH, YAW = (NOISY.index(name) for name in ("dwx", "dwy", "dwz"))
 BANDS = [(0.0, 0.3), (1.0, 2.0), (3.0, 4.0)]

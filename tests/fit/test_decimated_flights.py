@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-import rotorfit.dataset.load
+import rotorfit.fit.dataset.load
 from flown import airframe_table
-from rotorfit.dataset.load import load_flight
-from rotorfit.experiment.experiment import single_flight_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.dataset.load import load_flight
+from rotorfit.fit.experiment.experiment import single_flight_experiment
+from rotorfit.identification import identify
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
 from rotorfit.simulation.experiment_files import IMU_AND_COMMAND, IMU_AND_SPEED, write_flight_table
 
@@ -39,7 +39,7 @@ def experiments(tmp_path_factory):
 def test_fewer_samples_give_the_same_numbers(experiments, speed, monkeypatch):
     found = identify(experiments[speed])
     monkeypatch.setattr(
-        rotorfit.dataset.load, "decimated", lambda prepared, motors, *, top: prepared
+        rotorfit.fit.dataset.load, "decimated", lambda prepared, motors, *, top: prepared
     )
     wanted = identify(experiments[speed])
     assert found.flights == wanted.flights

@@ -18,7 +18,7 @@ from rotorfit.fit.intervals.numbers import (
     link_allowance,
     product_allowance,
 )
-from rotorfit.reduction.frequency_bands import PILOT_BAND
+from rotorfit.fit.reduction.frequency_bands import PILOT_BAND
 
 PULLS = {"Ixx_com": INERTIA_BIAS, "Iyy": INERTIA_BIAS, "Izz": SCALE_BIAS, "kd": SCALE_BIAS}
 

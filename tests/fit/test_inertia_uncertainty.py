@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 import flown
 import made_fit
 from rotorfit.estimation.factors import time_block_factors
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.fit.intervals.joint_numbers import coupling_uncertainty, inertia_uncertainty
 from rotorfit.fit.intervals.numbers import SCALE_BIAS, Numbers, product_allowance, scale_stretch
 from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.identification.identify import identify
+from rotorfit.identification import identify
 from rotorfit.model.regressor import regressor
 from rotorfit.simulation import (
     STILL,

@@ -7,9 +7,9 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.dataset.load import load_dataset
 from rotorfit.estimation.factors import Factors
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.dataset.load import load_dataset
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.fit.joint.informative_bands import (
     error_correlation,
     pushes,
@@ -18,15 +18,15 @@ from rotorfit.fit.joint.informative_bands import (
 )
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import NOISY, TURN_ERRORS
-from rotorfit.fit.row_fits import turned_flights
-from rotorfit.fit.timing.timed_dataset import TimedDataset
-from rotorfit.reduction.frequency_bands import (
+from rotorfit.fit.reduction.frequency_bands import (
     EDGES,
     LEAST_RATIO,
     PILOT_BAND,
     counted_bands,
     excited_bands,
 )
+from rotorfit.fit.row_fits import turned_flights
+from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.simulation import Stick, Sticks, write_flight_table
 
 ROLL, PITCH, YAW = (NOISY.index(name) for name in ("dwx", "dwy", "dwz"))

@@ -17,7 +17,7 @@ from rotorfit.estimation.banded import (
 from rotorfit.estimation.dispersion import Dispersion
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
-from rotorfit.experiment.payload import PointMass, added_moments
+from rotorfit.fit.experiment.payload import PointMass, added_moments
 from rotorfit.fit.intervals import joint_numbers as module
 from rotorfit.fit.intervals.joint_numbers import (
     Numbers,
@@ -32,8 +32,8 @@ from rotorfit.fit.intervals.joint_numbers import (
     weighed_excitation,
 )
 from rotorfit.fit.joint.joint_problem import joint_problem
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.motor_timing import FreeTiming
+from rotorfit.fit.reduction.motor_timing import FreeTiming
+from rotorfit.flight.motors.motor_model import MotorResponse
 
 FREE = 12
 """Parameters of `made_fit.fit_of` with one configuration: two blocks' worth, at six signals."""

@@ -7,13 +7,13 @@ import pytest
 
 import made_fit
 from rotorfit.estimation.factors import Factors, triangular_factors
-from rotorfit.experiment.payload import PointMass
 from rotorfit.fit import row_fits
+from rotorfit.fit.experiment.payload import PointMass
 from rotorfit.fit.joint.joint_problem import joint_prior, joint_problem, rotor_speeds
+from rotorfit.fit.reduction.motor_timing import FreeTiming
 from rotorfit.fit.row_fits import fit_rows
+from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.regressor import regressor
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.motor_timing import FreeTiming
 
 MASS, G = 1.4, 9.80665
 SPEEDS = np.array([400.0, 500.0, 500.0, 600.0])

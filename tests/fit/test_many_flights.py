@@ -8,12 +8,12 @@ import pytest
 import flown
 import made_fit
 from rotorfit.estimation.estimate import Estimate
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.experiment.payload import PointMass
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.fit.experiment.payload import PointMass
 from rotorfit.fit.joint.closed_loop import LEAST_OPEN, response_from_scores
 from rotorfit.fit.joint.joint_problem import joint_problem, theta_of
 from rotorfit.fit.joint.trims import Scatter, scatters
-from rotorfit.identification.identify import identify_flights
+from rotorfit.identification import identify_flights
 from rotorfit.model.parameters import INERTIA, inertia_about
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
 from rotorfit.simulation.experiment_files import write_flight_table

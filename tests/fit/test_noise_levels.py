@@ -8,8 +8,8 @@ from scipy import signal
 
 import made_fit
 from flown import airframe_table
-from rotorfit.dataset.load import load_dataset
-from rotorfit.experiment.experiment import single_flight_experiment
+from rotorfit.fit.dataset.load import load_dataset
+from rotorfit.fit.experiment.experiment import single_flight_experiment
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.noise_levels import (
     LEAST_SPREAD,
@@ -17,11 +17,11 @@ from rotorfit.fit.noise_levels import (
     fit_by_noise,
     noise_levels,
 )
+from rotorfit.fit.reduction.reduce import BandPlan, band_factors, stretch_window
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
+from rotorfit.flight.flight_data import Segment
 from rotorfit.model.parameters import inertia_about
-from rotorfit.preprocessing.flight_data import Segment
-from rotorfit.reduction.reduce import BandPlan, band_factors, stretch_window
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
 from rotorfit.simulation.experiment_files import IMU_AND_SPEED, write_flight_table
 

@@ -13,13 +13,13 @@ from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.factors import Factors, of_even_rows, stack_factors, triangular_factors
 from rotorfit.fit.fit_flights import longer_arms
 from rotorfit.fit.joint.joint_problem import joint_problem
+from rotorfit.fit.reduction.frequency_bands import prepared_bands
+from rotorfit.fit.reduction.motor_timing import FreeTiming, MotorTiming
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.flight.flight_data import Segment
+from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import rotor_columns
-from rotorfit.preprocessing.flight_data import Segment
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.frequency_bands import prepared_bands
-from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming
 
 RATE = 200.0
 AT = MotorResponse(lag=0.04, delay=0.01)

@@ -15,10 +15,10 @@ from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import BY_LIKELIHOOD
 from rotorfit.model.terms.rotors import imu_mounting, rotor_inertia, rotor_thrust, rotor_torque
 from rotorfit.report.text import result_text
+from rotorfit.results.validation.validate import validate_file
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
 from rotorfit.simulation.experiment_files import IMU_AND_SPEED
 from rotorfit.simulation.pilot import Stick, Sticks
-from rotorfit.validation.validate import validate_file
 
 LOGGED = (*IMU_AND_SPEED, "velocity")
 SHORT = {"seconds": 30.0, "ground_seconds": 2.0, "physics_rate": 200.0}

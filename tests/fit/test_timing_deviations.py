@@ -11,7 +11,13 @@ from scipy import stats
 import made_fit
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.factors import Factors
-from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.fit.experiment.experiment import MotorsEntry
+from rotorfit.fit.reduction.motor_timing import (
+    FreeTiming,
+    MotorTiming,
+    is_time_identifiable,
+    skew_of,
+)
 from rotorfit.fit.timing import timing_fit, timing_search
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import (
@@ -26,8 +32,7 @@ from rotorfit.fit.timing.timing_fit import (
     unidentifiable_timing,
 )
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming, is_time_identifiable, skew_of
+from rotorfit.flight.motors.motor_model import MotorResponse
 
 MS = 1e-3
 COMMANDED = MotorsEntry(speed="commanded")

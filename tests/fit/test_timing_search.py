@@ -6,14 +6,16 @@ from dataclasses import replace
 import pytest
 
 import flown
-from rotorfit.dataset.load import load_dataset
+from rotorfit.checks.verdicts.parameters import motor_parameters
 from rotorfit.errors import FlightWarning
-from rotorfit.experiment.experiment import MotorsEntry, load_experiment
+from rotorfit.fit.dataset.load import load_dataset
+from rotorfit.fit.experiment.experiment import MotorsEntry, load_experiment
+from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import find_timing
-from rotorfit.identification.identify import identify
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.motor_timing import LAG_PRIOR
+from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.identification import identify
+from rotorfit.results.validation.validate import fitted_response, validate_file
 from rotorfit.simulation import (
     STILL,
     Scenario,
@@ -26,8 +28,6 @@ from rotorfit.simulation import (
 )
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
-from rotorfit.validation.validate import fitted_response, validate_file
-from rotorfit.verdicts.parameters import motor_parameters
 
 
 @pytest.fixture(scope="module")

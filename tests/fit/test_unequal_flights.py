@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 import flown
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify_flights
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify_flights
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
 from rotorfit.simulation.experiment_files import write_flight_table
 from rotorfit.simulation.pilot import Sticks

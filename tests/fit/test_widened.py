@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.fit import fit_flights
+from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.fit_flights import longer_arms, moved_imu, other_geometries, widened
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.frequency_bands import LEAST_RATIO
-from rotorfit.reduction.motor_timing import MotorTiming
+from rotorfit.fit.reduction.frequency_bands import LEAST_RATIO
+from rotorfit.fit.reduction.motor_timing import MotorTiming
+from rotorfit.flight.motors.motor_model import MotorResponse
 
 RATE = 100.0
 AT = MotorResponse(lag=0.04, delay=0.01)

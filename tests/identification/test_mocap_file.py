@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from flown import experiment_file, quietly_identified
 from rotorfit.errors import ExperimentError, FlightError
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
 from rotorfit.simulation import write_flight_table as write_table
 

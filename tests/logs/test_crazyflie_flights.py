@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rotorfit.flight.motors.motor_model import first_order_lag
 from rotorfit.logs import read_log
-from rotorfit.preprocessing.motors.motor_model import first_order_lag
 
 pytestmark = pytest.mark.flights
 

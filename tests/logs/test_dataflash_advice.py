@@ -3,8 +3,8 @@
 import pytest
 from dataflash_encoder import BAT, KINDS, QUAD_X, esc, imu, log, message, parameters, rcou
 
-from rotorfit.inspection.recording import settings_for
 from rotorfit.logs import read_log
+from rotorfit.tools.inspection.recording import settings_for
 
 REST = ((0.0, 0.0, 0.0), (0.0, 0.0, -9.81))
 DEFAULT = 176126

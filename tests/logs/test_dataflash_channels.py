@@ -27,7 +27,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import ExperimentError, LogError
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.dataflash.frames import CLASSES, ROUND, TYPES, UNEVEN, ThrustCurve, frame_of
 from rotorfit.logs.dataflash.motors import wiring

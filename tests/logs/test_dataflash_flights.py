@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
-from rotorfit.inspection.inspect_log import inspect_log
 from rotorfit.logs import read_log
 from rotorfit.logs.dataflash.columns import columns
 from rotorfit.logs.dataflash.messages import find_messages
+from rotorfit.tools.inspection.inspect_log import inspect_log
 
 pytestmark = pytest.mark.flights
 LOG = "ardupilot-dronekit/log171.bin"

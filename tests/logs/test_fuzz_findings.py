@@ -8,7 +8,7 @@ import pytest
 from dataflash_encoder import ESC, MSG, esc, log, message
 
 from rotorfit.errors import ExperimentError, LogError
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.logs import read_log
 
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from rotorfit.flight.motors.rotor_telemetry import telemetry
 from rotorfit.logs import read_log
 from rotorfit.logs.proposal import propose_columns
-from rotorfit.preprocessing.motors.rotor_telemetry import telemetry
 
 pytestmark = pytest.mark.flights
 

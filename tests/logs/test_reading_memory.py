@@ -12,12 +12,12 @@ from benchmarks.large_log import CHANNELS, FORMATS, RATE, SECONDS, parts
 from flight_writers import WRITERS, in_whole_rpm
 
 from flown import experiment_file, simulated
-from rotorfit.dataset.load import load_flight
-from rotorfit.experiment.declared_vehicle import vehicle_of
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.dataset.load import load_flight
+from rotorfit.fit.experiment.declared_vehicle import vehicle_of
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.fit.reduction.frequency_bands import flight_bands
+from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.logs import read_log
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.frequency_bands import flight_bands
 
 LIMIT = 3.0
 REPETITIONS = (2, 6)

@@ -10,10 +10,10 @@ from pyulog import ULog
 
 from rotorfit.cli.main import main
 from rotorfit.errors import FlightError
+from rotorfit.flight.motors.motor_model import MotorModel
+from rotorfit.flight.prepare import prepare
 from rotorfit.logs import read_log
 from rotorfit.logs.ulog.scan import scan_file
-from rotorfit.preprocessing.motors.motor_model import MotorModel
-from rotorfit.preprocessing.prepare import prepare
 
 pytestmark = pytest.mark.flights
 

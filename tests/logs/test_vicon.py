@@ -6,8 +6,8 @@ from mocap_writers import write_vicon
 from refusals import error_of
 from scipy.spatial.transform import Rotation
 
-from rotorfit.experiment.declared_vehicle import recording_options_of
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.experiment.declared_vehicle import recording_options_of
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight
 

@@ -15,10 +15,10 @@ import newton_euler as ne
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.least_squares import ordinary, total, weighted_total
 from rotorfit.estimation.parameter_map import parameter_map
+from rotorfit.fit.reduction.reduce import LowPass, time_factors
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.reduce import LowPass, time_factors
 
 SEEDS = st.integers(0, 2**32 - 1)
 PAPER = ("kt", "kd", *ne.CHI)

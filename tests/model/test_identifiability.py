@@ -8,8 +8,8 @@ import pytest
 from rotorfit.estimation.estimate import LinearProblem, problem_rows, scaled_singular
 from rotorfit.estimation.factors import stack_factors
 from rotorfit.estimation.parameter_map import parameter_map
+from rotorfit.fit.reduction.reduce import time_factors
 from rotorfit.model.regressor import regressor
-from rotorfit.reduction.reduce import time_factors
 from rotorfit.simulation import (
     Scenario,
     Stick,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from benchmarks.evidence import SLOPE, STAND, power_of_stand
 
+from rotorfit.flight.motors.motor_model import first_order_lag
 from rotorfit.logs import read_log
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.preprocessing.motors.motor_model import first_order_lag
 
 pytestmark = pytest.mark.flights
 

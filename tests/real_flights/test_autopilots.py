@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.inspection.inspect_log import inspect_log
 from rotorfit.logs import read_log
+from rotorfit.tools.inspection.inspect_log import inspect_log
 
 pytestmark = pytest.mark.flights
 

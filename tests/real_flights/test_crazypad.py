@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import LogError
+from rotorfit.flight.motors.motor_model import MotorModel
+from rotorfit.flight.prepare import prepare
 from rotorfit.logs import read_log
 from rotorfit.model.vehicle import Vehicle, layout_rotors
-from rotorfit.preprocessing.motors.motor_model import MotorModel
-from rotorfit.preprocessing.prepare import prepare
 
 CRAZYFLIE = Vehicle(rotors=layout_rotors("quad-x", arm=0.046, order="crazyflie"))
 LOGS = {

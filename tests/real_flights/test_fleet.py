@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
-from rotorfit.fleet.findings import findings
-from rotorfit.fleet.listing import Defaults, listed_logs
-from rotorfit.fleet.run import Workers, read_fleet, types_of
-from rotorfit.fleet.statistics import fleet_statistics
 from rotorfit.logs import read_log
+from rotorfit.tools.fleet.findings import findings
+from rotorfit.tools.fleet.listing import Defaults, listed_logs
+from rotorfit.tools.fleet.run import Workers, read_fleet, types_of
+from rotorfit.tools.fleet.statistics import fleet_statistics
 
 AIRFRAME = """[airframe]
 layout = "quad-x"

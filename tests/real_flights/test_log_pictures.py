@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from rotorfit.inspection.inspect_log import inspect_log
 from rotorfit.logs import read_log
 from rotorfit.report.log_page import log_report_html
+from rotorfit.tools.inspection.inspect_log import inspect_log
 
 ALL = {"gyro", "accel", "command"}
 LOGS = {

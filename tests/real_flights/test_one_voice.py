@@ -12,29 +12,29 @@ from functools import cache
 import pytest
 
 import flown
-from rotorfit.dataset.load import load_flight
-from rotorfit.diagnostics.sensors.log_settings import FAST, TOO_SLOW
-from rotorfit.experiment.declared_vehicle import vehicle_of
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.checks.sensors.log_settings import FAST, TOO_SLOW
+from rotorfit.checks.verdicts.judge import FLOWN
+from rotorfit.fit.dataset.load import load_flight
+from rotorfit.fit.experiment.declared_vehicle import vehicle_of
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
-from rotorfit.inspection.inspect_log import inspect_log
-from rotorfit.inspection.prospects import PROSPECT
 from rotorfit.logs import read_log
 from rotorfit.model.parameters import INERTIA
-from rotorfit.planning.after import judged_numbers
-from rotorfit.planning.next_step import next_step, with_best_manoeuvre
-from rotorfit.planning.plan import PlanRequest, plan
-from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.report.log_report import prospect_messages, report_text
 from rotorfit.report.plan_text import plan_text
 from rotorfit.report.text import result_text
 from rotorfit.results.compare import compare_results
 from rotorfit.results.result import verdict_of
-from rotorfit.validation.judgement import doubtful_numbers, judgement
-from rotorfit.validation.replay import IDENTIFIED, Timed, replay_flights, validated_flight
-from rotorfit.validation.replay_vehicle import replay_vehicle
-from rotorfit.validation.validate import fitted_response
-from rotorfit.verdicts.judge import FLOWN
+from rotorfit.results.validation.judgement import doubtful_numbers, judgement
+from rotorfit.results.validation.replay import IDENTIFIED, Timed, replay_flights, validated_flight
+from rotorfit.results.validation.replay_vehicle import replay_vehicle
+from rotorfit.results.validation.validate import fitted_response
+from rotorfit.tools.inspection.inspect_log import inspect_log
+from rotorfit.tools.inspection.prospects import PROSPECT
+from rotorfit.tools.planning.after import judged_numbers
+from rotorfit.tools.planning.next_step import next_step, with_best_manoeuvre
+from rotorfit.tools.planning.plan import PlanRequest, plan
+from rotorfit.tools.planning.wanted import wanted_accuracy
 
 pytestmark = pytest.mark.flights
 

@@ -3,7 +3,7 @@
 import pytest
 from benchmarks.replay import LOGS_SHOWN, fitted, replayed, table
 
-from rotorfit.validation.replay import HOLD, error_growth, force_errors
+from rotorfit.results.validation.replay import HOLD, error_growth, force_errors
 
 pytestmark = pytest.mark.flights
 LIVELY = LOGS_SHOWN[0]

@@ -9,8 +9,8 @@ import flown
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.least_squares import ordinary
 from rotorfit.estimation.parameter_map import parameter_map
+from rotorfit.fit.reduction.reduce import time_factors
 from rotorfit.model.regressor import regressor
-from rotorfit.reduction.reduce import time_factors
 from rotorfit.simulation import (
     Scenario,
     exact_flight_data,

@@ -11,7 +11,7 @@ from benchmarks.worlds.study import Study, rows_of
 from benchmarks.worlds.told import SAID, ratios, tell, told_table
 from benchmarks.worlds.world import World, draw_world
 
-from rotorfit.preprocessing.imu_tilt import ImuTilt
+from rotorfit.flight.imu_tilt import ImuTilt
 
 
 def _world(*hazards: str, driven: str | None = None) -> World:

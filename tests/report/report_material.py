@@ -7,7 +7,7 @@ import numpy as np
 from rotorfit.findings import doubt
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
 from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
-from rotorfit.validation.wrench_comparison import COMPONENTS, WrenchComparison
+from rotorfit.results.validation.wrench_comparison import COMPONENTS, WrenchComparison
 
 ROTORS = [
     {"position": [0.1, -0.2, 0.01], "spin": "ccw"},

@@ -10,7 +10,7 @@ from rotorfit.findings import note
 from rotorfit.report.motor_law import law_picture, law_section
 from rotorfit.report.result_page import figure_texts, report_html
 from rotorfit.report.wrenches import excitation_chart, excitation_figure, excitation_sentences
-from rotorfit.validation.wrench_comparison import wrench_spectra
+from rotorfit.results.validation.wrench_comparison import wrench_spectra
 
 TOLD = {
     "airframe": {"rotors": ROTORS},

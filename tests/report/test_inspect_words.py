@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-from rotorfit.inspection.prospects import Commands, Excitation, Prospects, Thrust
-from rotorfit.inspection.recording import ChannelReport
 from rotorfit.report.log_report import (
     LogReport,
     flight_messages,
     prospect_messages,
     recording_messages,
 )
+from rotorfit.tools.inspection.prospects import Commands, Excitation, Prospects, Thrust
+from rotorfit.tools.inspection.recording import ChannelReport
 
 THRUST = Thrust(
     change=0.13, from_changes=6.6, from_weight=7.4, agree=True, width=0.02, followed=True

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rotorfit.findings import doubt
-from rotorfit.inspection.inspect_log import LogReport, inspect_log
 from rotorfit.logs.firmware import Filter
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.report.log_page import log_report_html
+from rotorfit.tools.inspection.inspect_log import LogReport, inspect_log
 
 RATE, SECONDS = 500.0, 20.0
 NOTCH = {"gyro_notch_hz": "120", "gyro_notch_cutoff": "100", "gyro_lpf1_static_hz": "200"}

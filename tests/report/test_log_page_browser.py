@@ -7,8 +7,8 @@ import pytest
 from test_log_page import a_log
 
 from real_browser import opened_browser
-from rotorfit.inspection.inspect_log import inspect_log
 from rotorfit.report.log_page import write_log_page
+from rotorfit.tools.inspection.inspect_log import inspect_log
 
 
 @pytest.fixture(scope="module")

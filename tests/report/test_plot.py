@@ -8,7 +8,7 @@ from report_material import a_comparison, a_result
 
 import rotorfit
 from rotorfit.errors import OutputError
-from rotorfit.validation.replay import Predicted, Replay
+from rotorfit.results.validation.replay import Predicted, Replay
 
 matplotlib = pytest.importorskip("matplotlib", reason="pip install matplotlib")
 matplotlib.use("Agg")

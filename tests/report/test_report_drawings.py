@@ -14,15 +14,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_material import ROTORS, a_comparison, a_result
 
+from rotorfit.digits import number_of
 from rotorfit.errors import OutputError
-from rotorfit.formatting.digits import number_of
-from rotorfit.formatting.series import Series, column_starts, extremes, thinned
 from rotorfit.report.chart import encoded, encoded_time, path_of
 from rotorfit.report.pages import HINT, nice_step, tick_label, ticks, write_drawings
 from rotorfit.report.result_page import figure_texts
 from rotorfit.report.scene import scene_of
 from rotorfit.report.vehicle import SIDE, TOP, whole_view
 from rotorfit.report.wrenches import series_of
+from rotorfit.series import Series, column_starts, extremes, thinned
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from report_material import ROTORS, UNKNOWN, a_comparison, a_result, parameter
 
+from rotorfit.digits import number_of
 from rotorfit.errors import OutputError
-from rotorfit.formatting.digits import number_of
 from rotorfit.report.parameters import parameter_tables
 from rotorfit.report.result_page import report_html, write_report
 from rotorfit.report.summary import summary_of

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from rotorfit.digits import with_interval
 from rotorfit.findings import doubt
-from rotorfit.formatting.digits import with_interval
 from rotorfit.report.parameters import axis_of
 from rotorfit.report.text import result_text
 from rotorfit.results.result import (

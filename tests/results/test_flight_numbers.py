@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.experiment.law_table import LawEntry, SqrtEntry
+from rotorfit.checks.verdicts.judge import Derived, Parameter
 from rotorfit.findings import doubt
+from rotorfit.fit.experiment.experiment import MotorsEntry
+from rotorfit.fit.experiment.law_table import LawEntry, SqrtEntry
 from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS
 from rotorfit.results.assemble import mark_doubtful
 from rotorfit.results.command_units import NO_COMMANDS, NO_MASS, with_flight_numbers
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import refuse_unsound
-from rotorfit.verdicts.judge import Derived, Parameter
 
 MASS, KT, FULL = 0.5, 2e-6, 1500.0
 HOVER = (MASS * 9.80665 / 4 / KT) ** 0.5

@@ -14,8 +14,8 @@ from rotorfit.report.result_page import report_html
 from rotorfit.report.text import result_text
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import load_sound
+from rotorfit.results.validation.validate import fitted_response
 from rotorfit.simulation import write_flight_table
-from rotorfit.validation.validate import fitted_response
 
 BOTH = ("gyro", "accel", "rotor_speed", "command")
 

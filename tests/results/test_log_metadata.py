@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.dataset.load import agreed_motors, completed_motors
-from rotorfit.diagnostics.sensors.sensor_faults import (
+from rotorfit.checks.sensors.sensor_faults import (
     lowpass_half_width,
     velocity_half_width,
     vertical_partner,
 )
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.experiment.law_table import LawEntry, SqrtEntry, law_entry_of
 from rotorfit.findings import sentences
+from rotorfit.fit.dataset.load import agreed_motors, completed_motors
+from rotorfit.fit.experiment.experiment import MotorsEntry
+from rotorfit.fit.experiment.law_table import LawEntry, SqrtEntry, law_entry_of
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.reduction.motor_timing import MotorTiming
+from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.logs.flight_log import Channel, FlightLog, LoggedMotors
 from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import added_signals
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.motor_timing import MotorTiming
 from rotorfit.results.assemble import log_metadata
 
 LAW = SpeedLaw(curve=SquareRootLaw(1.0, 0.65, 0.15, 0.95), voltage=VoltageFactor(12.8, 1.0))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorfit.diagnostics.impossible_inertia import (
+from rotorfit.checks.impossible_inertia import (
     FLY,
     IMPOSSIBLE,
     SecondMoment,
@@ -17,7 +17,7 @@ from rotorfit.diagnostics.impossible_inertia import (
 )
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
-from rotorfit.experiment.payload import MOMENTS
+from rotorfit.fit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import INERTIA, inertia_matrix
 from rotorfit.results.assemble import with_diagnosis

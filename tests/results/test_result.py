@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import flown
+from rotorfit.checks.verdicts.judge import ADVICE, judge, motion_for
 from rotorfit.errors import OutputError
 from rotorfit.findings import doubt
 from rotorfit.results.result import IdentificationResult
-from rotorfit.verdicts.judge import ADVICE, judge, motion_for
 
 KEYS = {
     *("schema", "name", "method", "axes", "parameters", "derived", "validation", "flights"),

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.diagnostics.weak_directions import little_excitation
+from rotorfit.checks.verdicts.parameters import given_parameter, with_timing_total
+from rotorfit.checks.weak_directions import little_excitation
 from rotorfit.estimation.estimate import Estimate, LinearProblem
 from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.estimation.reweighted import BandedFit
-from rotorfit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
+from rotorfit.fit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.paper_fit import PaperSettings
+from rotorfit.fit.reduction.motor_timing import MotorTiming
 from rotorfit.fit.row_fits import ROWS, RowFits
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.motor_timing import MotorTiming
+from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.results.joint_tables import joint_result
 from rotorfit.results.row_tables import paper_tables, row_tables
-from rotorfit.verdicts.parameters import given_parameter, with_timing_total
 
 ENTRY = ConfigurationEntry(name="A", mass=1.4, mass_std=0.01, flights=(FlightEntry(file="A.csv"),))
 STILL = MotorsEntry(lag=0.0, delay=0.0)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import ExperimentError
-from rotorfit.planning.after import PRACTICE
 from rotorfit.simulation import Scenario, Truth, paper_vehicle, simulate_flight
 from rotorfit.simulation.calm_flights import simulate_calm_flights
 from rotorfit.simulation.pilot import MANOEUVRES
+from rotorfit.tools.planning.after import PRACTICE
 
 PAPER = paper_vehicle("A")
 TRUTH = Truth(

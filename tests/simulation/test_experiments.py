@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import ExperimentError, FlightWarning
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.identification import identify
 from rotorfit.logs.table import read_table
 from rotorfit.simulation.experiment_files import experiment_files, file_names
 from rotorfit.simulation.experiments import (

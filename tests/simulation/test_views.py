@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import ExperimentError, OutputError
-from rotorfit.preprocessing.flight_data import Segment
+from rotorfit.flight.flight_data import Segment
 from rotorfit.simulation import (
     Sensors,
     exact_flight_data,

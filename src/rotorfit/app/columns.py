@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from rotorfit.app.form import rows, table
 from rotorfit.errors import LogError
-from rotorfit.experiment.declared_vehicle import table_options_of
-from rotorfit.experiment.experiment import TableEntry
-from rotorfit.experiment.toml_files import table_of_options
+from rotorfit.fit.experiment.declared_vehicle import table_options_of
+from rotorfit.fit.experiment.experiment import TableEntry
+from rotorfit.fit.experiment.toml_files import table_of_options
 from rotorfit.logs import ReadOptions
 from rotorfit.logs.columns import NAMES, TIME, unit_of
 from rotorfit.logs.proposal import Proposal, explains_itself, propose_columns, units_to_state

@@ -10,13 +10,13 @@ from rotorfit.app.columns import described_columns, is_unknown_table, known_map,
 from rotorfit.app.files import Dropped, json_with_shown_names, with_shown_names
 from rotorfit.app.form import files_of, form_of_file
 from rotorfit.errors import LogError, RotorfitError
-from rotorfit.inspection.inspect_log import LogReport, inspect_log
-from rotorfit.inspection.seen_airframe import seen_airframe
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.read import logs_in_file, own_kind
 from rotorfit.report.log_page import log_report_html
 from rotorfit.report.log_report import plain, sections
+from rotorfit.tools.inspection.inspect_log import LogReport, inspect_log
+from rotorfit.tools.inspection.seen_airframe import seen_airframe
 
 KINDS: Final = {
     "an experiment file": "experiment",

@@ -6,9 +6,9 @@ from typing import Any, Final, cast
 
 from rotorfit.app.files import Dropped, dropped, file_named
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.declared_vehicle import vehicle_of
-from rotorfit.experiment.experiment import Experiment, airframe_of_tables, experiment_of_tables
-from rotorfit.experiment.toml_files import (
+from rotorfit.fit.experiment.declared_vehicle import vehicle_of
+from rotorfit.fit.experiment.experiment import Experiment, airframe_of_tables, experiment_of_tables
+from rotorfit.fit.experiment.toml_files import (
     experiment_text,
     file_as_table,
     files_as_tables,

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.app.files import Progress, json_with_shown_names, with_shown_names
 from rotorfit.app.form import SOURCE, experiment_of, rows, table, text_of
-from rotorfit.control_loop.loop import LoopOutcome, first_flight_margins
+from rotorfit.digits import finite_interval, known
 from rotorfit.errors import (
     ExperimentError,
     MissingNumbersError,
@@ -20,17 +20,12 @@ from rotorfit.errors import (
     RotorfitError,
     RotorfitWarning,
 )
-from rotorfit.experiment.declared_vehicle import vehicle_of
-from rotorfit.experiment.experiment import Experiment, airframe_of_tables
 from rotorfit.export.targets import OFFERED, RANDOM_TARGETS
 from rotorfit.findings import Finding
-from rotorfit.formatting.digits import finite_interval, known
-from rotorfit.identification.identify import identify
+from rotorfit.fit.experiment.declared_vehicle import vehicle_of
+from rotorfit.fit.experiment.experiment import Experiment, airframe_of_tables
+from rotorfit.identification import identify
 from rotorfit.logs.files import watched, write_whole
-from rotorfit.planning.after import check_same_vehicle, result_mass
-from rotorfit.planning.next_step import with_best_manoeuvre
-from rotorfit.planning.plan import PlanRequest, plan
-from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.report.loop import loop_html, verdict
 from rotorfit.report.parameters import PREDICTED_WELL, ParameterTable, Row, parameter_tables
 from rotorfit.report.plan_card import card_html
@@ -40,7 +35,12 @@ from rotorfit.report.summary import Line, summary_of
 from rotorfit.report.text import advice_of, assumptions_of, result_text, warnings_of
 from rotorfit.results.result import IdentificationResult, configuration_names
 from rotorfit.results.sound_result import load_sound
-from rotorfit.validation.validate import drawn_comparisons
+from rotorfit.results.validation.validate import drawn_comparisons
+from rotorfit.tools.control_loop.loop import LoopOutcome, first_flight_margins
+from rotorfit.tools.planning.after import check_same_vehicle, result_mass
+from rotorfit.tools.planning.next_step import with_best_manoeuvre
+from rotorfit.tools.planning.plan import PlanRequest, plan
+from rotorfit.tools.planning.wanted import wanted_accuracy
 
 
 def identified(folder: Path, form: Mapping[str, Any], *, progress: Progress) -> dict[str, Any]:

@@ -24,9 +24,9 @@ from rotorfit.cli.terminal import (
 from rotorfit.errors import ExperimentError, OutputError
 
 if TYPE_CHECKING:
-    from rotorfit.inspection.seen_airframe import SeenAirframe
     from rotorfit.logs import ReadOptions
     from rotorfit.logs.proposal import Proposal
+    from rotorfit.tools.inspection.seen_airframe import SeenAirframe
 
 SMALLEST, LARGEST = 15.0, 10_000.0
 """Limits of a spacing [mm]."""
@@ -105,8 +105,8 @@ def airframe(
     their order and spins, and whether their speed was measured. Of a table with columns of its own
     names it proposes which is which and in what unit, and the file keeps that for later.
     """
-    from rotorfit.inspection.seen_airframe import SeenAirframe
     from rotorfit.logs.files import write_whole
+    from rotorfit.tools.inspection.seen_airframe import SeenAirframe
 
     refuse_output_file(output, inputs=[] if log is None else [log], force=force)
     if log is not None and spacing is not None:
@@ -213,7 +213,7 @@ def proposal_text(proposal: Proposal) -> str:
 
 def table_text(options: ReadOptions) -> str:
     """Write the columns of a table as ``[table]`` of an airframe file."""
-    from rotorfit.experiment.toml_files import experiment_text, table_of_options
+    from rotorfit.fit.experiment.toml_files import experiment_text, table_of_options
 
     poles = "" if options.motor_poles is None else f"poles = {options.motor_poles}\n"
     head = (
@@ -249,8 +249,8 @@ def _named_text(
 def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> SeenAirframe:
     """Read the airframe off a log, a table by its columns, and print it."""
     from rotorfit.cli.inspect import logs_of_experiment
-    from rotorfit.inspection.seen_airframe import motors_in_flight, seen_airframe
     from rotorfit.logs import ReadOptions, read_log
+    from rotorfit.tools.inspection.seen_airframe import motors_in_flight, seen_airframe
 
     options = table or ReadOptions(log_number=log_number)
     if path.suffix.lower() == ".toml":
@@ -382,7 +382,7 @@ def _ask(question: str, default: str | None, option: str) -> str:
 
 def logged_text(rotors: Sequence[Mapping[str, Any]], *, speed: str) -> str:
     """Write the airframe file of rotors whose places a log has."""
-    from rotorfit.experiment.toml_files import experiment_text
+    from rotorfit.fit.experiment.toml_files import experiment_text
 
     lines = [
         "# by CA_ROTOR* of the log, from the centre, forward, left, up [m]: compare it",
@@ -460,7 +460,7 @@ def _refuse_unreadable(text: str) -> None:
 
     from pydantic import ValidationError
 
-    from rotorfit.experiment.airframe_table import AirframeEntry
+    from rotorfit.fit.experiment.airframe_table import AirframeEntry
 
     tables: Mapping[str, object] = tomllib.loads(text)
     try:

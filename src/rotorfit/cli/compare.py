@@ -142,7 +142,7 @@ def _latency_note(results: Sequence[IdentificationResult]) -> list[str]:
 
 def comparison_text(comparison: Comparison) -> str:
     """Format a comparison for a terminal: a line a number, a column a result."""
-    from rotorfit.formatting.sheet import table_lines
+    from rotorfit.sheet import table_lines
 
     several = len({n.configuration for n in comparison.numbers} - {None}) > 1
     first, *others = comparison.labels
@@ -191,7 +191,7 @@ def _padded(cells: Sequence[str], widths: Sequence[int]) -> list[str]:
 
 def _cells(number: ComparedNumber, *, several: bool) -> list[str]:
     """Format name, value, then value and difference of every further result, unit."""
-    from rotorfit.formatting.digits import with_interval
+    from rotorfit.digits import with_interval
 
     first, *others = number.entries
     cells = [_name(number, several=several), with_interval(first.value, first.interval)]

@@ -21,7 +21,7 @@ from rotorfit.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from rotorfit.experiment.experiment import Experiment
+    from rotorfit.fit.experiment.experiment import Experiment
     from rotorfit.results.result import IdentificationResult, Parameter
     from rotorfit.simulation.experiments import ExperimentPlan
 
@@ -85,7 +85,7 @@ def _fly_and_identify(
     folder: Path, plan: ExperimentPlan, *, force: bool
 ) -> tuple[Results, Experiment]:
     """Fly into a folder, and identify from its files."""
-    from rotorfit.experiment.experiment import load_experiment
+    from rotorfit.fit.experiment.experiment import load_experiment
     from rotorfit.simulation.experiment_files import EXPERIMENT_FILE
 
     with steps() as report_progress:
@@ -101,8 +101,8 @@ def _fly_and_identify(
 
 def _save(folder: Path, results: Results, experiment: Experiment, *, force: bool) -> None:
     from rotorfit.report.result_page import write_report
+    from rotorfit.results.validation.validate import validation_comparisons
     from rotorfit.simulation.experiment_files import EXPERIMENT_FILE
-    from rotorfit.validation.validate import validation_comparisons
 
     results.default.save(folder / RESULT, force=force)
     results.paper.save(folder / PAPER, force=force)
@@ -144,7 +144,7 @@ def _number_row(
 
 def _estimate_cells(estimate: Parameter, true: float) -> tuple[str, str]:
     """Format an estimate with its interval, and whether that holds the truth."""
-    from rotorfit.formatting.digits import with_interval
+    from rotorfit.digits import with_interval
 
     if estimate.value is None or estimate.interval is None:
         return estimate.verdict, ""
@@ -170,8 +170,8 @@ def _row(name: str, truth: str, default: str, held: str, paper: str, paper_held:
 
 def _validation_lines(results: Results) -> list[str]:
     """Format the errors on flights that neither fit has seen."""
-    from rotorfit.formatting.digits import short
-    from rotorfit.validation.wrench_comparison import SHOWN
+    from rotorfit.digits import short
+    from rotorfit.results.validation.wrench_comparison import SHOWN
 
     def percents(error: Mapping[str, float]) -> str:
         return "".join(f"{short(100 * error[n]):>8}" if n in error else f"{'-':>8}" for n in SHOWN)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rotorfit.export.result_numbers import Number
     from rotorfit.export.variants import Variants
     from rotorfit.results.result import IdentificationResult
-    from rotorfit.validation.wrench_comparison import WrenchComparison
+    from rotorfit.results.validation.wrench_comparison import WrenchComparison
 
 TARGETS: Final = get_args(AnyTargetName)
 

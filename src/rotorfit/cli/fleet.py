@@ -23,10 +23,10 @@ from rotorfit.cli.terminal import (
 from rotorfit.errors import LogError
 
 if TYPE_CHECKING:
-    from rotorfit.fleet.findings import VehicleFinding
-    from rotorfit.fleet.listing import ListedLog
-    from rotorfit.fleet.records import RefusedLog
-    from rotorfit.fleet.run import Fleet, FleetType, Progress, Workers
+    from rotorfit.tools.fleet.findings import VehicleFinding
+    from rotorfit.tools.fleet.listing import ListedLog
+    from rotorfit.tools.fleet.records import RefusedLog
+    from rotorfit.tools.fleet.run import Fleet, FleetType, Progress, Workers
 
 Source = Annotated[
     Path,
@@ -103,8 +103,8 @@ def fleet(
     spread of the type. Writes tables of flights, vehicles and unusable logs, and a page. After an
     interruption, call it again: it continues.
     """
-    from rotorfit.fleet.listing import Defaults, listed_logs, mass_of
-    from rotorfit.fleet.run import FAILURES, Workers, claim, cores, refusals_file
+    from rotorfit.tools.fleet.listing import Defaults, listed_logs, mass_of
+    from rotorfit.tools.fleet.run import FAILURES, Workers, claim, cores, refusals_file
 
     defaults = Defaults(
         vehicle_of=_compiled(vehicle_of),
@@ -139,7 +139,7 @@ def _compiled(pattern: str | None) -> re.Pattern[str] | None:
 
 def _identify(logs: Sequence[ListedLog], cache: Path, workers: Workers) -> Fleet:
     """Identify every log that is not in the cache; stopped, print how to go on."""
-    from rotorfit.fleet.run import Progress, read_fleet
+    from rotorfit.tools.fleet.run import Progress, read_fleet
 
     last = Progress(done=0, total=len(logs), fresh=0)
     try:
@@ -162,9 +162,10 @@ def _identify(logs: Sequence[ListedLog], cache: Path, workers: Workers) -> Fleet
 def _compare_and_write(
     fleet: Fleet, source: Path, output: Path, cache: Path, workers: Workers, *, as_json: bool
 ) -> None:
-    from rotorfit.fleet.records import make_folder
-    from rotorfit.fleet.run import REPORTS, fleet_files, links_to, types_of
-    from rotorfit.fleet.tables import has_parquet
+    from rotorfit.report.fleet_files import REPORTS, fleet_files, links_to
+    from rotorfit.tools.fleet.records import make_folder
+    from rotorfit.tools.fleet.run import types_of
+    from rotorfit.tools.fleet.tables import has_parquet
 
     with steps() as report_progress:
         report_progress("comparing the flights")
@@ -192,8 +193,8 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
-    from rotorfit.fleet.findings import nothing_found
-    from rotorfit.fleet.statistics import ALARM
+    from rotorfit.tools.fleet.findings import nothing_found
+    from rotorfit.tools.fleet.statistics import ALARM
 
     vehicles = sum(len(one.statistics.vehicles) for one in types)
     flights = _count(_identified_count(fleet), "flight")
@@ -226,7 +227,7 @@ def _identified_count(fleet: Fleet) -> int:
 
 
 def _failures_line(fleet: Fleet, folder: Path) -> list[str]:
-    from rotorfit.fleet.run import FAILURES
+    from rotorfit.tools.fleet.run import FAILURES
 
     count = len(fleet.refused)
     if not count:
@@ -253,7 +254,7 @@ def _plain(
 
 
 def _findings(one: FleetType) -> list[VehicleFinding]:
-    from rotorfit.fleet.findings import findings
+    from rotorfit.tools.fleet.findings import findings
 
     return findings(one.statistics, one.fleet.records)
 

@@ -32,8 +32,8 @@ from rotorfit.errors import OutputError, RotorfitError
 if TYPE_CHECKING:
     from rotorfit.export.vehicle import VehicleModel
     from rotorfit.results.result import IdentificationResult
-    from rotorfit.validation.fly_outcome import FlyOutcome, ModelFlight
-    from rotorfit.validation.replay import Timed
+    from rotorfit.results.validation.fly_outcome import FlyOutcome, ModelFlight
+    from rotorfit.results.validation.replay import Timed
 
 DRAWS = 40
 BENCH = "bench"
@@ -150,7 +150,7 @@ def _sides(
     against: list[Path],
 ) -> dict[str, _Side]:
     """Collect the sets of parameters to compare, by label; raise if they are of other vehicles."""
-    from rotorfit.validation.replay import IDENTIFIED
+    from rotorfit.results.validation.replay import IDENTIFIED
 
     sides = {IDENTIFIED: _side(result, owner, assumed, draws=DRAWS)}
     if bench:
@@ -173,9 +173,9 @@ def _outcome(
 ) -> FlyOutcome:
     """Replay the flights with every side, and fly the model in MuJoCo where it is installed."""
     from rotorfit.export.mujoco import has_mujoco
-    from rotorfit.validation.fly_outcome import FlyOutcome
-    from rotorfit.validation.judgement import doubtful_numbers
-    from rotorfit.validation.replay import IDENTIFIED, WINDOW, replay_flights
+    from rotorfit.results.validation.fly_outcome import FlyOutcome
+    from rotorfit.results.validation.judgement import doubtful_numbers
+    from rotorfit.results.validation.replay import IDENTIFIED, WINDOW, replay_flights
 
     identified = sides[IDENTIFIED]
     with quiet_steps() as report_progress:
@@ -210,8 +210,8 @@ def _manoeuvres(
 ) -> tuple[dict[str, tuple[ModelFlight, ...]], list[str]]:
     """Fly the identified model by autopilots tuned to each side; note the numbers supplied."""
     from rotorfit.export.mujoco import fly_manoeuvre, flyable
-    from rotorfit.validation.fly_outcome import MANOEUVRES
-    from rotorfit.validation.replay import IDENTIFIED
+    from rotorfit.results.validation.fly_outcome import MANOEUVRES
+    from rotorfit.results.validation.replay import IDENTIFIED
 
     model, notes = flyable(sides[IDENTIFIED].model)
     flown = {
@@ -229,9 +229,9 @@ def _side(
     """Collect a set of parameters, refused as an export would be."""
     from rotorfit.export.targets import BODY, ROTORS
     from rotorfit.export.vehicle_model import vehicle_model
-    from rotorfit.validation.replay import Timed
-    from rotorfit.validation.replay_vehicle import replay_vehicle, unknown_body
-    from rotorfit.validation.validate import fitted_response
+    from rotorfit.results.validation.replay import Timed
+    from rotorfit.results.validation.replay_vehicle import replay_vehicle, unknown_body
+    from rotorfit.results.validation.validate import fitted_response
 
     _refuse_units(result, assumed)
     model = vehicle_model(
@@ -303,7 +303,7 @@ def _refuse_other_vehicle(identified: VehicleModel, other: VehicleModel, label: 
 
 def _centred(result: IdentificationResult, model: VehicleModel) -> dict[str, float]:
     """Select the places that neither the result nor the user gave, with the values they have."""
-    from rotorfit.validation.replay_vehicle import hover_centre
+    from rotorfit.results.validation.replay_vehicle import hover_centre
 
     open_places = hover_centre(result, model.configuration)
     return {

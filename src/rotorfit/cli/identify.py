@@ -32,9 +32,9 @@ from rotorfit.cli.terminal import (
 from rotorfit.errors import ExperimentError, RotorfitError
 
 if TYPE_CHECKING:
-    from rotorfit.control_loop.loop import LoopOutcome
-    from rotorfit.experiment.experiment import Experiment, FlightEntry, IdentificationEntry
+    from rotorfit.fit.experiment.experiment import Experiment, FlightEntry, IdentificationEntry
     from rotorfit.results.result import IdentificationResult
+    from rotorfit.tools.control_loop.loop import LoopOutcome
 
     Table = TypeVar("Table", FlightEntry, IdentificationEntry)
 
@@ -130,7 +130,7 @@ def identify(
 
 def identify_quietly(experiment: Experiment) -> IdentificationResult:
     """Identify with a progress display; doubts are printed with the result, not as warnings."""
-    from rotorfit.identification.identify import identify
+    from rotorfit.identification import identify
 
     with quiet_steps() as report_progress:
         return identify(experiment, progress=report_progress)
@@ -138,7 +138,7 @@ def identify_quietly(experiment: Experiment) -> IdentificationResult:
 
 def _with_next_step(result: IdentificationResult) -> IdentificationResult:
     """Predict what the manoeuvre gives that sharpens the result most."""
-    from rotorfit.planning.next_step import with_best_manoeuvre
+    from rotorfit.tools.planning.next_step import with_best_manoeuvre
 
     with quiet_steps() as report_progress:
         return with_best_manoeuvre(result, report=report_progress)
@@ -152,10 +152,10 @@ def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment
                 f"--{option} belongs to a log; {source.name} is an experiment file, "
                 "which says it itself"
             )
-    from rotorfit.experiment.toml_files import read_toml
+    from rotorfit.fit.experiment.toml_files import read_toml
 
     read_toml(source)  # a missing or broken file is reported before heavy imports
-    from rotorfit.experiment.experiment import load_experiment
+    from rotorfit.fit.experiment.experiment import load_experiment
 
     return load_experiment(source)
 
@@ -181,16 +181,16 @@ def _experiment_of_log(
         missing = [option for option, value in required.items() if value is None]
         writes = f": rotorfit airframe {source.name} writes that file" if described is None else ""
         raise typer.BadParameter(f"a log also needs {' and '.join(missing)}{writes}")
-    from rotorfit.experiment.experiment import single_flight_experiment
+    from rotorfit.fit.experiment.experiment import single_flight_experiment
 
     return single_flight_experiment(source, mass=_parse_mass(mass), airframe=described)
 
 
 def _logged_airframe(source: Path, log_number: int | None) -> Mapping[str, Any] | None:
     """Read the vehicle off a log whose parameters describe it, and say so; None for others."""
-    from rotorfit.inspection.seen_airframe import logged_tables
     from rotorfit.logs import ReadOptions, read_log
     from rotorfit.logs.read import format_of
+    from rotorfit.tools.inspection.seen_airframe import logged_tables
 
     form = format_of(source)
     if form is None or form.name != "ulog":
@@ -281,7 +281,7 @@ def _flight_files(experiment: Experiment) -> list[Path]:
 
 def _judged_loop(result: IdentificationResult, experiment: Experiment) -> LoopOutcome | None:
     """Judge the rate loop of the first flight, where its log and the result show it."""
-    from rotorfit.control_loop.loop import first_flight_margins
+    from rotorfit.tools.control_loop.loop import first_flight_margins
 
     try:
         return first_flight_margins(result, experiment)
@@ -298,7 +298,7 @@ def _write_pictures(
     force: bool,
 ) -> None:
     from rotorfit.report.result_page import figure_texts, report_html
-    from rotorfit.validation.validate import drawn_comparisons
+    from rotorfit.results.validation.validate import drawn_comparisons
 
     with quiet_steps() as report_progress:
         report_progress("drawing")

@@ -24,9 +24,9 @@ from rotorfit.cli.terminal import (
 from rotorfit.errors import ExperimentError, RotorfitError
 
 if TYPE_CHECKING:
-    from rotorfit.experiment.experiment import FlightEntry
-    from rotorfit.inspection.inspect_log import LogReport
+    from rotorfit.fit.experiment.experiment import FlightEntry
     from rotorfit.logs import ReadOptions
+    from rotorfit.tools.inspection.inspect_log import LogReport
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,9 +153,9 @@ def _logs_in(path: Path) -> list[Path]:
 
 def logs_of_experiment(path: Path) -> list[InspectedLog]:
     """List the logs of an experiment file, with the columns that it maps."""
-    from rotorfit.experiment.declared_vehicle import read_options_of
-    from rotorfit.experiment.experiment import load_experiment
-    from rotorfit.experiment.toml_files import read_toml
+    from rotorfit.fit.experiment.declared_vehicle import read_options_of
+    from rotorfit.fit.experiment.experiment import load_experiment
+    from rotorfit.fit.experiment.toml_files import read_toml
     from rotorfit.logs.read import own_kind
 
     if path.is_file() and "configuration" not in read_toml(path):
@@ -182,9 +182,9 @@ def _inspect(
     path, number = one.path, one.read.log_number or log_number
     if not path.is_dir():
         read_head(path, 1)  # a missing log is reported before heavy imports
-    from rotorfit.inspection.inspect_log import inspect_log
     from rotorfit.logs import read_log
     from rotorfit.logs.read import logs_in_file
+    from rotorfit.tools.inspection.inspect_log import inspect_log
 
     entries = logs_in_file(path) if number is None else ()
     if len(entries) > 1:
@@ -193,8 +193,8 @@ def _inspect(
         )
     options = one.read
     if airframe is not None and one.entry is None:
-        from rotorfit.experiment.declared_vehicle import read_options_of
-        from rotorfit.experiment.experiment import single_flight_experiment
+        from rotorfit.fit.experiment.declared_vehicle import read_options_of
+        from rotorfit.fit.experiment.experiment import single_flight_experiment
 
         declared = single_flight_experiment(path, mass="unknown", airframe=airframe)
         options = read_options_of(declared.configuration[0].flights[0], declared.motors)

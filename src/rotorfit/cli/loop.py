@@ -41,10 +41,10 @@ def loop(
     Gains and filters are read from the log, the vehicle with its delays from the result; the
     margins of the rate loop are proved on the flight itself, or withheld with the reason.
     """
-    from rotorfit.control_loop.loop import loop_margins, loop_to_json
     from rotorfit.logs.files import write_whole
     from rotorfit.report.loop import loop_html, loop_text
     from rotorfit.results.sound_result import load_sound
+    from rotorfit.tools.control_loop.loop import loop_margins, loop_to_json
 
     refuse_output_files({"-o": output, "--report": report}, inputs=[result, log], force=force)
     outcome = loop_margins(load_sound(result), log, configuration)

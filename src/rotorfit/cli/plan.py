@@ -23,10 +23,10 @@ from rotorfit.cli.terminal import (
 from rotorfit.errors import ExperimentError
 
 if TYPE_CHECKING:
-    from rotorfit.experiment.experiment import MotorsEntry
+    from rotorfit.fit.experiment.experiment import MotorsEntry
     from rotorfit.model.vehicle import Vehicle
-    from rotorfit.planning.plan import PlanRequest
     from rotorfit.results.result import IdentificationResult
+    from rotorfit.tools.planning.plan import PlanRequest
 
 SHORTEST, LONGEST = 10.0, 600.0
 """Flights that a plan considers [s]."""
@@ -105,9 +105,9 @@ def plan(
 
     Recommends manoeuvres, how long to fly each, and whether to mount a payload.
     """
-    from rotorfit.planning.plan import PlanRequest
-    from rotorfit.planning.wanted import wanted_accuracy
     from rotorfit.results.sound_result import load_sound
+    from rotorfit.tools.planning.plan import PlanRequest
+    from rotorfit.tools.planning.wanted import wanted_accuracy
 
     inputs = [airframe, *([after] if after else [])]
     refuse_output_files({"-o": output, "--card": card}, inputs=inputs, force=force)
@@ -142,9 +142,9 @@ def _plan_and_write(
     from threadpoolctl import threadpool_limits
 
     from rotorfit.logs.files import write_whole
-    from rotorfit.planning.plan import plan
     from rotorfit.report.plan_card import write_card
     from rotorfit.report.plan_text import plan_text
+    from rotorfit.tools.planning.plan import plan
 
     with (
         threadpool_limits(limits=1, user_api="blas"),
@@ -163,8 +163,8 @@ def _plan_and_write(
 
 def _declared(airframe: Path) -> tuple[Vehicle, MotorsEntry]:
     """Read vehicle and motors from an airframe file, as identify will read it."""
-    from rotorfit.experiment.declared_vehicle import vehicle_of
-    from rotorfit.experiment.experiment import single_flight_experiment
+    from rotorfit.fit.experiment.declared_vehicle import vehicle_of
+    from rotorfit.fit.experiment.experiment import single_flight_experiment
 
     experiment = single_flight_experiment(Path("flight"), mass=1.0, airframe=airframe)
     return vehicle_of(experiment.airframe), experiment.motors
@@ -172,7 +172,7 @@ def _declared(airframe: Path) -> tuple[Vehicle, MotorsEntry]:
 
 def _mass(mass: float | None, vehicle: Vehicle, after: IdentificationResult | None) -> float:
     """Select the mass, given or of an earlier result, which must be of this vehicle [kg]."""
-    from rotorfit.planning.after import check_same_vehicle, result_mass
+    from rotorfit.tools.planning.after import check_same_vehicle, result_mass
 
     if after is None:
         return math.nan if mass is None else mass

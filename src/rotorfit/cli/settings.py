@@ -20,7 +20,7 @@ from rotorfit.cli.terminal import (
 from rotorfit.errors import LogError
 
 if TYPE_CHECKING:
-    from rotorfit.inspection.advised_settings import AdvisedSettings
+    from rotorfit.tools.inspection.advised_settings import AdvisedSettings
 
 
 def settings(
@@ -43,8 +43,8 @@ def settings(
     From the values that this log has: only what must change, as old and new. The advice is that of
     inspect.
     """
-    from rotorfit.inspection.settings_to_change import file_of, file_text, to_write
     from rotorfit.logs.files import write_whole
+    from rotorfit.tools.inspection.settings_to_change import file_of, file_text, to_write
 
     if output is not None:
         refuse_output_file(output, inputs=[log_file], force=force)
@@ -65,8 +65,8 @@ def settings(
 
 
 def _advised(path: Path, number: int | None) -> AdvisedSettings:
-    from rotorfit.inspection.advised_settings import advised_settings
     from rotorfit.logs import ReadOptions, read_log
+    from rotorfit.tools.inspection.advised_settings import advised_settings
 
     with steps() as report_progress:
         report_progress(f"reading {path.name}")
@@ -83,7 +83,12 @@ def _json(report: AdvisedSettings) -> str:
 
 
 def _text(report: AdvisedSettings) -> str:
-    from rotorfit.inspection.settings_to_change import decision_lines, diff_lines, file_of, to_write
+    from rotorfit.tools.inspection.settings_to_change import (
+        decision_lines,
+        diff_lines,
+        file_of,
+        to_write,
+    )
 
     count = len(to_write(report))
     words = f"{count or 'nothing'} to change"

@@ -20,8 +20,8 @@ from rotorfit.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from rotorfit.validation.judgement import Judgement
-    from rotorfit.validation.wrench_comparison import WrenchComparison
+    from rotorfit.results.validation.judgement import Judgement
+    from rotorfit.results.validation.wrench_comparison import WrenchComparison
 
 
 def validate(
@@ -46,9 +46,9 @@ def validate(
     Compares what the motion needs with what the rotors produce, for thrust and the three moments.
     """
     from rotorfit.results.sound_result import load_sound
-    from rotorfit.validation.judgement import doubtful_numbers, judgement, moment_splits
-    from rotorfit.validation.replay import validated_flight
-    from rotorfit.validation.validate import unseen_flight, validation_rows
+    from rotorfit.results.validation.judgement import doubtful_numbers, judgement, moment_splits
+    from rotorfit.results.validation.replay import validated_flight
+    from rotorfit.results.validation.validate import unseen_flight, validation_rows
 
     loaded = load_sound(result)
     comparisons: list[WrenchComparison] = []
@@ -86,10 +86,10 @@ def validation_text(
     comparisons: "Sequence[WrenchComparison]", judgements: "Sequence[Judgement]"
 ) -> str:
     """Format the relative errors as a table, in percent, and what each flight says."""
-    from rotorfit.formatting.digits import short
+    from rotorfit.digits import short
     from rotorfit.report.parameters import NOTHING_PREDICTED, PREDICTED_WELL
-    from rotorfit.validation.judgement import moment_sentences
-    from rotorfit.validation.wrench_comparison import SHOWN
+    from rotorfit.results.validation.judgement import moment_sentences
+    from rotorfit.results.validation.wrench_comparison import SHOWN
 
     width = max(len(c.flight) for c in comparisons)
     lines = [

@@ -24,9 +24,9 @@ import numpy as np
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import frd, hash_comment, listed, text, with_notes
 from rotorfit.export.vehicle import VehicleModel, required_law
+from rotorfit.flight.motors.motor_model import ThrustCurve, command_range, thrust_curve
 from rotorfit.logs.dataflash.frames import CLASSES, TYPES, Frame, numbered_frame
 from rotorfit.logs.speed_law import SpeedLaw
-from rotorfit.preprocessing.motors.motor_model import ThrustCurve, command_range, thrust_curve
 
 HOVER_RANGE: Final = (0.125, 0.6875)
 LARGEST_SPIN_MIN: Final = 0.3

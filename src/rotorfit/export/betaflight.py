@@ -20,7 +20,7 @@ from jaxtyping import Float
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import RPM, hash_comment, with_notes
 from rotorfit.export.vehicle import VehicleModel, effectiveness, required_law, spread
-from rotorfit.preprocessing.motors.motor_model import betaflight_linear, thrust_curve
+from rotorfit.flight.motors.motor_model import betaflight_linear, thrust_curve
 
 
 def write_betaflight(model: VehicleModel, head: Sequence[str]) -> str:

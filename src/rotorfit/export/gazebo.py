@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.impossible_inertia import second_moments
+from rotorfit.checks.impossible_inertia import second_moments
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import (
     identifier,

@@ -31,13 +31,13 @@ from rotorfit.export.file_format import (
     xml_comment,
 )
 from rotorfit.export.vehicle import ExportedRotor, VehicleModel, inertia_at_origin
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.preprocessing.airborne import GRAVITY
+from rotorfit.results.validation.fly_outcome import BEFORE, STEP, Manoeuvre, ModelFlight
 from rotorfit.simulation.body import allocation
 from rotorfit.simulation.controller import Autopilot, Gains, Memory, autopilot_of, control
 from rotorfit.simulation.pilot import Reference
 from rotorfit.simulation.truth import Truth, tensor_elements
-from rotorfit.validation.fly_outcome import BEFORE, STEP, Manoeuvre, ModelFlight
 
 TIMESTEP = 0.002
 

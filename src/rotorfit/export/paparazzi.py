@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import text, with_notes, xml_comment
 from rotorfit.export.vehicle import VehicleModel, effectiveness, spread
-from rotorfit.preprocessing.motors.motor_model import speeds
+from rotorfit.flight.motors.motor_model import speeds
 
 FULL: Final = 9600.0
 """MAX_PPRZ."""

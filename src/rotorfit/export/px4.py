@@ -33,15 +33,15 @@ from rotorfit.errors import OutputError
 from rotorfit.export.file_format import elements, frd, hash_comment, inertia_frd, text, with_notes
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import Spread, VehicleModel, refuse_no_lag, spread
-from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
-from rotorfit.model.terms.air import DRAG_NAMES, TURN_DAMPING
-from rotorfit.preprocessing.airborne import GRAVITY
-from rotorfit.preprocessing.motors.motor_model import (
+from rotorfit.flight.airborne import GRAVITY
+from rotorfit.flight.motors.motor_model import (
     ThrustCurve,
     full_speed_of,
     speeds,
     thrust_curve,
 )
+from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
+from rotorfit.model.terms.air import DRAG_NAMES, TURN_DAMPING
 
 MOST_ROTORS = 12
 """PX4's NUM_ROTORS_MAX."""

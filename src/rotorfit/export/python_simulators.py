@@ -56,8 +56,8 @@ from rotorfit.export.file_format import (
 )
 from rotorfit.export.variants import Variants
 from rotorfit.export.vehicle import VehicleModel, refuse_no_lag, refuse_no_upright_quad
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.parameters import INERTIA
-from rotorfit.preprocessing.airborne import GRAVITY
 
 
 def write_crazyflow(model: VehicleModel, head: Sequence[str]) -> str:

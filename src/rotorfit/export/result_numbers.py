@@ -13,7 +13,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from rotorfit.formatting.digits import with_interval
+from rotorfit.checks.verdicts.judge import body_verdict, is_width, relative_width, twin_of
+from rotorfit.digits import with_interval
 from rotorfit.model.parameters import (
     COM,
     DERIVED,
@@ -26,7 +27,6 @@ from rotorfit.model.parameters import (
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.results.command_units import effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.verdicts.judge import body_verdict, is_width, relative_width, twin_of
 
 Origin = Literal[
     "identified", "weak", "doubtful", "given", "removed", "assumed", "from-ratio", "law"

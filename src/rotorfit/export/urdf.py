@@ -27,8 +27,8 @@ from rotorfit.export.file_format import (
     xml_elements,
 )
 from rotorfit.export.vehicle import ExportedRotor, VehicleModel
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.parameters import INERTIA
-from rotorfit.preprocessing.airborne import GRAVITY
 
 GYM_SEATS = ((1.0, -1.0, 1.0), (-1.0, -1.0, -1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0))
 """Seats of prop0 to prop3, FLU: sign of x, sign of y, spin."""

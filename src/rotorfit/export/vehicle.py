@@ -15,11 +15,12 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.impossible_inertia import second_moments
+from rotorfit.checks.impossible_inertia import second_moments
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.export.file_format import frd
 from rotorfit.export.result_numbers import Number, unit_of
 from rotorfit.export.targets import BODY
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.parameters import (
     COM,
@@ -30,7 +31,6 @@ from rotorfit.model.parameters import (
     inertia_about,
     inertia_matrix,
 )
-from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.results.physical_inertia import project_to_physical
 from rotorfit.results.result import IdentificationResult
 

@@ -10,10 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from rotorfit.digits import with_interval
 from rotorfit.errors import ExperimentError, MissingNumbersError, OutputError
-from rotorfit.experiment.declared_vehicle import vehicle_of
-from rotorfit.experiment.experiment import Experiment, experiment_of_settings
-from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.export.result_numbers import (
     FULL_COMMAND,
     ROTOR_KT,
@@ -32,17 +30,19 @@ from rotorfit.export.vehicle import (
     refuse_signs,
     thickened,
 )
-from rotorfit.formatting.digits import with_interval
+from rotorfit.fit.experiment.declared_vehicle import vehicle_of
+from rotorfit.fit.experiment.experiment import Experiment, experiment_of_settings
+from rotorfit.fit.experiment.law_table import speed_law_of
+from rotorfit.flight.motors.motor_model import full_speed_of
 from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.terms.registry import OPTIONAL
 from rotorfit.model.terms.rotors import ROTOR_INERTIA, ROTOR_SPREAD
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.planning.next_step import next_step
-from rotorfit.preprocessing.motors.motor_model import full_speed_of
 from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import IdentificationResult, owner_of
 from rotorfit.results.sound_result import refuse_unsound
+from rotorfit.tools.planning.next_step import next_step
 
 
 def vehicle_model(

@@ -19,16 +19,16 @@ from jaxtyping import Float
 
 from rotorfit import version
 from rotorfit.errors import EstimationError, OutputError
-from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.export.result_numbers import DOUBTFUL, Number
 from rotorfit.export.targets import RANDOM_TARGETS, TARGETS, RandomTargetName, TargetName, writer_of
 from rotorfit.export.variants import Variants, refuse_suffix, variants, write_samples
 from rotorfit.export.vehicle import VehicleModel
 from rotorfit.export.vehicle_model import terms_left_out, vehicle_model
+from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.logs.files import file_name, write_whole
 from rotorfit.results.result import IdentificationResult
-from rotorfit.validation.validate import fitted_comparisons, validation_comparisons
-from rotorfit.validation.wrench_comparison import COMPONENTS, WrenchComparison
+from rotorfit.results.validation.validate import fitted_comparisons, validation_comparisons
+from rotorfit.results.validation.wrench_comparison import COMPONENTS, WrenchComparison
 
 Columns = Mapping[str, Float[np.ndarray, " n"]]
 

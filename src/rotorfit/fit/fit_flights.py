@@ -20,12 +20,12 @@ from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import chosen
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
+from rotorfit.fit.reduction.frequency_bands import EDGES, OTHER_RATIOS
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import timed_again
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import DEFAULT, DROPPED
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.reduction.frequency_bands import EDGES, OTHER_RATIOS
 
 Shift = Callable[[TimedDataset, float], Float[np.ndarray, " q"]]
 """How far each number moves with other flights, or at another timing of theirs, and with the bands

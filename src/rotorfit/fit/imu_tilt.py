@@ -14,17 +14,17 @@ from jaxtyping import Float
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.distributions import student_quantile
-from rotorfit.experiment.declared_vehicle import with_imu_tilt
-from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Evidence, Finding, doubt
+from rotorfit.fit.experiment.declared_vehicle import with_imu_tilt
+from rotorfit.fit.experiment.experiment import Experiment
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
+from rotorfit.fit.reduction.frequency_bands import STRETCH
 from rotorfit.fit.timing.timed_dataset import TimedDataset, tilt_corrected_flights
 from rotorfit.fit.timing.timing_fit import find_timing
-from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.preprocessing.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
-from rotorfit.reduction.frequency_bands import STRETCH
+from rotorfit.flight.flight_data import FlightData
+from rotorfit.flight.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
 
 FEWEST_PARTS: Final = 3
 """Whose scatter is informative."""

@@ -17,19 +17,19 @@ import numpy as np
 from jaxtyping import Float
 from scipy import ndimage
 
-from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight, with_prepared
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded_problem import solved
+from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight, with_prepared
 from rotorfit.fit.fit import Fit, numbers_of, refit
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.joint.joint_problem import NOISY, RESPONSE_ERRORS, theta_of
+from rotorfit.fit.reduction.frequency_bands import EDGES, banded_data
+from rotorfit.fit.reduction.reduce import split_segment
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.flight.airborne import MOTION_CUTOFF
+from rotorfit.flight.flight_data import FlightData, Segment
+from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.signals import signal_matrix
-from rotorfit.preprocessing.airborne import MOTION_CUTOFF
-from rotorfit.preprocessing.flight_data import FlightData, Segment
-from rotorfit.preprocessing.prepare import PreparedFlight
-from rotorfit.reduction.frequency_bands import EDGES, banded_data
-from rotorfit.reduction.reduce import split_segment
 
 WINDOW: Final = 0.12
 """Deviation of the bell over which a level is averaged [s]: it holds some sixty degrees of freedom

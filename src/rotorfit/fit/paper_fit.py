@@ -14,10 +14,10 @@ from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import stack_factors
 from rotorfit.estimation.least_squares import EssentialEstimate, essential_total
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
+from rotorfit.fit.reduction.frequency_bands import retimed
+from rotorfit.fit.reduction.reduce import LowPass, time_factors
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import full_name
-from rotorfit.reduction.frequency_bands import retimed
-from rotorfit.reduction.reduce import LowPass, time_factors
 
 SHARED_FREE = ("kt", "kd")
 OWN_FREE = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")

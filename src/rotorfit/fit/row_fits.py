@@ -48,12 +48,12 @@ from rotorfit.fit.intervals.numbers import (
     relevant_size,
     t_half_width,
 )
+from rotorfit.fit.reduction.frequency_bands import excited_bands, in_pilot_band, slow_bands
 from rotorfit.model.parameters import EVERY, INERTIA, inertia_about
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.terms.body import ACCEL_BIAS_STD, MOUNTING_STD
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.frequency_bands import excited_bands, in_pilot_band, slow_bands
 
 ROWS = ("force", "roll", "pitch", "yaw")
 EQUATIONS = {

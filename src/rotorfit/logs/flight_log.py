@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float, Shaped
 
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, sentences
-from rotorfit.formatting.sheet import DataFrame, Sheet, frame, pandas, sheet_html, sheet_text
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.logs.speed_law import SpeedLaw
+from rotorfit.sheet import DataFrame, Sheet, frame, pandas, sheet_html, sheet_text
 
 CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
     "gyro": (3, "rad/s"),

@@ -181,12 +181,19 @@ OF_FLIGHT: Final = ("max_thrust", "motor_imbalance", "hover_throttle", "thrust_t
 """Derived numbers that follow from the others once the motors' law is known."""
 
 EVERY: Final = PARAMETERS | DERIVED
+TITLES: Final[dict[str, str]] = {name: info.title for name, info in EVERY.items()}
+"""Names of parameters in words."""
 EFFECTIVE_UNITS: Final[dict[str, str]] = {
     name: info.effective_unit for name, info in EVERY.items() if info.effective_unit is not None
 }
 """Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
 SHARED: Final = (*names_of("shared"), *MOTORS)
 """Parameters of the propulsion: every configuration has the same."""
+
+
+def title_of(name: str) -> str:
+    """Return a parameter's name in words."""
+    return TITLES.get(name, name)
 
 
 def inertia_matrix(elements: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "3 3"]:

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import FlightError
+from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.flight_data import FlightData
 
 BODY_SIGNALS = (
     *("ax", "ay", "az"),

@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.formatting.series import Series, column_starts, extremes, middles
 from rotorfit.report.pages import (
     drawing,
     label,
@@ -23,6 +22,7 @@ from rotorfit.report.pages import (
     tick_label,
     ticks,
 )
+from rotorfit.series import Series, column_starts, extremes, middles
 
 WIDTH: Final = 920.0
 LEFT: Final = 58.0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.weak_directions import condition_words
+from rotorfit.checks.weak_directions import condition_words
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
 from rotorfit.report.pages import drawing, label, tag, text
 from rotorfit.results.result import IdentificationResult

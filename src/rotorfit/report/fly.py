@@ -8,8 +8,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.formatting.digits import short
-from rotorfit.formatting.sheet import listed, table_lines, wrapped
+from rotorfit.digits import short
 from rotorfit.logs.files import file_name
 from rotorfit.report.pages import (
     drawing,
@@ -20,7 +19,7 @@ from rotorfit.report.pages import (
     tag,
     template_text,
 )
-from rotorfit.validation.fly_outcome import (
+from rotorfit.results.validation.fly_outcome import (
     MANOEUVRES,
     STEADY,
     STEP,
@@ -40,8 +39,8 @@ from rotorfit.validation.fly_outcome import (
     settling_time,
     steady_share,
 )
-from rotorfit.validation.judgement import AXES, GOOD_SHARE, error_sentences, horizon
-from rotorfit.validation.replay import (
+from rotorfit.results.validation.judgement import AXES, GOOD_SHARE, error_sentences, horizon
+from rotorfit.results.validation.replay import (
     HOLD,
     IDENTIFIED,
     NORMAL_95,
@@ -51,6 +50,7 @@ from rotorfit.validation.replay import (
     force_errors,
     growth_time,
 )
+from rotorfit.sheet import listed, table_lines, wrapped
 
 WIDTH = 80
 BAND = "95 % band"

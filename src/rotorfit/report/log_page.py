@@ -8,19 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.formatting.series import Series
-from rotorfit.inspection.inspect_log import LogReport
-from rotorfit.inspection.pictures import (
-    LEVELS,
-    THRUST_LEVELS,
-    TURN_LEVELS,
-    Activity,
-    LogPictures,
-    Mark,
-    TimePicture,
-    Trace,
-)
-from rotorfit.inspection.spectra import RotorBand, Spectrum, ordinal
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.firmware import Filter
 from rotorfit.report.chart import (
@@ -41,6 +28,19 @@ from rotorfit.report.chart import (
 from rotorfit.report.log_report import KNOW, airborne_phrase, sections
 from rotorfit.report.pages import render_page
 from rotorfit.report.parameters import unit_words
+from rotorfit.series import Series
+from rotorfit.tools.inspection.inspect_log import LogReport
+from rotorfit.tools.inspection.pictures import (
+    LEVELS,
+    THRUST_LEVELS,
+    TURN_LEVELS,
+    Activity,
+    LogPictures,
+    Mark,
+    TimePicture,
+    Trace,
+)
+from rotorfit.tools.inspection.spectra import RotorBand, Spectrum, ordinal
 
 TITLES: Final = {
     "gyro": "Gyro",

@@ -5,18 +5,18 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, Final
 
-from rotorfit.dataset.plausible_units import GravitySeen
-from rotorfit.diagnostics.kt_from_weight import law_decides
+from rotorfit.checks.kt_from_weight import law_decides
+from rotorfit.checks.verdicts.judge import ratio_words
+from rotorfit.digits import short, with_half
+from rotorfit.fit.dataset.plausible_units import GravitySeen
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
-from rotorfit.formatting.digits import short, with_half
-from rotorfit.formatting.sheet import wrapped
-from rotorfit.inspection.inspect_log import LogReport
-from rotorfit.inspection.motor_lateness import LATEST, SEARCHED
-from rotorfit.inspection.prospects import Excitation, Prospects
-from rotorfit.inspection.recording import ChannelReport, settings_file
-from rotorfit.inspection.spectra import AXES, Spectrum, Sweep
-from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry
-from rotorfit.verdicts.judge import ratio_words
+from rotorfit.flight.motors.rotor_telemetry import Telemetry
+from rotorfit.sheet import wrapped
+from rotorfit.tools.inspection.inspect_log import LogReport
+from rotorfit.tools.inspection.motor_lateness import LATEST, SEARCHED
+from rotorfit.tools.inspection.prospects import Excitation, Prospects
+from rotorfit.tools.inspection.recording import ChannelReport, settings_file
+from rotorfit.tools.inspection.spectra import AXES, Spectrum, Sweep
 
 JSON_KEYS: Final = (
     *("file", "format", "log", "seconds", "channels", "airborne", "vibration", "sweeps"),

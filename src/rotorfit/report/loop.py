@@ -7,14 +7,14 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.control_loop.loop import AxisLoop, LoopOutcome
-from rotorfit.control_loop.margins import open_phase
-from rotorfit.control_loop.measures import SIDES, LoopMeasures, Measure, StepResponse
-from rotorfit.formatting.digits import with_half
-from rotorfit.formatting.series import Series
-from rotorfit.formatting.sheet import table_lines, wrapped
+from rotorfit.digits import with_half
 from rotorfit.report.chart import Area, Axis, Chart, Curve, Line, Panel, chart_svg
 from rotorfit.report.pages import render_page
+from rotorfit.series import Series
+from rotorfit.sheet import table_lines, wrapped
+from rotorfit.tools.control_loop.loop import AxisLoop, LoopOutcome
+from rotorfit.tools.control_loop.margins import open_phase
+from rotorfit.tools.control_loop.measures import SIDES, LoopMeasures, Measure, StepResponse
 
 WIDTH = 80
 HEADS: Final = ("crossover [Hz]", "phase [deg]", "gain", "delay [ms]", "peak")

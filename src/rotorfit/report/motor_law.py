@@ -7,20 +7,20 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.motors.law_from_flight import FOUND as LAW_FOUND
+from rotorfit.checks.motors.law_from_flight import FOUND as LAW_FOUND
+from rotorfit.digits import Number, number_of
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.experiment import experiment_of_settings
-from rotorfit.experiment.law_table import speed_law_of
-from rotorfit.experiment.toml_files import experiment_text
-from rotorfit.formatting.digits import Number, number_of
+from rotorfit.fit.experiment.experiment import experiment_of_settings
+from rotorfit.fit.experiment.law_table import speed_law_of
+from rotorfit.fit.experiment.toml_files import experiment_text
+from rotorfit.flight.motors.motor_model import speeds
 from rotorfit.logs.speed_law import SpeedLaw
-from rotorfit.preprocessing.motors.motor_model import speeds
 from rotorfit.report.pages import drawing, label, tag, text, tick_label, ticks
 from rotorfit.report.parameters import unit_words
 from rotorfit.results.command_law import CommandLaw, LawPoint
 from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import IdentificationResult
-from rotorfit.validation.wrench_comparison import WrenchComparison
+from rotorfit.results.validation.wrench_comparison import WrenchComparison
 
 WIDTH, HEIGHT = 640.0, 320.0
 LEFT, RIGHT, TOP, BOTTOM = 70.0, 16.0, 14.0, 46.0

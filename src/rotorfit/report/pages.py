@@ -14,8 +14,8 @@ from html import escape
 from pathlib import Path
 from typing import Any, Final
 
+from rotorfit.digits import short
 from rotorfit.errors import OutputError
-from rotorfit.formatting.digits import short
 from rotorfit.logs.files import write_whole
 
 FOLDER: Final = Path(__file__).parent / "templates"

@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from rotorfit.formatting.digits import Number, finite_interval, known, number_of
-from rotorfit.model.parameters import COM, EVERY, INERTIA_COM, NUISANCE, OF_FLIGHT
+from rotorfit.checks.verdicts.judge import body_advice, body_reason, body_verdict, twin_of
+from rotorfit.digits import Number, finite_interval, known, number_of
+from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE, OF_FLIGHT, TITLES, title_of
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.report.pages import drawing, plus_minus, tag
 from rotorfit.results.result import (
@@ -15,9 +16,6 @@ from rotorfit.results.result import (
     configuration_names,
     verdict_of,
 )
-from rotorfit.verdicts.judge import body_advice, body_reason, body_verdict, twin_of
-
-TITLES = {name: info.title for name, info in EVERY.items()}
 
 VERDICT_MEANING = {
     "identified": "known to +- 25 % or better, of its value or of what matters (docs/method.md)",
@@ -36,11 +34,6 @@ NOTHING_PREDICTED = (
     "in this flight (validate on a livelier one), or the vehicle has changed or is another "
     "configuration (identify from both flights)."
 )
-
-
-def title_of(name: str) -> str:
-    """Return a parameter's name in words."""
-    return TITLES.get(name, name)
 
 
 def unit_words(unit: str) -> str:

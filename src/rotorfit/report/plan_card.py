@@ -6,10 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.formatting.sheet import wrapped
 from rotorfit.logs.files import write_whole
-from rotorfit.planning.plan import FlightPlan
-from rotorfit.planning.wanted import WANTABLE
 from rotorfit.report.pages import drawing, label, render_page, tag
 from rotorfit.report.plan_text import (
     Step,
@@ -24,6 +21,9 @@ from rotorfit.report.plan_text import (
     wanted_phrase,
     width_text,
 )
+from rotorfit.sheet import wrapped
+from rotorfit.tools.planning.plan import FlightPlan
+from rotorfit.tools.planning.wanted import WANTABLE
 
 WIDTH: Final = 78
 PLAIN_NAMES: Final = {

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from rotorfit.formatting.sheet import wrapped
-from rotorfit.planning.next_step import NextStep, best_manoeuvre, next_step
-from rotorfit.planning.plan import SCHEDULES, FlightPlan
-from rotorfit.planning.vehicle import payload_rotors
-from rotorfit.planning.wanted import IN_MM, WANTABLE, Candidate, ScheduleName, shown_width
+from rotorfit.sheet import wrapped
 from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre, Stick
+from rotorfit.tools.planning.next_step import NextStep, best_manoeuvre, next_step
+from rotorfit.tools.planning.plan import SCHEDULES, FlightPlan
+from rotorfit.tools.planning.vehicle import payload_rotors
+from rotorfit.tools.planning.wanted import IN_MM, WANTABLE, Candidate, ScheduleName, shown_width
 
 WIDTH = 100
 NAME_WIDTH = 31

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, cast
 
-from rotorfit.control_loop.loop import LoopOutcome
-from rotorfit.formatting.digits import known, short
+from rotorfit.digits import known, short
 from rotorfit.logs.files import file_name, write_whole
+from rotorfit.model.parameters import title_of
 from rotorfit.report.chart import chart_svg
 from rotorfit.report.correlations import correlation_section
 from rotorfit.report.loop import loop_section
@@ -27,7 +27,6 @@ from rotorfit.report.parameters import (
     PREDICTED_WELL,
     VERDICT_MEANING,
     parameter_tables,
-    title_of,
     unit_words,
 )
 from rotorfit.report.summary import summary_of, used_flights
@@ -44,8 +43,9 @@ from rotorfit.report.wrenches import (
     wrench_svg,
 )
 from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
-from rotorfit.validation.judgement import moment_sentences
-from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison, wrench_spectra
+from rotorfit.results.validation.judgement import moment_sentences
+from rotorfit.results.validation.wrench_comparison import SHOWN, WrenchComparison, wrench_spectra
+from rotorfit.tools.control_loop.loop import LoopOutcome
 
 Entry = list[float]
 """Value, and %sigma where the table has it."""

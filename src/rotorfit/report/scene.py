@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import ValidationError
 
+from rotorfit.digits import known
 from rotorfit.errors import RotorfitError
-from rotorfit.experiment.airframe_table import AirframeEntry
-from rotorfit.experiment.declared_vehicle import vehicle_of
-from rotorfit.formatting.digits import known
+from rotorfit.fit.experiment.airframe_table import AirframeEntry
+from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.report.parameters import half_width
 from rotorfit.results.result import IdentificationResult, configuration_names

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from math import floor, log10, pi
 from typing import Final
 
+from rotorfit.digits import known, number_of, with_interval
 from rotorfit.findings import Finding
-from rotorfit.formatting.digits import known, number_of, with_interval
-from rotorfit.formatting.sheet import wrapped
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.logs.files import file_name
-from rotorfit.planning.next_step import next_step
-from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.report.pages import drawing, label, labelled_ticks, tag, text
 from rotorfit.report.parameters import VERDICT_MEANING
 from rotorfit.report.text import flight_notes, flights_in_words
@@ -24,6 +22,8 @@ from rotorfit.results.result import (
     configuration_names,
     verdict_of,
 )
+from rotorfit.sheet import wrapped
+from rotorfit.tools.planning.next_step import next_step
 
 DIRECTIONS: Final = {
     "com_x": ("forward", "back"),

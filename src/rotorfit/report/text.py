@@ -4,12 +4,11 @@ import textwrap
 from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
-from rotorfit.formatting.digits import known, short, with_interval
-from rotorfit.formatting.sheet import table_lines, wrapped
+from rotorfit.checks.verdicts.judge import WEAK, twin_of
+from rotorfit.digits import known, short, with_interval
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import NUISANCE, OF_FLIGHT
 from rotorfit.model.terms.air import DRAG_MOMENTS
-from rotorfit.planning.next_step import next_step
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
 from rotorfit.report.parameters import COM_FIRST, VERDICT_MEANING, Entry, body_entry, percent
 from rotorfit.results.result import (
@@ -19,7 +18,8 @@ from rotorfit.results.result import (
     configuration_names,
     verdict_of,
 )
-from rotorfit.verdicts.judge import WEAK, twin_of
+from rotorfit.sheet import table_lines, wrapped
+from rotorfit.tools.planning.next_step import next_step
 
 ROTOR_DERIVED = (
     *("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed"),

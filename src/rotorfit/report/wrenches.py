@@ -8,8 +8,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.formatting.digits import short
-from rotorfit.formatting.series import Series, thinned
+from rotorfit.digits import short
 from rotorfit.logs.files import file_name
 from rotorfit.report.chart import (
     Axis,
@@ -23,13 +22,14 @@ from rotorfit.report.chart import (
     time_axis,
 )
 from rotorfit.results.result import IdentificationResult
-from rotorfit.validation.wrench_comparison import (
+from rotorfit.results.validation.wrench_comparison import (
     SHOWN,
     WINDOW_SECONDS,
     WrenchComparison,
     WrenchSpectra,
     wrench_spectra,
 )
+from rotorfit.series import Series, thinned
 
 NAMES: Final = {"Fz": "thrust", "Mx": "roll", "My": "pitch", "Mz": "yaw"}
 HEIGHT: Final = 150.0

@@ -17,22 +17,22 @@ import scipy
 from jaxtyping import Float
 
 from rotorfit import version
-from rotorfit.dataset.dataset import Dataset, LoadedFlight
-from rotorfit.dataset.load import resolved_method
-from rotorfit.diagnostics.sensors.sensor_faults import lowpass_sentence
+from rotorfit.checks.sensors.sensor_faults import lowpass_sentence
+from rotorfit.checks.verdicts.judge import judged_derived
+from rotorfit.checks.verdicts.parameters import RATIOS
 from rotorfit.estimation.factors import flights_of
-from rotorfit.experiment.experiment import Experiment, MotorsEntry
-from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.findings import Finding, diagnostics_of, note
+from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight
+from rotorfit.fit.dataset.load import resolved_method
+from rotorfit.fit.experiment.experiment import Experiment, MotorsEntry
+from rotorfit.fit.experiment.law_table import speed_law_of
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.flight.motors.motor_model import ThrustCurve, full_speed_of
 from rotorfit.logs.flight_log import SITL, simulated_sentence
 from rotorfit.logs.speed_law import SquareRootLaw
-from rotorfit.preprocessing.motors.motor_model import ThrustCurve, full_speed_of
 from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
-from rotorfit.verdicts.judge import judged_derived
-from rotorfit.verdicts.parameters import RATIOS
 
 FLYABLE = ("weak", "ratio-only", "not-identified")
 """Verdicts that more flying might better."""

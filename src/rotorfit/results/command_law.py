@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, get_args
 
+from rotorfit.fit.motor_law.law_model import FormName
 from rotorfit.logs.speed_law import (
     Curve,
     PowerLaw,
@@ -13,7 +14,6 @@ from rotorfit.logs.speed_law import (
     SquareRootLaw,
     VoltageFactor,
 )
-from rotorfit.motor_law.law_model import FormName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,16 +11,16 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Dataset
-from rotorfit.diagnostics.motors.commanded_speeds import hover_share
-from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.experiment.law_table import LawEntry, speed_law_of
+from rotorfit.checks.motors.commanded_speeds import hover_share
+from rotorfit.checks.verdicts.judge import judge
 from rotorfit.findings import doubt, note
+from rotorfit.fit.dataset.dataset import Dataset
+from rotorfit.fit.experiment.experiment import MotorsEntry
+from rotorfit.fit.experiment.law_table import LawEntry, speed_law_of
+from rotorfit.flight.motors.motor_model import GRID, full_speed_of, speeds
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
 from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS
-from rotorfit.preprocessing.motors.motor_model import GRID, full_speed_of, speeds
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
-from rotorfit.verdicts.judge import judge
 
 _PER_MASS: Final = " per kg"
 

@@ -6,8 +6,8 @@ Differences are relative to the first result's value, as in Table II.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rotorfit.digits import with_interval
 from rotorfit.errors import ExperimentError
-from rotorfit.formatting.digits import with_interval
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
 
 

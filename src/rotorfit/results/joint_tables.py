@@ -5,10 +5,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.checks.verdicts.judge import Judgement
+from rotorfit.checks.verdicts.parameters import (
+    joint_parameters,
+    judged_numbers,
+    number_derived,
+    with_timing_total,
+)
 from rotorfit.estimation.banded import response_sensitivity
 from rotorfit.estimation.estimate import numerical_jacobian
-from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.findings import Finding
+from rotorfit.fit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import (
     SHARED_NUMBERS,
@@ -19,20 +26,13 @@ from rotorfit.fit.intervals.joint_numbers import (
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
 from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.fit.reduction.frequency_bands import STRETCH
 from rotorfit.fit.timing.timing_fit import SUMMED
 from rotorfit.model.parameters import DERIVED, MOTOR_TIMES, OF_FLIGHT, UNREPORTED
 from rotorfit.model.terms.body import BIAS_STD
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
-from rotorfit.reduction.frequency_bands import STRETCH
 from rotorfit.results.assemble import assembled, with_diagnosis
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.verdicts.judge import Judgement
-from rotorfit.verdicts.parameters import (
-    joint_parameters,
-    judged_numbers,
-    number_derived,
-    with_timing_total,
-)
 
 
 def joint_result(

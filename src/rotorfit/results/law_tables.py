@@ -7,26 +7,26 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.carried_weight import Measured
-from rotorfit.dataset.dataset import Dataset
+from rotorfit.checks.verdicts.judge import judge
+from rotorfit.checks.verdicts.parameters import found_time
 from rotorfit.errors import EstimationError
 from rotorfit.findings import note
-from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw
-from rotorfit.model.parameters import PARAMETERS, ROW_ORDER
-from rotorfit.motor_law.command_response import Recording, speed_response
-from rotorfit.motor_law.fit_law import FittedLaw, LawFit, bounded_recording, fit_law
-from rotorfit.motor_law.law_model import law_of, scales_of, timing_of
-from rotorfit.preprocessing.motors.motor_model import (
+from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.fit.dataset.dataset import Dataset
+from rotorfit.fit.motor_law.command_response import Recording, speed_response
+from rotorfit.fit.motor_law.fit_law import FittedLaw, LawFit, bounded_recording, fit_law
+from rotorfit.fit.motor_law.law_model import law_of, scales_of, timing_of
+from rotorfit.fit.reduction.motor_timing import is_time_identifiable
+from rotorfit.flight.motors.motor_model import (
     ThrustCurve,
     betaflight_linear,
     speeds,
     thrust_curve,
 )
-from rotorfit.reduction.motor_timing import is_time_identifiable
+from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw
+from rotorfit.model.parameters import PARAMETERS, ROW_ORDER
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
 from rotorfit.results.result import IdentificationResult, Parameter
-from rotorfit.verdicts.judge import judge
-from rotorfit.verdicts.parameters import found_time
 
 ESTIMATOR: Final = (
     "least squares of the measured speeds over lag, delay and law together, glitches counting "

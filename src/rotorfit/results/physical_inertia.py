@@ -1,4 +1,4 @@
-"""The nearest body to an estimate that can exist (`diagnostics/impossible_inertia.py`)."""
+"""The nearest body to an estimate that can exist (`checks/impossible_inertia.py`)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.impossible_inertia import ESTIMATE, moment_slopes
+from rotorfit.checks.impossible_inertia import ESTIMATE, moment_slopes
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
-from rotorfit.experiment.payload import MOMENTS
+from rotorfit.fit.experiment.payload import MOMENTS
 from rotorfit.model.parameters import INERTIA, INERTIA_PLACES
 from rotorfit.results.result import IdentificationResult
 

@@ -11,19 +11,19 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.checks.verdicts.judge import Derived as Derived
+from rotorfit.checks.verdicts.judge import Parameter as Parameter
+from rotorfit.checks.verdicts.judge import Verdict as Verdict
+from rotorfit.checks.verdicts.judge import body_verdict, twin_of
+from rotorfit.digits import with_interval
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.findings import Finding, doubt, finding_from_plain, finding_to_plain, sentences
-from rotorfit.formatting.digits import with_interval
-from rotorfit.formatting.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.read import kind_of
 from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS
 from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plain
 from rotorfit.results.samples import Estimated, Samples, draw_vehicles
-from rotorfit.verdicts.judge import Derived as Derived
-from rotorfit.verdicts.judge import Parameter as Parameter
-from rotorfit.verdicts.judge import Verdict as Verdict
-from rotorfit.verdicts.judge import body_verdict, twin_of
+from rotorfit.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 
 SCHEMA = 1
 RESULT_FILE = "a result of rotorfit identify"

@@ -10,20 +10,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.diagnostics.weak_directions import excitation_findings, origin_findings
-from rotorfit.estimation.least_squares import EssentialEstimate
-from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
-from rotorfit.findings import note
-from rotorfit.fit.fit_flights import widened
-from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings, paper_estimate
-from rotorfit.fit.row_fits import ROWS, RowFits, fit_rows, number_scale, row_numbers
-from rotorfit.fit.timing.timed_dataset import TimedDataset
-from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS, ROW_ORDER, SHARED, full_name
-from rotorfit.results.assemble import assembled
-from rotorfit.results.result import IdentificationResult, Parameter
-from rotorfit.verdicts.judge import ADVICE, Judgement, judge, motion_for
-from rotorfit.verdicts.parameters import (
+from rotorfit.checks.verdicts.judge import ADVICE, Judgement, judge, motion_for
+from rotorfit.checks.verdicts.parameters import (
     RATIOS,
     SHARED_DERIVED,
     given_parameter,
@@ -34,6 +22,18 @@ from rotorfit.verdicts.parameters import (
     unit_of,
     with_timing_total,
 )
+from rotorfit.checks.weak_directions import excitation_findings, origin_findings
+from rotorfit.estimation.least_squares import EssentialEstimate
+from rotorfit.findings import note
+from rotorfit.fit.experiment.experiment import ConfigurationEntry, Experiment
+from rotorfit.fit.fit_flights import widened
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings, paper_estimate
+from rotorfit.fit.row_fits import ROWS, RowFits, fit_rows, number_scale, row_numbers
+from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS, ROW_ORDER, SHARED, full_name
+from rotorfit.results.assemble import assembled
+from rotorfit.results.result import IdentificationResult, Parameter
 
 
 def row_result(experiment: Experiment, dataset: TimedDataset) -> IdentificationResult:

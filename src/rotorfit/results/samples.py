@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import EstimationError
-from rotorfit.formatting.sheet import DataFrame, frame
 from rotorfit.model.parameters import COM, FIRST_MOMENTS, INERTIA, INERTIA_COM, INERTIA_PLACES
+from rotorfit.sheet import DataFrame, frame
 
 Values = dict[str, Float[np.ndarray, " n"]]
 """Numbers by name, one for each draw."""

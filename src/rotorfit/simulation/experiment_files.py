@@ -17,10 +17,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError, OutputError
+from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.simulation.experiments import (
     LAW,
     SECONDS,

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
+from rotorfit.flight.filters import first_order_recursion
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.filters import first_order_recursion
 from rotorfit.simulation.truth import Truth
 
 

@@ -13,7 +13,7 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import Factors, flights_of
 from rotorfit.fit.intervals.numbers import AXES, LEAST_EXCITATION
 from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.reduction.frequency_bands import in_pilot_band
+from rotorfit.fit.reduction.frequency_bands import in_pilot_band
 
 
 def excitation(

@@ -29,7 +29,7 @@ from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import flights_of
 from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.experiment.payload import MOMENTS, added_moments
+from rotorfit.fit.experiment.payload import MOMENTS, added_moments
 from rotorfit.fit.intervals.excitation import (
     enough_by_weight,
     excitation,
@@ -63,6 +63,7 @@ from rotorfit.fit.intervals.numbers import (
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
+from rotorfit.fit.reduction.motor_timing import FreeTiming
 from rotorfit.model.parameters import (
     EVERY,
     FIRST_MOMENTS,
@@ -75,7 +76,6 @@ from rotorfit.model.parameters import (
 from rotorfit.model.terms.rotors import IMU_MOUNTING
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.motor_timing import FreeTiming
 
 FEWEST_PHASES = 3
 """Whose scatter is informative."""

@@ -28,10 +28,10 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.estimation.distributions import student_quantile
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.parameters import EVERY, FIRST_MOMENTS
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne import GRAVITY
 
 INERTIA_BIAS: Final = 2.5
 CLOSED_LOOP_BIAS: Final = 1.0

@@ -28,10 +28,7 @@ from rotorfit.fit.joint.joint_problem import (
     error_correlation_std,
     joint_problem,
 )
-from rotorfit.fit.row_fits import turned_flights
-from rotorfit.model.terms.registry import DEFAULT_TERMS
-from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.frequency_bands import (
+from rotorfit.fit.reduction.frequency_bands import (
     LEAST_RATIO,
     counted_bands,
     excited_bands,
@@ -39,6 +36,9 @@ from rotorfit.reduction.frequency_bands import (
     or_every,
     slow_bands,
 )
+from rotorfit.fit.row_fits import turned_flights
+from rotorfit.model.terms.registry import DEFAULT_TERMS
+from rotorfit.model.vehicle import Vehicle
 
 THRUST: Final = NOISY.index("az")
 FORCES: Final = tuple(NOISY.index(name) for name in ("ax", "ay", "az"))

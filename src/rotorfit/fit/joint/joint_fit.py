@@ -14,11 +14,11 @@ from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse,
 from rotorfit.fit.joint.informative_bands import select_informative_bands, select_slow_bands
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, separate_flights
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, scatters
+from rotorfit.fit.reduction.frequency_bands import LEAST_RATIO
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.terms.registry import DEFAULT_TERMS
-from rotorfit.reduction.frequency_bands import LEAST_RATIO
 
 NEAR: Final = 0.1
 """Convergence tolerance of intermediate fits, in standard deviations: they find the informative

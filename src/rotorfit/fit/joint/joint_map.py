@@ -12,9 +12,10 @@ from jaxtyping import Bool, Float
 
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
-from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
+from rotorfit.fit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse
 from rotorfit.fit.joint.trims import UNSEEN, Scatter
+from rotorfit.fit.reduction.motor_timing import FreeTiming
 from rotorfit.model.parameters import FIRST_MOMENTS
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.terms.body import MASS
@@ -22,7 +23,6 @@ from rotorfit.model.terms.registry import DEFAULT_TERMS, TERMS
 from rotorfit.model.terms.rotors import ROTOR_CENTER
 from rotorfit.model.terms.term import Move, Term
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.motor_timing import FreeTiming
 
 Free = dict[str, dict[tuple[int, str], float]]
 """The entries of theta that each free parameter moves."""

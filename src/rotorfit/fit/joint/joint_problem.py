@@ -24,16 +24,16 @@ from rotorfit.estimation.banded import (
 from rotorfit.estimation.factors import flights_of, of_even_rows
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.experiment.payload import tolerances
+from rotorfit.fit.experiment.payload import tolerances
 from rotorfit.fit.joint.joint_map import JointConfiguration as JointConfiguration
 from rotorfit.fit.joint.joint_map import joint_map
 from rotorfit.fit.joint.trims import configuration_theta, trim_prior, with_trims
 from rotorfit.fit.row_fits import RowFits, fit_rows
+from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.terms.registry import DEFAULT_TERMS, TERMS
 from rotorfit.model.terms.rotors import spread_std
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""

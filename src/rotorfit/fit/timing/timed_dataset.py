@@ -7,13 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Dataset, with_prepared
 from rotorfit.estimation.factors import Factors, stack_recordings
-from rotorfit.preprocessing.imu_tilt import ImuTilt, levelled
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.frequency_bands import banded_data, flight_bands
-from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming, TimedBands
-from rotorfit.reduction.reduce import Lines, body_lines, yaw_factors
+from rotorfit.fit.dataset.dataset import Dataset, with_prepared
+from rotorfit.fit.reduction.frequency_bands import banded_data, flight_bands
+from rotorfit.fit.reduction.motor_timing import FreeTiming, MotorTiming, TimedBands
+from rotorfit.fit.reduction.reduce import Lines, body_lines, yaw_factors
+from rotorfit.flight.imu_tilt import ImuTilt, levelled
+from rotorfit.flight.motors.motor_model import MotorResponse
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,17 +17,12 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
+from rotorfit.fit.dataset.dataset import Dataset
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
 from rotorfit.fit.joint.joint_fit import joint_fit
-from rotorfit.fit.timing.timed_dataset import TimedDataset
-from rotorfit.fit.timing.timing_rounds import TimingRound, accelerated_move, timing_round
-from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
-from rotorfit.model.terms.registry import DEFAULT, DEFAULT_TERMS
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.motor_timing import (
+from rotorfit.fit.reduction.motor_timing import (
     LARGEST_SKEW,
     SPLIT_FAULT,
     SUM_FAULT,
@@ -35,6 +30,11 @@ from rotorfit.reduction.motor_timing import (
     MotorTiming,
     skew_of,
 )
+from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.fit.timing.timing_rounds import TimingRound, accelerated_move, timing_round
+from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
+from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.model.terms.registry import DEFAULT, DEFAULT_TERMS
 
 SUMMED: Final = ("motor_lag", "motor_delay")
 """Times whose sum is known better than each."""

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.reduction.motor_timing import FreeTiming, skew_of
+from rotorfit.fit.reduction.motor_timing import FreeTiming, skew_of
 
 MOST_LEAP: Final = 3.0
 """Longest accelerated step over the plain one: beyond it the two rounds do not lie on one line."""

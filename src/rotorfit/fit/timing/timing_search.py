@@ -12,11 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import ConfigurationData, Dataset
+from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset
+from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, or_every, slow_bands
 from rotorfit.fit.row_fits import angular_log_likelihood, excited_turns, turn_ratios, turned_flights
 from rotorfit.fit.timing.timed_dataset import TimedDataset
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.frequency_bands import PILOT_BAND, or_every, slow_bands
+from rotorfit.flight.motors.motor_model import MotorResponse
 
 DELAYS_TRIED: Final[Mapping[str, tuple[float, float, int]]] = {
     "imu": (-0.012, 0.012, 7),

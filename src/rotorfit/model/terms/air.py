@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import FlightError
+from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.signals import AddedSignals, SignalLayout, aligned
 from rotorfit.model.terms.rotors import rotor_drag_std
 from rotorfit.model.terms.term import (
@@ -23,7 +24,6 @@ from rotorfit.model.terms.term import (
     block,
 )
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.flight_data import FlightData
 
 CLIMB_DRAG_STD: Final = 0.5
 """Prior deviation of the air's force against a climb, over mass and velocity [1/s]: drag

@@ -4,6 +4,7 @@ from typing import Final
 
 import numpy as np
 
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.term import (
     FX,
@@ -22,7 +23,6 @@ from rotorfit.model.terms.term import (
     block,
 )
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne import GRAVITY
 
 ACCEL_BIAS_STD: Final = 0.2
 """What is known of a calibrated accelerometer before the flight [m/s^2]: 20 mg."""

@@ -6,6 +6,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.flight.airborne import GRAVITY
+from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.signals import AddedSignals, SignalLayout, aligned
 from rotorfit.model.terms.term import (
     MX,
@@ -20,8 +22,6 @@ from rotorfit.model.terms.term import (
     block,
 )
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.preprocessing.airborne import GRAVITY
-from rotorfit.preprocessing.flight_data import FlightData
 
 MOST_ROTORS: Final = 16
 ROTOR_SPREAD_STD: Final = 0.04

@@ -7,9 +7,9 @@ from typing import Final, Literal
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.signals import AddedSignals, SignalLayout
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne import GRAVITY
 
 Block = Float[np.ndarray, "6 z"]
 """A_p: the entries of one parameter, rows Fx Fy Fz Mx My Mz, on the signals z."""
@@ -17,7 +17,7 @@ Entries = Callable[[Vehicle, SignalLayout], dict[str, Block]]
 FX, FY, FZ, MX, MY, MZ = range(6)
 
 Motion = Literal["roll", "pitch", "yaw", "force", "place", "height", "air"]
-"""Which motion shows a number (`verdicts/judge.py` has what to fly for it)."""
+"""Which motion shows a number (`checks/verdicts/judge.py` has what to fly for it)."""
 LEAST_SHARE: Final = 1e-3
 """Least share of the weight that a term must make, at 1 m/s or at the end of an arm: flights
 without noise show what is of no account."""

@@ -1,0 +1,350 @@
+r"""k_t from the weight and from changes of thrust, weighted by their certainty.
+
+Changes of thrust against changes of specific force give one k_t (with the accelerometer's bias
+free), the thrust that carries the weight another (`carried_weight.py`). The two share next to
+nothing, and k_t is their mean with the weights of their variances. Where they differ by more than
+these allow, one of the two is wrong by what nobody has allowed for: the variance of the mean is
+scaled by :math:`\chi^2` of their difference (Birge, Phys. Rev. 40, 1932).
+
+Where a law makes speeds of commands, changes of thrust show how wrong its slope is
+(`motors/law_from_flight.py`): what that leaves open is in the k_t of changes. Where the speeds are
+by the flight, k_t is that of the weight.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.checks.sensors.sensor_faults import ERROR, is_estimate
+from rotorfit.checks.verdicts.judge import WEAK
+from rotorfit.digits import with_half
+from rotorfit.errors import UnsettledError
+from rotorfit.estimation.effective_blocks import half_width_of_parameter
+from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
+from rotorfit.fit.dataset.carried_weight import Measured, carrying_stretches
+from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
+from rotorfit.fit.dataset.plausible_units import gravity_seen
+from rotorfit.fit.dataset.weight_balance import Held
+from rotorfit.fit.experiment.experiment import MotorsEntry, Source
+from rotorfit.fit.fit import Fit, refit, shift_of
+from rotorfit.fit.fit_flights import widen_by_settings
+from rotorfit.fit.intervals.numbers import Numbers, correlation_of
+from rotorfit.fit.reduction.frequency_bands import retimed
+from rotorfit.flight.airborne import GRAVITY
+from rotorfit.flight.flight_data import FlightData
+from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.model.terms.body import ACCEL_BIAS_STD
+from rotorfit.model.terms.rotors import spread_std
+from rotorfit.model.vehicle import Vehicle
+
+CHANGES_STD = 0.02
+"""Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise
+that an altitude hold feeds back."""
+LAW_OPEN = "law-open"
+LAW_FIRST = "find the motors' law first (by a thrust stand, or by rotor speed in the log)"
+REST_STD = 0.1
+"""Deviation of an accelerometer's bias in flight from that at rest (vibration, heat) [m/s^2]."""
+FREE_BIAS = 3.0
+"""Deviation of a bias that leaves the mean thrust open [m/s^2]."""
+CAMERA_VELOCITY = 0.05
+"""Deviation of a velocity by motion capture [m/s]."""
+CARRIED_VELOCITY = 0.1
+"""The same of one by rare positions, with the accelerometer between them [m/s]: 3 cm over .3 s."""
+CAMERA_BIAS = Measured(value=0.0, std=0.01)
+"""Bias of an acceleration by motion capture, over seconds [m/s^2]."""
+HELD_TO = 1e-4
+"""Share of itself to which k_t is held: what is open of it is in the interval."""
+DOUBTED = 2.58
+"""Deviations by which weight and changes differ once in a hundred sound flights."""
+_SPEED = {"measured": "rotor speed", "commanded": "command"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThrustShares:
+    """Each rotor's k_t over their mean, with its covariance by the fit and before it."""
+
+    values: Float[np.ndarray, " N"]
+    covariance: Float[np.ndarray, "N N"]
+    prior: Float[np.ndarray, "N N"]
+
+    def std_of_mean(self, load: Float[np.ndarray, " N"]) -> float:
+        """Return the deviation of a mean with these weights; no flight makes it larger."""
+        return float(np.sqrt(min(load @ self.covariance @ load, load @ self.prior @ load)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Balance:
+    """k_t from changes of thrust and k_t from the weight.
+
+    Attributes
+    ----------
+    changes
+        By changes of thrust; None where they are not informative.
+    weight
+        By what carries the weight.
+    """
+
+    changes: Measured | None
+    weight: Measured
+
+    @property
+    def deviations(self) -> float:
+        """How many deviations they differ by, if thrust goes with the square of the speed."""
+        if self.changes is None:
+            return 0.0
+        std = np.hypot(self.changes.std, self.weight.std)
+        return float((self.changes.value - self.weight.value) / std)
+
+    @property
+    def kt(self) -> Measured:
+        """The weighted mean of both; its deviation grows with their difference."""
+        if self.changes is None:
+            return self.weight
+        return self.weight.reconciled_with(self.changes)
+
+
+def weigh_thrust(fit: Fit) -> Fit:
+    """Take k_t from changes of thrust and from the weight, and the intervals at that k_t."""
+    dataset, weight = fit.dataset, weight_of(fit)
+    if weight is None:
+        return widen_by_settings(fit)
+    # With changes of thrust a law was found: they say nothing more of k_t.
+    changes = None if dataset.law_found else kt_from_changes(fit)
+    law = dataset.motors.law
+    if changes is not None and law is not None:
+        changes = with_open_slope(changes, law.slope_std)
+    balance = Balance(changes=changes, weight=weight)
+    return held_at(fit, balance.kt).found(agreement(balance, dataset.motors))
+
+
+def with_open_slope(changes: Measured, slope_std: float) -> Measured:
+    """Add what is open of a law's slope, as a share, to the k_t of changes of thrust."""
+    return replace(changes, std=float(np.hypot(changes.std, slope_std * changes.value)))
+
+
+def weight_of(fit: Fit) -> Measured | None:
+    """Estimate the thrust coefficient that carries the weight in the flights of a fit."""
+    dataset = fit.dataset
+    return kt_from_weight(
+        dataset.configurations,
+        dataset.vehicle,
+        source=dataset.source,
+        timing=dataset.timing,
+        shares=thrust_shares(fit.numbers, dataset.vehicle),
+    )
+
+
+def kt_from_changes(fit: Fit) -> Measured | None:
+    """Estimate k_t with the accelerometer's bias free, so that the mean thrust does not count.
+
+    None where it is not identifiable so. Inflow and an altitude hold act on thrust alone, so that
+    its own blocks, and not the scatter of turns, say how certain changes of thrust are.
+    """
+    names = [n for n in fit.estimate.estimate.names if n.startswith("accel_bias_z@")]
+    begin = fit.estimate.estimate.by_name
+    try:
+        free = refit(fit, fit.dataset, begin=begin, known=dict.fromkeys(names, (0.0, FREE_BIAS)))
+    except UnsettledError:
+        return None
+    value, std = kt_of(free.numbers)
+    std = max(std, half_width_of_parameter(free.estimate, "kt") / 1.96)
+    return Measured(value=value, std=float(np.hypot(std, CHANGES_STD * value)))
+
+
+def held_at(fit: Fit, kt: Measured) -> Fit:
+    """Fit again with k_t held, and its uncertainty in every interval."""
+    known = {"kt": (kt.value, HELD_TO * kt.value)}
+    begin = {**fit.estimate.estimate.by_name, "kt": kt.value}
+    held = widen_by_settings(refit(fit, fit.dataset, begin=begin, known=known))
+    off = kt.value - min(kt.std, 0.5 * abs(kt.value))
+    begin = {**held.estimate.estimate.by_name, "kt": off}
+    moved = shift_of(held, held.dataset, begin=begin, known={"kt": (off, HELD_TO * off)})
+    moved = moved * kt.std / (kt.value - off)
+    # The excitation is that of the fit that follows the flights best.
+    best = fit.numbers
+    numbers = with_common_shift(held.numbers, moved)
+    numbers = replace(numbers, excitation=best.excitation, weighed=best.weighed)
+    return replace(held, numbers=numbers)
+
+
+def with_common_shift(numbers: Numbers, moved: Float[np.ndarray, " q"]) -> Numbers:
+    """Add the variance of a shift common to all numbers, given for one deviation."""
+    half_width = np.hypot(numbers.half_width, 1.96 * moved)
+    known = np.flatnonzero(np.isfinite(half_width))
+    own = numbers.covariance([numbers.names[i] for i in known])
+    together = numbers.correlation.copy()
+    common = np.outer(moved[known], moved[known])
+    together[np.ix_(known, known)] = correlation_of(own + common)
+    return replace(numbers, half_width=half_width, correlation=together)
+
+
+def kt_of(numbers: Numbers) -> tuple[float, float]:
+    """Return value and standard deviation of k_t."""
+    value, half = numbers.number("kt")
+    return value, half / 1.96
+
+
+def kt_from_weight(
+    configurations: Sequence[ConfigurationData],
+    vehicle: Vehicle,
+    *,
+    source: Source = "imu",
+    timing: MotorResponse | None = None,
+    shares: ThrustShares | None = None,
+) -> Measured | None:
+    """Estimate the thrust coefficient that carries the weight; None if no flight is long enough.
+
+    `timing`: of the motors, where it was found: commands that swing, as in a limit cycle, have
+    larger squares than the speeds that lag behind them. `shares`: of the rotors, where they were
+    found: with the centre of mass off the centre, some rotors carry more of the weight than others,
+    and it is their k_t.
+    """
+    found: list[Held] = []
+    squares = np.zeros(len(vehicle.rotors))
+    for configured in configurations:
+        for flight in configured.flights:
+            data = retimed(flight.prepared, timing)
+            squares += np.square(data.rotor_speed[data.used_rows]).sum(axis=0)
+            bias, velocity_std = bias_and_velocity_std(flight, source)
+            found += carrying_stretches(
+                data,
+                flight.turning,
+                vehicle,
+                mass=configured.mass,
+                bias=bias,
+                velocity_std=velocity_std,
+            )
+    weight = pooled_weight(found)
+    if weight is None or shares is None:
+        return weight
+    load = squares / squares.sum()
+    kt = weight.value / float(load @ shares.values)
+    return Measured(value=kt, std=float(np.hypot(weight.std, kt * shares.std_of_mean(load))))
+
+
+def bias_and_velocity_std(flight: LoadedFlight, source: Source) -> tuple[Measured, float]:
+    """Return the bias of a flight's vertical acceleration [m/s^2] and what its velocity is off."""
+    data = flight.prepared.data
+    bias = bias_at_rest(data) if source == "imu" else CAMERA_BIAS
+    return bias, velocity_std_of(data, estimated=is_estimate(flight.log.format))
+
+
+def velocity_std_of(data: FlightData, *, estimated: bool) -> float:
+    """Return the deviation of `FlightData.any_velocity` [m/s].
+
+    `estimated`: where the log's velocity is the autopilot's estimate.
+    """
+    if data.velocity is None:
+        return CARRIED_VELOCITY
+    return ERROR if estimated else CAMERA_VELOCITY
+
+
+def thrust_shares(numbers: Numbers, vehicle: Vehicle) -> ThrustShares | None:
+    """Return each rotor's share, by the fit; None where it has one k_t for all."""
+    n = len(vehicle.rotors)
+    names = [f"kt_{i + 1}" for i in range(n)]
+    if not set(names) <= set(numbers.names):
+        return None
+    kt = np.array([numbers.number(name)[0] for name in names])
+    # What all have in common is no share.
+    centred = np.eye(n) - 1.0 / n
+    known = numbers.covariance(names) / kt.mean() ** 2
+    before = np.diag([spread_std(rotor) ** 2 for rotor in vehicle.rotors])
+    return ThrustShares(
+        values=kt / kt.mean(),
+        covariance=centred @ known @ centred,
+        prior=centred @ before @ centred,
+    )
+
+
+def pooled_weight(found: Sequence[Held]) -> Measured | None:
+    """Average stretches that differ by chance, and by a random effect where they differ more.
+
+    Batteries, air and propellers are not the same in every flight: then each counts alike.
+
+    References
+    ----------
+    DerSimonian and Laird, Controlled Clinical Trials 7, 1986.
+    """
+    if not found:
+        return None
+    kt, variance = (np.array(x) for x in zip(*((f.ratio, f.std**2) for f in found), strict=True))
+    weight = 1.0 / variance
+    left = float(weight @ (kt - weight @ kt / weight.sum()) ** 2) - (len(found) - 1)
+    spare = float(weight.sum() - weight @ weight / weight.sum())
+    effect = max(left / spare, 0.0) if len(found) > 1 else 0.0
+    weight = 1.0 / (variance + effect)
+    return Measured(value=float(weight @ kt / weight.sum()), std=float(weight.sum()) ** -0.5)
+
+
+def bias_at_rest(flight: FlightData) -> Measured:
+    """Return the accelerometer's bias along the vertical, by its reading at rest [m/s^2]."""
+    rest = gravity_seen(flight).at_rest
+    before = Measured(value=0.0, std=ACCEL_BIAS_STD)
+    if rest is None:
+        return before
+    return before.with_other(Measured(value=(rest - 1.0) * GRAVITY, std=REST_STD))
+
+
+def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
+    """Say whether weight and changes of thrust agree."""
+    kind, weight, changes = "thrust-against-weight", balance.weight, balance.changes
+    if changes is None:
+        return doubt_or_passed(kind, None, {"kt_of_weight": weight.value})
+    ratio = changes.over(weight)
+    evidence = (
+        Evidence(name="thrust_over_weight", value=ratio.value, interval=ratio.interval),
+        Evidence(name="kt_of_weight", value=weight.value),
+    )
+    sentence = difference(balance, motors) if abs(balance.deviations) > DOUBTED else None
+    found = doubt_or_passed(kind, sentence, numbers=("kt",))
+    return replace(found, evidence=evidence)
+
+
+def open_law(numbers: Numbers, reach: float) -> Iterator[Finding]:
+    """Note of which inertia the law leaves more open than all else does: no flying sharpens it.
+
+    `reach`: half of the 95 % interval that the law leaves, as a share.
+    """
+    open_ones = [
+        name
+        for name in numbers.names
+        if name.partition("@")[0] in ("Ixx", "Iyy")
+        if law_decides(reach, numbers.number(name)[1] / abs(numbers.number(name)[0]))
+    ]
+    if open_ones:
+        because = f"the law from command to rotor speed leaves {100 * reach:.0f} % of it open"
+        yield note(
+            LAW_OPEN, "", numbers=tuple(open_ones), next_step=LAW_FIRST, useless_because=because
+        )
+
+
+def law_decides(reach: float, width: float) -> bool:
+    """Test whether what the law leaves open is the larger part of a half-width, both as shares.
+
+    Or makes a number weak by itself, however it is flown.
+    """
+    return reach > WEAK or reach**2 > 0.5 * width**2
+
+
+def difference(balance: Balance, motors: MotorsEntry) -> str:
+    """Explain that changes of thrust give another k_t than the weight."""
+    changes, weight, kt = balance.changes, balance.weight, balance.kt
+    assert changes is not None
+    ratio = changes.over(weight)
+    off, half = ratio.value - 1.0, 1.96 * ratio.std
+    seen = (
+        f"by changes of thrust with the squared {_SPEED[motors.speed]} kt is "
+        f"{with_half(100 * abs(off), 100 * half)} % {'higher' if off > 0 else 'lower'} than by "
+        "the weight"
+    )
+    cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"
+    if motors.law is not None:
+        cure = f"measure the law under [motors] again, {cure}"
+    return (
+        f"{seen}: the result has their weighted mean ({kt.value:.3g}), and the intervals of kt and "
+        "inertia cover the difference; the flight does not show which of the two is wrong: "
+        f"{cure}, or weigh again"
+    )

@@ -1,0 +1,194 @@
+"""Widen intervals by a thrust that changes during a flight, and check whether a rotor changed.
+
+One rotor speed lifts more near the ground, and less on a tether or a sagging battery. Which half of
+a flight is free air nothing shows; the scale of all that is in proportion to force is open by the
+change between the halves, as far as that is more than chance. A single rotor is held against
+itself, between halves of a flight, and against all the others.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.checks.hover_thrust import hover_thrusts
+from rotorfit.digits import with_half
+from rotorfit.findings import Evidence, Finding, doubt
+from rotorfit.fit.dataset.dataset import LoadedFlight
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.model.parameters import EVERY
+from rotorfit.model.vehicle import Vehicle
+
+CHANCE: Final = 1.0
+"""Deviations of a change that chance makes. (k_t, between both halves, is off by half of it.)"""
+OF_ONE_HALF: Final = ("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_kt")
+"""No mass scales these, but each half of a flight has its own k_t, and inertia is that of the half
+in which the vehicle turns most: the whole change is open, less its deviation in squares."""
+LEAST_CHANGE: Final = 0.035
+"""Least change of a rotor's share of all squared speeds between a flight's halves: sound logs have
+up to 0.013, one of fast outdoor flight 0.025."""
+LEAST_UNLIKE: Final = 0.1
+USUAL: Final = 0.06
+"""Difference of a rotor's thrust coefficient from the others': sound vehicles have up to the
+second, with the whole interval; the first is what is worth a word."""
+ALONE: Final = 0.5
+"""Share of a rotor's difference, up to which the others may differ from one another: more is a
+pattern over all rotors, which no single propeller makes."""
+SHORTEST: Final = 5.0
+"""Flight [s] of which halves are compared."""
+
+
+def allow_for_thrust_change(fit: Fit) -> Fit:
+    """Widen numbers proportional to force by the change of thrust between halves of a flight."""
+    return fit.with_half_width(changed_half_width(fit)) if fit.mass_known else fit
+
+
+def changed_half_width(fit: Fit) -> Float[np.ndarray, " q"]:
+    """Compute the half-widths with the change of thrust, of several flights its mean square."""
+    numbers, dataset = fit.numbers, fit.dataset
+    found = hover_thrusts(dataset.configurations, numbers, dataset.vehicle)
+    known = [(one.sag, CHANCE * one.sag_std) for one in found if one.sag is not None]
+    change = _mean_square([max(abs(sag) - std, 0.0) for sag, std in known])
+    whole = _mean_square([max(sag**2 - std**2, 0.0) ** 0.5 for sag, std in known])
+    shares = np.array([_share(name.partition("@")[0], change, whole) for name in numbers.names])
+    half: Float[np.ndarray, " q"] = np.hypot(numbers.half_width, shares * np.abs(numbers.values))
+    return half
+
+
+def _mean_square(changes: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(changes)))) if changes else 0.0
+
+
+def _share(name: str, change: float, whole: float) -> float:
+    """Return the share of a number by which it is uncertain."""
+    if name in OF_ONE_HALF:
+        return whole
+    if name == "hover_speed":
+        return 0.5 * change
+    return change if EVERY[name].mass_power else 0.0
+
+
+def changed_in_flight(fit: Fit) -> Iterator[Finding]:
+    """Check that no rotor turns otherwise late in a flight than early."""
+    for flight in (f for c in fit.dataset.configurations for f in c.flights):
+        sentence = _changed(flight)
+        if sentence is not None:
+            yield doubt("rotor-changed", sentence, flights=(flight.entry.written,))
+            return
+
+
+def _changed(flight: LoadedFlight) -> str | None:
+    """Explain that a rotor's share of the squared speeds changed between halves of a flight."""
+    data = flight.prepared.data
+    rows = data.used_rows
+    if len(rows) < SHORTEST * data.sample_rate:
+        return None
+    first, second = (_shares(data.rotor_speed[half] ** 2) for half in np.array_split(rows, 2))
+    change = second - first
+    worst = int(np.argmax(np.abs(change)))
+    if abs(change[worst]) < LEAST_CHANGE:
+        return None
+    return (
+        f"{Path(flight.entry.file).name}: rotor {worst + 1} has {100 * first[worst]:.0f} % of all "
+        f"squared rotor speeds in the first half of the flight and {100 * second[worst]:.0f} % in "
+        "the second: its propeller broke or slipped, the battery shifted, or its speed is wrong in "
+        "one of them; identify each part by itself (start and end)"
+    )
+
+
+def _shares(squares: Float[np.ndarray, "n N"]) -> Float[np.ndarray, " N"]:
+    mean = squares.mean(axis=0)
+    return mean / max(float(mean.sum()), np.finfo(float).tiny)
+
+
+def unlike_rotors(fit: Fit) -> Iterator[Finding]:
+    """Check that the rotors' thrust coefficients are alike."""
+    excess = most_unlike(fit.numbers, fit.dataset.vehicle)
+    if excess is None:
+        return
+    rotor, evidence = excess
+    alone = others_differ(fit.numbers, rotor) < ALONE * abs(evidence.value)
+    sentence = unlike_sentence(rotor, evidence, alone=alone)
+    because = "one rotor's speed has another scale, or its propeller is another"
+    if sentence and not alone:
+        because = "something pushes the vehicle off its centre of mass"
+    found = Finding(
+        kind="rotor-unlike" if alone or not sentence else "rotor-pattern",
+        severity="passed",
+        numbers=("kt", "msx", "msy"),
+        evidence=(evidence,),
+    )
+    yield (
+        found
+        if sentence is None
+        else replace(
+            found,
+            severity="doubt",
+            sentence=sentence,
+            doubtful_because=because,
+            next_step=f"check rotor {rotor + 1}: its propeller, and the poles of its motor",
+        )
+    )
+
+
+def most_unlike(numbers: Numbers, vehicle: Vehicle) -> tuple[int, Evidence] | None:
+    """Estimate the additional thrust of the most outlying rotor over the others.
+
+    None where they are not identifiable, or most pull down; rotors of declared groups may differ.
+    """
+    names = [f"kt_{i}" for i in range(1, len(vehicle.rotors) + 1)]
+    if any(r.group is not None for r in vehicle.rotors) or not set(names) <= set(numbers.names):
+        return None
+    own = np.array([numbers.number(name)[0] for name in names])
+    usual = float(np.median(own))
+    if usual <= 0.0:
+        return None
+    rotor = int(np.argmax(np.abs(own / usual - 1.0)))
+    value = float(own[rotor]) / usual - 1.0
+    slopes = np.full(len(own), -(1.0 + value) / (len(own) - 1.0))
+    slopes[rotor] = 1.0
+    std = float(np.sqrt(slopes @ numbers.covariance(names) @ slopes)) / usual
+    interval = (value - 1.96 * std, value + 1.96 * std)
+    limit = float(np.copysign(USUAL, value))
+    return rotor, Evidence(name="rotor_thrust_excess", value=value, interval=interval, limit=limit)
+
+
+def others_differ(numbers: Numbers, rotor: int) -> float:
+    """Compute the largest share by which other rotors' coefficients differ from their median."""
+    own = [float(v) for n, v in zip(numbers.names, numbers.values, strict=True) if n[:3] == "kt_"]
+    others = np.delete(own, rotor)
+    return float(np.abs(others / np.median(others) - 1.0).max())
+
+
+def unlike_sentence(rotor: int, excess: Evidence, *, alone: bool = True) -> str | None:
+    """Explain that a rotor's thrust is far from the others'; None where chance may make it so.
+
+    `alone`: whether it is one rotor, and no pattern over all.
+    """
+    low, high = excess.interval or (-np.inf, np.inf)
+    if abs(excess.value) < LEAST_UNLIKE or low < USUAL < high or low < -USUAL < high:
+        return None
+    seen = (
+        f"rotor {rotor + 1} makes {with_half(100 * abs(excess.value), 50 * (high - low))} % "
+        f"{'more' if excess.value > 0 else 'less'} thrust than the others at the same speed"
+    )
+    if not alone:
+        return (
+            f"{seen}, and the others differ, too, which no single propeller does: wind or a "
+            "cable pushes the vehicle off its centre of mass, or a rotor is not where it is "
+            "declared; fly in still air, log the velocity, check the rotors' positions, and "
+            "until then do not trust kt, the single rotors and the centre of mass"
+        )
+    return (
+        f"{seen}: its "
+        "speed has another scale (poles), or its propeller is damaged or of another type; until "
+        "this is fixed do not trust kt and the centre of mass"
+    )
+
+
+CHECKS: Final = (unlike_rotors,)
+FLIGHT_CHECKS: Final = (changed_in_flight,)

@@ -1,0 +1,389 @@
+r"""Find the law from command to rotor speed in the flight, where none is given or a wrong one.
+
+In hover the weight says how much thrust a command makes, and changes of thrust say how steeply the
+thrust grows there. Their ratio is the exponent :math:`p` of the relative speed :math:`u^p` over the
+command :math:`u`, as thrust goes with the squared speed. That speed is 1 at full command: k_t and
+k_d are thrust and drag torque of one rotor there.
+
+A fit with another exponent than the true one sees thrust, lag and inflow of bent changes, so that
+the exponent :math:`r` which it shows depends on the :math:`p` that it is made with. The flights'
+own exponent is where :math:`r(p) = p`, found by Steffensen's steps: with a growth :math:`q = dr/dp`
+it is :math:`p + (r - p) / (1 - q)`, less certain than :math:`r` by the factor :math:`1 - q`.
+
+The exponent is measured about hover. What it may differ up to full command widens k_t and k_d.
+
+A law that is given is right, or, one in twenty, another vehicle's, or from command to thrust
+instead of speed: then the speed goes with another power of the one it gives. The posterior of that
+power is a mixture of both; the fit is made with its mean, and what holds 95 % of it is in the
+intervals. The law of a simulator's own motors is right.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from rotorfit.checks.kt_from_weight import kt_from_changes, weight_of
+from rotorfit.checks.motors.commanded_speeds import with_other_speeds
+from rotorfit.digits import with_half
+from rotorfit.estimation.distributions import normal_density, normal_tail
+from rotorfit.findings import Evidence, Finding
+from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.fit.dataset.dataset import Kind, with_flights
+from rotorfit.fit.experiment.experiment import MotorsEntry
+from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, bent, bent_speed
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.reduction.frequency_bands import retimed
+from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.flight.flight_data import FlightData
+from rotorfit.model.parameters import EVERY
+
+USUAL: Final = Measured(value=0.8, std=0.2)
+"""Exponent of the speed over the command before the flight: thrust goes with the command's power of
+one to two."""
+MISTAKES: Final = 0.05
+"""Share of given laws that are wrong."""
+ROUNDING: Final = 1e-4
+"""Deviation of that power of a right law."""
+STEADY: Final = 0.95
+"""Largest growth of the exponent that a fit shows with that it is made with."""
+NEAR: Final = 0.1
+"""Deviations between two exponents that count as one."""
+FAR: Final = 0.1
+"""Difference of two exponents over which their growth is seen."""
+LEAST: Final = 0.005
+"""Difference of two exponents that count as one, as a share: inertia goes with it."""
+FULL_STD: Final = 0.05
+"""Deviation of the mean exponent from hover to full command from that in hover: rms of thrust
+curves f u^2 + (1 - f) u, f from 0 to 1, that start at -10 to 15 % of the command, with hover at 30
+to 70 %."""
+WRONG_STD: Final = 0.3
+"""Deviation of the power of a wrong law's speed that is right: between two such curves."""
+WRONG_FULL_STD: Final = 0.1
+"""Deviation of that power's mean, from hover to full command, from that in hover."""
+FOUND: Final = "law-found"
+CONTRADICTED: Final = "law-contradicted"
+AGAIN: Final = "measure the law under [motors] again, or log the rotor speed"
+OF_SPEED: Final = tuple(name for name, info in EVERY.items() if info.speed_power)
+"""What goes with speeds in rad/s: a law with a wrong slope does not give them."""
+WRONG_SPEEDS: Final = "the motors' law is wrong, and no one knows the rotor speed in hover"
+GIVE: Final = "log the rotor speed, or measure thrust over command and give law under [motors]"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """A fit with a law, and what it shows.
+
+    - `power`: the exponent that the fit was made with.
+    - `shown`: the exponent by its weight and changes of thrust; None where it shows none.
+    """
+
+    power: float
+    shown: Measured | None
+
+    def growth_since(self, other: "Trial") -> float:
+        """Return by how much what the fits show grows with what they are made with."""
+        if self.shown is None or other.shown is None:
+            return 0.0
+        growth = (self.shown.value - other.shown.value) / (self.power - other.power)
+        return min(max(growth, 0.0), STEADY)
+
+    def fixed_point(self, growth: float) -> Measured | None:
+        """Return the exponent that a fit made with it would show again."""
+        if self.shown is None:
+            return None
+        step = (self.shown.value - self.power) / (1.0 - growth)
+        return Measured(value=self.power + step, std=self.shown.std / (1.0 - growth))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundLaw:
+    """The law from command to rotor speed by a flight.
+
+    - `exponent`: of the speed over the command, or over the speed of the law that is given.
+    - `flown`: the exponent by weight and changes of thrust alone; None where they show none.
+    - `hover`: rms speed of the flights before, over the `anchor`.
+    - `anchor`: speed that stays as it is, that at full command of relative speeds.
+    - `given`: the law that is given.
+    - `trial`: the last fit.
+    - `growth`: of the exponent that a fit shows with that it is made with; None until it is seen.
+    """
+
+    exponent: Measured
+    flown: Measured | None
+    hover: float
+    anchor: float = 1.0
+    given: LawEntry | None = None
+    trial: Trial = Trial(power=1.0, shown=None)
+    growth: float | None = None
+
+    @property
+    def next_power(self) -> float:
+        """The exponent to fit with next: its own, or one far enough off to see the growth."""
+        if self.growth is None and self.flown is not None and abs(self.step) < FAR:
+            return self.trial.power + math.copysign(FAR, self.flown.value - self.trial.power)
+        return self.exponent.value
+
+    @property
+    def slope_std(self) -> float:
+        """Deviation of the exponent, as a share: that of inertia by the law."""
+        return self.exponent.share
+
+    @property
+    def thrust_std(self) -> float:
+        """Deviation of the thrust at full command by the law, as a share."""
+        return 2.0 * self._span * float(np.hypot(self.exponent.std, self._full_std))
+
+    @property
+    def _full_std(self) -> float:
+        """Deviation of the mean exponent, up to full command, from that in hover."""
+        if self.given is None:
+            return FULL_STD
+        return WRONG_FULL_STD * mistaken(self.flown, self.given) ** 0.5 * self.from_flight
+
+    @property
+    def _span(self) -> float:
+        """Logarithm of full command over that in hover."""
+        return abs(float(np.log(self.hover)))
+
+    @property
+    def from_flight(self) -> bool:
+        """Whether the speeds are by the flight, not by the law that is given."""
+        return self.given is None or self.trial.power != 1.0
+
+    @property
+    def entry(self) -> LawEntry:
+        """The law as the experiment file has it."""
+        return self.entry_at(self.exponent.value)
+
+    def entry_at(self, power: float) -> LawEntry:
+        """Return the law with another exponent."""
+        known = self.given or LawEntry(power=PowerEntry(full_speed=1.0, exponent=1.0))
+        speed_std = float(np.hypot(known.speed_std, self._full_std * self._span))
+        stds = {"slope_std": min(self.slope_std, 1.0), "speed_std": min(speed_std, 1.0)}
+        law = bent(known, power, anchor=self.anchor)
+        return law.model_copy(update={**stds, "usual_speed": self.anchor})
+
+    @property
+    def step(self) -> float:
+        """From the exponent of the last fit to this one."""
+        return self.exponent.value - self.trial.power
+
+    @property
+    def settled(self) -> bool:
+        """Whether a fit with this exponent shows nothing new.
+
+        A law that is given stands until a deviation speaks against it.
+        """
+        near = NEAR if self.from_flight else 1.0
+        return abs(self.step) < max(near * self.exponent.std, LEAST * self.exponent.value)
+
+    @property
+    def fitted(self) -> "FoundLaw":
+        """The law that the last fit was made with, and how well it is known."""
+        power = self.trial.power
+        if self.given is None:
+            exponent = Measured(value=power, std=float(np.hypot(self.exponent.std, self.step)))
+        else:
+            exponent = exponent_of(self.flown, self.given, about=power)
+        return replace(self, exponent=exponent)
+
+    @property
+    def finding(self) -> Finding:
+        """Say which law was taken, and from where."""
+        return self._contradicted if self.given is not None else self._missing
+
+    @property
+    def _contradicted(self) -> Finding:
+        """Say by how much a law that is given is wrong."""
+        off = self.exponent.value - 1.0
+        surely = abs(off) > 1.96 * self.exponent.std
+        speeds_lost = surely and self.given is not None and not self.given.is_relative
+        return Finding(
+            kind=CONTRADICTED,
+            severity="doubt" if surely else "note",
+            sentence=(
+                "weight and changes of thrust show that thrust grows "
+                f"{with_half(100 * abs(off), 196 * self.exponent.std)} % "
+                f"{'less' if off < 0 else 'more'} with the command than the motors' law says: "
+                "thrust is taken as the flight shows it, and the intervals cover what that leaves "
+                f"open, up to full command; for narrower ones {AGAIN}"
+            ),
+            numbers=OF_SPEED if speeds_lost else (),
+            doubtful_because=WRONG_SPEEDS if speeds_lost else None,
+            next_step=AGAIN,
+            evidence=self._evidence,
+        )
+
+    @property
+    def _missing(self) -> Finding:
+        power, half = 2.0 * self.exponent.value, 2.0 * 1.96 * self.exponent.std
+        shown = (
+            "this flight does not show it either: as motors usually do, thrust is taken to grow"
+            if self.flown is None
+            else "weight and changes of thrust show that thrust grows"
+        )
+        return Finding(
+            kind=FOUND,
+            severity="note",
+            sentence=(
+                f"no law from command to rotor speed is given; {shown} with the command to the "
+                f"power of {with_half(power, half)} (2: speed in proportion to the command), and "
+                "the intervals cover what that leaves open, up to full command; for narrower ones "
+                f"{GIVE}"
+            ),
+            next_step=GIVE,
+            evidence=self._evidence,
+        )
+
+    @property
+    def _evidence(self) -> tuple[Evidence, ...]:
+        numbers = {"law_exponent": self.exponent, "law_exponent_flown": self.flown}
+        return tuple(
+            Evidence(name=name, value=one.value, interval=one.interval)
+            for name, one in numbers.items()
+            if one is not None
+        )
+
+
+def find_law(fit: Fit) -> FoundLaw | None:
+    """Find the exponent of the speed over the command; None where speeds are given.
+
+    `fit`: with the law that is given, or with speeds in proportion to the command.
+    """
+    dataset, given = fit.dataset, fit.dataset.motors.law
+    if dataset.motors.speed != "commanded" or dataset.speeds_commanded:
+        return None
+    trial = _trial(fit, 1.0)
+    flights = [f for c in dataset.configurations for f in c.flights]
+    hover = rms_speed([retimed(flight.prepared, dataset.timing) for flight in flights])
+    anchor = 1.0 if given is None else anchor_of(given, hover)
+    return FoundLaw(
+        exponent=exponent_of(trial.shown, given),
+        flown=trial.shown,
+        hover=hover / anchor,
+        anchor=anchor,
+        given=given,
+        trial=trial,
+    )
+
+
+def anchor_of(law: LawEntry, hover: float) -> float:
+    """Return the speed of a law that stands whatever its slope.
+
+    That of full command of relative speeds, as k_t is thrust at full command; else the usual one.
+    """
+    return 1.0 if law.is_relative else law.usual_speed or hover
+
+
+def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
+    """Find the exponent by a fit with the law that was found before."""
+    trial = _trial(fit, law.next_power)
+    growth = law.growth
+    if growth is None or abs(trial.power - law.trial.power) >= FAR:
+        growth = trial.growth_since(law.trial)
+    flown = trial.fixed_point(growth)
+    if flown is None:
+        return replace(law, trial=trial)
+    exponent = exponent_of(flown, law.given)
+    return replace(law, exponent=exponent, flown=flown, trial=trial, growth=growth)
+
+
+def _trial(fit: Fit, power: float) -> Trial:
+    # Without an accelerometer, whose bias can be free, changes of thrust hang on the weight.
+    free = any(name.startswith("accel_bias_z@") for name in fit.estimate.estimate.names)
+    left = thrust_ratio(kt_from_changes(fit), weight_of(fit)) if free else None
+    if left is None:
+        return Trial(power=power, shown=None)
+    return Trial(power=power, shown=Measured(value=left.value * power, std=left.std * power))
+
+
+def thrust_ratio(changes: Measured | None, weight: Measured | None) -> Measured | None:
+    """Divide k_t by changes of thrust by k_t by the weight; None where either is unknown."""
+    return None if changes is None or weight is None else changes.over(weight)
+
+
+def exponent_of(
+    flown: Measured | None, given: LawEntry | None = None, *, about: float | None = None
+) -> Measured:
+    """Estimate the exponent by what flights show and by what is known before.
+
+    `about`: exponent that is taken in place of the mean, of a law that is given.
+    """
+    if given is None:
+        return USUAL if flown is None else USUAL.with_other(flown)
+    right, wrong = _kinds(given)
+    if flown is not None:
+        right, wrong = right.with_other(flown), wrong.with_other(flown)
+    return mixed(right, wrong, mistaken(flown, given), about=about)
+
+
+def mistaken(flown: Measured | None, given: LawEntry) -> float:
+    """Return how likely a law that is given is wrong."""
+    before = 0.0 if given.exact else MISTAKES
+    if flown is None or not before:
+        return before
+    likely = [
+        share * float(normal_density(flown.value - one.value, float(np.hypot(flown.std, one.std))))
+        for share, one in zip((1.0 - before, before), _kinds(given), strict=True)
+    ]
+    # Where the flight is far from both, both are zero.
+    return likely[1] / sum(likely) if sum(likely) else 1.0
+
+
+def _kinds(given: LawEntry) -> tuple[Measured, Measured]:
+    """Return the exponent of a right law and of a wrong one."""
+    right = max(given.slope_std, ROUNDING)
+    wrong = float(np.hypot(right, WRONG_STD))
+    return Measured(value=1.0, std=right), Measured(value=1.0, std=wrong)
+
+
+def mixed(
+    right: Measured, wrong: Measured, by_mistake: float, *, about: float | None = None
+) -> Measured:
+    """Average two normal distributions; 1.96 deviations about the value hold 95 % of both.
+
+    `about`: the value, in place of their mean.
+    """
+    both = ((1.0 - by_mistake, right), (by_mistake, wrong))
+    mean = sum(share * one.value for share, one in both) if about is None else about
+
+    def beyond(half: float) -> float:
+        return -0.05 + sum(
+            share * normal_tail((half - side * (one.value - mean)) / one.std)
+            for share, one in both
+            for side in (-1.0, 1.0)
+        )
+
+    from scipy.optimize import brentq  # slow to import
+
+    farthest = max(abs(one.value - mean) + 3.0 * one.std for _, one in both)
+    return Measured(value=mean, std=float(brentq(beyond, 0.0, farthest)) / 1.96)
+
+
+def rms_speed(flights: Sequence[FlightData]) -> float:
+    """Compute the rms rotor speed in flight [rad/s, or parts of the largest]."""
+    squares = np.concatenate([one.rotor_speed[one.used_rows].ravel() ** 2 for one in flights])
+    return float(np.sqrt(squares.mean()))
+
+
+def with_found_law(dataset: TimedDataset, found: FoundLaw) -> TimedDataset:
+    """Return flights with the speeds of a found law, their motors not timed."""
+    power = found.next_power
+    dataset = replace(dataset, motor_timing=None)
+    dataset = with_other_speeds(
+        dataset, lambda speed, _: bent_speed(speed, power, anchor=found.anchor)
+    )
+    return with_law(dataset, found.entry_at(power))
+
+
+def with_law(dataset: Kind, law: LawEntry) -> Kind:
+    """Return a dataset whose motors, and those of its flights, have a law."""
+
+    def with_it(motors: MotorsEntry) -> MotorsEntry:
+        return motors.model_copy(update={"law": law})
+
+    dataset = replace(dataset, motors=with_it(dataset.motors))
+    return with_flights(dataset, lambda flight: replace(flight, motors=with_it(flight.motors)))

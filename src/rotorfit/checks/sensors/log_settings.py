@@ -1,0 +1,144 @@
+"""Check that the log has the signals and rates that the numbers need."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from rotorfit.findings import Finding, note
+from rotorfit.fit.dataset.dataset import LoadedFlight
+from rotorfit.fit.fit import Fit
+from rotorfit.flight.flight_checks import ENOUGH_RATE
+from rotorfit.flight.prepare import PreparedFlight
+from rotorfit.logs.firmware import (
+    FIRMWARE,
+    NO_SPEED,
+    SLOW_IMU,
+    SLOW_MOTORS,
+    Lack,
+    Setting,
+    advice_for,
+)
+from rotorfit.logs.flight_log import LEAVES_OUT, FlightLog
+from rotorfit.model.parameters import EVERY
+from rotorfit.model.terms.rotors import ROTOR_SPREAD
+
+TOO_SLOW: Final = "log-too-slow"
+NO_ROTOR_SPEED: Final = "no-rotor-speed"
+NOT_SIMULATED: Final = "not-simulated"
+NO_INERTIA: Final = "no rotor inertia"
+LEAST_RATE: Final = 40.0
+"""Of commands and IMU, below which all of the motion is lost that inertia shows in [Hz]."""
+FAST: Final = tuple(
+    name
+    for name, info in EVERY.items()
+    if info.motion in ("roll", "pitch", "yaw", "height", "place")
+    or name.startswith("motor_")
+    or name in ROTOR_SPREAD.parameters
+)
+"""Numbers that show in quick motion."""
+USE_SPEED: Final = (
+    'use the rotor speed that the log has: write speed = "measured" under [motors] '
+    "(or --speed measured)"
+)
+BY_SPEED: Final = ("kt", "kd", "Jr", "Ixx", "Iyy", "Izz", "motor_lag", "motor_delay")
+
+
+def slow_log(fit: Fit) -> Iterator[Finding]:
+    """Name the settings without which no flying shows inertia: commands or IMU are too slow."""
+    for flight in _commanded(fit):
+        step = faster_log(flight.log, flight.prepared)
+        if step is not None:
+            because = slow_words(flight.prepared)
+            yield note(TOO_SLOW, "", numbers=FAST, next_step=step, useless_because=because)
+            return
+
+
+def unlogged_speed(fit: Fit) -> Iterator[Finding]:
+    """Name the settings with which the log has the rotors' speed, where the firmware has any."""
+    for flight in _commanded(fit):
+        step = log_with_speed(flight.log, flight.prepared)
+        if step is not None:
+            yield note(NO_ROTOR_SPEED, "", numbers=BY_SPEED, next_step=step)
+            return
+
+
+def absent_in_simulator(fit: Fit) -> Iterator[Finding]:
+    """Note that a simulator has no rotor inertia, which no flight in it can show."""
+    flights = [flight for c in fit.dataset.configurations for flight in c.flights]
+    simulators = {flight.log.metadata.get("Simulator", "") for flight in flights}
+    if any(NO_INERTIA in LEAVES_OUT.get(name, "") for name in simulators):
+        because = f"the simulator has {NO_INERTIA}"
+        step = "nothing to fly in this simulator"
+        yield note(NOT_SIMULATED, "", numbers=("Jr",), next_step=step, useless_because=because)
+
+
+def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
+    """Say how to log commands and IMU faster; None where they are fast enough for inertia."""
+    if prepared.slowest_rate >= LEAST_RATE:
+        return None
+    slow_imu = prepared.data.sample_rate < ENOUGH_RATE
+    wanted = _settings(log, SLOW_MOTORS | SLOW_IMU if slow_imu else SLOW_MOTORS)
+    plain = f"log gyro, accelerometer and motors {ENOUGH_RATE:.0f} times a second or faster"
+    return f"{wanted or plain}, then fly again"
+
+
+def better_log(log: FlightLog, lacks: frozenset[Lack]) -> str | None:
+    """Say what to set for what a log lacks; None where its firmware has no setting for it."""
+    wanted = _settings(log, lacks)
+    return f"{wanted}, then fly again" if wanted else None
+
+
+def slow_words(prepared: PreparedFlight) -> str:
+    """Say why a slow log makes flying useless."""
+    return f"a log at {prepared.slowest_rate:.0f} Hz shows no quick motion, whatever is flown"
+
+
+def log_with_speed(log: FlightLog, prepared: PreparedFlight) -> str | None:
+    """Say how to log the rotors' speed; None where the firmware has no setting for it.
+
+    A log that has it already asks for nothing but to use it; one that is slow is made faster, too.
+    """
+    if "rotor_speed" in log.channels:
+        return USE_SPEED
+    slow = prepared.slowest_rate < ENOUGH_RATE
+    if not _settings(log, NO_SPEED):
+        return None
+    wanted = _settings(log, NO_SPEED | SLOW_MOTORS | SLOW_IMU if slow else NO_SPEED)
+    also = ", and all of it faster" if slow else ""
+    return f"log the rotor speed{also}: {wanted}, then fly again"
+
+
+def _commanded(fit: Fit) -> list[LoadedFlight]:
+    if fit.dataset.motors.speed != "commanded":
+        return []
+    return [flight for c in fit.dataset.configurations for flight in c.flights]
+
+
+def _settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
+    """List the settings that the log's firmware asks for, empty where it has none."""
+    found = advice_for(log.format, lacks, log.metadata)
+    if found is None or not found.settings:
+        return ""
+    file = " (rotorfit settings LOG writes the file)" if any(s.new for s in found.settings) else ""
+    flashed = [f"flash {s.value}" for s in found.settings if s.name == FIRMWARE]
+    named = [s for s in found.settings if s.name != FIRMWARE]
+    lines = [_whole_line(s) for s in named if s.name.endswith(":")]
+    pairs = [_pair(s) for s in named if not s.name.endswith(":")]
+    steps = [*flashed, *lines, *([f"set {', '.join(pairs)}"] if pairs else [])]
+    return f"{', then '.join(steps)}{file}"
+
+
+def _pair(setting: Setting) -> str:
+    """Write a setting and its value; bits in words where the value that has them is not known."""
+    if setting.new is None and setting.value.startswith("what"):
+        return f"{setting.name} to {setting.value}"
+    return f"{setting.name} = {setting.new or setting.value}"
+
+
+def _whole_line(setting: Setting) -> str:
+    """Say where a line of a file or a CLI goes, and what it is for."""
+    if setting.name == "CLI:":
+        return f"enter {setting.value!r} in the CLI"
+    return f"add {setting.value} to {setting.name.strip(':')} ({setting.why})"
+
+
+CHECKS: Final = (slow_log, unlogged_speed, absent_in_simulator)

@@ -1,0 +1,226 @@
+"""Laws from command to rotor speed: their forms, and the speeds they predict with the slopes."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rotorfit.fit.motor_law.command_response import Recording, Timing, speed_response
+from rotorfit.logs.speed_law import Curve, PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
+
+FormName = Literal["linear", "power", "offset power", "sqrt"]
+Vector = Float[np.ndarray, " _"]
+TINY: Final = 1e-6
+"""Commands below are as it, in what goes with their logarithm."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Form:
+    """A curve of relative speed, 1 at full command.
+
+    - `start`, `lower`, `upper`: of its parameters.
+    - `logarithm`: from commands and parameters to log relative speed and its derivatives.
+    - `curve`: with a speed at full command.
+    """
+
+    start: tuple[float, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    logarithm: Callable[[Vector, Vector], tuple[Vector, Float[np.ndarray, "n p"]]]
+    curve: Callable[[float, Vector], Curve]
+
+
+def _offset_power(u: Vector, b: float, p: float) -> tuple[Vector, Vector, Vector]:
+    """Compute p log(b + (1 - b) u), and its derivatives by b and p."""
+    base = np.maximum(b + (1.0 - b) * u, TINY)
+    return p * np.log(base), np.where(base > TINY, p * (1.0 - u) / base, 0.0), np.log(base)
+
+
+def _linear(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+    value, by_offset, _ = _offset_power(u, float(x[0]), 1.0)
+    return value, by_offset[:, None]
+
+
+def _power(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+    value, _, by_exponent = _offset_power(u, 0.0, float(x[0]))
+    return value, by_exponent[:, None]
+
+
+def _both(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+    value, *slopes = _offset_power(u, float(x[0]), float(x[1]))
+    return value, np.column_stack(slopes)
+
+
+def _sqrt(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+    u = np.maximum(u, TINY)
+    thrust = x[0] * u**2 + (1.0 - x[0]) * u
+    return 0.5 * np.log(thrust), (0.5 * (u**2 - u) / thrust)[:, None]
+
+
+FORMS: Final[Mapping[FormName, Form]] = {
+    "linear": Form(
+        start=(0.1,),
+        lower=(-0.5,),
+        upper=(0.95,),
+        logarithm=_linear,
+        curve=lambda full, x: PowerLaw(full, float(x[0]), 1.0),
+    ),
+    "power": Form(
+        start=(0.7,),
+        lower=(0.1,),
+        upper=(3.0,),
+        logarithm=_power,
+        curve=lambda full, x: PowerLaw(full, 0.0, float(x[0])),
+    ),
+    "sqrt": Form(
+        start=(0.5,),
+        lower=(0.0,),
+        upper=(1.0,),
+        logarithm=_sqrt,
+        curve=lambda full, x: SquareRootLaw(full, float(x[0])),
+    ),
+    "offset power": Form(
+        start=(0.05, 0.7),
+        lower=(-0.5, 0.1),
+        upper=(0.95, 3.0),
+        logarithm=_both,
+        curve=lambda full, x: PowerLaw(full, float(x[0]), float(x[1])),
+    ),
+}
+"""By name, those with fewer parameters first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Which parameters a fit has, and where they are.
+
+    - `voltage`, `two_way`: whether there is an exponent of the battery's voltage, and a lag of its
+      own when falling.
+    - `rotors`, `flights`: how many: all but one have a factor of their own, and each flight a
+      drift, where there is no voltage.
+    - `on_thrust`: whether the lag acts on the squared speed, not on the speed.
+    """
+
+    form: FormName
+    voltage: bool
+    two_way: bool
+    rotors: int
+    flights: int
+    on_thrust: bool = False
+
+    @property
+    def curve(self) -> slice:
+        """Parameters of the form, after the logarithm of the full speed."""
+        return slice(1, 1 + len(FORMS[self.form].start))
+
+    @property
+    def exponent(self) -> int:
+        """Where the exponent of the voltage is, where there is one."""
+        return self.curve.stop
+
+    @property
+    def factors(self) -> slice:
+        """Logarithms of the rotors' factors, then of the flights'."""
+        first = self.curve.stop + int(self.voltage)
+        scales = 0 if self.voltage else self.flights - 1
+        return slice(first, first + self.rotors - 1 + scales)
+
+    @property
+    def drifts(self) -> slice:
+        """Relative change of speed per second, one for each flight without voltage."""
+        first = self.factors.stop
+        return slice(first, first + (0 if self.voltage else self.flights))
+
+    @property
+    def size(self) -> int:
+        """How many parameters there are; the last ones are log lag, log ratio (if any), delay."""
+        return self.drifts.stop + 2 + int(self.two_way)
+
+
+def law_of(recording: Recording, layout: Layout, values: Float[np.ndarray, " p"]) -> SpeedLaw:
+    """Build the law of the mean rotor from parameters."""
+    curve = FORMS[layout.form].curve(float(np.exp(values[0])), values[layout.curve])
+    if not layout.voltage or recording.nominal_voltage is None:
+        return SpeedLaw(curve=curve)
+    exponent = float(values[layout.exponent])
+    return SpeedLaw(curve=curve, voltage=VoltageFactor(recording.nominal_voltage, exponent))
+
+
+def timing_of(layout: Layout, x: Float[np.ndarray, " p"]) -> Timing:
+    """Return lag and delay among the parameters."""
+    ratio = float(x[-2]) if layout.two_way else 0.0
+    lag = float(x[-2 - int(layout.two_way)])
+    return Timing(log_lag=lag, log_ratio=ratio, delay=float(x[-1]))
+
+
+def scales_of(
+    layout: Layout, values: Float[np.ndarray, " p"]
+) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
+    """Compute the factor of each rotor's speed, and of each flight's where there is no voltage."""
+    rotors, flights = _log_scales(layout, values)
+    return np.exp(rotors), np.exp(flights)
+
+
+def _log_scales(
+    layout: Layout, values: Float[np.ndarray, " p"]
+) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
+    x = values[layout.factors]
+    rotors = _contrast(np.arange(layout.rotors), layout.rotors) @ x[: layout.rotors - 1]
+    flights = np.zeros(layout.flights)
+    if not layout.voltage:
+        flights = _contrast(np.arange(layout.flights), layout.flights) @ x[layout.rotors - 1 :]
+    return rotors, flights
+
+
+def predicted(
+    recording: Recording, layout: Layout, x: Float[np.ndarray, " p"]
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m p"]]:
+    """Predict the speeds by the parameters, with the slopes."""
+    logarithm, curve = FORMS[layout.form].logarithm(recording.command, x[layout.curve])
+    bending = [*curve.T]
+    if layout.voltage and recording.voltage is not None:
+        bending.append(np.log(recording.voltage))
+        logarithm = logarithm + x[layout.exponent] * bending[-1]
+    if not layout.voltage:
+        since = recording.since
+        drifts = [np.where(recording.flight == k, since, 0.0) for k in range(layout.flights)]
+        logarithm = logarithm + x[layout.drifts] @ np.array(drifts)
+        bending += drifts
+    rotors, flights = _log_scales(layout, x)
+    logarithm = logarithm + (x[0] + rotors)[recording.rotor] + flights[recording.flight]
+    settled = np.exp(np.minimum(logarithm, 30.0))
+    speed, slopes = _responding(recording, layout, x, settled, (settled * np.array(bending)).T)
+    factors = [_contrast(recording.speed_rotor, layout.rotors)]
+    if not layout.voltage:
+        factors.append(_contrast(recording.speed_flight, layout.flights))
+    scaling = np.concatenate(factors, axis=1)
+    curved = layout.factors.start - 1
+    # What multiplies all commands of a stretch multiplies its speeds.
+    columns = [speed[:, None], slopes[:, :curved], speed[:, None] * scaling, slopes[:, curved:]]
+    return speed, np.concatenate(columns, axis=1)
+
+
+def _responding(
+    recording: Recording,
+    layout: Layout,
+    x: Float[np.ndarray, " p"],
+    settled: Float[np.ndarray, " n"],
+    bent: Float[np.ndarray, "n q"],
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m r"]]:
+    """Follow settled speeds by a lag that acts on the speed or on its square, with the slopes."""
+    timing, two_way = timing_of(layout, x), layout.two_way
+    if not layout.on_thrust:
+        return speed_response(recording, settled, bent, timing, two_way=two_way)
+    square, slopes = speed_response(
+        recording, settled**2, 2.0 * settled[:, None] * bent, timing, two_way=two_way
+    )
+    speed = np.sqrt(np.maximum(square, TINY))
+    return speed, 0.5 * slopes / speed[:, None]
+
+
+def _contrast(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "n c"]:
+    """Build columns of factors whose logarithms sum to zero: the last has what the others lack."""
+    columns = np.vstack([np.eye(count - 1), -np.ones((1, count - 1))])
+    return columns[member]

@@ -1,0 +1,122 @@
+"""The timing of the motors: lag, delay, and how far they are identifiable."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from rotorfit.estimation.factors import Factors
+from rotorfit.flight.motors.motor_model import MotorResponse
+
+LAG_PRIOR: Final = (0.035, 0.03)
+"""Mean and deviation of a motor's time constant before the flight [s]."""
+
+SUM_FAULT: Final = 1e-4
+SPLIT_FAULT: Final = 3e-4
+"""Deviations that no curvature shows [s], of a delay or of lag plus delay, and of their split: drag
+without a velocity, and motors that are no first-order lag."""
+
+
+LARGEST_SKEW: Final = 0.8
+"""Largest share by which rising is faster and falling slower than their mean, or vice versa."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeTiming:
+    """Times that a fit may move, from where its signals were made.
+
+    - `at`: lag and delay with which the signals were made.
+    - `names`: of ``motor_delay``, ``motor_lag`` and ``motor_skew`` (lag (1 - s) up and (1 + s)
+      down).
+    - `lag_prior`: mean and standard deviation of the lag before the flight [s].
+    """
+
+    at: MotorResponse
+    names: tuple[str, ...]
+    lag_prior: tuple[float, float] = LAG_PRIOR
+
+    def moved(self, by: Mapping[str, float]) -> MotorResponse:
+        """Move each of the times by so much."""
+        lag = max(self.at.mean_lag + by.get("motor_lag", 0.0), 0.0)
+        skew = skew_of(self.at) + by.get("motor_skew", 0.0)
+        skew = min(max(skew, -LARGEST_SKEW), LARGEST_SKEW)
+        delay = self.at.delay + by.get("motor_delay", 0.0)
+        if skew == 0.0:
+            return MotorResponse(lag=lag, delay=delay)
+        return MotorResponse(lag=lag * (1.0 - skew), delay=delay, lag_down=lag * (1.0 + skew))
+
+    def without_times(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Select a fit's values but for the times, at which its signals are made anew."""
+        return {name: value for name, value in values.items() if name not in self.names}
+
+    def faults(self) -> list[dict[str, float]]:
+        """List common errors of the times that no curvature shows."""
+        if "motor_lag" not in self.names:
+            return [{"motor_delay": SUM_FAULT}]
+        if "motor_delay" not in self.names:
+            return [{"motor_lag": SUM_FAULT}]
+        split = {"motor_lag": SPLIT_FAULT, "motor_delay": -SPLIT_FAULT}
+        return [split, {"motor_lag": 0.0, "motor_delay": SUM_FAULT}]
+
+    def prior(self) -> dict[str, tuple[float, float]]:
+        """Return mean and deviation of how far each may move."""
+        mean, std = self.lag_prior
+        known = {"motor_lag": (mean - self.at.mean_lag, std)}
+        return {name: value for name, value in known.items() if name in self.names}
+
+
+def skew_of(response: MotorResponse) -> float:
+    """Compute the share by which rising is faster and falling slower than their mean."""
+    if response.lag_down is None or response.mean_lag == 0.0:
+        return 0.0
+    return response.lag_down / response.mean_lag - 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimedBands:
+    """Band factors that a timing was found with: they serve the next fit of the same flights.
+
+    - `at`: lag and delay with which the signals were made, within a little of those found.
+    - `made_of`: vehicle, flights and whatever else the signals were made of.
+    - `factors`: one per configuration.
+    """
+
+    at: MotorResponse
+    inputs: tuple[object, ...]
+    factors: tuple[Factors, ...]
+
+    def matches(self, inputs: tuple[object, ...]) -> bool:
+        """Return whether the factors were made of these very objects."""
+        return all(own is other for own, other in zip(self.inputs, inputs, strict=True))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorTiming:
+    """The motors' timing by the flights.
+
+    - `response`: lag and delay, found or given [s].
+    - `lag_std`, `delay_std`: their standard deviations [s]; None for what was given or has no
+      meaning.
+    - `total_std`: standard deviation of lag plus delay [s].
+    - `free`: which times a fit finds again together with everything else (`FreeTiming.names`): the
+      identifiable ones.
+    - `reached`: where the other parameters of its fit ended: the next one begins there.
+    - `bands`: what that fit was made to.
+    """
+
+    response: MotorResponse
+    total_std: float
+    lag_std: float | None = None
+    delay_std: float | None = None
+    free: tuple[str, ...] = ()
+    reached: Mapping[str, float] | None = None
+    bands: TimedBands | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether lag plus delay is known better than by its own size, or by motors' usual lag."""
+        return is_time_identifiable(self.response.mean_lag + self.response.delay, self.total_std)
+
+
+def is_time_identifiable(value: float, std: float) -> bool:
+    """Return whether a time is better known than its own size, or motors' usual lag [s]."""
+    return 1.96 * std <= max(abs(value), LAG_PRIOR[0])

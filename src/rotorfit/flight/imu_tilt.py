@@ -1,0 +1,86 @@
+r"""The tilt of the IMU: turned by small angles about x and y against the plane of the rotors.
+
+In flight the thrust carries the vehicle, so that the mean specific force lies along the rotors'
+axis whatever the attitude: where it leans in the IMU's axes, the IMU leans in the vehicle. (Drag of
+a fast flight leans it, too, and so does a bias: the caller must separate them.)
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from rotorfit.flight.flight_data import FlightData
+from rotorfit.flight.kinematics import climb_velocity
+from rotorfit.flight.prepare import PreparedFlight
+
+LEAST_TILT: Final = float(np.radians(5.0))
+"""Tilt below which a usual bias explains the lean (sound logs: up to 4.5 degrees)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImuTilt:
+    """The tilt of the IMU in the vehicle.
+
+    - `roll`: of the IMU, right side down [rad].
+    - `pitch`: of the IMU, nose up [rad].
+    """
+
+    roll: float = 0.0
+    pitch: float = 0.0
+
+    @property
+    def rotation_imu_to_body(self) -> Float[np.ndarray, "3 3"]:
+        """Turns vectors of the IMU (FLU) into the rotors' axes."""
+        # About y (left) a positive turn lowers the nose.
+        return Rotation.from_euler("XY", [self.roll, -self.pitch]).as_matrix()
+
+    @property
+    def angle(self) -> float:
+        """Between the IMU's z and the rotors' axis [rad]."""
+        return float(np.arccos(np.clip(self.rotation_imu_to_body[2, 2], -1.0, 1.0)))
+
+
+def mean_force_tilt(flights: Sequence[FlightData]) -> ImuTilt:
+    """Compute the IMU's tilt if the mean specific force of all flights' samples is along z."""
+    total = np.zeros(3)
+    for data in flights:
+        for s in data.segments:
+            total += data.specific_force[s.start : s.stop].sum(axis=0)
+    x, y, z = total
+    return ImuTilt(roll=float(np.arctan2(y, np.hypot(x, z))), pitch=float(np.arctan2(x, z)))
+
+
+def tilt_phrase(tilt: ImuTilt) -> str:
+    """Describe a mounting: "10.1 degrees nose down"."""
+    roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
+    parts = [
+        f"{abs(angle):.1f} degrees {words[angle > 0]}"
+        for angle, words in (
+            (pitch, ("nose down", "nose up")),
+            (roll, ("left side down", "right side down")),
+        )
+        if abs(angle) >= 1.0
+    ]
+    return " and ".join(parts)
+
+
+def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:
+    """Turn a flight's IMU signals, and the velocity given in its axes, into the rotors' axes."""
+    R = tilt.rotation_imu_to_body
+    data = prepared.data
+    turned = dataclasses.replace(
+        data,
+        specific_force=data.specific_force @ R.T,
+        angular_velocity=data.angular_velocity @ R.T,
+        angular_acceleration=data.angular_acceleration @ R.T,
+        velocity=None if data.velocity is None else data.velocity @ R.T,
+        carried=None if data.carried is None else data.carried @ R.T,
+    )
+    if data.climb is None or data.climb.any():  # zero where the velocity is known, and stays so
+        turned = dataclasses.replace(turned, climb=climb_velocity(turned))
+    return dataclasses.replace(prepared, data=turned)

@@ -1,0 +1,492 @@
+"""Compare the measured rotor speeds with the motor commands: order, dead channels, ratios.
+
+The two are recorded by different devices on different wires, and each rotor has its own law from
+command to speed, so that a log contradicts itself where a plug is swapped, a wire is off or one
+controller counts other poles. Everything is looked at in the band that a pilot flies in, where a
+rotor follows its command; how late the speeds are as a whole is found first.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rotorfit.flight.signals import smooth, true_runs, whole_samples
+from rotorfit.logs.flight_log import Channel, FlightLog
+
+FASTEST: Final = 100.0
+"""Rate of the common clock at most [Hz]."""
+BAND: Final = (0.3, 8.0)
+"""Band in which commands and speeds are compared [Hz]."""
+LATE: Final = (-0.1, 0.3)
+"""How much later than the commands the speeds may be [s]."""
+SLOWEST: Final = 2.0
+"""Slower telemetry shows nothing of the motion [Hz]."""
+FEWEST: Final = 20
+"""Samples of each, below which nothing is said."""
+MOST_HOLES: Final = 10.0
+"""Length of the common clock over the samples: a longer one is no clock."""
+LEAST_SECONDS: Final = 3.0
+"""Least time of turning motors, below which nothing is reported [s]."""
+TURNING: Final = 0.3
+"""Share of the largest command above which motors count as turning."""
+EDGE: Final = 0.5
+"""Left out after motors start and before they stop: the band-pass rings there [s]."""
+MOVES: Final = 0.01
+"""Deviation of a command below which it shows nothing of its speed."""
+CLEAR: Final = 0.5
+"""Correlation from which a command and a speed belong together."""
+CLEARER: Final = 0.7
+"""What another command leaves unexplained, over what the own one does, for a swap."""
+NOTHING: Final = 0.3
+"""Correlation below which a speed does not follow its command."""
+LONGEST_CONSTANT: Final = 1.0
+"""A speed that stays the same for so long while its command moves is stuck [s]."""
+LEAST_STUCK: Final = 0.02
+"""Share of the time that a speed is stuck, from which it is said."""
+UNLIKE: Final = 0.1
+"""Share by which a rotor's speed may differ from the others' at the same command."""
+SURE: Final = 4.0
+"""Deviations of the mean by which it must."""
+SPIKE: Final = 0.1
+"""Size of jumps of a command for single samples from which they are said [of full]."""
+SPIKY_PERCENTILE: Final = 90.0
+"""Share of the samples that are below that size in a command without spikes [%]."""
+ROUNDS: Final = 8
+"""Rounds of the law that all rotors share, each with less weight on speeds far from it."""
+
+_Columns = list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]
+State = Literal["follows", "swapped", "dead", "stuck", "apart", "unlike", "unclear"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorTelemetry:
+    """The measured speed of one rotor compared with the commands.
+
+    - `rotor`: from 1, in the log's order.
+    - `state`: ``"follows"`` its command; ``"swapped"``: another speed does; ``"dead"``: the speed
+      or the command never changes; ``"stuck"`` now and then; ``"apart"``: goes with no command;
+      ``"unlike"``: its speed is another than the others' at the same command; ``"unclear"``: the
+      command hardly moves.
+    - `correlation`: of command and speed; None where one of them is dead.
+    - `speed_channel`: number of the speed that goes with this command best, where that is clear.
+    - `ratio`: speed over that of the other rotors at the same command, where it is identifiable.
+    - `stuck`: share of the time that the speed stays the same though the command moves.
+    """
+
+    rotor: int
+    state: State
+    correlation: float | None = None
+    speed_channel: int | None = None
+    ratio: float | None = None
+    stuck: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Telemetry:
+    """Measured rotor speeds beside the commands.
+
+    - `seconds`: of turning motors that were looked at [s].
+    - `lateness`: how much later than the commands the speeds are [s]; None where they go with none.
+    - `rotors`: one for each, none where nothing could be compared.
+    - `doubts`: what is wrong, one sentence each.
+    """
+
+    seconds: float
+    lateness: float | None
+    rotors: tuple[RotorTelemetry, ...]
+    doubts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Pair:
+    """Commands and speeds on one clock; the rows that count, and which columns are alive."""
+
+    rate: float
+    command: Float[np.ndarray, "n N"]
+    speed: Float[np.ndarray, "n N"]
+    used: Bool[np.ndarray, " n"]
+    live: Int[np.ndarray, " k"]
+
+
+def telemetry(log: FlightLog) -> Telemetry | None:
+    """Compare measured speeds with the commands; None where the log lacks either."""
+    if not {"command", "rotor_speed"} <= set(log.channels):
+        return None
+    command, speed = log.channels["command"], log.channels["rotor_speed"]
+    count, other = command.values.shape[1], speed.values.shape[1]
+    if count != other:
+        named = "; name as many of each in a columns map" if log.takes_columns else ""
+        doubt = (
+            f"the log has {count} motor commands ({command.source}) but {other} measured speeds "
+            f"({speed.source}): they were not compared{named}"
+        )
+        return Telemetry(seconds=0.0, lateness=None, rotors=(), doubts=(doubt,))
+    pair = _paired(command, speed)
+    seconds = 0.0 if pair is None else float(pair.used.sum()) / pair.rate
+    if pair is None or seconds < LEAST_SECONDS:
+        return Telemetry(seconds=seconds, lateness=None, rotors=(), doubts=())
+    found = _compared(pair, seconds)
+    return replace(found, doubts=(*found.doubts, *_spiky_commands(command)))
+
+
+def _spiky_commands(command: Channel) -> list[str]:
+    """Say which commands jump up or down for single samples."""
+    sizes = [
+        float(np.percentile(np.abs(x - _despiked(x)), SPIKY_PERCENTILE)) if len(x) > 2 else 0.0
+        for _, x in _columns(command)
+    ]
+    spiky = [str(i) for i, size in enumerate(sizes, start=1) if size > SPIKE]
+    if not spiky:
+        return []
+    return [
+        f"the command of rotor {', '.join(spiky)} jumps for single samples, by {max(sizes):.2f} of "
+        "full in one sample of ten: the means over 10 ms are compared with the speeds; lower the "
+        "gyro's low-pass or the D gains, which pass the noise on"
+    ]
+
+
+def _paired(command: Channel, speed: Channel) -> _Pair | None:
+    """Resample both to one clock, where they overlap; a column that ends early is held."""
+    columns = [_columns(command), _columns(speed)]
+    if not all(columns):
+        return None
+    clocks = [max((t for t, _ in one), key=len) for one in columns]
+    if min(map(len, clocks)) < FEWEST:
+        return None
+    begin = max(min(t[0] for t, _ in one if len(t)) for one in columns)
+    end = min(max(t[-1] for t, _ in one if len(t)) for one in columns)
+    rate = min(FASTEST, *(1.0 / float(np.median(np.diff(t))) for t in clocks))
+    span = (end - begin) * rate
+    if not LEAST_SECONDS * rate < span < MOST_HOLES * max(map(len, clocks)) or rate < SLOWEST:
+        return None
+    time = begin + np.arange(whole_samples(span)) / rate
+    # Commands may jump from sample to sample: taken singly, the jumps would look like slow motion.
+    commands = _averaged(time, columns[0], rate)
+    speeds = _at(time, [(t, _despiked(x)) for t, x in columns[1]])
+    used = _turning(commands, rate) & ~np.any([_in_gap(time, t, rate) for t in clocks], axis=0)
+    varies = [used.any() and np.ptp(x[used], axis=0) > 0.0 for x in (commands, speeds)]
+    live = np.flatnonzero(np.logical_and(*varies))
+    return _Pair(rate=rate, command=commands, speed=speeds, used=used, live=live)
+
+
+def _at(time: Float[np.ndarray, " m"], columns: _Columns) -> Float[np.ndarray, "m N"]:
+    """Interpolate columns at other times, ends held; NaN where there is no sample."""
+    values = np.full((len(time), len(columns)), np.nan)
+    for k, (t, x) in enumerate(columns):
+        if len(t) > 1:
+            values[:, k] = np.interp(time, t, x)
+    return values
+
+
+def _averaged(
+    time: Float[np.ndarray, " m"], columns: _Columns, rate: float
+) -> Float[np.ndarray, "m N"]:
+    """Average columns over the time from one row to the next; NaN where there is no sample."""
+    values = np.full((len(time), len(columns)), np.nan)
+    half = 0.5 / rate
+    for k, (t, x) in enumerate(columns):
+        if len(t) > 1:
+            area = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
+            first, last = np.clip(time - half, t[0], t[-1]), np.clip(time + half, t[0], t[-1])
+            over = np.where(last > first, last - first, 1.0)
+            mean = (np.interp(last, t, area) - np.interp(first, t, area)) / over
+            held = np.interp(time, t, x)
+            values[:, k] = np.where(last > first, mean, held)
+    return values
+
+
+def _despiked(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Replace a value that is above or below both neighbours by the middle one of the three."""
+    if len(values) < 3:
+        return values
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(values, 3), axis=1)
+    return np.concatenate([values[:1], middle, values[-1:]])
+
+
+def _columns(channel: Channel) -> _Columns:
+    """Select times and finite values of each column, in the order of time."""
+    found: _Columns = []
+    for values in channel.values.T:
+        known = np.isfinite(channel.time) & (np.abs(channel.time) < 1e12)
+        known &= np.abs(values) < 1e9
+        t, first = np.unique(channel.time[known], return_index=True)
+        found.append((t, values[known][first]))
+    return found
+
+
+def _in_gap(
+    time: Float[np.ndarray, " m"], t: Float[np.ndarray, " n"], rate: float
+) -> Bool[np.ndarray, " m"]:
+    """Mark times whose neighbouring samples are further apart than a moment."""
+    after = np.clip(np.searchsorted(t, time), 1, len(t) - 1)
+    far: Bool[np.ndarray, " m"] = t[after] - t[after - 1] > max(0.2, 3.0 / rate)
+    return far
+
+
+def _turning(commands: Float[np.ndarray, "n N"], rate: float) -> Bool[np.ndarray, " n"]:
+    """Mark where the motors turn, without the moments of starting and stopping."""
+    known = commands[:, np.isfinite(commands).all(axis=0)]
+    turning = np.zeros(len(commands), dtype=bool)
+    if known.shape[1] == 0:
+        return turning
+    level = known.mean(axis=1)
+    edge = whole_samples(EDGE * rate)
+    for a, b in true_runs(level > TURNING * float(np.percentile(level, 95))):
+        turning[a + edge : max(b - edge, a + edge)] = True
+    return turning
+
+
+def _compared(pair: _Pair, seconds: float) -> Telemetry:
+    live = pair.live
+    if not len(live):
+        dead = tuple(
+            RotorTelemetry(rotor=i + 1, state="dead") for i in range(pair.command.shape[1])
+        )
+        sentences = (
+            "none of the measured rotor speeds changes together with a command while the motors "
+            "turn: the ESC telemetry is dead, or the commands are"
+        )
+        return Telemetry(seconds=seconds, lateness=None, rotors=dead, doubts=(sentences,))
+    commands = _banded(pair.command[:, live], pair.rate)
+    speeds = _banded(pair.speed[:, live], pair.rate)
+    shift = _lateness(commands, speeds, pair)
+    late, used = _moved(speeds, shift), pair.used
+    alike = _correlations(commands[used], late[used])
+    of_differences = _correlations(_differences(commands[used]), _differences(late[used]))
+    best = _assigned(of_differences if len(live) > 2 else alike)
+    moving = commands[used].std(axis=0) > MOVES
+    swapped = live[best != np.arange(len(live))]
+    ratios = {} if len(swapped) else _ratios(pair, shift)
+    goes = float(alike.max()) > NOTHING
+    stuck = {int(i): _stuck_share(pair, int(i)) for i in live}
+    rotors: list[RotorTelemetry] = []
+    for i in range(pair.command.shape[1]):
+        if i not in live:
+            rotors.append(RotorTelemetry(rotor=i + 1, state="dead"))
+            continue
+        k = int(np.searchsorted(live, i))
+        own, ratio = float(alike[k, k]), ratios.get(i)
+        known = of_differences[k, best[k]] > CLEAR or alike[k, best[k]] > CLEAR
+        rotors.append(
+            RotorTelemetry(
+                rotor=i + 1,
+                state=_state(own, i in swapped, stuck[i], ratio, moves=bool(moving[k])),
+                correlation=own,
+                speed_channel=int(live[best[k]]) + 1 if known else None,
+                ratio=None if ratio is None else ratio[0],
+                stuck=stuck[i],
+            )
+        )
+    lateness = shift / pair.rate if goes else None
+    return Telemetry(
+        seconds=seconds,
+        lateness=lateness,
+        rotors=tuple(rotors),
+        doubts=tuple(_sentences(rotors, pair)),
+    )
+
+
+def _state(
+    own: float, is_swapped: bool, stuck: float, ratio: tuple[float, float] | None, *, moves: bool
+) -> State:
+    if is_swapped:
+        return "swapped"
+    is_unlike = ratio is not None and abs(ratio[0] - 1.0) > max(UNLIKE, SURE * ratio[1])
+    if stuck > LEAST_STUCK:
+        # What it reads when it reads anything is the graver fault: no stretch of it can be used.
+        return "unlike" if is_unlike else "stuck"
+    if own < NOTHING:
+        return "apart" if moves else "unclear"
+    if is_unlike:
+        return "unlike"
+    return "follows" if own > CLEAR else "unclear"
+
+
+def _banded(values: Float[np.ndarray, "n k"], rate: float) -> Float[np.ndarray, "n k"]:
+    """Band-pass the values to the band that is compared."""
+    low, high = BAND
+    slow = values - smooth(values, rate, low)
+    return smooth(slow, rate, high) if high < 0.4 * rate else slow
+
+
+def _moved(values: Float[np.ndarray, "n k"], shift: int) -> Float[np.ndarray, "n k"]:
+    """Advance the values by `shift` samples; the last ones are held."""
+    rows = np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)
+    return values[rows]
+
+
+def _lateness(
+    commands: Float[np.ndarray, "n k"], speeds: Float[np.ndarray, "n k"], pair: _Pair
+) -> int:
+    """Find the samples by which the speeds are later, whichever belongs to which."""
+    first, last = (round(bound * pair.rate) for bound in LATE)
+    used = pair.used
+    scores = {
+        shift: float(_correlations(commands[used], _moved(speeds, shift)[used]).max(axis=0).mean())
+        for shift in range(first, last + 1)
+    }
+    return max(scores, key=lambda shift: (scores[shift], -abs(shift)))
+
+
+def _correlations(
+    a: Float[np.ndarray, "n k"], b: Float[np.ndarray, "n k"]
+) -> Float[np.ndarray, "k k"]:
+    """Correlate every column with every other's, 0 where one is constant."""
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    sizes = np.outer(np.sqrt((a * a).sum(axis=0)), np.sqrt((b * b).sum(axis=0)))
+    return (a.T @ b) / np.where(sizes > 0.0, sizes, np.inf)
+
+
+def _differences(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
+    """Subtract the mean of all rotors: thrust moves them all alike."""
+    size = values.std(axis=0)
+    even = values / np.where(size > 0.0, size, 1.0)
+    return even - even.mean(axis=1, keepdims=True)
+
+
+def _assigned(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
+    """Assign a speed to each command: its own, unless others do clearly better."""
+    own = np.arange(len(alike))
+    if len(alike) < 2:
+        return own
+    left = 1.0 - np.clip(alike, 0.0, 0.9999) ** 2
+    if (left.argmin(axis=1) == own).all():
+        return own  # no assignment is better than the best of every row
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
+    best: Int[np.ndarray, " k"] = linear_sum_assignment(np.log(left))[1]
+    moved = best != own
+    clear = (alike[own, best] > CLEAR) & (left[own, best] < CLEARER * left[own, own])
+    return best if clear[moved].all() else own
+
+
+def _stuck_share(pair: _Pair, i: int) -> float:
+    """Compute the share of time for which a speed stays constant though its command moves."""
+    speed, command = pair.speed[:, i], pair.command[:, i]
+    usual = float(command[pair.used].std())
+    same = np.concatenate([np.diff(speed) == 0.0, [False]]) & pair.used
+    least = whole_samples(LONGEST_CONSTANT * pair.rate)
+    still = sum(
+        b - a
+        for a, b in true_runs(same)
+        if b - a > least and command[a:b].std() > max(0.3 * usual, 1e-3)
+    )
+    return still / max(int(pair.used.sum()), 1)
+
+
+def _ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
+    """Estimate each rotor's speed over the others' at the same command, with its deviation.
+
+    One law of a constant and a slope for all, each rotor with a factor of its own (median 1). The
+    deviation is that of the means of seconds.
+    """
+    if len(pair.live) < 3:
+        return {}
+    step = whole_samples(pair.rate)
+    seconds = np.flatnonzero(pair.used)
+    seconds = seconds[: len(seconds) // step * step].reshape(-1, step)
+    command = pair.command[:, pair.live][seconds].mean(axis=1)
+    speed = _moved(_without_stuck(pair), shift)[seconds].mean(axis=1)
+    factor: Float[np.ndarray, " k"] = np.ones(len(pair.live))
+    shares: Float[np.ndarray, "m k"] = speed
+    known = np.isfinite(speed)
+    if not known.any(axis=0).all():
+        return {}
+    weight = np.where(known, 1.0, 0.0)
+    for _ in range(ROUNDS):
+        rows = weight.ravel()[:, None] * np.stack([np.ones(command.size), command.ravel()], axis=1)
+        scaled = weight * np.where(known, speed, 0.0) / factor
+        law = np.asarray(np.linalg.lstsq(rows, scaled.ravel(), rcond=None)[0], float)
+        expected = float(law[0]) + float(law[1]) * command
+        if not (expected > 0.0).all():
+            return {}
+        shares = np.where(known, speed, np.nan) / expected
+        factor = np.nanmedian(shares, axis=0)
+        if not (factor > 0.0).all():
+            return {}
+        factor = factor / float(np.median(factor))
+        # Least sums of absolute values: a rotor that reads anything must not bend the law of all.
+        off = np.abs(shares / factor - 1.0)
+        least = max(float(np.nanmedian(off)), 1e-6)
+        weight = np.where(known, 1.0 / np.sqrt(np.maximum(np.nan_to_num(off), least)), 0.0)
+    spread = np.nanstd(shares, axis=0) / np.sqrt(np.maximum(known.sum(axis=0), 1))
+    return {
+        int(i): (float(value), float(std))
+        for i, value, std in zip(pair.live, factor, spread, strict=True)
+    }
+
+
+def _without_stuck(pair: _Pair) -> Float[np.ndarray, "n k"]:
+    """Return the speeds of the live rotors, NaN where a speed stands still or is 0 in the air."""
+    speed = pair.speed[:, pair.live].copy()
+    least = whole_samples(LONGEST_CONSTANT * pair.rate)
+    for column in speed.T:
+        same = np.concatenate([np.diff(column) == 0.0, [False]])
+        for a, b in true_runs(same):
+            if b - a > least:
+                column[a : b + 1] = np.nan
+        column[pair.used & (column == 0.0)] = np.nan
+    return speed
+
+
+def _sentences(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
+    sentences = [_dead_message(r, pair) for r in rotors if r.state == "dead"]
+    swapped = [r for r in rotors if r.state == "swapped"]
+    if swapped:
+        pairs = ", ".join(f"command {r.rotor} moves speed {r.speed_channel}" for r in swapped)
+        sentences.append(
+            f"the measured rotor speeds are in another order than the commands: {pairs}; correct "
+            "the order of the ESC telemetry (wires or mapping), or name the columns in order"
+        )
+    uncorrelated = [r for r in rotors if r.state == "apart"]
+    if len(uncorrelated) > 1 and len(uncorrelated) == len(pair.live):
+        sentences.append(
+            "the measured rotor speeds match no command (correlations up to "
+            f"{max(r.correlation or 0.0 for r in uncorrelated):.2f}): they are not of these "
+            "motors, or on another clock"
+        )
+    else:
+        sentences += [
+            f"the measured speed of rotor {r.rotor} does not follow its command (correlation "
+            f"{r.correlation or 0.0:.2f}): check its ESC telemetry"
+            for r in uncorrelated
+        ]
+    sentences += [
+        f"the measured speed of rotor {r.rotor} stays constant for {100.0 * r.stuck:.0f} % of the "
+        "time while its command moves: its ESC telemetry is stuck or lost"
+        for r in rotors
+        if r.state == "stuck"
+    ]
+    sentences += [
+        f"rotor {r.rotor} turns at {r.ratio:.2f} times the speed of the others at the same "
+        "command: another number of poles, another propeller or motor, or a damaged one"
+        f"{_stuck_too(r)}"
+        for r in rotors
+        if r.state == "unlike"
+    ]
+    return sentences
+
+
+def _stuck_too(rotor: RotorTelemetry) -> str:
+    if rotor.stuck <= LEAST_STUCK:
+        return ""
+    return f"; besides, it stays constant for {100.0 * rotor.stuck:.0f} % of the time"
+
+
+def _dead_message(rotor: RotorTelemetry, pair: _Pair) -> str:
+    speed = pair.speed[pair.used, rotor.rotor - 1]
+    command = pair.command[pair.used, rotor.rotor - 1]
+    if not np.isfinite(speed).any():
+        return f"the measured speed of rotor {rotor.rotor} has no values: its ESC sends nothing"
+    if float(np.ptp(speed)) == 0.0:
+        return (
+            f"the measured speed of rotor {rotor.rotor} is {speed[0]:g} rad/s throughout while "
+            "the motors turn: its ESC telemetry is dead"
+        )
+    what = f"{command[0]:g} throughout" if np.isfinite(command).any() else "never there"
+    return (
+        f"the command of rotor {rotor.rotor} is {what} though its speed changes: another "
+        "output drives this motor"
+    )

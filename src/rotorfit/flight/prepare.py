@@ -1,0 +1,460 @@
+"""FlightLog to FlightData, top to bottom: one clock, despiked, airborne, differentiated."""
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError, FlightError
+from rotorfit.findings import Finding, sentences
+from rotorfit.flight.airborne import (
+    ON_THE_GROUND,
+    SHORTEST_FLIGHT,
+    Motion,
+    airborne_rows,
+    aloft,
+    ground_contact,
+    ground_doubts,
+    misfit,
+    phase_edges,
+    rest_rows,
+)
+from rotorfit.flight.clocks import (
+    JITTER_STEPS,
+    UniformChannels,
+    uniform_channels,
+    usable_samples,
+)
+from rotorfit.flight.flight_checks import (
+    explained_by_slow_motors,
+    frozen_channel_doubts,
+    frozen_channels,
+    imu_doubts,
+    refuse_absurd_sensors,
+    refuse_blows,
+    refuse_empty_window,
+    refuse_idle_motors,
+    refuse_interpolated_commands,
+    refuse_interpolated_speeds,
+    refuse_missing_channels,
+    refuse_torn_log,
+    refuse_wrong_gravity,
+    takes_battery,
+)
+from rotorfit.flight.flight_data import FlightData, Segment
+from rotorfit.flight.kinematics import climb_velocity
+from rotorfit.flight.mocap.camera import carried_velocity, known_velocity
+from rotorfit.flight.motors.motor_model import (
+    MotorModel,
+    clock_jumps,
+    first_order_lag,
+    following_rotors,
+    speed_from_command,
+    white_noise_std,
+    with_motors,
+)
+from rotorfit.flight.signals import central_difference, hampel, true_runs, whole_samples
+from rotorfit.logs.flight_log import Channel, FlightLog
+from rotorfit.logs.speed_law import law_doubts
+
+OPTIONAL = ("velocity", "carried", "reference")
+"""Channels that a flight may lack, here and there or wholly."""
+LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
+"""Of motors whose commands are all that is known, for the search of the flight only [s]."""
+
+SETTLING = 0.2
+"""After the beginning of a log or a gap, in which motors follow commands that it does not have [s]:
+five usual lags."""
+
+Window = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """A stretch of the log that is not used [s], and why."""
+
+    start: float
+    end: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreparedFlight:
+    """A flight ready for the model, and what was done to it.
+
+    Attributes
+    ----------
+    data
+        The flight; its segments are the airborne stretches.
+    phases
+        The same stretches, cut where the flight's character changes.
+    motor_channel
+        Speed before lag and delay, on the uniform clock, from which both can be tried anew.
+    gyro_bias
+        Taken off the rates [rad/s]; None where no rest was found and it was left in.
+    spikes
+        Samples replaced, by channel.
+    slowest_rate, motor_rate
+        Of the channels used, and of the motor channel [Hz].
+    cuts
+        What is not used, in the order of time; seconds of the log's own clock.
+    findings
+        Doubts of the flight.
+    """
+
+    data: FlightData
+    phases: tuple[Segment, ...]
+    motor_channel: Float[np.ndarray, "n N"]
+    gyro_bias: tuple[float, float, float] | None
+    spikes: dict[str, int]
+    slowest_rate: float
+    motor_rate: float
+    cuts: tuple[Cut, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Doubts of the flight, one sentence each: those of the findings."""
+        return sentences(self.findings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneClock:
+    """The part of a log that `prepare` needs, so that the log need not stay in memory.
+
+    - `uniform`: gyro, accelerometer, motors and what else is used, despiked.
+    - `spikes`: samples replaced, by channel.
+    - `speed_step`: smallest step of measured rotor speed [rad/s]; 0 where unknown.
+    - `takes_columns`: whether units and axes of the log can be declared.
+    - `said`: kinds of what the log's reader doubts already.
+    """
+
+    uniform: UniformChannels
+    spikes: dict[str, int]
+    speed_step: float
+    takes_columns: bool = True
+    said: frozenset[str] = frozenset()
+
+
+def prepare(
+    log: FlightLog,
+    *,
+    rotor_count: int,
+    arm: float,
+    motors: MotorModel | None = None,
+    window: Window = (None, None),
+) -> PreparedFlight:
+    """Return the airborne part of a log on one clock, in SI units and FLU body axes.
+
+    Parameters
+    ----------
+    log
+        As its reader gave it.
+    rotor_count
+        How many motor columns the airframe expects.
+    arm
+        Distance of the rotors from their centre [m]; only a scale to separate flight from ground.
+    motors
+        How the motor channel becomes rotor speed; measured, without delay, by default.
+    window
+        Start and end of the flight in seconds since the log's first sample. Either one replaces
+        the search for the airborne part.
+
+    Raises
+    ------
+    ExperimentError
+        If the arm is no length.
+    LogError
+        If a channel is missing or has the wrong number of columns.
+    FlightError
+        If no usable flight is in it.
+    FrameError
+        If gravity contradicts the axes.
+    """
+    if not 0.0 < arm < np.inf:
+        raise ExperimentError(f"arm is {arm:g}, expected a length of more than 0 m")
+    motors = motors or MotorModel()
+    recorded = on_one_clock(log, rotor_count=rotor_count, motors=motors)
+    return prepared_from(recorded, arm=arm, motors=motors, window=window)
+
+
+def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> OneClock:
+    """Resample the needed channels to the gyro's clock: the first half of `prepare`.
+
+    A long log can be released before the second half, to save memory.
+    """
+    uniform, spikes = _uniform(log, rotor_count, motors)
+    refuse_absurd_sensors(log, uniform)
+    step = log.channels["rotor_speed"].resolution if motors.speed == "measured" else None
+    return OneClock(
+        uniform=uniform,
+        spikes=spikes,
+        speed_step=step or 0.0,
+        takes_columns=log.takes_columns,
+        said=frozenset(one.kind for one in log.findings),
+    )
+
+
+def prepared_from(
+    recorded: OneClock, *, arm: float, motors: MotorModel, window: Window = (None, None)
+) -> PreparedFlight:
+    """Prepare the airborne part from `on_one_clock`: the second half of `prepare`."""
+    uniform = recorded.uniform
+    speed = uniform.values["motor"]
+    refuse_interpolated(uniform, measured=motors.speed == "measured")
+    if motors.speed == "commanded" and motors.law is not None:
+        speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
+    motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)
+    refuse_idle_motors(motion)
+    refuse_wrong_gravity(motion, takes_columns=recorded.takes_columns)
+    flights, standing = list(motion.stretches), []
+    if window == (None, None):
+        with explained_by_slow_motors(uniform.rates["motor"]):
+            flights = airborne_rows(with_likely_lag(motion, motors))
+    else:
+        standing = ground_contact(motion, flights, stretches=uniform.stretches)
+        flights = aloft(motion, flights, standing)
+    measured = motors.speed == "measured"
+    refuse_torn_log(uniform, flights)
+    refuse_blows(uniform, flights)
+    motor, step = uniform.values["motor"], recorded.speed_step
+    found = frozen_channels(motor, flights, uniform.sample_rate, measured=measured, step=step)
+    frozen = frozen_channel_doubts(found, uniform.time, measured=measured)
+    rest = rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
+    bias = None
+    if rest.sum() >= 0.5 * uniform.sample_rate:
+        x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
+        bias = (x, y, z)
+    del motion, rest
+    speed_std = max(step / 12.0**0.5, white_noise_std(speed, flights)) if measured else 0.0
+    data = dataclasses.replace(
+        with_motors(
+            dataclasses.replace(_differentiated(uniform, speed, bias), lag_on=motors.lag_on),
+            speed,
+            motors.response,
+        ),
+        segments=_inner_segments(flights if measured else _settled(flights, uniform), uniform),
+        rotor_speed_std=speed_std,
+    )
+    data = dataclasses.replace(data, climb=climb_velocity(data))
+    return PreparedFlight(
+        data=data,
+        phases=phases_of(data),
+        motor_channel=speed,
+        gyro_bias=bias,
+        spikes=recorded.spikes,
+        slowest_rate=min(uniform.rates[name] for name in ("gyro", "accel", "motor")),
+        motor_rate=uniform.rates["motor"],
+        cuts=_cuts(data, uniform, window, standing),
+        findings=(
+            *ground_doubts(uniform.time, standing),
+            *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
+            *frozen,
+            *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
+        ),
+    )
+
+
+def refuse_interpolated(uniform: UniformChannels, *, measured: bool) -> None:
+    """Refuse motor data made by interpolation from slower ones."""
+    # In gaps the lines are this module's own.
+    a, b = max(uniform.stretches, key=lambda whole: whole[1] - whole[0])
+    motor = uniform.values["motor"][a:b]
+    if measured:
+        refuse_interpolated_speeds(motor, uniform.sample_rate)
+    else:
+        refuse_interpolated_commands(motor, uniform.sample_rate, uniform.rates["motor"])
+
+
+def _turned(
+    uniform: UniformChannels, speed: Float[np.ndarray, "n N"], motors: MotorModel
+) -> Float[np.ndarray, "n N"]:
+    """Compute the rotor speed by the motor model as declared."""
+    return following_rotors(
+        speed,
+        uniform.sample_rate,
+        jumps=clock_jumps(uniform.time, uniform.sample_rate),
+        response=motors.response,
+        lag_on=motors.lag_on,
+    )
+
+
+def _uniform(
+    log: FlightLog, rotor_count: int, motors: MotorModel
+) -> tuple[UniformChannels, dict[str, int]]:
+    """Despike and resample the needed channels; count the replaced samples of each."""
+    motor_name = "rotor_speed" if motors.speed == "measured" else "command"
+    refuse_missing_channels(log, motor_name, rotor_count)
+    names = {"gyro": "gyro", "accel": "accel", "motor": motor_name}
+    if takes_battery(log, motors.law):
+        names["battery"] = "battery"
+    # A command that jumps is a command; a measured speed that jumps and returns is a glitch.
+    noisy = ("gyro", "accel", "motor") if motors.speed == "measured" else ("gyro", "accel")
+    counts: dict[str, int] = {}
+
+    def usable(key: str) -> Channel:
+        channel = usable_samples(log.channels[names[key]], names[key])
+        if key not in noisy:
+            return channel
+        # Despiked as recorded: between slow samples a glitch is drawn out, and no longer a spike.
+        values, spikes = hampel(channel.values)
+        counts[key] = int(spikes.sum())
+        return dataclasses.replace(channel, values=values)
+
+    makers: dict[str, Channel | Callable[[], Channel]] = {
+        key: partial(usable, key) for key in names
+    }
+    velocity = known_velocity(log)
+    if velocity is not None:
+        makers["velocity"] = velocity
+    carried = carried_velocity(log)
+    if carried is not None:
+        makers["carried"] = carried
+    reference = _reference(log)
+    if reference is not None:
+        makers["reference"] = reference
+    return uniform_channels(makers, clock="gyro", optional=OPTIONAL), counts
+
+
+def _reference(log: FlightLog) -> Channel | None:
+    """Return the reference rates if usable: their lack is no reason to refuse a flight."""
+    if "reference" not in log.channels:
+        return None
+    try:
+        return usable_samples(log.channels["reference"], "reference")
+    except FlightError:
+        return None
+
+
+def _differentiated(
+    uniform: UniformChannels,
+    speed: Float[np.ndarray, "n N"],
+    bias: tuple[float, float, float] | None,
+) -> FlightData:
+    """Collect the whole log as FlightData, without segments yet."""
+    gyro = uniform.values["gyro"]
+    return FlightData(
+        sample_rate=uniform.sample_rate,
+        time=uniform.time,
+        specific_force=uniform.values["accel"],
+        angular_velocity=gyro if bias is None else gyro - np.array(bias),
+        angular_acceleration=central_difference(gyro, uniform.sample_rate),
+        rotor_speed=speed,
+        rotor_acceleration=speed,
+        differentiation="central",
+        segments=(),
+        velocity=uniform.values.get("velocity"),
+        carried=uniform.values.get("carried"),
+        reference=uniform.values.get("reference"),
+    )
+
+
+def _motion(
+    uniform: UniformChannels,
+    rotor_speed: Float[np.ndarray, "n N"],
+    *,
+    arm: float,
+    window: Window,
+) -> Motion:
+    """Collect the signals for the search of the flight, within the window."""
+    return Motion(
+        sample_rate=uniform.sample_rate,
+        specific_force=uniform.values["accel"],
+        angular_velocity=uniform.values["gyro"],
+        rotor_speed=rotor_speed,
+        arm=arm,
+        stretches=_windowed(uniform, window),
+    )
+
+
+def with_likely_lag(motion: Motion, motors: MotorModel) -> Motion:
+    """Lag commands as the force suggests, where no lag was given; for the search of flight only.
+
+    A command that leads the force by 80 ms looks like contact in every flip.
+    """
+    if motors.speed == "measured" or motors.lag > 0:
+        return motion
+    tried = [
+        dataclasses.replace(
+            motion, rotor_speed=first_order_lag(motion.rotor_speed, motion.sample_rate, lag)
+        )
+        for lag in LAGS_TRIED
+    ]
+    return min(tried, key=misfit)
+
+
+def _windowed(uniform: UniformChannels, window: Window) -> tuple[tuple[int, int], ...]:
+    """Cut the stretches without gaps to the start and end that the user gives."""
+    if window == (None, None):
+        return uniform.stretches
+    first, last = window_rows(uniform.time, uniform.sample_rate, window)
+    shortest = max(whole_samples(SHORTEST_FLIGHT * uniform.sample_rate), 3)
+    clipped = [(max(a, first), min(b, last)) for a, b in uniform.stretches]
+    kept = tuple((a, b) for a, b in clipped if b - a >= shortest)
+    refuse_empty_window(kept, window, float(uniform.time[-1] - uniform.time[0]))
+    return kept
+
+
+def window_rows(
+    time: Float[np.ndarray, " n"], sample_rate: float, window: Window
+) -> tuple[int, int]:
+    """Convert the user's start and end to first row and stop (exclusive).
+
+    A start or end upon a sample means that sample, however its time is rounded.
+    """
+    edges = (
+        -np.inf if window[0] is None else window[0],
+        np.inf if window[1] is None else window[1],
+    )
+    since_start = time - time[0] + JITTER_STEPS / sample_rate
+    first, stop = (int(np.searchsorted(since_start, edge)) for edge in edges)
+    return first, stop
+
+
+def _settled(flights: list[tuple[int, int]], uniform: UniformChannels) -> list[tuple[int, int]]:
+    """Drop the beginnings of flights that depend on unlogged commands, if anything is left."""
+    begins = np.array([start for start, _ in uniform.stretches])
+    known = begins + whole_samples(SETTLING * uniform.sample_rate)
+    shortest = max(whole_samples(SHORTEST_FLIGHT * uniform.sample_rate), 3)
+    firsts = [int(known[np.searchsorted(begins, a, side="right") - 1]) for a, _ in flights]
+    settled = [(max(a, first), b) for (a, b), first in zip(flights, firsts, strict=True)]
+    return [(a, b) for a, b in settled if b - a >= shortest] or flights
+
+
+def _inner_segments(
+    flights: list[tuple[int, int]], uniform: UniformChannels
+) -> tuple[Segment, ...]:
+    """Drop the end samples that a central difference cannot serve."""
+    starts, stops = ({run[end] for run in uniform.stretches} for end in (0, 1))
+    return tuple(Segment(start=a + (a in starts), stop=b - (b in stops)) for a, b in flights)
+
+
+def phases_of(data: FlightData) -> tuple[Segment, ...]:
+    """Cut the segments where the flight's character changes."""
+    phases: list[Segment] = []
+    for segment in data.segments:
+        rates = data.angular_velocity[segment.start : segment.stop]
+        for a, b in phase_edges(rates, data.sample_rate):
+            phases.append(Segment(start=segment.start + a, stop=segment.start + b))
+    return tuple(phases)
+
+
+def _cuts(
+    data: FlightData, uniform: UniformChannels, window: Window, standing: list[tuple[int, int]]
+) -> tuple[Cut, ...]:
+    """List the unused stretches, with the reason."""
+    reason = "not airborne" if window == (None, None) else "outside start and end"
+    t = data.time
+    cuts = [Cut(start=a, end=b, reason=f"gap in {name}") for a, b, name in uniform.gaps]
+    used = np.zeros(len(t), dtype=bool)
+    for a, b in standing:
+        cuts.append(Cut(start=float(t[a]), end=float(t[b - 1]), reason=ON_THE_GROUND))
+        used[a:b] = True
+    for segment in data.segments:
+        used[max(segment.start - 1, 0) : segment.stop + 1] = True
+    for a, b in true_runs(~used):
+        cuts.append(Cut(start=float(t[a]), end=float(t[b - 1]), reason=reason))
+    return tuple(sorted(cuts, key=lambda cut: cut.start))

@@ -1,1 +1,0 @@
-"""Results, logs and plans as text on one screen, in a notebook, as a data frame."""

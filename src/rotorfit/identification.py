@@ -1,0 +1,236 @@
+"""The recipe: from an experiment to a result, one step after the other."""
+
+import dataclasses
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from rotorfit.checks.diagnose import diagnose, every_step
+from rotorfit.checks.motors.law_from_flight import (
+    find_again,
+    find_law,
+    with_found_law,
+    with_law,
+)
+from rotorfit.errors import EstimationError, FlightWarning
+from rotorfit.findings import Finding, note
+from rotorfit.fit.dataset.load import Method, Progress, load_dataset, resolved_method
+from rotorfit.fit.experiment.experiment import Experiment, MotorsEntry
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.fit_flights import fit_flights
+from rotorfit.fit.imu_tilt import correct_imu_tilt
+from rotorfit.fit.noise_levels import fit_by_noise
+from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.fit.timing.timing_fit import time_motors
+from rotorfit.results.assemble import log_metadata, mark_doubtful, with_assumptions
+from rotorfit.results.command_units import in_command_units, with_flight_numbers
+from rotorfit.results.joint_tables import joint_result
+from rotorfit.results.law_tables import add_motor_law
+from rotorfit.results.result import IdentificationResult
+from rotorfit.results.row_tables import paper_result, row_result
+from rotorfit.results.validation.validate import validation_comparisons, validation_rows
+
+ORIGIN_IS_TRACKED: Final = (
+    "the origin is the point that motion capture tracks: CoM, first moments and rotor centre are "
+    "measured from it; inertia about the CoM does not depend on that choice"
+)
+IMU_PLACE_UNUSED: Final = (
+    "the origin is the point that motion capture tracks: the rotors' positions are taken as "
+    "measured from it, and the place of the IMU is not used"
+)
+
+MOST_LAWS: Final = 6
+"""Fits with one law after the other."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identified:
+    """A result, and what it was made of.
+
+    Attributes
+    ----------
+    experiment
+        As declared, completed by the logs and the flights.
+    dataset
+        The flights as they were fitted, their samples too.
+    fit
+        The joint fit; None of estimators that fit no joint likelihood.
+    result
+        As `identify` returns it.
+    """
+
+    experiment: Experiment
+    dataset: TimedDataset
+    fit: Fit | None
+    result: IdentificationResult
+
+
+def identify(experiment: Experiment, *, progress: Progress | None = None) -> IdentificationResult:
+    """Identify the vehicle of an experiment from its flights.
+
+    Parameters
+    ----------
+    experiment
+        From `load_experiment` or `single_flight_experiment`.
+    progress
+        Called with a few words on what is being done.
+
+    Raises
+    ------
+    RotorfitError
+        One of its kinds, if the experiment, a log or a flight cannot be used.
+    """
+    return identify_flights(experiment, progress=progress).result
+
+
+def identify_flights(experiment: Experiment, *, progress: Progress | None = None) -> Identified:
+    """Identify a vehicle, and return the flights and their fit with the result; see `identify`."""
+    # The matrices are small: a second thread of the linear algebra only waits, at ten times the
+    # cost where another program uses the other cores.
+    with threadpool_limits(limits=1, user_api="blas"):
+        try:
+            return _identify(experiment, progress or _silent)
+        except np.linalg.LinAlgError as error:
+            raise EstimationError(
+                f"the equations of these flights have no solution ({error}): there is hardly any "
+                "motion in them; fly more, and please report it with the log"
+            ) from error
+
+
+def _identify(experiment: Experiment, report: Progress) -> Identified:
+    method = resolved_method(experiment)
+    dataset = TimedDataset.of(load_dataset(experiment, report))
+    declared = experiment.motors
+    experiment = experiment.model_copy(update={"motors": dataset.motors})
+    # The paper neglects lag and delay, but takes out the delay of its motion capture.
+    if method != "tls" or dataset.source == "mocap":
+        dataset = time_motors(dataset, lag=method != "tls", report=report)
+    report("fitting")
+    identified = _completed(ESTIMATORS[method](experiment, dataset), declared, report)
+    _warn(identified.result)
+    return _validated(identified, report)
+
+
+def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
+    """Fit the joint likelihood of all bands, diagnose the fit, and tabulate it."""
+    experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
+    wanted = experiment.identification.terms
+    fit = _fitted(dataset, wanted)
+    fit = _with_law(fit, wanted)
+    if fit.dataset.law_found:
+        experiment = experiment.model_copy(update={"motors": fit.dataset.motors})
+    fit = every_step(fit)
+    result = joint_result(fit, experiment, diagnose(fit))
+    result = dataclasses.replace(result, findings=(*tilt, *result.findings))
+    return Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
+
+
+def _with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
+    """Fit with the law that the flight shows, until a fit shows the law it is made with.
+
+    Laws are tried with the terms and the rows' noise levels of the first fit, which hardly depend
+    on the law; both are found again with the law at the end.
+    """
+    law, fits = find_law(fit), 0
+    if law is None:
+        return fit
+    dataset, terms = fit.dataset, fit.terms
+    while not law.settled and fits < MOST_LAWS:
+        tried, near = law, fit.dataset.motor_timing
+        timed = time_motors(
+            with_found_law(dataset, tried), lag=True, report=_silent, near=near, terms=terms
+        )
+        fit, fits = fit_flights(timed, terms), fits + 1
+        law = find_again(tried, fit)
+        if law.settled or fits == MOST_LAWS:
+            fit = _with_chosen_terms(fit, wanted)
+            law, terms = find_again(tried, fit), fit.terms
+    law = law.fitted
+    found = dataclasses.replace(with_law(fit.dataset, law.entry), law_found=law.from_flight)
+    fit = dataclasses.replace(fit, dataset=found)
+    return fit.found(law.finding) if law.from_flight else fit
+
+
+def _with_chosen_terms(fit: Fit, wanted: Sequence[str] | None) -> Fit:
+    """Choose terms and noise levels again at the timing and with the law of a fit."""
+    levelled = fit_by_noise(fit, wanted)
+    return fit_flights(fit.dataset, wanted) if levelled is fit else levelled
+
+
+def _fitted(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:
+    return fit_by_noise(fit_flights(dataset, wanted), wanted)
+
+
+def by_rows(experiment: Experiment, dataset: TimedDataset) -> Identified:
+    """Solve each equation of motion by least squares."""
+    result = row_result(experiment, dataset)
+    return Identified(experiment=experiment, dataset=dataset, fit=None, result=result)
+
+
+def by_paper(experiment: Experiment, dataset: TimedDataset) -> Identified:
+    """Solve all equations by total least squares, as Six et al. (2020) do."""
+    result = paper_result(experiment, dataset)
+    return Identified(experiment=experiment, dataset=dataset, fit=None, result=result)
+
+
+ESTIMATORS: Final[dict[Method, Callable[[Experiment, TimedDataset], Identified]]] = {
+    "banded": by_likelihood,
+    "ols": by_rows,
+    "tls": by_paper,
+}
+
+
+def _completed(identified: Identified, declared: MotorsEntry, report: Progress) -> Identified:
+    """Add the motors' law, the numbers of flight, the units and the assumptions to a result."""
+    dataset, fit = identified.dataset, identified.fit
+    result = in_command_units(identified.result, dataset)
+    result = add_motor_law(result, dataset, report)
+    result = with_flight_numbers(result, dataset.motors)
+    result = with_assumptions(result, dataset, () if fit is None else fit.configurations)
+    result = dataclasses.replace(
+        result, findings=(*log_metadata(declared, dataset), *result.findings)
+    )
+    result = mark_doubtful(_describe_units(result, identified.experiment))
+    return dataclasses.replace(identified, result=result)
+
+
+def _describe_units(result: IdentificationResult, experiment: Experiment) -> IdentificationResult:
+    """Note where the origin is in motion capture, and that an unknown mass scales all numbers."""
+    added: list[Finding] = []
+    kept = result.findings
+    if experiment.identification.source == "mocap":
+        kept = tuple(one for one in kept if one.kind != "origin")
+        tracked = experiment.airframe.imu is None
+        added.append(note("origin", ORIGIN_IS_TRACKED if tracked else IMU_PLACE_UNUSED))
+    if any(entry.mass == "unknown" for entry in experiment.configuration):
+        sentence = "the mass is unknown: forces, moments and inertia are per kilogram of it"
+        added.append(note("mass-unknown", sentence))
+    return dataclasses.replace(result, findings=(*kept, *added))
+
+
+def _warn(result: IdentificationResult) -> None:
+    """Issue the warnings of every flight."""
+    for record in result.flights:
+        for sentence in record.warnings:
+            warnings.warn(f"{Path(record.file).name}: {sentence}", FlightWarning, stacklevel=3)
+
+
+def _validated(identified: Identified, report: Progress) -> Identified:
+    """Compare the model with flights that the fit has not seen."""
+    result, configurations = identified.result, identified.experiment.configuration
+    if not any(entry.validation for entry in configurations):
+        return identified
+    report("validating on flights kept for it")
+    comparisons = validation_comparisons(result, identified.experiment)
+    written = [entry.written for c in configurations for entry in c.validation]
+    rows = validation_rows(comparisons, written)
+    return dataclasses.replace(identified, result=dataclasses.replace(result, validation=rows))
+
+
+def _silent(words: str) -> None:
+    del words

@@ -1,1 +1,0 @@
-"""The recipe: from an experiment to a result with verdicts."""

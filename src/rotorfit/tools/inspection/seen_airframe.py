@@ -1,0 +1,128 @@
+"""Estimate the airframe from a flight and its log, where nobody has described it yet."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rotorfit.errors import FlightError
+from rotorfit.logs.flight_log import FlightLog
+from rotorfit.logs.formats import BY_NAME
+from rotorfit.tools.inspection.flown_part import (
+    NAMED_LAYOUT,
+    expected_response,
+    is_posed,
+    name_in_usual_order,
+    prepare_if_usable,
+    tried_response,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeenAirframe:
+    """The airframe as far as a log shows it.
+
+    - `rotors`: how many; None where the log has no motors.
+    - `layout`, `order`: that the flight confirms, else the order that is usual for such a log.
+    - `borne_out`: whether it is the flight that says so.
+    - `turned`: whether every rotor turns the other way (props out).
+    - `speed`: ``measured`` or ``commanded``.
+    - `sites`: forward, left and spin of each rotor by the log's parameters, of any size; none where
+      it has no such, or the flight itself shows the layout.
+    - `rotors_table`: the rotors with their places [m] by the log's parameters, as ``[airframe]``
+      has them, where somebody has set them; empty otherwise.
+    - `posed`: whether only poses show the motion.
+    """
+
+    rotors: int | None = None
+    layout: str | None = None
+    order: str | None = None
+    borne_out: bool = False
+    turned: bool = False
+    speed: str | None = None
+    sites: tuple[tuple[float, float, str], ...] = ()
+    rotors_table: tuple[Mapping[str, Any], ...] = ()
+    posed: bool = False
+
+
+def motors_in_flight(log: FlightLog) -> str | None:
+    """Name the layout and motor order that a flight confirms, as `inspect_log` does.
+
+    Only the parts of the inspection that this takes are done.
+    """
+    from rotorfit.fit.reduction.frequency_bands import retimed
+    from rotorfit.tools.inspection.guessed_rotors import confirmed_motors
+    from rotorfit.tools.inspection.lag_search import lines_of_body
+    from rotorfit.tools.inspection.motor_lateness import motor_lateness
+
+    prepared, _ = prepare_if_usable(log)
+    if prepared is None:
+        return None
+    response = tried_response(
+        expected_response(log, motor_lateness(prepared.data)),
+        commanded="rotor_speed" not in log.channels,
+    )
+    try:
+        body = lines_of_body(prepared)
+        timed = replace(prepared, data=retimed(prepared, response))
+        confirmed = confirmed_motors(timed, body=body)
+    except FlightError:
+        return None
+    return None if confirmed is None else name_in_usual_order(log, confirmed[1])
+
+
+def seen_airframe(log: FlightLog, confirmed: str | None) -> SeenAirframe:
+    """Read from a log what it says of the airframe.
+
+    `confirmed`: layout and motor order that its flight confirms, from `motors_in_flight` or the
+    prospects of a report.
+    """
+    motors = log.channels.get("rotor_speed", log.channels.get("command"))
+    if motors is None:
+        return SeenAirframe()
+    count = motors.values.shape[1]
+    speed = "measured" if "rotor_speed" in log.channels else "commanded"
+    found = NAMED_LAYOUT.match(confirmed or "")
+    listed = _logged_rotors(log, count)
+    table = listed if log.metadata.get("airframe is") == "set" else ()
+    if found is None:
+        sites = tuple((r["position"][0], r["position"][1], r["spin"]) for r in listed)
+        return SeenAirframe(
+            rotors=count,
+            order=_usual_order(log),
+            speed=speed,
+            sites=sites,
+            rotors_table=table,
+            posed=is_posed(log),
+        )
+    return SeenAirframe(
+        rotors=count,
+        layout=found["layout"],
+        order=found["order"],
+        borne_out=True,
+        turned=found["turned"] is not None,
+        speed=speed,
+        rotors_table=table,
+    )
+
+
+def logged_tables(log: FlightLog) -> dict[str, Any] | None:
+    """Return ``[airframe]`` and ``[motors]`` by a log's parameters; None where nobody set them."""
+    motors = log.channels.get("rotor_speed", log.channels.get("command"))
+    if motors is None or log.metadata.get("airframe is") != "set":
+        return None
+    rotors = [dict(rotor) for rotor in _logged_rotors(log, motors.values.shape[1])]
+    speed = "measured" if "rotor_speed" in log.channels else "commanded"
+    return {"airframe": {"rotors": rotors}, "motors": {"speed": speed}} if rotors else None
+
+
+def _logged_rotors(log: FlightLog, count: int) -> tuple[Mapping[str, Any], ...]:
+    """Return the rotors that the parameters of a log list (PX4's CA_ROTOR*), if one a motor."""
+    text = log.metadata.get("airframe", "") if log.format == "ulog" else ""
+    rotors = tuple(tomllib.loads(text).get("rotors", ()))
+    return rotors if len(rotors) == count else ()
+
+
+def _usual_order(log: FlightLog) -> str | None:
+    form = BY_NAME.get(log.format)
+    return None if form is None else form.motor_order

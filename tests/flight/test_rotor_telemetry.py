@@ -1,0 +1,244 @@
+"""Measured rotor speeds beside commands: order, dead and stuck channels, ratios; else silence."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorfit.flight.motors.rotor_telemetry import telemetry
+from rotorfit.logs import read_log
+from rotorfit.logs.flight_log import Channel, FlightLog
+from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, to_flight_log, variant
+
+
+@pytest.fixture(scope="module")
+def log() -> FlightLog:
+    """A flight whose motors lag and whose sensors are noisy, with commands and speeds."""
+    flown, sensors = variant(paper_vehicle("A"), "real")
+    scenario = Scenario(seconds=14.0, ground_seconds=2.0, sensors=sensors)
+    return to_flight_log(simulate_flight(*flown, scenario, seed=3))
+
+
+def with_channel(log: FlightLog, name: str, values: np.ndarray, time=None) -> FlightLog:
+    old = log.channels[name]
+    new = replace(old, values=values, time=old.time if time is None else time)
+    return replace(log, channels={**log.channels, name: new})
+
+
+def speeds(log: FlightLog) -> np.ndarray:
+    return log.channels["rotor_speed"].values.copy()
+
+
+def states(found) -> list[str]:
+    return [rotor.state for rotor in found.rotors]
+
+
+def test_silence_on_a_sound_log(log):
+    found = telemetry(log)
+    assert found.doubts == ()
+    assert states(found) == ["follows"] * 4
+    assert [rotor.speed_channel for rotor in found.rotors] == [1, 2, 3, 4]
+    assert all(rotor.correlation > 0.9 for rotor in found.rotors)
+    assert [rotor.ratio for rotor in found.rotors] == pytest.approx([1.0] * 4, abs=0.02)
+    assert 0.0 < found.lateness < 0.1
+    assert 18.0 < found.seconds < 25.0
+
+
+@pytest.mark.parametrize("missing", ["command", "rotor_speed"])
+def test_nothing_where_either_is_absent(log, missing):
+    channels = {name: c for name, c in log.channels.items() if name != missing}
+    assert telemetry(replace(log, channels=channels)) is None
+
+
+@pytest.mark.parametrize("order", [(1, 0, 2, 3), (1, 2, 0, 3), (3, 2, 1, 0)])
+def test_a_permutation_is_named(log, order):
+    found = telemetry(with_channel(log, "rotor_speed", speeds(log)[:, order]))
+    moved = [i for i in range(4) if order[i] != i]
+    said = ", ".join(f"command {i + 1} moves speed {order.index(i) + 1}" for i in moved)
+    [words] = found.doubts
+    assert said in words
+    assert [i for i, state in enumerate(states(found)) if state == "swapped"] == moved
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (0.0, "the measured speed of rotor 3 is 0 rad/s throughout"),
+        (412.0, "the measured speed of rotor 3 is 412 rad/s throughout"),
+        (np.nan, "the measured speed of rotor 3 has no values"),
+    ],
+)
+def test_a_dead_speed_is_named(log, value, words):
+    values = speeds(log)
+    values[:, 2] = value
+    found = telemetry(with_channel(log, "rotor_speed", values))
+    assert states(found) == ["follows", "follows", "dead", "follows"]
+    [said] = found.doubts
+    assert said.startswith(words)
+
+
+def test_dead_telemetry_is_said_once(log):
+    found = telemetry(with_channel(log, "rotor_speed", 0.0 * speeds(log)))
+    assert states(found) == ["dead"] * 4
+    [said] = found.doubts
+    assert said.startswith("none of the measured rotor speeds changes")
+
+
+def test_a_dead_command_is_named(log):
+    values = log.channels["command"].values.copy()
+    values[:, 0] = 0.25
+    [said] = telemetry(with_channel(log, "command", values)).doubts
+    assert said.startswith("the command of rotor 1 is 0.25 throughout though its speed changes")
+
+
+@pytest.mark.parametrize("lost", [False, True], ids=["held", "lost"])
+def test_a_speed_that_stops_on_the_way_is_named(log, lost):
+    values = speeds(log)
+    values[len(values) // 2 :, 1] = np.nan if lost else values[len(values) // 2, 1]
+    found = telemetry(with_channel(log, "rotor_speed", values))
+    assert states(found) == ["follows", "stuck", "follows", "follows"]
+    assert found.rotors[1].stuck == pytest.approx(0.5, abs=0.1)
+    [said] = found.doubts
+    assert said.startswith("the measured speed of rotor 2 stays constant for ")
+
+
+@pytest.mark.parametrize("factor", [0.8, 7 / 6])
+def test_a_speed_of_another_ratio_is_named(log, factor):
+    found = telemetry(with_channel(log, "rotor_speed", speeds(log) * [1, 1, 1, factor]))
+    assert states(found) == ["follows"] * 3 + ["unlike"]
+    assert found.rotors[3].ratio == pytest.approx(factor, rel=0.03)
+    [said] = found.doubts
+    assert said.startswith(f"rotor 4 turns at {found.rotors[3].ratio:.2f} times the speed")
+
+
+@pytest.mark.parametrize("factor", [0.95, 1.05])
+def test_rotors_that_differ_a_little_are_no_fault(log, factor):
+    found = telemetry(with_channel(log, "rotor_speed", speeds(log) * [1, factor, 1, 1]))
+    assert found.doubts == ()
+    assert found.rotors[1].ratio == pytest.approx(factor, abs=0.02)
+
+
+def test_a_speed_that_follows_nothing_is_named(log):
+    values, rng = speeds(log), np.random.default_rng(1)
+    values[:, 0] = 400.0 + 20.0 * rng.normal(size=len(values))
+    found = telemetry(with_channel(log, "rotor_speed", values))
+    assert states(found)[0] == "apart"
+    [said] = found.doubts
+    assert said.startswith("the measured speed of rotor 1 does not follow its command")
+
+
+def test_speeds_of_another_flight_are_named(log):
+    values, rng = speeds(log), np.random.default_rng(1)
+    found = telemetry(
+        with_channel(log, "rotor_speed", 400.0 + 20.0 * rng.normal(size=values.shape))
+    )
+    [said] = found.doubts
+    assert said.startswith("the measured rotor speeds match no command")
+    assert found.lateness is None
+
+
+def test_other_numbers_of_commands_and_speeds_are_said(log):
+    found = telemetry(with_channel(log, "rotor_speed", speeds(log)[:, :3]))
+    assert found.rotors == ()
+    [said] = found.doubts
+    assert said.startswith("the log has 4 motor commands")
+    assert "but 3 measured speeds" in said
+
+
+def test_slow_and_late_telemetry_still_shows_the_order(log):
+    time = log.channels["rotor_speed"].time
+    slow = with_channel(log, "rotor_speed", speeds(log)[::20][:, [1, 0, 2, 3]], time[::20] + 0.1)
+    found = telemetry(slow)
+    assert states(found)[:2] == ["swapped", "swapped"]
+    assert found.lateness == pytest.approx(0.1 + telemetry(log).lateness, abs=0.06)
+
+
+def hovering() -> FlightLog:
+    """A calm hover, in which only noise tells the rotors apart."""
+    t, rng = np.arange(4000) / 200.0, np.random.default_rng(2)
+    even = np.full((len(t), 4), 0.4) + 1e-4 * rng.normal(size=(len(t), 4))
+    channels = {
+        "command": Channel(time=t, values=even, source="made up"),
+        "rotor_speed": Channel(
+            time=t, values=500.0 + rng.normal(size=(len(t), 4)), source="made up"
+        ),
+    }
+    return FlightLog(path=Path("hover"), sha256="", format="table", channels=channels, seconds=20.0)
+
+
+def test_a_calm_hover_is_no_fault():
+    found = telemetry(hovering())
+    assert found.doubts == ()
+    assert states(found) == ["unclear"] * 4
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda c: replace(c, time=c.time[:0], values=c.values[:0]),
+        lambda c: replace(c, time=c.time[:5], values=c.values[:5]),
+        lambda c: replace(c, time=0.0 * c.time),
+        lambda c: replace(c, time=c.time[::-1].copy()),
+        lambda c: replace(c, time=c.time + 1e6),
+        lambda c: replace(c, time=c.time * 1e300),
+        lambda c: replace(c, time=np.where(c.time > 5.0, 1e9, c.time)),
+        lambda c: replace(c, time=c.time * np.nan),
+        lambda c: replace(c, values=c.values * np.nan),
+        lambda c: replace(c, values=np.full_like(c.values, np.inf)),
+        lambda c: replace(c, values=0.0 * c.values),
+        lambda c: replace(c, values=-c.values),
+        lambda c: replace(c, values=1e300 * c.values),
+        lambda c: replace(c, values=c.values[:, :0]),
+    ],
+)
+@pytest.mark.parametrize("names", [("command",), ("rotor_speed",), ("command", "rotor_speed")])
+def test_absurd_channels_are_survived(log, names, change):
+    channels = {n: change(c) if n in names else c for n, c in log.channels.items()}
+    found = telemetry(replace(log, channels=channels))
+    assert len(found.rotors) in (0, 4)
+    assert all(word.strip() for word in found.doubts)
+
+
+@pytest.mark.flights
+@pytest.mark.parametrize("name", ["LOG00267", "LOG00271", "LOG00340"])
+def test_real_telemetry_and_the_same_with_two_plugs_swapped(flight_data_dir, name):
+    path = flight_data_dir / "tudelft-indiflight" / f"{name}.BFL"
+    if not path.exists():
+        pytest.skip(f"no {path.name}")
+    log = read_log(path)
+    found = telemetry(log)
+    assert found.doubts == ()
+    assert min(rotor.correlation for rotor in found.rotors) > 0.98
+    assert [rotor.ratio for rotor in found.rotors] == pytest.approx([1.0] * 4, abs=0.03)
+    swapped = telemetry(with_channel(log, "rotor_speed", speeds(log)[:, [0, 1, 3, 2]]))
+    assert states(swapped) == ["follows", "follows", "swapped", "swapped"]
+    [said] = swapped.doubts
+    assert "command 3 moves speed 4, command 4 moves speed 3" in said
+
+
+def test_spikes_of_single_samples_in_the_commands_hide_nothing(log):
+    """Quick commands that jump for single samples, as by a noisy D term: the mean of each 10 ms
+    is what the motors do."""
+    quick = log.channels["command"]
+    time = np.arange(quick.time[0], quick.time[-1], 0.002)
+    even = np.stack([np.interp(time, quick.time, c) for c in quick.values.T], axis=1)
+    jumps = np.zeros((len(time), 1))
+    # Some 102 times a second: every hundredth of a second by itself would see a beat of 2 Hz.
+    jumps[np.round(np.arange(0, len(time) - 1, 4.9)).astype(int)] = 0.4
+    found = telemetry(with_channel(log, "command", even + jumps, time=time))
+    assert states(found) == ["follows"] * 4
+    [words] = found.doubts
+    assert "the command of rotor 1, 2, 3, 4 jumps for single samples" in words
+
+
+def test_a_rotor_that_reads_half_is_named_alone(log):
+    values = speeds(log)
+    values[:, 0] *= 0.5
+    values[len(values) // 3 : len(values) // 2, 0] = 0.0
+    found = telemetry(with_channel(log, "rotor_speed", values))
+    assert states(found) == ["unlike", "follows", "follows", "follows"]
+    assert found.rotors[0].ratio == pytest.approx(0.5, abs=0.03)
+    [words] = found.doubts
+    assert words.startswith("rotor 1 turns at 0.50 times the speed of the others")
+    assert "besides, it stays constant for" in words

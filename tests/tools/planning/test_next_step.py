@@ -1,0 +1,127 @@
+"""The next step: what makes flying useless first, then what was doubted, then the manoeuvre."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from rotorfit.checks.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
+from rotorfit.checks.verdicts.judge import ADVICE, FLOWN, body_advice
+from rotorfit.findings import Evidence, doubt, note
+from rotorfit.results.assemble import mark_doubtful
+from rotorfit.results.result import IdentificationResult, Parameter
+from rotorfit.tools.planning.after import PRACTICE, UNAIDED, UNAIDED_BEFORE, Missing
+from rotorfit.tools.planning.next_step import (
+    BEST_MANOEUVRE,
+    DONE,
+    UNHELPED,
+    best_manoeuvre,
+    next_step,
+)
+
+SLOW = note(TOO_SLOW, "", numbers=("Jr",), next_step="set it", useless_because="it is slow")
+SPEED = note(NO_ROTOR_SPEED, "", numbers=("kd",), next_step="log the speed")
+SPINS = doubt("spins", "s", numbers=("kd",), next_step="look", doubtful_because="they differ")
+ROLL = note(
+    BEST_MANOEUVRE,
+    "",
+    next_step=FLOWN["turns"],
+    numbers=("kd",),
+    evidence=(Evidence(name="kd", value=0.062, limit=0.18), Evidence(name="Jr", value=0.12)),
+)
+
+
+def step(*findings, kt="identified", kd="weak", Jr="identified", advice=None, asks=None):
+    """Return the next step of a result of kt, kd and Jr with these findings and verdicts."""
+    usual = {"weak": FLOWN["turns"], "not-identified": FLOWN["roll"]}
+    parameters = tuple(
+        Parameter(
+            name=name, configuration=owner, value=1.0, std=0.1, interval=(0.8, 1.2), unit="",
+            verdict=verdict, advice=(advice or {}).get(name, usual.get(verdict)),
+            asks=(asks or {}).get(name),
+        )
+        for name, owner, verdict in (("kt", "A", kt), ("kd", None, kd), ("Jr", None, Jr))
+    )  # fmt: skip
+    result = IdentificationResult(
+        name="made", method="banded", parameters=parameters, derived=(), flights=(),
+        covariance_names=(), covariance=np.zeros((0, 0)), settings={}, versions={},
+    )  # fmt: skip
+    return next_step(mark_doubtful(result.found(*findings)))
+
+
+def test_a_log_that_is_too_slow_comes_before_all_else():
+    found = step(ROLL, SPINS, SPEED, SLOW, Jr="not-identified")
+    assert (found.kind, found.numbers) == ("log", ("Jr",))
+    assert found.sentence == "set it, because it is slow"
+
+
+def test_what_no_number_lacks_is_no_step():
+    assert step(SLOW, ROLL).kind == "fly"  # Jr is known in spite of it
+    assert step(SPEED, SPINS).action == "log the speed"
+    assert step(SPINS).sentence == "look, because they differ"
+
+
+def test_a_manoeuvre_says_what_it_gives():
+    gain = "kd from +-18 to +-6.2 % and Jr from unknown to +-12 %"
+    assert step(ROLL).sentence == f"{FLOWN['turns']} (gives {gain})"
+
+
+def test_what_a_simulator_lacks_is_nothing_to_fly_for():
+    absent = note(NOT_SIMULATED, "", numbers=("Jr",), next_step="nothing", useless_because="none")
+    assert step(absent, kd="identified", Jr="not-identified").action == DONE
+    assert step(kd="identified", Jr="not-identified").action == FLOWN["roll"]
+
+
+def test_nothing_is_flown_for_nothing():
+    assert step(note(BEST_MANOEUVRE, ""), kd="identified").action == DONE
+    assert step(note(BEST_MANOEUVRE, "")).action == UNHELPED
+    assert step(kd="identified").action == DONE
+    assert step().action == FLOWN["turns"]
+
+
+def test_what_an_advice_asks_for_decides_and_not_its_words():
+    words = {"kd": "in other words than today's"}
+    assert step(advice=words, asks={"kd": "flight"}).kind == "fly"
+    assert step(advice=words, asks={"kd": "other"}).kind == "declare"
+    assert step(advice=words, asks={"kd": "nothing"}).action == UNHELPED
+    assert step(advice={"kd": UNAIDED_BEFORE}).action == UNHELPED  # an older result
+
+
+def test_the_manoeuvre_kept_comes_before_that_none_is_enough():
+    """Some numbers may be beyond any manoeuvre while another is worth the flight."""
+    assert step(ROLL, advice={"kt": UNAIDED, "kd": UNAIDED}).action == FLOWN["turns"]
+    assert step(advice={"kd": UNAIDED}).action == UNHELPED
+    assert step(Jr="not-identified", advice={"kd": UNAIDED}).action == FLOWN["roll"]
+
+
+def test_flights_count_together_against_what_else_is_advised():
+    """Two numbers that ask for two manoeuvres are not outvoted by one that asks for a scale."""
+    asked = {"kt": ADVICE["scale"], "kd": FLOWN["turns"], "Jr": FLOWN["roll"]}
+    assert step(kt="ratio-only", Jr="weak", advice=asked).kind == "fly"
+    asked["kd"] = ADVICE["scale"]
+    assert step(kt="ratio-only", Jr="weak", advice=asked).action == ADVICE["scale"]
+
+
+def test_the_manoeuvre_is_chosen_among_all_that_were_simulated():
+    def missing(name, **after):
+        least = min(after, key=after.get)
+        flown = {m: after.get(m, 0.5) for m in PRACTICE}
+        return Missing(
+            name=name, full_name=name, verdict="weak", now=0.5, manoeuvre=least, size=1.0,
+            relative=after[least], predicted="identified", after=flown, advice=FLOWN[least],
+        )  # fmt: skip
+
+    def best(*numbers):
+        return best_manoeuvre(numbers).next_step
+
+    assert best(missing("kd", turns=0.2, doublets=0.05)) == FLOWN["doublets"]
+    assert best(missing("kd", turns=0.052, doublets=0.05)) == FLOWN["turns"]
+    assert best(missing("kd", sticks=0.05), missing("Jr", sticks=0.05)) == FLOWN["sticks"]
+
+
+def test_a_number_about_the_com_keeps_what_was_simulated():
+    twin = Parameter(
+        name="Ixy", configuration="A", value=1.0, std=0.1, interval=(0.8, 1.2), unit="",
+        verdict="identified", advice=None,
+    )  # fmt: skip
+    assert body_advice("Ixy_com", "weak", twin) == FLOWN["roll"]
+    assert body_advice("Ixy_com", "weak", replace(twin, advice=UNAIDED)) == UNAIDED
