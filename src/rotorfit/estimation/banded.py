@@ -10,7 +10,7 @@ which unlike B z cannot be made small by shrinking theta. Its variance in every 
 flight and frequency band) is estimated from the residuals themselves, and theta minimises
 :math:`\sum_b n_b \sum_k \log v_{bk}(\theta)`, the likelihood with those variances put in. Since
 :math:`|N^{-1/2} e| = |(M N M^T)^{-1/2} B z|`, this is structured errors in variables with the noise
-of every band unknown.
+of every band unknown. `docs/theory.md`, "The likelihood term by term", has all of it.
 
 How the estimate moves without a part of the blocks is one Gauss-Newton step, no second fit. Two
 estimates that share data do not scatter independently: the variance of their difference is taken

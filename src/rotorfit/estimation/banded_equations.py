@@ -7,7 +7,8 @@ R d u_k / d phi: rows are needed once for the errors, and the information
 .. math:: \sum_k \frac{\partial u_k}{\partial\phi}^T
     \Big(\sum_b R_b^T R_b / v_{bk}\Big) \frac{\partial u_k}{\partial\phi}
 
-needs no more of the blocks than their Gram matrices, weighted and summed.
+needs no more of the blocks than their Gram matrices, weighted and summed. `docs/theory.md`, "The
+likelihood term by term", names the function of each term.
 """
 
 from collections.abc import Sequence
