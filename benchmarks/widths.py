@@ -3,16 +3,11 @@
     python -m benchmarks.widths EXPERIMENT.toml... [--numbers kd Izz_com Jr kd_over_Izz] [--cinerat]
 
 Identifies every experiment (--cinerat: the 13 real throws of `benchmarks.real_flights`) and prints,
-for each number, its half-width in percent and what it is made of. Parts add as squares:
+for each number, its half-width in percent and its interval terms.
+Before them, inside "noise": the likelihood alone and the number's own blocks (1.96 deviations),
+the scatter of blocks (pooled with the dispersion of the flight) and of phases.
 
-- chance, the largest of what the fit states, of the scatter of blocks (pooled with the dispersion
-  of the flight) and of phases; before it, inside it, the likelihood alone and the number's own
-  blocks (1.96 deviations each), and those two;
-- answer (what is assumed of the autopilot), timing and push;
-- allowed: for lack of motion, tolerances, and the stretch of the scale of yaw to its inverse;
-- then each step of the recipe: k_t of the weight and other settings, noise levels, sides ...
-
-Last: how many blocks tell the number, and the share of its square that chance has.
+Last: how many blocks tell the number, and the share of its square that noise has.
 """
 
 import argparse
@@ -21,7 +16,6 @@ import tempfile
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -30,17 +24,14 @@ import numpy as np
 from benchmarks.common import real_data_folder
 from benchmarks.real_flights import cases
 
-from rotorfit.checks.diagnose import STEPS
-from rotorfit.checks.kt_from_weight import weigh_thrust
+from rotorfit.checks.diagnose import every_step
 from rotorfit.errors import RotorfitError
-from rotorfit.estimation.banded import response_sensitivity
 from rotorfit.estimation.effective_blocks import effective_blocks
-from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.fit.dataset.load import load_dataset
 from rotorfit.fit.experiment.experiment import load_experiment
-from rotorfit.fit.fit import Fit, numbers_of
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.imu_tilt import correct_imu_tilt
 from rotorfit.fit.intervals import joint_numbers as intervals
@@ -62,7 +53,7 @@ class Widths:
     values, half_width
         Of the result.
     parts
-        95 % half-widths by the part's name; those before chance are inside it.
+        95 % half-widths by the part's name; those before noise are inside it.
     blocks
         That tell each number.
     """
@@ -86,33 +77,20 @@ def fitted(path: Path) -> Fit:
 
 def widths(fit: Fit) -> Widths:
     """Take every step of the recipe, and take the half-widths apart."""
-    stages = [fit]
-    for step in STEPS:
-        stages.append(step(stages[-1]))
-    # The first steps make the fit that the others widen: with the k_t of the weight.
-    made = 1 + STEPS.index(weigh_thrust)
-    at, last = stages[made], stages[-1]
-    base = numbers_of(at.dataset, at.estimate, list(at.configurations)).half_width
-    of_fit, blocks = _of_fit(at, base)
-    halves = [base, *(stage.numbers.half_width for stage in stages[made:])]
-    steps = [step.__name__ for step in STEPS[made - 1 :]]
-    own = {n: _added(*pair) for n, pair in zip(steps, pairwise(halves), strict=True)}
+    last = every_step(fit)
+    of_fit, blocks = _of_fit(last)
+    terms = {term.name: term.half_width for term in last.numbers.terms}
     return Widths(
         names=last.numbers.names,
         values=last.numbers.values,
         half_width=last.numbers.half_width,
-        parts=of_fit | own,
+        parts=of_fit | terms,
         blocks=blocks,
     )
 
 
-def _added(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Return what was added in quadrature."""
-    return np.sqrt(np.maximum(after**2 - before**2, 0.0))
-
-
-def _of_fit(fit: Fit, half_width: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Return the parts that the fit itself has, and how many blocks tell each number."""
+def _of_fit(fit: Fit) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Return what is inside the noise of a fit, and how many blocks tell each number."""
     estimate, configurations = fit.estimate, list(fit.configurations)
     values, std = estimate.estimate.values, estimate.estimate.std
     mapped = estimate.problem.map
@@ -123,21 +101,12 @@ def _of_fit(fit: Fit, half_width: np.ndarray) -> tuple[dict[str, np.ndarray], np
     )
     formal = intervals.formal_covariance(estimate, J)
     by_flights = np.diagonal(formal) - intervals.prior_variance(estimate, J, formal)
-    timing = np.reshape(
-        intervals.timing_shifts(estimate, configurations[0].timing), (-1, len(values))
-    )
     parts = {
         "likelihood": 1.96 * _std(J @ estimate.estimate.covariance @ J.T),
         "own blocks": 1.96 * _std(J @ scatter_covariance(estimate.influence) @ J.T),
         "blocks": intervals.half_width_between_blocks(estimate, J, by_flights),
         "phases": intervals.half_width_between_phases(estimate, J),
-        "chance": intervals.random_half_width(estimate, J, formal),
-        "answer": np.abs(response_sensitivity(estimate) @ J.T).sum(axis=0),
-        "timing": 1.96 * np.linalg.norm(timing @ J.T, axis=0),
-        "push": 1.96 * np.linalg.norm(error_correlation_shifts(estimate) @ J.T, axis=0),
     }
-    known = [parts[name] for name in ("chance", "answer", "timing", "push")]
-    parts["allowed"] = _added(np.linalg.norm(known, axis=0), half_width)
     return parts, effective_blocks(estimate, J)
 
 
@@ -162,14 +131,14 @@ def table(found: Iterable[tuple[str, Widths]], number: str) -> Iterator[str]:
     for label, one, i in rows:
         size = 100.0 / abs(float(one.values[i]))
         line = [size * one.half_width[i], *(size * one.parts[name][i] for name in parts)]
-        line += [one.blocks[i], (one.parts["chance"][i] / one.half_width[i]) ** 2]
+        line += [one.blocks[i], (one.parts["noise"][i] / one.half_width[i]) ** 2]
         lines.append([float(x) for x in line])
         yield f"{label[:14]:14s} " + " ".join(f"{x:9.2f}" for x in lines[-1])
     yield f"{'median':14s} " + " ".join(f"{x:9.2f}" for x in np.median(lines, axis=0))
 
 
 def _short(name: str) -> str:
-    return name.removeprefix("allow_for_").replace("_", " ")[:9]
+    return name[:9]
 
 
 def _experiments(asked: argparse.Namespace, folder: Path) -> Iterator[Path]:

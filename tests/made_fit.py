@@ -18,6 +18,7 @@ from rotorfit.fit.experiment.experiment import (
     MotorsEntry,
 )
 from rotorfit.fit.fit import Fit
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
 from rotorfit.fit.joint.term_choice import Choice
@@ -249,12 +250,18 @@ def as_kind(kind, flights, **more):
     return kind(**{one.name: getattr(flights, one.name) for one in fields(TimedDataset)}, **more)
 
 
+def known_to(half_width):
+    """Return the interval terms of numbers that are known to these half-widths by chance."""
+    half = np.array(half_width, dtype=float)
+    return (IntervalTerm(name="noise", half_width=half, source="made up"),)
+
+
 def no_numbers(*names, values=(), half_width=(), excitation=None):
     """Return numbers of these names, uncorrelated."""
     return Numbers(
         names=names,
         values=np.array(values, dtype=float),
-        half_width=np.array(half_width, dtype=float),
+        terms=known_to(half_width),
         correlation=np.eye(len(names)),
         excitation=excitation or {},
     )

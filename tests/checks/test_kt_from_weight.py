@@ -66,7 +66,7 @@ def unlike(half_width):
     return Numbers(
         names=("kt", "kt_1", "kt_2", "kt_3", "kt_4"),
         values=KT * np.array([1.0, 1.02, 0.98, 1.02, 0.98]),
-        half_width=KT * np.full(5, half_width),
+        terms=made_fit.known_to(KT * np.full(5, half_width)),
         correlation=np.eye(5),
         excitation={},
     )
@@ -148,7 +148,7 @@ def inertia(half_width):
     return Numbers(
         names=("Ixx@A", "Iyy@A", "kd"),
         values=np.ones(3),
-        half_width=np.array([half_width, 0.9, 0.9]),
+        terms=made_fit.known_to(np.array([half_width, 0.9, 0.9])),
         correlation=np.eye(3),
         excitation={},
     )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flown
+import made_fit
 from rotorfit.checks.motors.commanded_speeds import scale_shift, speed_std
 from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, VoltageEntry
 from rotorfit.fit.intervals.numbers import Numbers
@@ -25,7 +26,7 @@ def test_speeds_that_are_off_by_a_share_move_what_goes_with_them():
     numbers = Numbers(
         names=NAMES,
         values=np.array([3e-7, 3e-7, 4e-9, 9e-7, 4e-6, 6e-4, 0.01, 1e-3]),
-        half_width=np.zeros(8),
+        terms=made_fit.known_to(np.zeros(8)),
         correlation=np.eye(8),
         excitation={},
     )

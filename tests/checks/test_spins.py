@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import flown
+import made_fit
 from rotorfit.checks.spins import RotorDrags, negative_drag, refuse_wrong_spins
 from rotorfit.checks.yaw_residuals import with_spins
 from rotorfit.errors import FrameError
 from rotorfit.fit.dataset.load import load_dataset
 from rotorfit.fit.experiment.experiment import load_experiment
-from rotorfit.fit.fit_flights import fit_flights, widen_by_settings
+from rotorfit.fit.fit_flights import allow_for_settings, fit_flights
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
@@ -52,7 +53,7 @@ def judged(tmp_path_factory):
             lag=True,
             report=lambda words: None,
         )
-        return list(refuse_wrong_spins(widen_by_settings(fit_flights(dataset, None))))
+        return list(refuse_wrong_spins(allow_for_settings(fit_flights(dataset, None))))
 
     return found
 
@@ -145,7 +146,7 @@ def numbers(*, yaw=20.0, **values):
     return Numbers(
         names=names,
         values=np.array([value for value, _ in values.values()]),
-        half_width=np.array([half for _, half in values.values()]),
+        terms=made_fit.known_to(np.array([half for _, half in values.values()])),
         correlation=np.eye(len(names)),
         excitation={"roll@A": 50.0, "pitch@A": 50.0, "yaw@A": yaw},
     )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flown
+import made_fit
 from rotorfit.checks.motors.changed_thrust import (
     LEAST_UNLIKE,
     most_unlike,
@@ -201,7 +202,7 @@ def numbers(**values):
     return Numbers(
         names=names,
         values=np.array([v for v, _ in values.values()]),
-        half_width=np.array([h for _, h in values.values()]),
+        terms=made_fit.known_to(np.array([h for _, h in values.values()])),
         correlation=np.eye(len(names)),
         excitation={},
     )

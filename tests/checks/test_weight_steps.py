@@ -52,7 +52,7 @@ def held_by(monkeypatch, moves):
 
     for name, made in (("refit", refit), ("shift_of", shift)):
         monkeypatch.setattr(kt_from_weight, name, made)
-    monkeypatch.setattr(kt_from_weight, "widen_by_settings", lambda fit: fit)
+    monkeypatch.setattr(kt_from_weight, "allow_for_settings", lambda fit: fit)
     return tried
 
 

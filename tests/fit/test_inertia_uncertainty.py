@@ -11,7 +11,7 @@ import flown
 import made_fit
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.fit.experiment.experiment import load_experiment
-from rotorfit.fit.intervals.joint_numbers import coupling_uncertainty, inertia_uncertainty
+from rotorfit.fit.intervals.allowances import coupling_uncertainty, inertia_uncertainty
 from rotorfit.fit.intervals.numbers import SCALE_BIAS, Numbers, product_allowance, scale_stretch
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.identification import identify
@@ -146,7 +146,7 @@ def test_the_scale_of_every_number_is_stretched_alike():
     numbers = Numbers(
         names=("kt", "kd", "Jr", "Izz_com@A", "kd_over_Izz@A"),
         values=np.array([1.0, 1.0, 0.0, 2.0, 0.5]),
-        half_width=np.array([0.1, 0.8, 0.2, 1.0, 0.05]),
+        terms=made_fit.known_to(np.array([0.1, 0.8, 0.2, 1.0, 0.05])),
         correlation=np.eye(5),
         excitation={"roll@A": 1e9, "pitch@A": 0.1, "yaw@A": 50.0},
     )
@@ -167,7 +167,7 @@ def test_products_have_the_scale_of_the_yaw_equation(Izz, half, factor):
     numbers = Numbers(
         names=("kd", "Ixx_com@A", "Iyy_com@A", "Izz_com@A", "Ixz_com@A", "Ixy_com@A"),
         values=np.array([1.0, 2.0, 3.0, Izz, 0.01, 0.01]),
-        half_width=np.array([0.1, 0.1, 0.1, half, 0.02, 0.02]),
+        terms=made_fit.known_to(np.array([0.1, 0.1, 0.1, half, 0.02, 0.02])),
         correlation=np.eye(6),
         excitation={"roll@A": 1e9, "pitch@A": 1e9, "yaw@A": 50.0},
     )
@@ -219,7 +219,7 @@ def test_gust_bias_of_pitch_inertia_widens_correlated_yaw_scale(rho):
     numbers = Numbers(
         names=names,
         values=np.array([1.0, 1.0, 1.5, 2.0, 3.0, 0.3]),
-        half_width=np.array([0.1, 0.3, 0.2, 0.2, 1.2, 0.01]),
+        terms=made_fit.known_to(np.array([0.1, 0.3, 0.2, 0.2, 1.2, 0.01])),
         correlation=correlation,
         excitation={"roll@A": 50.0, "pitch@A": rho, "yaw@A": 50.0},
     )

@@ -19,14 +19,17 @@ from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.fit.experiment.payload import PointMass, added_moments
 from rotorfit.fit.intervals import joint_numbers as module
+from rotorfit.fit.intervals.allowances import (
+    coupling_uncertainty,
+    number_scale,
+    systematic_uncertainty,
+)
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.joint_numbers import (
     Numbers,
-    coupling_uncertainty,
     excitation,
     half_width_between_phases,
     joint_numbers,
-    number_scale,
-    systematic_uncertainty,
     timing_shifts,
     turned_moments,
     weighed_excitation,
@@ -433,7 +436,7 @@ def numbers_of(entries, rho=RHO):
     return Numbers(
         names=tuple(entries),
         values=values,
-        half_width=half,
+        terms=made_fit.known_to(half),
         correlation=np.eye(len(values)),
         excitation=rho,
     )
@@ -447,7 +450,8 @@ def widened(entries, *, mass_std=0.0, rho=RHO, bodies=None, shifts=None):
     bodies = bodies or [made_fit.configuration()]
     stds = {c.name: mass_std for c in bodies} if isinstance(mass_std, float) else mass_std
     moved = np.array([(shifts or {}).get(name, 0.0) for name in numbers.names])
-    found = systematic_uncertainty(numbers, bodies, stds, moved)
+    response = IntervalTerm(name="autopilot response", half_width=moved, source="made up")
+    found = systematic_uncertainty(numbers.with_terms(response), bodies, stds)
     return dict(zip(found.names, found.half_width.tolist(), strict=True))
 
 

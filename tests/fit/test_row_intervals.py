@@ -150,7 +150,7 @@ def test_sizes_that_matter_are_those_of_the_method(name, size):
     numbers = Numbers(
         names=("Ixx_com", "Iyy_com"),
         values=np.array([2.0, 8.0]),
-        half_width=np.zeros(2),
+        terms=made_fit.known_to(np.zeros(2)),
         correlation=np.eye(2),
         excitation=RHO,
     )

@@ -8,7 +8,8 @@ import pytest
 import made_fit
 from rotorfit.fit import fit_flights
 from rotorfit.fit.experiment.experiment import MotorsEntry
-from rotorfit.fit.fit_flights import longer_arms, moved_imu, other_geometries, widened
+from rotorfit.fit.fit_flights import longer_arms, moved_imu, other_geometries, setting_terms
+from rotorfit.fit.intervals.interval_terms import combined_half_width
 from rotorfit.fit.reduction.frequency_bands import LEAST_RATIO
 from rotorfit.fit.reduction.motor_timing import MotorTiming
 from rotorfit.flight.motors.motor_model import MotorResponse
@@ -39,7 +40,8 @@ def trials(whole, shifts, *, timed=False):
         seen.append((other, top))
         return np.array([shifts[len(seen) - 1]])
 
-    (half,) = widened(np.array([10.0]), whole, shift, timed=timed)
+    terms = (*made_fit.known_to([10.0]), *setting_terms(whole, shift, timed=timed))
+    (half,) = combined_half_width(terms, 1)
     assert len(seen) == len(shifts)
     return float(half), seen
 
@@ -103,7 +105,7 @@ def test_each_measured_length_is_tried_off_by_its_deviation():
 
 
 def test_lengths_without_a_deviation_are_taken_for_exact():
-    assert list(other_geometries(flown())) == []
+    assert other_geometries(flown()) == {}
 
 
 def test_arms_grow_and_imus_move_by_the_length_that_is_given():
@@ -124,11 +126,11 @@ def test_the_line_between_counted_bands_is_tried_elsewhere(monkeypatch):
 
     monkeypatch.setattr(fit_flights, "shift_of", shifted)
     numbers = made_fit.no_numbers("kt", values=[1.0], half_width=[10.0])
-    found = fit_flights.widen_by_settings(made_fit.fit(flown(), numbers))
+    found = fit_flights.allow_for_settings(made_fit.fit(flown(), numbers))
     assert found.numbers.half_width[0] == pytest.approx(np.sqrt(100.0 + 4.0 * (9.0 + 16.0) / 2.0))
     assert asked == [(15.0, LEAST_RATIO), *((np.inf, f * LEAST_RATIO) for f in (0.5, 2.0))]
     five = made_fit.configuration(
         factors=made_fit.blocks([(1.0, 2.0)] * 5, source=np.arange(5)),
     )
-    found = fit_flights.widen_by_settings(made_fit.fit(flown(), numbers, bodies=[five]))
+    found = fit_flights.allow_for_settings(made_fit.fit(flown(), numbers, bodies=[five]))
     assert found.numbers.half_width[0] == 10.0

@@ -21,7 +21,7 @@ def test_parts_of_a_throw_add_up_to_its_intervals(flight_data_dir, tmp_path):
     np.testing.assert_allclose(
         np.sqrt(np.sum(squares, axis=0))[known], found.half_width[known], rtol=1e-9
     )
-    assert np.all(found.parts["chance"] >= found.parts["blocks"])
+    assert np.all(found.parts["noise"] >= found.parts["blocks"])
     at = found.names.index("Izz_com@A")
     assert found.blocks[at] == pytest.approx(1.6, abs=0.1)
     assert found.half_width[at] / found.values[at] == pytest.approx(0.067, abs=0.01)
@@ -34,12 +34,12 @@ def test_a_table_is_in_percent_with_medians_last():
             names=("kd",),
             values=np.array([-200.0]),
             half_width=np.array([half]),
-            parts={"chance": np.array([chance]), "push": np.zeros(1)},
+            parts={"noise": np.array([chance]), "push": np.zeros(1)},
             blocks=np.array([blocks]),
         )
         for half, chance, blocks in halves
     ]
     lines = [line.split() for line in table(zip(("one", "two"), made, strict=True), "kd")]
-    assert lines[0] == ["kd", "half", "chance", "tell", "share"]
+    assert lines[0] == ["kd", "half", "noise", "tell", "share"]
     assert lines[1] == ["one", "2.00", "1.50", "2.00", "0.56"]
     assert lines[3] == ["median", "3.00", "2.75", "2.50", "0.78"]

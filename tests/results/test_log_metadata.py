@@ -7,8 +7,8 @@ import pytest
 
 import made_fit
 from rotorfit.checks.sensors.sensor_faults import (
-    lowpass_half_width,
-    velocity_half_width,
+    lowpass_term,
+    velocity_term,
     vertical_partner,
 )
 from rotorfit.errors import ExperimentError
@@ -52,7 +52,7 @@ def numbers(**values):
     return Numbers(
         names=names,
         values=np.array(list(values.values())),
-        half_width=np.full(len(names), 0.01),
+        terms=made_fit.known_to(np.full(len(names), 0.01)),
         correlation=np.eye(len(names)),
         excitation={},
     )
@@ -112,10 +112,10 @@ def test_an_estimated_velocity_leaves_drag_open():
     prepared = dataclasses.replace(prepared, data=data)
     given = numbers(drag_x=0.9, drag_y=0.9, Ixx=0.02)
     flown = made(logged(format="ulog"), prepared=prepared, model=KNOWN)
-    half = velocity_half_width(given, flown)
+    half = given.with_terms(velocity_term(given, flown)).half_width
     assert half == pytest.approx([0.01 + 0.9 * 0.64 / 0.36, 0.01 + 0.9 * 9.0, 0.01], rel=1e-3)
     table = made(logged(), prepared=prepared, model=KNOWN)
-    assert velocity_half_width(given, table).tolist() == given.half_width.tolist()
+    assert not velocity_term(given, table).half_width.any()
 
 
 def test_drag_along_z_may_be_inflow_and_the_other_way_round():
@@ -131,8 +131,8 @@ def test_drag_along_z_may_be_inflow_and_the_other_way_round():
 def test_a_low_pass_taken_for_a_lag_is_in_the_intervals():
     given = numbers(Ixx_com=0.02, com_z=0.001, Ixy_com=0.001, kt=1.0)
     flown = made(logged(gyro_lowpass=20.0)).at(MotorResponse(lag=0.007))
-    half = lowpass_half_width(given, flown)
+    half = given.with_terms(lowpass_term(given, flown)).half_width
     lost = 1.0 / np.sqrt(1.0 + 0.15**4) - 1.0 / np.sqrt(1.0 + (6.0 * np.pi * 0.007) ** 2)
     assert half == pytest.approx([0.01 + 0.02 * lost, 0.0102, 0.01, 0.01])
     raw = made(logged()).at(MotorResponse(lag=0.007))
-    assert lowpass_half_width(given, raw).tolist() == given.half_width.tolist()
+    assert not lowpass_term(given, raw).half_width.any()

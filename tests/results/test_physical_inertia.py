@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import made_fit
 from rotorfit.checks.impossible_inertia import (
     FLY,
     IMPOSSIBLE,
@@ -61,7 +62,7 @@ def numbers_of(inertia, half):
     return Numbers(
         names=names,
         values=np.array(inertia),
-        half_width=np.full(6, half),
+        terms=made_fit.known_to(np.full(6, half)),
         correlation=np.eye(6),
         excitation={},
     )
@@ -265,7 +266,7 @@ def test_a_body_that_may_exist_within_its_interval_is_noted():
 def test_a_moment_below_nothing_withholds_the_body():
     """Though the other moments are unknown: with its whole interval, and only where reported."""
     numbers = numbers_of([-6e-4, 7e-4, 9e-4, 0.0, 0.0, 0.0], 4e-4)
-    numbers = replace(numbers, half_width=np.array([4e-4, np.inf, np.inf, 1.0, 1.0, 1.0]))
+    numbers = replace(numbers, terms=made_fit.known_to([4e-4, np.inf, np.inf, 1.0, 1.0, 1.0]))
     shown = [number("Ixx", -6e-4, std=2e-4)]
     found = negative_moment(numbers, "A", shown)
     assert found.numbers == tuple(f"{name}_com@A" for name in INERTIA)
@@ -273,7 +274,7 @@ def test_a_moment_below_nothing_withholds_the_body():
     assert found.evidence[0].interval == pytest.approx((-1e-3, -2e-4))
     assert "[airframe]" in found.next_step
     assert found.withheld_because == "it comes out negative, which no inertia is"
-    wide = replace(numbers, half_width=np.full(6, 7e-4))
+    wide = replace(numbers, terms=made_fit.known_to(np.full(6, 7e-4)))
     assert negative_moment(wide, "A", shown) is None
     assert negative_moment(numbers, "A", [replace(shown[0], value=None)]) is None
 

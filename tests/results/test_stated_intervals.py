@@ -47,7 +47,7 @@ def joint(excitation=None):
     numbers = Numbers(
         names=("kt", "Ixx@A", "kd_over_Izz@A"),
         values=VALUES,
-        half_width=HALF,
+        terms=made_fit.known_to(HALF),
         correlation=CORRELATION,
         excitation=excitation or {"roll@A": 50.0, "pitch@A": 50.0, "yaw@A": 50.0},
     )
@@ -101,7 +101,7 @@ def by_rows(rho=50.0):
     numbers = Numbers(
         names=("kt", "Ixx", "kd_over_Izz", "Jr_over_Izz"),
         values=np.array([*VALUES, 1e-3]),
-        half_width=np.array([*HALF, 1e-4]),
+        terms=made_fit.known_to(np.array([*HALF, 1e-4])),
         correlation=np.pad(CORRELATION, (0, 1)) + np.diag([0.0, 0.0, 0.0, 1.0]),
         excitation=fits.excitation,
     )
@@ -180,7 +180,7 @@ def test_a_body_of_two_configurations_keeps_its_own_scale():
     numbers = Numbers(
         names=("kt", "msx@A", "com_x@A"),
         values=np.array([2e-6, 0.0, 0.0]),
-        half_width=np.array([1e-8, 0.25 * 0.007 * 1.01, 0.25 * 0.005 * 0.99]),
+        terms=made_fit.known_to(np.array([1e-8, 0.25 * 0.007 * 1.01, 0.25 * 0.005 * 0.99])),
         correlation=np.eye(3),
         excitation={"roll@A": 50.0, "pitch@A": 50.0, "yaw@A": 50.0},
     )

@@ -29,7 +29,8 @@ from rotorfit.fit.dataset.plausible_units import gravity_seen
 from rotorfit.fit.dataset.weight_balance import Held
 from rotorfit.fit.experiment.experiment import MotorsEntry, Source
 from rotorfit.fit.fit import Fit, refit, shift_of
-from rotorfit.fit.fit_flights import widen_by_settings
+from rotorfit.fit.fit_flights import allow_for_settings
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.flight.airborne import GRAVITY
@@ -109,7 +110,7 @@ def weigh_thrust(fit: Fit) -> Fit:
     """Take k_t from changes of thrust and from the weight, and the intervals at that k_t."""
     dataset, weight = fit.dataset, weight_of(fit)
     if weight is None:
-        return widen_by_settings(fit)
+        return allow_for_settings(fit)
     # With changes of thrust a law was found: they say nothing more of k_t.
     changes = None if dataset.law_found else kt_from_changes(fit)
     law = dataset.motors.law
@@ -157,7 +158,7 @@ def held_at(fit: Fit, kt: Measured) -> Fit:
     """Fit again with k_t held, and its uncertainty in every interval."""
     known = {"kt": (kt.value, HELD_TO * kt.value)}
     begin = {**fit.estimate.estimate.by_name, "kt": kt.value}
-    held = widen_by_settings(refit(fit, fit.dataset, begin=begin, known=known))
+    held = allow_for_settings(refit(fit, fit.dataset, begin=begin, known=known))
     off = kt.value - min(kt.std, 0.5 * abs(kt.value))
     begin = {**held.estimate.estimate.by_name, "kt": off}
     moved = shift_of(held, held.dataset, begin=begin, known={"kt": (off, HELD_TO * off)})
@@ -170,14 +171,20 @@ def held_at(fit: Fit, kt: Measured) -> Fit:
 
 
 def with_common_shift(numbers: Numbers, moved: Float[np.ndarray, " q"]) -> Numbers:
-    """Add the variance of a shift common to all numbers, given for one deviation."""
-    half_width = np.hypot(numbers.half_width, 1.96 * moved)
-    known = np.flatnonzero(np.isfinite(half_width))
+    """Append the term of a shift common to all numbers, given for one deviation of k_t."""
+    wider = numbers.with_terms(
+        IntervalTerm(
+            name="thrust coefficient",
+            half_width=1.96 * np.abs(moved),
+            source="the weight in hover and changes of thrust",
+        )
+    )
+    known = np.flatnonzero(np.isfinite(wider.half_width))
     own = numbers.covariance([numbers.names[i] for i in known])
     together = numbers.correlation.copy()
     common = np.outer(moved[known], moved[known])
     together[np.ix_(known, known)] = correlation_of(own + common)
-    return replace(numbers, half_width=half_width, correlation=together)
+    return replace(wider, correlation=together)
 
 
 def kt_of(numbers: Numbers) -> tuple[float, float]:

@@ -30,6 +30,7 @@ from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.additional_parameters import Added, Additional, estimate_additional, gained
 from rotorfit.fit.fit import Fit, refit
 from rotorfit.fit.intervals.excitation import weighed_excitation
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, NO_EXCITATION, inertia_bias
 from rotorfit.fit.timing.timed_dataset import TimedDataset
@@ -154,7 +155,7 @@ class FrameSides:
 
 
 def allow_for_sides(fit: Fit) -> Fit:
-    """Widen the intervals by what is open of the sides of the frame, and say what the flights show.
+    """Append what is open of the sides of the frame, and say what the flights show of them.
 
     A refusal waits for the checks: others look for its cause before (`refuse_wrong_sides`).
     """
@@ -162,7 +163,12 @@ def allow_for_sides(fit: Fit) -> Fit:
     if sides is None:
         return fit
     found = () if not np.isfinite(sides.std) else (judge_sides(fit, sides),)
-    return fit.with_half_width(np.hypot(fit.numbers.half_width, sides.half_widths)).found(*found)
+    term = IntervalTerm(
+        name="frame sides",
+        half_width=sides.half_widths,
+        source="the declared sides against those that the flights show",
+    )
+    return fit.with_terms(term).found(*found)
 
 
 def frame_sides(fit: Fit) -> FrameSides | None:

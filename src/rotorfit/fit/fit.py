@@ -11,6 +11,7 @@ from jaxtyping import Float
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.findings import Finding
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.joint_numbers import joint_numbers, physical
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import FitSettings, FittedFactors, joint_fit
@@ -73,10 +74,9 @@ class Fit:
         """Return the fit with further findings."""
         return dataclasses.replace(self, findings=(*self.findings, *findings))
 
-    def with_half_width(self, half_width: Float[np.ndarray, " q"]) -> "Fit":
-        """Return the fit with other half-widths of its numbers."""
-        numbers = dataclasses.replace(self.numbers, half_width=half_width)
-        return dataclasses.replace(self, numbers=numbers)
+    def with_terms(self, *terms: IntervalTerm) -> "Fit":
+        """Return the fit with further terms of the intervals of its numbers."""
+        return dataclasses.replace(self, numbers=self.numbers.with_terms(*terms))
 
 
 def refit(fit: Fit, dataset: TimedDataset, **settings: Unpack[FitSettings]) -> Fit:

@@ -1,4 +1,4 @@
-"""Fit the flights: the terms of the model, and intervals widened by equally plausible settings.
+"""Fit the flights: the terms of the model, and interval terms by equally plausible settings.
 
 The settings are the timing of the motors, the range of the frequencies, and the geometry, which is
 measured with a tape before the flight and taken for exact by the fit: what an error of each shifts,
@@ -16,6 +16,7 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import flights_of
 from rotorfit.findings import Finding, doubt, note
 from rotorfit.fit.fit import Fit, numbers_of, shift_of
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import chosen
@@ -32,20 +33,36 @@ Shift = Callable[[TimedDataset, float], Float[np.ndarray, " q"]]
 that begin under an edge [Hz]."""
 
 
-def widened(
-    half_width: Float[np.ndarray, " q"], dataset: TimedDataset, shift: Shift, *, timed: bool
-) -> Float[np.ndarray, " q"]:
-    """Add twice the rms shift of every group of trials to the half-widths.
+def setting_terms(dataset: TimedDataset, shift: Shift, *, timed: bool) -> Iterator[IntervalTerm]:
+    """Yield a term of twice the rms shift for every kind of setting that could be another one.
 
-    `half_width`: of each number, of chance and of what is always allowed for. `dataset`: what was
-    fitted. `shift`: how far each number moves. `timed`: whether what the flights leave open of the
-    motors' timing is in the half-width already.
+    `dataset`: what was fitted. `shift`: how far each number moves. `timed`: whether what the
+    flights leave open of the motors' timing is among the terms already.
     """
-    groups = [[(dataset, 0.5 * EDGES[-1])]]
-    groups += [] if timed else [[(other, np.inf) for other in g] for g in _other_timings(dataset)]
-    groups += [[(other, np.inf)] for other in other_geometries(dataset)]
-    squares = [np.mean([shift(*trial) ** 2 for trial in group], axis=0) for group in groups]
-    return np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))
+    yield IntervalTerm(
+        name="frequency range",
+        half_width=2.0 * np.abs(shift(dataset, 0.5 * EDGES[-1])),
+        source="fit with the lower half of the frequencies",
+    )
+    timings = [] if timed else _other_timings(dataset)
+    if timings:
+        yield IntervalTerm(
+            name="motor lag",
+            half_width=_twice_rms(shift, timings),
+            source="fits with other times of the motors",
+        )
+    for name, others in other_geometries(dataset).items():
+        yield IntervalTerm(
+            name=name,
+            half_width=_twice_rms(shift, [[other] for other in others]),
+            source="declared tolerance",
+        )
+
+
+def _twice_rms(shift: Shift, groups: Sequence[Sequence[TimedDataset]]) -> Float[np.ndarray, " q"]:
+    """Compute twice the root of the mean squared shift of each group, groups in quadrature."""
+    squares = [np.mean([shift(t, np.inf) ** 2 for t in group], axis=0) for group in groups]
+    return 2.0 * np.sqrt(np.sum(squares, axis=0))
 
 
 def _other_timings(dataset: TimedDataset) -> list[list[TimedDataset]]:
@@ -66,21 +83,22 @@ def _other_timings(dataset: TimedDataset) -> list[list[TimedDataset]]:
     return groups
 
 
-def other_geometries(dataset: TimedDataset) -> Iterator[TimedDataset]:
-    """Yield the flights with each measured length off by its standard deviation, if it has one.
+def other_geometries(dataset: TimedDataset) -> dict[str, list[TimedDataset]]:
+    """Return the flights with each measured length off by its standard deviation, if it has one.
 
-    `dataset`: with the deviations in its vehicle.
+    By the name of the interval term. `dataset`: with the deviations in its vehicle.
     """
-    vehicle = dataset.vehicle
-    others: list[Vehicle] = []
+    vehicle, added = dataset.vehicle, dataset.model.layout.added
+    others: dict[str, list[Vehicle]] = {}
     if vehicle.arm_std > 0.0:
-        others.append(longer_arms(vehicle, vehicle.arm_std))
+        others["arm lengths"] = [longer_arms(vehicle, vehicle.arm_std)]
     if vehicle.imu_position is not None and vehicle.imu_position_std > 0.0:
-        others += [moved_imu(vehicle, axis, vehicle.imu_position_std) for axis in range(3)]
-    for other in others:
-        yield replace(
-            dataset, vehicle=other, model=regressor(other, added=dataset.model.layout.added)
-        )
+        std = vehicle.imu_position_std
+        others["IMU position"] = [moved_imu(vehicle, axis, std) for axis in range(3)]
+    return {
+        name: [replace(dataset, vehicle=v, model=regressor(v, added=added)) for v in vehicles]
+        for name, vehicles in others.items()
+    }
 
 
 def longer_arms(vehicle: Vehicle, length: float) -> Vehicle:
@@ -166,23 +184,27 @@ def _left_out(dropped: tuple[str, ...]) -> Finding:
     )
 
 
-def widen_by_settings(fit: Fit) -> Fit:
-    """Widen the intervals by the shifts with equally plausible settings."""
+def allow_for_settings(fit: Fit) -> Fit:
+    """Append the interval terms by the shifts with equally plausible settings."""
 
     def shift(other: TimedDataset, top: float) -> Float[np.ndarray, " q"]:
         return shift_of(fit, other, top=top)
 
     timed = fit.dataset.free_timing is not None
-    half = widened(fit.numbers.half_width, fit.dataset, shift, timed=timed)
-    return fit.with_half_width(np.hypot(half, _by_other_bands(fit)))
+    return fit.with_terms(*setting_terms(fit.dataset, shift, timed=timed), _by_other_bands(fit))
 
 
-def _by_other_bands(fit: Fit) -> Float[np.ndarray, " q"]:
-    """Compute the half-width by the limit between informative bands and the others.
+def _by_other_bands(fit: Fit) -> IntervalTerm:
+    """Return the term by the limit between informative bands and the others.
 
     One band near that limit may have the information of a flight; many flights scatter by it.
     """
-    if max(len(flights_of(c.factors)) for c in fit.configurations) >= ENOUGH_FLIGHTS:
-        return np.zeros(len(fit.numbers.names))
-    shifts = [shift_of(fit, fit.dataset, least_ratio=r) for r in OTHER_RATIOS]
-    return 2.0 * np.sqrt(np.mean(np.square(shifts), axis=0))
+    half = np.zeros(len(fit.numbers.names))
+    if max(len(flights_of(c.factors)) for c in fit.configurations) < ENOUGH_FLIGHTS:
+        shifts = [shift_of(fit, fit.dataset, least_ratio=r) for r in OTHER_RATIOS]
+        half = 2.0 * np.sqrt(np.mean(np.square(shifts), axis=0))
+    return IntervalTerm(
+        name="choice of bands",
+        half_width=half,
+        source="fits with more and fewer frequency bands",
+    )

@@ -22,6 +22,7 @@ from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight, with_prepared
 from rotorfit.fit.fit import Fit, numbers_of, refit
 from rotorfit.fit.fit_flights import fit_flights
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.joint.joint_problem import NOISY, RESPONSE_ERRORS, theta_of
 from rotorfit.fit.reduction.frequency_bands import EDGES, banded_data
 from rotorfit.fit.reduction.reduce import split_segment
@@ -60,7 +61,7 @@ def fit_by_noise(fit: Fit, wanted: Sequence[str] | None) -> Fit:
 
 
 def allow_for_noise_levels(fit: Fit) -> Fit:
-    """Widen the numbers by their shift with the rows' weights, beyond the shift by chance.
+    """Append the shift of the numbers with the rows' weights, beyond the shift by chance.
 
     Both weightings are right where the errors are as the fit takes them: their estimates then
     differ by no more than the difference of their variances allows (Hausman, Econometrica 46(6),
@@ -74,12 +75,18 @@ def allow_for_noise_levels(fit: Fit) -> Fit:
     except UnsettledError:
         return fit
     own = numbers_of(fit.dataset, fit.estimate, list(fit.configurations))
-    half = fit.numbers.half_width.copy()
+    half = np.zeros(len(own.names))
     known = np.isfinite(own.half_width) & np.isfinite(other.half_width)
     lost = other.half_width[known] ** 2 - own.half_width[known] ** 2
     moved = np.abs(own.values - other.values)[known]
-    half[known] = np.hypot(half[known], np.maximum(moved - np.sqrt(np.maximum(lost, 0.0)), 0.0))
-    return fit.with_half_width(half)
+    half[known] = np.maximum(moved - np.sqrt(np.maximum(lost, 0.0)), 0.0)
+    return fit.with_terms(
+        IntervalTerm(
+            name="changing noise",
+            half_width=half,
+            source="fit with all moments of the flight weighted alike",
+        )
+    )
 
 
 def _with_even_noise(fit: Fit) -> TimedDataset | None:

@@ -29,7 +29,7 @@ to c = 2.5 for roll and pitch, 1.5 for the ratios of yaw (`excitation.py` has it
 import dataclasses
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -39,12 +39,12 @@ from rotorfit.estimation.estimate import LinearProblem, numerical_jacobian
 from rotorfit.estimation.factors import Factors, flights_of
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.reweighted import BandedFit, reweighted, scatter_covariance
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import (
     Numbers,
     attenuation_allowance,
     correlation_of,
     hover_speed,
-    quadrature,
     relevant_size,
     t_half_width,
 )
@@ -340,12 +340,19 @@ def row_numbers(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: float
     numbers = Numbers(
         names=names,
         values=values,
-        half_width=random,
+        terms=(
+            IntervalTerm(
+                name="noise",
+                half_width=random,
+                source="the fit and the scatter of blocks, whichever is larger",
+            ),
+        ),
         correlation=correlation_of(formal_cov),
         excitation=fits.excitation,
     )
-    systematic = _systematic(numbers, vehicle, mass=mass, mass_std=mass_std)
-    return replace(numbers, half_width=np.hypot(random, systematic))
+    return numbers.with_terms(
+        *_systematic_terms(numbers, vehicle, mass=mass, mass_std=mass_std),
+    )
 
 
 def _physical(
@@ -422,27 +429,33 @@ def _small_sample(fits: RowFits) -> tuple[Float[np.ndarray, "f f"], float]:
     return fits.covariance * np.outer(factor, factor), float(min(free))
 
 
-def _systematic(
+def _systematic_terms(
     numbers: Numbers, vehicle: Vehicle, *, mass: float, mass_std: float
-) -> Float[np.ndarray, " q"]:
-    """Compute the half-width by systematic errors that no scatter within the flight shows."""
+) -> tuple[IntervalTerm, ...]:
+    """Return the terms by systematic errors that no scatter within the flight shows."""
     weighed = 1.96 * mass_std / mass
     lean = float(np.hypot(vehicle.axes[:, 0], vehicle.axes[:, 1]).mean())
-    result = np.zeros(len(numbers.names))
+    tilt, motion, weight = np.zeros((3, len(numbers.names)))
     for i, name in enumerate(numbers.names):
         value, rho = abs(float(numbers.values[i])), numbers.rho(name)
-        parts: list[float] = []
         if lean > 0 and name == "kd_over_Izz":
-            parts.append(2.0 * value)  # the thrust's own yaw torque is in it
+            tilt[i] = 2.0 * value  # the thrust's own yaw torque is in it
         elif lean > 0 and rho is not None:
-            parts.append(MOST_DRAG * lean / vehicle.arm * value)
+            tilt[i] = MOST_DRAG * lean / vehicle.arm * value
         if rho is not None:
             size = max(value, number_scale(numbers, name, mass=mass, arm=vehicle.arm))
-            parts.append(attenuation_allowance(name, size, rho, with_response=False))
+            motion[i] = attenuation_allowance(name, size, rho, with_response=False)
         if EVERY[name].mass_power:
-            parts.append(weighed * value)
-        result[i] = quadrature(parts)
-    return result
+            weight[i] = weighed * value
+    return (
+        IntervalTerm(name="motor tilt", half_width=tilt, source="declared axes of the rotors"),
+        IntervalTerm(
+            name="little motion",
+            half_width=motion,
+            source="motion by the rotors over motion by disturbances",
+        ),
+        IntervalTerm(name="weight", half_width=weight, source="declared tolerance of the mass"),
+    )
 
 
 def number_scale(numbers: Numbers, name: str, *, mass: float, arm: float) -> float:

@@ -26,7 +26,7 @@ from rotorfit.checks.weak_directions import excitation_findings, origin_findings
 from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.findings import note
 from rotorfit.fit.experiment.experiment import ConfigurationEntry, Experiment
-from rotorfit.fit.fit_flights import widened
+from rotorfit.fit.fit_flights import setting_terms
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings, paper_estimate
 from rotorfit.fit.row_fits import ROWS, RowFits, fit_rows, number_scale, row_numbers
@@ -39,7 +39,7 @@ from rotorfit.results.result import IdentificationResult, Parameter
 def row_result(experiment: Experiment, dataset: TimedDataset) -> IdentificationResult:
     """Estimate row by row, and tabulate the numbers with verdicts."""
     fits = _rows_at(dataset)
-    return row_tables(_widened(dataset, fits), fits, experiment, dataset)
+    return row_tables(_with_setting_terms(dataset, fits), fits, experiment, dataset)
 
 
 def row_tables(
@@ -99,14 +99,14 @@ def _numbers(dataset: TimedDataset, fits: RowFits) -> Numbers:
     )
 
 
-def _widened(dataset: TimedDataset, fits: RowFits) -> Numbers:
-    """Compute the numbers, their intervals widened by settings that could as well be others."""
+def _with_setting_terms(dataset: TimedDataset, fits: RowFits) -> Numbers:
+    """Compute the numbers, with interval terms by settings that could as well be others."""
     numbers = _numbers(dataset, fits)
 
     def shift(other: TimedDataset, top: float) -> Float[np.ndarray, " q"]:
         return _numbers(other, _rows_at(other, top=top)).values - numbers.values
 
-    return replace(numbers, half_width=widened(numbers.half_width, dataset, shift, timed=False))
+    return numbers.with_terms(*setting_terms(dataset, shift, timed=False))
 
 
 def _row_parameters(

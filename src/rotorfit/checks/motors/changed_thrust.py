@@ -19,6 +19,7 @@ from rotorfit.digits import with_half
 from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.fit.dataset.dataset import LoadedFlight
 from rotorfit.fit.fit import Fit
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import EVERY
 from rotorfit.model.vehicle import Vehicle
@@ -43,20 +44,23 @@ SHORTEST: Final = 5.0
 
 
 def allow_for_thrust_change(fit: Fit) -> Fit:
-    """Widen numbers proportional to force by the change of thrust between halves of a flight."""
-    return fit.with_half_width(changed_half_width(fit)) if fit.mass_known else fit
+    """Append the change of thrust between halves of a flight to numbers proportional to force."""
+    return fit.with_terms(thrust_change_term(fit)) if fit.mass_known else fit
 
 
-def changed_half_width(fit: Fit) -> Float[np.ndarray, " q"]:
-    """Compute the half-widths with the change of thrust, of several flights its mean square."""
+def thrust_change_term(fit: Fit) -> IntervalTerm:
+    """Return the term by the change of thrust, of several flights its mean square."""
     numbers, dataset = fit.numbers, fit.dataset
     found = hover_thrusts(dataset.configurations, numbers, dataset.vehicle)
     known = [(one.sag, CHANCE * one.sag_std) for one in found if one.sag is not None]
     change = _mean_square([max(abs(sag) - std, 0.0) for sag, std in known])
     whole = _mean_square([max(sag**2 - std**2, 0.0) ** 0.5 for sag, std in known])
     shares = np.array([_share(name.partition("@")[0], change, whole) for name in numbers.names])
-    half: Float[np.ndarray, " q"] = np.hypot(numbers.half_width, shares * np.abs(numbers.values))
-    return half
+    return IntervalTerm(
+        name="thrust changes in flight",
+        half_width=shares * np.abs(numbers.values),
+        source="thrust at one rotor speed, early against late in the flight",
+    )
 
 
 def _mean_square(changes: Sequence[float]) -> float:

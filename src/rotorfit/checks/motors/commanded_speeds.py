@@ -22,6 +22,7 @@ from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight, with_prepared
 from rotorfit.fit.experiment.law_table import LawEntry, bent_speed
 from rotorfit.fit.fit import Fit, shift_of
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.flight.motors.motor_model import with_motors
@@ -68,17 +69,22 @@ LAW: Final = "law-uncertain"
 
 
 def allow_for_law(fit: Fit) -> Fit:
-    """Widen the intervals by the uncertainty of the law from command to speed."""
+    """Append the uncertainty of the law from command to speed."""
     law = fit.dataset.motors.law
     if law is None:
         return fit
     std = speed_std(law, [f.battery for c in fit.dataset.configurations for f in c.flights])
     if not (std or law.slope_std):
         return fit
-    variance = fit.numbers.half_width**2 + (1.96 * scale_shift(fit.numbers, std)) ** 2
-    if law.slope_std:
-        variance = variance + (1.96 * _slope_shift(fit, law)) ** 2
-    fit = fit.with_half_width(np.sqrt(variance))
+    scale = scale_shift(fit.numbers, std)
+    slope = _slope_shift(fit, law) if law.slope_std else np.zeros(len(scale))
+    fit = fit.with_terms(
+        IntervalTerm(
+            name="motor law",
+            half_width=1.96 * np.hypot(scale, slope),
+            source="deviations of the law's speeds and of its slope",
+        )
+    )
     open_ones = open_law(fit.numbers, 1.96 * law.slope_std)
     said = () if fit.dataset.law_found else _uncertain(fit.numbers, std)
     return fit.found(*said, *open_ones)
@@ -167,14 +173,19 @@ End = Literal["lowest", "highest"]
 
 
 def allow_for_motor_limits(fit: Fit) -> Fit:
-    """Widen the intervals by the speeds of commanded motors at the ends of their commands."""
+    """Append the uncertainty of commanded motors' speeds at the ends of their commands."""
     dataset = fit.dataset
     if dataset.motors.speed != "commanded" or _share(dataset) < LEAST_WIDENED:
         return fit
     ends: tuple[End, ...] = ("lowest", "highest")
     moved = [shift_by_speeds(fit, _with_end(dataset, end)) for end in ends]
-    variance = fit.numbers.half_width**2 + sum(1.96**2 * shift**2 for shift in moved)
-    return fit.with_half_width(np.sqrt(variance))
+    return fit.with_terms(
+        IntervalTerm(
+            name="motors at their limits",
+            half_width=1.96 * np.linalg.norm(moved, axis=0),
+            source="fits with other speeds at the lowest and the highest command",
+        )
+    )
 
 
 def motors_at_limits(fit: Fit) -> Iterator[Finding]:

@@ -15,6 +15,7 @@ from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.dataset.dataset import with_prepared
 from rotorfit.fit.dataset.gyro_by_velocity import GyroScale, gyro_scale
 from rotorfit.fit.fit import Fit, shift_of
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.prepare import PreparedFlight
 
@@ -27,13 +28,17 @@ AXES: Final = ("roll", "pitch", "yaw")
 
 
 def allow_for_gyro_scale(fit: Fit) -> Fit:
-    """Widen the intervals by the uncertainty of the gyro's scale, and report a wrong scale."""
+    """Append the uncertainty of the gyro's scale, and report a wrong scale."""
     found = None if fit.dataset.source != "imu" else _gyro_scale(fit)
     if found is None:
         return fit
     slopes = np.array([_shift(fit, axis) / STEP for axis in range(3)])
-    half = np.hypot(fit.numbers.half_width, found.half_widths(slopes))
-    return fit.with_half_width(half).found(scale_finding(found))
+    term = IntervalTerm(
+        name="gyro scale",
+        half_width=found.half_widths(slopes),
+        source="the gyro against a velocity that it did not make",
+    )
+    return fit.with_terms(term).found(scale_finding(found))
 
 
 def _gyro_scale(fit: Fit) -> GyroScale | None:

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.fit.fit import Fit
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import filter_delay, lowpass_of
@@ -59,25 +59,28 @@ def lowpass_sentence(dataset: TimedDataset) -> str | None:
 
 
 def allow_for_gyro_lowpass(fit: Fit) -> Fit:
-    """Widen inertia and places by the fault of taking a low-pass of the gyro for a motor lag."""
-    return fit.with_half_width(lowpass_half_width(fit.numbers, fit.dataset))
+    """Append the fault of taking a low-pass of the gyro for a motor lag."""
+    return fit.with_terms(lowpass_term(fit.numbers, fit.dataset))
 
 
-def lowpass_half_width(numbers: Numbers, dataset: TimedDataset) -> Float[np.ndarray, " q"]:
-    """Compute the half-widths with the fault of taking a low-pass of the gyro for a motor lag."""
+def lowpass_term(numbers: Numbers, dataset: TimedDataset) -> IntervalTerm:
+    """Return the term of inertia and places by taking a low-pass of the gyro for a motor lag."""
     cutoff, timing = lowpass_of(dataset), dataset.timing
-    half = numbers.half_width.copy()
+    half = np.zeros(len(numbers.names))
+    term = IntervalTerm(
+        name="gyro filter", half_width=half, source="the gyro's low-pass taken for a motor lag"
+    )
     if cutoff is None or timing is None:
-        return half
+        return term
     passed = 1.0 / np.sqrt(1.0 + (FLOWN_AT / cutoff) ** 4)
     taken = 1.0 / np.sqrt(1.0 + (2.0 * np.pi * FLOWN_AT * timing.mean_lag) ** 2)
     for i, name in enumerate(numbers.names):
         base = name.partition("@")[0]
         if base.startswith(MOMENTS):
-            half[i] += abs(taken - passed) * abs(numbers.values[i])
+            half[i] = abs(taken - passed) * abs(numbers.values[i])
         elif base in PLACES:
-            half[i] += LENGTH
-    return half
+            half[i] = LENGTH
+    return term
 
 
 def velocity_estimated(dataset: Dataset) -> bool:
@@ -93,15 +96,18 @@ def is_estimate(form: str) -> bool:
 
 
 def allow_for_velocity_errors(fit: Fit) -> Fit:
-    """Widen coefficients over an estimated velocity by the errors of that estimate."""
-    return fit.with_half_width(velocity_half_width(fit.numbers, fit.dataset))
+    """Append the errors of an estimated velocity to the coefficients over it."""
+    return fit.with_terms(velocity_term(fit.numbers, fit.dataset))
 
 
-def velocity_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray, " q"]:
-    """Compute the half-widths with the errors of an estimated velocity."""
-    half = numbers.half_width.copy()
+def velocity_term(numbers: Numbers, dataset: Dataset) -> IntervalTerm:
+    """Return the term by the errors of an estimated velocity."""
+    half = np.zeros(len(numbers.names))
+    term = IntervalTerm(
+        name="velocity errors", half_width=half, source="errors of a velocity by GPS"
+    )
     if not velocity_estimated(dataset):
-        return half
+        return term
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
         if base not in OVER:
@@ -109,9 +115,9 @@ def velocity_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray,
         own = [c for c in dataset.configurations if owner in ("", c.entry.name)]
         variance = _variance(own, OVER[base])
         share = LARGEST if variance <= 0.0 else min(ERROR**2 / variance, LARGEST)
-        half[i] += abs(numbers.values[i]) * share / (1.0 - share)
+        half[i] = abs(numbers.values[i]) * share / (1.0 - share)
         half[i] += vertical_partner(numbers, name, rotors=len(dataset.vehicle.rotors))
-    return half
+    return term
 
 
 def vertical_partner(numbers: Numbers, name: str, *, rotors: int) -> float:

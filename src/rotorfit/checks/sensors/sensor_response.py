@@ -25,6 +25,7 @@ from rotorfit.estimation.distributions import student_quantile
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.fit.fit import Fit
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.joint.joint_problem import theta_of
 from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
 from rotorfit.fit.timing.timing_fit import lowpass_of
@@ -187,17 +188,20 @@ class FoundFilter:
 
 
 def allow_for_sensor_response(fit: Fit) -> Fit:
-    """Widen the numbers by the shift with the best filter or soft mount, and name it."""
+    """Append the shift of the numbers with the best filter or soft mount, and name it."""
     if fit.dataset.source != "imu" or lowpass_of(fit.dataset) is not None:
         return fit
     found = found_filter(fit)
     if found is None:
         return fit
-    half = fit.numbers.half_width.copy()
+    half = np.zeros(len(fit.numbers.names))
     for i, name in enumerate(fit.numbers.names):
         moved = [found.factors[k] for k, own in TOUCHED.items() if name.partition("@")[0] in own]
-        half[i] = np.hypot(half[i], sum(moved) * abs(fit.numbers.values[i])) if moved else half[i]
-    return fit.found(_finding(found)).with_half_width(half)
+        half[i] = abs(sum(moved) * fit.numbers.values[i])
+    term = IntervalTerm(
+        name="sensor response", half_width=half, source="the filter or soft mount that fits best"
+    )
+    return fit.found(_finding(found)).with_terms(term)
 
 
 def _finding(found: FoundFilter) -> Finding:

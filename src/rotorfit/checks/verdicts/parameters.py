@@ -23,7 +23,7 @@ from rotorfit.digits import short
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.experiment.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.joint_numbers import number_scale
+from rotorfit.fit.intervals.allowances import number_scale
 from rotorfit.fit.intervals.numbers import HEIGHTS, Numbers
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration

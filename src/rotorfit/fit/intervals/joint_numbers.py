@@ -1,10 +1,17 @@
 """From the joint estimate to physical numbers with intervals.
 
-Half-width^2 = (the largest of formal and scatter)^2 + response^2 + push^2 + tolerances^2.
-Formal: the covariance of the fit. Scatter: over stretches and bands, of the number and of all
-together (`dispersion`); over phases; over flights. Answer: how far the estimate depends on what is
-assumed of the autopilot (`banded.response_sensitivity`). Push: what is open of where gusts and drag
-push (`error_correlation_shifts`). What a change of settings shifts is added by the recipe.
+The first interval terms of a fit, all in quadrature (`interval_terms.py`):
+
+- noise: the largest of the formal deviation and the scatter over stretches and bands, of the number
+  and of all together (`dispersion`), over phases, and over flights;
+- prior: what was known of the parameters before the flights, and its own uncertainty;
+- autopilot response: how far the estimate depends on what is assumed of the autopilot
+  (`banded.response_sensitivity`);
+- motor lag: faults of the motors' times; gusts and drag: where they push
+  (`error_correlation_shifts`);
+- allowances and declared tolerances, number by number (`allowances.py`).
+
+The steps of the recipe append what a change of settings shifts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,45 +34,25 @@ from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.effective_blocks import free_blocks, own_scatter
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import numerical_jacobian
-from rotorfit.estimation.factors import flights_of
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.fit.experiment.payload import MOMENTS, added_moments
+from rotorfit.fit.intervals.allowances import (
+    coupling_uncertainty,
+    inertia_uncertainty,
+    systematic_uncertainty,
+)
 from rotorfit.fit.intervals.excitation import (
     enough_by_weight,
     excitation,
     weighed_excitation,
 )
-from rotorfit.fit.intervals.numbers import (
-    HEIGHTS,
-    LEAST_EXCITATION,
-    PLACES,
-    SCALED,
-    YAW_PRODUCTS,
-    Numbers,
-    attenuation_allowance,
-    com_from_imu,
-    com_from_rotors,
-    common_share,
-    correlation_of,
-    drag_lever,
-    hover_speed,
-    inertia_bias,
-    lean_allowance,
-    lean_shift,
-    link_allowance,
-    moments_across,
-    product_allowance,
-    quadrature,
-    relevant_size,
-    scale_stretch,
-    twist_shift,
-)
+from rotorfit.fit.intervals.interval_terms import IntervalTerm, combined_half_width
+from rotorfit.fit.intervals.numbers import Numbers, correlation_of, hover_speed
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.fit.reduction.motor_timing import FreeTiming
 from rotorfit.model.parameters import (
-    EVERY,
     FIRST_MOMENTS,
     INERTIA,
     INERTIA_PLACES,
@@ -74,8 +61,6 @@ from rotorfit.model.parameters import (
     names_of,
 )
 from rotorfit.model.terms.rotors import IMU_MOUNTING
-from rotorfit.model.terms.term import Size
-from rotorfit.model.vehicle import Vehicle
 
 FEWEST_PHASES = 3
 """Whose scatter is informative."""
@@ -113,20 +98,19 @@ def joint_numbers(
     numbers = Numbers(
         names=names,
         values=values,
-        half_width=random_half_width(fit, jacobian, formal),
+        terms=(
+            *random_terms(fit, jacobian, formal),
+            *assumption_terms(response_shifts, late, error_correlation_shifts(fit) @ jacobian.T),
+        ),
         correlation=correlation_of(formal + shared),
         excitation=excitation(fit, configurations),
     )
-    pushed = error_correlation_shifts(fit) @ jacobian.T
-    shifts = np.vstack([np.abs(response_shifts).sum(axis=0), 1.96 * late, 1.96 * pushed])
     widened = replace(
         numbers,
         excitation=enough_by_weight(numbers.excitation, weighed_excitation(fit, configurations)),
     )
     weighed = widened.excitation
-    widened = systematic_uncertainty(
-        widened, configurations, mass_std, np.linalg.norm(shifts, axis=0)
-    )
+    widened = systematic_uncertainty(widened, configurations, mass_std)
     widened = inertia_uncertainty(widened, configurations, np.sqrt(np.diagonal(formal + shared)))
     widened = coupling_uncertainty(widened, configurations)
     return replace(widened, excitation=numbers.excitation, weighed=weighed)
@@ -144,9 +128,17 @@ def formal_covariance(
 def random_half_width(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
-    """Compute the half-width by chance, and by what was known before.
+    """Compute the half-width by chance, and by what was known before: see `random_terms`."""
+    return combined_half_width(random_terms(fit, jacobian, formal), len(jacobian))
 
-    By chance: formal, or by the scatter of blocks, phases and flights.
+
+def random_terms(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
+) -> tuple[IntervalTerm, IntervalTerm]:
+    """Return the terms by chance, and by what was known before.
+
+    By chance: formal, or by the scatter of blocks, phases and flights. The four estimate one and
+    the same error: the largest counts.
 
     `fit`: of all flights. `jacobian`: of the numbers by the free parameters. `formal`:
     `formal_covariance` of the numbers.
@@ -160,7 +152,48 @@ def random_half_width(
         half_width_between_phases(fit, jacobian),
         _between_flights(fit, jacobian),
     )
-    return np.hypot(np.maximum.reduce(shown), 1.96 * np.sqrt(before))
+    return (
+        IntervalTerm(
+            name="noise",
+            half_width=np.maximum.reduce(shown),
+            source="the fit and the scatter of blocks, phases and flights, whichever is largest",
+        ),
+        IntervalTerm(
+            name="prior",
+            half_width=1.96 * np.sqrt(before),
+            source="what is usual of vehicles, where the flights show little",
+        ),
+    )
+
+
+def assumption_terms(
+    response: Float[np.ndarray, "r q"],
+    late: Float[np.ndarray, "l q"],
+    pushed: Float[np.ndarray, "p q"],
+) -> tuple[IntervalTerm, ...]:
+    """Return the terms by what the likelihood assumes, from the shifts of the numbers.
+
+    `response`: by the ends of what the autopilot's response may be, which act together and add.
+    `late`, `pushed`: by a deviation of each fault of the motors' times, and of each place where
+    gusts and drag may push; they are independent.
+    """
+    return (
+        IntervalTerm(
+            name="autopilot response",
+            half_width=np.abs(response).sum(axis=0),
+            source="range of the autopilot's response to gusts",
+        ),
+        IntervalTerm(
+            name="motor lag",
+            half_width=1.96 * np.linalg.norm(late, axis=0),
+            source="faults of the motors' times",
+        ),
+        IntervalTerm(
+            name="gusts and drag",
+            half_width=1.96 * np.linalg.norm(pushed, axis=0),
+            source="where gusts and drag may push",
+        ),
+    )
 
 
 def prior_variance(
@@ -338,120 +371,3 @@ def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> d
         out["Jr_over_Izz"] = p["Jr"] / float(about_com[2])
     out["hover_speed"] = hover_speed(p["kt"], mass=mass, vehicle=configuration.vehicle)
     return out
-
-
-def systematic_uncertainty(
-    numbers: Numbers,
-    configurations: Sequence[JointConfiguration],
-    mass_std: Mapping[str, float],
-    shifts: Float[np.ndarray, " q"],
-) -> Numbers:
-    """Widen the numbers by the systematic errors that no scatter within the flights shows.
-
-    `shifts`: of what is assumed of autopilot and motors.
-    """
-    by_name = {c.name: c for c in configurations}
-    many = any(len(flights_of(c.factors)) >= ENOUGH_FLIGHTS for c in configurations)
-    extra = np.zeros(len(numbers.names))
-    for i, name in enumerate(numbers.names):
-        base, _, owner = name.partition("@")
-        value = abs(float(numbers.values[i]))
-        parts = [float(shifts[i]), common_share(base) * value * many]
-        rho = numbers.rho(name)
-        if rho is not None and not rho > LEAST_EXCITATION:
-            c = by_name[owner] if owner else configurations[0]
-            size = max(value, number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle))
-            parts.append(attenuation_allowance(base, size, rho, with_response=False))
-        if base in YAW_PRODUCTS:
-            parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
-            parts.append(lean_allowance(*moments_across(numbers, base, owner)))
-        if base in PLACES:
-            c = by_name[owner]
-            com, lever = com_from_imu(numbers, owner, c.vehicle), drag_lever(numbers, c.vehicle)
-            parts.append(lean_shift(base, com, c.mass, lever))
-        if base == "twist" and f"com_x@{owner}" in numbers.names:
-            parts.append(twist_shift(com_from_rotors(numbers, owner, by_name[owner].vehicle)))
-        if EVERY[base].mass_power:
-            owners = [by_name[owner]] if owner else list(configurations)
-            relative = max(mass_std[c.name] / c.mass for c in owners)
-            parts.append(1.96 * relative * value)
-        extra[i] = quadrature(parts)
-    return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
-
-
-def inertia_uncertainty(
-    numbers: Numbers,
-    configurations: Sequence[JointConfiguration],
-    std: Float[np.ndarray, " q"],
-) -> Numbers:
-    """Widen the numbers on the scale of yaw by an inertia that is not identifiable.
-
-    What yaw does to roll is in proportion to I_zz less I_yy: where nobody pitches, an I_yy that
-    gusts bias moves I_zz with it, as far as the two go together in the fit.
-
-    `std`: deviations of the fit, of every number.
-    """
-    squares = np.zeros(len(std))
-    scaled = [i for i, n in enumerate(numbers.names) if n.partition("@")[0] in SCALED]
-    for configuration in configurations:
-        for name in ("Ixx_com", "Iyy_com"):
-            own = numbers.index(f"{name}@{configuration.name}")
-            rho = numbers.rho(numbers.names[own])
-            if rho is None or rho > LEAST_EXCITATION or not std[own] > 0.0:
-                continue
-            bias = inertia_bias(float(numbers.values[own]), rho)
-            slopes = numbers.correlation[own, scaled] * std[scaled] / std[own]
-            squares[scaled] += (slopes * bias) ** 2
-    return replace(numbers, half_width=np.sqrt(numbers.half_width**2 + squares))
-
-
-def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfiguration]) -> Numbers:
-    """Widen the numbers on the scale of yaw where roll and pitch are too little excited.
-
-    The height of the centre of mass, and the scale of the yaw equation, which a known payload gives
-    as well.
-    """
-    weighed = any(c.payload_of is not None for c in configurations)
-    half = numbers.half_width.copy()
-    for i, name in enumerate(numbers.names):
-        base, _, owner = name.partition("@")
-        link = numbers.link(owner if base in HEIGHTS and not weighed else None)
-        depends = base in HEIGHTS or (base in SCALED and not weighed)
-        if depends and not link > LEAST_EXCITATION:
-            half[i] = np.hypot(half[i], link_allowance(float(numbers.values[i]), link))
-    return replace(numbers, half_width=half * _stretches(numbers, half))
-
-
-def _stretches(numbers: Numbers, half: Float[np.ndarray, " q"]) -> Float[np.ndarray, " q"]:
-    """Compute the factor of each half-width for the inverse of the scale of half-width `half`.
-
-    The yaw equation has the products of inertia in proportion to I_zz. Where its scale has no
-    upper end, I_zz is at most I_xx + I_yy, as of every body.
-    """
-    stretch = np.ones(len(half))
-    for i, name in enumerate(numbers.names):
-        base, _, owner = name.partition("@")
-        if base not in (*SCALED, *YAW_PRODUCTS):
-            continue
-        # J_r and the rotors' drag may be near zero; their scale is that of k_d.
-        at = numbers.index(f"Izz_com@{owner}" if owner else "kd")
-        stretch[i] = scale_stretch(float(numbers.values[at]), float(half[at]))
-        if base in YAW_PRODUCTS and not np.isfinite(stretch[i]):
-            Ixx, Iyy, Izz = (abs(numbers.number(f"{n}_com@{owner}")[0]) for n in INERTIA[:3])
-            stretch[i] = max((Ixx + Iyy) / max(Izz, np.finfo(float).tiny), 1.0)
-    return stretch
-
-
-def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) -> float:
-    """Return the size of a number below which its relative error does not matter."""
-    base, _, owner = name.partition("@")
-    if base == "Jr_over_Izz":
-        return 1e-3
-    # Shared numbers: with the speeds and the inertia of any configuration.
-    own = owner or next((n for n in numbers.names if "@" in n), "").partition("@")[2]
-    known = dict(zip(numbers.names, numbers.values.tolist(), strict=True))
-    hover = next((v for n, v in known.items() if n.startswith("hover_speed")), np.nan)
-    Ixx, Iyy, Izz = (known.get(f"{name}_com@{own}", np.nan) for name in INERTIA[:3])
-    speeds = len(vehicle.rotors) * hover
-    size = Size(mass=mass, arm=vehicle.arm, speeds=speeds, moments=(Ixx, Iyy, Izz))
-    return relevant_size(base, size)

@@ -28,6 +28,12 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.estimation.distributions import student_quantile
+from rotorfit.fit.intervals.interval_terms import (
+    IntervalTerm,
+    NumberTerm,
+    combined_half_width,
+    terms_of_number,
+)
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.parameters import EVERY, FIRST_MOMENTS
 from rotorfit.model.terms.term import Size
@@ -167,7 +173,9 @@ class Numbers:
 
     - `names`: ``kt`` for what is shared, ``Ixx_com@A`` for what belongs to a configuration;
       estimated row by row there is one, and it is not named.
-    - `values`, `half_width`: SI, per kilogram where the mass is unknown; half of the 95 % interval.
+    - `values`: SI, per kilogram where the mass is unknown.
+    - `terms`: what makes up their 95 % intervals, in the order of the steps that found it.
+    - `half_width`: half of the 95 % interval, by the rule of `interval_terms.py`.
     - `correlation`: between them, from the covariance of the fit.
     - `excitation`: rho of each configuration and axis, by ``roll@A`` (row by row: ``roll``).
     - `weighed`: the same where the weights of the fit give another, as `enough_by_weight` has it.
@@ -175,10 +183,37 @@ class Numbers:
 
     names: tuple[str, ...]
     values: Float[np.ndarray, " q"]
-    half_width: Float[np.ndarray, " q"]
+    terms: tuple[IntervalTerm, ...]
+    half_width: Float[np.ndarray, " q"] = field(init=False)
     correlation: Float[np.ndarray, "q q"]
     excitation: Mapping[str, float]
     weighed: Mapping[str, float] = field(default_factory=dict[str, float])
+
+    def __post_init__(self) -> None:
+        # Computed once: verdicts and reports ask for it thousands of times.
+        half = combined_half_width(self.terms, len(self.names))
+        object.__setattr__(self, "half_width", half)
+
+    def with_terms(self, *terms: IntervalTerm) -> "Numbers":
+        """Return the numbers with further interval terms; a term of zeros alone is left out."""
+        added = (term for term in terms if np.any(term.half_width))
+        return replace(self, terms=(*self.terms, *added))
+
+    def limited_to(self, half_width: Float[np.ndarray, " q"], *, source: str) -> "Numbers":
+        """Return the numbers with no interval wider than a half-width that is known already.
+
+        Where it is narrower than the terms, it replaces them as the one term of its source.
+        """
+        known = half_width < self.half_width
+        kept = (replace(t, half_width=np.where(known, 0.0, t.half_width)) for t in self.terms)
+        limit = IntervalTerm(
+            name="earlier flights", half_width=np.where(known, half_width, 0.0), source=source
+        )
+        return replace(self, terms=(*kept, limit))
+
+    def terms_of(self, name: str) -> tuple[NumberTerm, ...]:
+        """Return the interval terms of one number."""
+        return terms_of_number(self.terms, self.index(name))
 
     @property
     def judged(self) -> "Numbers":

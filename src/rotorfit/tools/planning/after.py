@@ -25,7 +25,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.fit.experiment.payload import MOMENTS
-from rotorfit.fit.intervals.joint_numbers import number_scale
+from rotorfit.fit.intervals.allowances import number_scale
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.model.vehicle import Vehicle
@@ -82,14 +82,14 @@ class Knowledge:
     half_widths: Mapping[str, float]
     values: Mapping[str, float]
 
-    def narrowed(self, numbers: Numbers) -> Float[np.ndarray, " q"]:
+    def narrowed(self, numbers: Numbers) -> Numbers:
         """Limit half-widths to those that the result has already, scaled to the plan's values."""
-        half = numbers.half_width.copy()
+        half = np.full(len(numbers.names), np.inf)
         for name, known in self.half_widths.items():
             i, value = numbers.index(WANTABLE[name]), self.values[name]
             scale = 1.0 if name in IN_MM or value == 0 else abs(float(numbers.values[i]) / value)
-            half[i] = min(half[i], known * scale)
-        return half
+            half[i] = known * scale
+        return numbers.limited_to(half, source="the earlier result")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

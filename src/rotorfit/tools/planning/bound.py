@@ -20,7 +20,9 @@ from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.fit.experiment.payload import MOMENTS, PointMass, tolerances
-from rotorfit.fit.intervals.joint_numbers import coupling_uncertainty, number_scale, physical
+from rotorfit.fit.intervals.allowances import coupling_uncertainty, number_scale
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
+from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.intervals.numbers import AXES, Numbers, attenuation_allowance
 from rotorfit.fit.joint.joint_map import joint_map
 from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior
@@ -215,12 +217,15 @@ def predicted(
     numbers = Numbers(
         names=tuple(problem.physical),
         values=np.array(list(problem.physical.values())),
-        half_width=np.hypot(1.96 * std, timing),
+        terms=(
+            IntervalTerm(name="noise", half_width=1.96 * std, source="prediction"),
+            IntervalTerm(name="motor lag", half_width=timing, source="prediction"),
+        ),
         correlation=np.eye(len(jacobian)),
         excitation={key: value / flown.residual[key] for key, value in flown.explained.items()},
     )
-    half = np.hypot(numbers.half_width, _systematic(problem, numbers))
-    return coupling_uncertainty(replace(numbers, half_width=half), problem.configurations)
+    numbers = numbers.with_terms(*_systematic_terms(problem, numbers))
+    return coupling_uncertainty(numbers, problem.configurations)
 
 
 def bound(
@@ -253,10 +258,10 @@ def prior_std(problem: Problem) -> Float[np.ndarray, " f"]:
     return np.array([known.get(name, VAGUE * size) for name, size in sizes.items()])
 
 
-def _systematic(problem: Problem, numbers: Numbers) -> Float[np.ndarray, " q"]:
-    """Compute half-widths for lack of excitation, and for the scale's step."""
+def _systematic_terms(problem: Problem, numbers: Numbers) -> tuple[IntervalTerm, IntervalTerm]:
+    """Return the terms for too little motion, and for the step of the scale."""
     bare = problem.configurations[0]
-    extra = np.zeros(len(numbers.names))
+    motion, weight = np.zeros(len(numbers.names)), np.zeros(len(numbers.names))
     for i, (name, value) in enumerate(zip(numbers.names, numbers.values.tolist(), strict=True)):
         base = name.partition("@")[0]
         rho = numbers.rho(name)
@@ -264,11 +269,14 @@ def _systematic(problem: Problem, numbers: Numbers) -> Float[np.ndarray, " q"]:
             size = max(
                 abs(value), number_scale(numbers, name, mass=bare.mass, vehicle=bare.vehicle)
             )
-            extra[i] = attenuation_allowance(base, size, rho, with_response=True)
+            motion[i] = attenuation_allowance(base, size, rho, with_response=True)
         if EVERY[base].mass_power:
             weighed = 0.5 * problem.assumed.mass_step / bare.mass
-            extra[i] = np.hypot(extra[i], weighed * value)
-    return extra
+            weight[i] = abs(weighed * value)
+    return (
+        IntervalTerm(name="little motion", half_width=motion, source="prediction"),
+        IntervalTerm(name="weight", half_width=weight, source="step of the scale"),
+    )
 
 
 def _factors(problem: Problem, data: FlightData) -> Factors:

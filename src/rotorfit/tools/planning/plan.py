@@ -14,7 +14,7 @@ from rotorfit.checks.verdicts.judge import judge
 from rotorfit.digits import finite_json
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.payload import PointMass
-from rotorfit.fit.intervals.joint_numbers import number_scale
+from rotorfit.fit.intervals.allowances import number_scale
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.vehicle import Vehicle
@@ -364,8 +364,8 @@ def _candidate(
     )
     known = study.known
     numbers = predicted(study.problem, flown, None if known is None else known.information)
-    half = numbers.half_width if known is None else known.narrowed(numbers)
-    shown = _shown(study.problem, dataclasses.replace(numbers, half_width=half))
+    narrowed = numbers if known is None else known.narrowed(numbers)
+    shown = _shown(study.problem, narrowed)
     half_widths = {name: number.half_width for name, number in shown.items()}
     values = {name: number.value for name, number in shown.items()}
     return Candidate(
