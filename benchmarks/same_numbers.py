@@ -25,7 +25,7 @@ from pathlib import Path
 
 from benchmarks.common import real_data_folder
 
-NEW = ("findings",)
+NEW = ("findings", "interval_terms", "schema", "imu_tilt_std_deg")
 """Keys of a result that older versions do not have."""
 PROGRESS = re.compile(r"\(\d+ s so far\)$")
 """End of a line that is printed every few seconds: how many there are tells of the machine."""

@@ -35,8 +35,9 @@ def simulated(name: str, kind: str = "clean", *, seed: int, **scenario: object) 
 
 def airframe_table(vehicle: Vehicle) -> str:
     rotors = ", ".join(_rotor(rotor) for rotor in vehicle.rotors)
-    imu = f"imu = {{ position = {list(vehicle.imu_position)} }}\n" if vehicle.imu_position else ""
-    return f"[airframe]\nrotors = [{rotors}]\n{imu}"
+    place, off = list(vehicle.imu_position or ()), vehicle.imu_position_std
+    imu = f"imu = {{ position = {place}, position_std = {off} }}\n" if place else ""
+    return f"[airframe]\nrotors = [{rotors}]\narm_std = {vehicle.arm_std}\n{imu}"
 
 
 def experiment_file(

@@ -18,7 +18,7 @@ KEYS = {
 }
 PARAMETER_KEYS = {
     *("name", "configuration", "value", "std", "interval", "unit", "verdict", "with"),
-    *("reason", "advice", "asks"),
+    *("reason", "advice", "asks", "interval_terms"),
 }
 
 
@@ -121,7 +121,7 @@ def test_older_results_have_sentences_alone(tmp_path, result):
 def test_the_file_has_every_key_of_the_format(result):
     plain = json.loads(result.to_json(), parse_constant=lambda word: pytest.fail(word))
     assert plain.keys() >= KEYS
-    assert plain["schema"] == 1
+    assert plain["schema"] == 2
     for parameter in plain["parameters"]:
         assert parameter.keys() == PARAMETER_KEYS
         value, interval = parameter["value"], parameter["interval"]
@@ -138,6 +138,7 @@ def test_the_file_has_every_key_of_the_format(result):
             *["name", "configuration", "value", "std", "interval", "unit"],
             "verdict",
             "reason",
+            "interval_terms",
         }
     for flight in plain["flights"]:
         assert flight.keys() >= {"file", "sha256", "seconds_used", "samples_used", "warnings"}
@@ -182,7 +183,7 @@ def test_no_file_is_overwritten_unasked(tmp_path, result):
         ("{", "is not a rotorfit result"),
         ("[]", "is not a rotorfit result"),
         ("{}", "is not a rotorfit result .at 'schema'"),
-        ('{"schema": 2}', "has schema 2, this rotorfit reads 1"),
+        ('{"schema": 3}', "has schema 3, this rotorfit reads 1 and 2"),
         ('{"schema": 1, "covariance": {"names": [], "matrix": []}}', "is not a rotorfit result"),
     ],
 )

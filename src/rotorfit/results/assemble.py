@@ -112,7 +112,14 @@ def withheld(result: IdentificationResult, finding: Finding) -> IdentificationRe
         for p in result.parameters
     )
     derived = tuple(
-        dataclasses.replace(d, value=None, std=None, interval=None, reason=finding.withheld_because)
+        dataclasses.replace(
+            d,
+            value=None,
+            std=None,
+            interval=None,
+            reason=finding.withheld_because,
+            interval_terms=(),
+        )
         if finding.is_about(d.full_name)
         else d
         for d in result.derived
@@ -147,6 +154,7 @@ def _without_value(
         reason=finding.withheld_because,
         advice=finding.next_step,
         asks=None if finding.next_step is None else "other",
+        interval_terms=(),
     )
 
 

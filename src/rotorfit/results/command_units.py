@@ -4,7 +4,7 @@ These are the throttle in hover, the thrust over the weight and of a motor, and 
 motors pull.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from math import hypot, isfinite, sqrt
 from typing import Final
@@ -17,9 +17,11 @@ from rotorfit.findings import doubt, note
 from rotorfit.fit.dataset.dataset import Dataset
 from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.experiment.law_table import LawEntry, speed_law_of
+from rotorfit.fit.intervals.interval_terms import NumberTerm, half_width_of_number, scale_terms
 from rotorfit.flight.motors.motor_model import GRID, full_speed_of, speeds
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
 from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS
+from rotorfit.results.law_tables import full_speed_term
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
 
 _PER_MASS: Final = " per kg"
@@ -94,10 +96,46 @@ def with_flight_numbers(result: IdentificationResult, motors: MotorsEntry) -> Id
     bodies: list[Derived] = []
     for owner in configuration_names(result):
         hover = _hover_speed(result, owner)
+        terms = _terms_of(result.derived, "hover_speed", owner)
         own = hover and _without_law(hover, motors.law)
-        bodies += [_throttle(own, owner, law, full), _thrust_to_weight(hover, owner, full)]
-    shared = (_max_thrust(result, full), _imbalance(result))
+        throttle = _throttle(own, owner, law, full)
+        ratio = _thrust_to_weight(hover, owner, full)
+        bodies += [
+            _with_terms(throttle, own, full, [t for t in terms if t.name != "motor law"]),
+            _with_terms(ratio, hover, full, terms),
+        ]
+    thrust = _max_thrust(result, full)
+    kt = next((_range(p) for p in result.parameters if p.name == "kt"), None)
+    doubled = full and (full[0], 2.0 * full[1])
+    terms = _terms_of(result.parameters, "kt", None)
+    shared = (_with_terms(thrust, kt, doubled, terms), _imbalance(result))
     return replace(result, derived=(*result.derived, *shared, *bodies))
+
+
+def _terms_of(
+    numbers: Iterable[Parameter | Derived], name: str, owner: str | None
+) -> tuple[NumberTerm, ...]:
+    """Return the interval terms of a number of a result."""
+    found = (n for n in numbers if (n.name, n.configuration) == (name, owner))
+    return next((n.interval_terms for n in found), ())
+
+
+def _with_terms(
+    number: Derived, base: Range | None, full: Range | None, terms: Sequence[NumberTerm]
+) -> Derived:
+    """Add the interval terms of a number that is made of another one and of the full speed.
+
+    `base`: the other number, whose interval terms, as far as they count here, are `terms`.
+    """
+    if number.std is None or base is None or full is None:
+        return number
+    own = half_width_of_number(terms)
+    shares = scale_terms(terms, base[1] / own if own > 0.0 else 0.0)
+    if full[1] > 0.0:
+        shares = (*shares, full_speed_term(full[1]))
+    whole = half_width_of_number(shares)
+    factor = 1.96 * number.std / whole if whole > 0.0 else 0.0
+    return replace(number, interval_terms=scale_terms(shares, factor))
 
 
 def _law(result: IdentificationResult, motors: MotorsEntry) -> SpeedLaw | None:
@@ -190,7 +228,10 @@ def _imbalance(result: IdentificationResult) -> Derived:
     C = result.covariance[np.ix_(ends, ends)]
     std = sqrt(max(float(C[0, 0] + C[1, 1] - 2.0 * C[0, 1]), 0.0)) / mean
     half = 1.96 * std
-    return _known("motor_imbalance", None, (most - least) / mean, half, scale=SEEN_IN_TRIM)
+    found = _known("motor_imbalance", None, (most - least) / mean, half, scale=SEEN_IN_TRIM)
+    source = "the thrust coefficients of two rotors together"
+    term = NumberTerm(name="noise", half_width=half, source=source)
+    return found if found.std is None else replace(found, interval_terms=(term,))
 
 
 def _rotors(result: IdentificationResult) -> Iterator[tuple[str, float]]:

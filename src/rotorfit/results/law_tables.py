@@ -13,6 +13,7 @@ from rotorfit.errors import EstimationError
 from rotorfit.findings import note
 from rotorfit.fit.dataset.carried_weight import Measured
 from rotorfit.fit.dataset.dataset import Dataset
+from rotorfit.fit.intervals.interval_terms import NumberTerm
 from rotorfit.fit.motor_law.command_response import Recording, speed_response
 from rotorfit.fit.motor_law.fit_law import FittedLaw, LawFit, bounded_recording, fit_law
 from rotorfit.fit.motor_law.law_model import law_of, scales_of, timing_of
@@ -114,6 +115,7 @@ def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[P
         reason=verdict.reason,
         advice=verdict.advice,
         asks=verdict.asks,
+        interval_terms=(full_speed_term(half),) if known else (),
     )
     return _law(fitted, rotor_count, known=known, times=times), (*times, speed)
 
@@ -145,6 +147,12 @@ def _of_one_charge(entry: Mapping[str, Any], why: str) -> str:
     half = 1.96 * voltage["exponent_std"]
     exponent, nominal = voltage["exponent"], voltage["nominal"]
     return USUAL_VOLTAGE.format(nominal=nominal, exponent=exponent, half=half)
+
+
+def full_speed_term(half: float) -> NumberTerm:
+    """Return the interval term of a speed at full command, or of what is proportional to it."""
+    source = "the motors' law between the commands that were flown and full command"
+    return NumberTerm(name="full speed", half_width=half, source=source)
 
 
 def _full_speed(fit: LawFit, x: Vector) -> float:

@@ -18,6 +18,7 @@ from rotorfit.checks.verdicts.judge import body_verdict, twin_of
 from rotorfit.digits import with_interval
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.findings import Finding, doubt, finding_from_plain, finding_to_plain, sentences
+from rotorfit.fit.intervals.interval_terms import NumberTerm
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.read import kind_of
 from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS
@@ -25,7 +26,10 @@ from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plai
 from rotorfit.results.samples import Estimated, Samples, draw_vehicles
 from rotorfit.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 
-SCHEMA = 1
+SCHEMA = 2
+"""Of a saved result; 2 has the interval terms of every number."""
+OLDER = (1,)
+"""Schemas that are read as well."""
 RESULT_FILE = "a result of rotorfit identify"
 
 
@@ -399,9 +403,10 @@ def _without_nan(value: Any) -> Any:
 
 def _from_plain(data: Any, path: Path) -> IdentificationResult:
     try:
-        if data["schema"] != SCHEMA:
+        if data["schema"] not in (SCHEMA, *OLDER):
+            reads = " and ".join(str(one) for one in (*OLDER, SCHEMA))
             raise OutputError(
-                f"{path} has schema {data['schema']}, this rotorfit reads {SCHEMA}; "
+                f"{path} has schema {data['schema']}, this rotorfit reads {reads}; "
                 "identify again, or use the version that wrote it"
             )
         names = tuple(data["covariance"]["names"])
@@ -447,7 +452,11 @@ def _no_result(path: Path, why: str) -> str:
 
 def _tupled(entry: dict[str, Any]) -> dict[str, Any]:
     interval = entry["interval"]
-    return {**entry, "interval": None if interval is None else tuple(interval)}
+    return {
+        **entry,
+        "interval": None if interval is None else tuple(interval),
+        "interval_terms": tuple(NumberTerm(**term) for term in entry.get("interval_terms", ())),
+    }
 
 
 def _flight_record(entry: dict[str, Any]) -> FlightRecord:

@@ -27,6 +27,7 @@ from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.findings import note
 from rotorfit.fit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.fit.fit_flights import setting_terms
+from rotorfit.fit.intervals.interval_terms import NumberTerm
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings, paper_estimate
 from rotorfit.fit.row_fits import ROWS, RowFits, fit_rows, number_scale, row_numbers
@@ -236,4 +237,12 @@ def _paper_parameter(
     )
     if judged.verdict == "not-identified":
         return shown
-    return replace(shown, value=value, std=std, interval=(value - 1.96 * std, value + 1.96 * std))
+    half = 1.96 * std
+    sigma = NumberTerm(name="noise", half_width=half, source="the paper's own deviation")
+    return replace(
+        shown,
+        value=value,
+        std=std,
+        interval=(value - half, value + half),
+        interval_terms=(sigma,),
+    )

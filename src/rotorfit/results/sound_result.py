@@ -95,7 +95,23 @@ def _entry(entry: Parameter | Derived) -> str | None:
     unit = known[name].unit
     if entry.unit.removesuffix(" per kg") not in (unit, effective_unit(name, unit)):
         return f"{name} is in {entry.unit!r}, but its unit is {unit}"
-    return _number(name, entry.value) or _interval(name, entry)
+    return _number(name, entry.value) or _interval(name, entry) or _terms(name, entry)
+
+
+def _terms(name: str, entry: Parameter | Derived) -> str | None:
+    """Describe the fault of the interval terms: a name, a source, and a half-width each."""
+    for term in entry.interval_terms:
+        texts: tuple[Any, ...] = (term.name, term.source)
+        half: Any = term.half_width
+        if not all(isinstance(text, str) for text in texts):
+            return f"an interval term of {name} has no name or no source"
+        if (
+            isinstance(half, bool)
+            or not isinstance(half, int | float)
+            or not 0.0 <= half < math.inf
+        ):
+            return f"the interval term {term.name!r} of {name} is {half!r}, not a half-width"
+    return None
 
 
 def _number(name: str, value: Any) -> str | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from math import floor, isfinite
 from typing import Final, Literal
 
+from rotorfit.fit.intervals.interval_terms import NumberTerm
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, moments_of_product
 from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
 from rotorfit.model.terms.body import product_scale
@@ -43,6 +44,9 @@ class Parameter:
     asks
         What the advice comes to: a ``flight`` that a plan simulates, ``nothing`` (no such flight
         helps), or ``other`` things first; None without advice, and in older results.
+    interval_terms
+        What makes up the interval, in the order in which `combined_half_width` combines it to half
+        of the interval; empty without an interval, and in older results.
     """
 
     name: str
@@ -56,6 +60,7 @@ class Parameter:
     reason: str | None = None
     advice: str | None = None
     asks: Asks | None = None
+    interval_terms: tuple[NumberTerm, ...] = ()
 
     @property
     def full_name(self) -> str:
@@ -73,7 +78,7 @@ class Derived:
         `configuration` is None for what all configurations share.
     value, std, interval
         SI; None where the parameters do not give it. The interval is 95 %.
-    verdict, reason
+    verdict, reason, interval_terms
         As of a `Parameter`; doubtful where a number is that it depends on.
     """
 
@@ -85,6 +90,7 @@ class Derived:
     unit: str
     verdict: Verdict | None = None
     reason: str | None = None
+    interval_terms: tuple[NumberTerm, ...] = ()
 
     @property
     def full_name(self) -> str:

@@ -24,6 +24,7 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.experiment.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.allowances import number_scale
+from rotorfit.fit.intervals.interval_terms import NumberTerm
 from rotorfit.fit.intervals.numbers import HEIGHTS, Numbers
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration
@@ -91,6 +92,7 @@ def number_parameter(
         reason=judgement.reason,
         advice=judgement.advice,
         asks=judgement.asks,
+        interval_terms=numbers.terms_of(name) if known else (),
     )
 
 
@@ -115,6 +117,7 @@ def number_derived(
         unit=unit_of(DERIVED[base], entry),
         verdict=judged[name].verdict if name in numbers.names else "not-identified",
         reason=judged[name].reason if name in numbers.names else None,
+        interval_terms=numbers.terms_of(name) if known else (),
     )
 
 
@@ -173,7 +176,14 @@ def found_time(name: str, value: float, std: float) -> Parameter:
         reason=None if sharp else f"known only to +-{short(1e3 * half)} ms",
         advice=None if sharp else ADVICE["roll"],
         asks=None if sharp else "flight",
+        interval_terms=timing_terms(half) if known else (),
     )
+
+
+def timing_terms(half: float) -> tuple[NumberTerm, ...]:
+    """Return the one term of a time of the motors, whose parts its search has combined."""
+    source = "search of the motors' times: noise, the autopilot's response, how commands hold"
+    return (NumberTerm(name="timing of the motors", half_width=half, source=source),)
 
 
 def with_timing_total(
@@ -190,6 +200,7 @@ def with_timing_total(
         std=timing.total_std if timing.identifiable else None,
         interval=(value - half, value + half) if timing.identifiable else None,
         unit="s",
+        interval_terms=timing_terms(half) if timing.identifiable else (),
     )
     return (total, *(d for d in derived if d.name != total.name))
 
@@ -199,6 +210,9 @@ def given_parameter(
 ) -> Parameter:
     """Tabulate a parameter that the user gave, or left unknown."""
     known = isinstance(value, float)
+    tolerance = NumberTerm(
+        name="weight", half_width=1.96 * std, source="declared tolerance of the mass"
+    )
     return Parameter(
         name=name,
         configuration=entry.name,
@@ -209,6 +223,7 @@ def given_parameter(
         verdict="given" if known else "not-identified",
         reason=None if known else "everything scales with the mass",
         advice=None if known else "weigh the vehicle as it flies, battery included",
+        interval_terms=(tolerance,) if known and std > 0 else (),
     )
 
 

@@ -87,6 +87,12 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
         remedy="measure", action="measure the distances between the motors, front and side"
     ),
     "earlier flights": TermKind(remedy="fly"),
+    "timing of the motors": TermKind(
+        remedy="fly", action="roll briskly: 20 s of quick left-right rolls, one or two a second"
+    ),
+    "full speed": TermKind(
+        remedy="declare", action="log commands and rotor speed up to full throttle"
+    ),
 }
 """Every interval term by its name. A new term needs its row here and a step that appends it."""
 
