@@ -220,6 +220,14 @@ def test_the_report_is_shown_and_downloaded(work: Any, browser: Any, tmp_path: P
     assert result["parameters"][0]["value"] == float(work.evaluate(VALUES)["kt"][0])
 
 
+def test_the_parts_of_an_interval_are_stacked(work: Any) -> None:
+    work.get_by_text("Where the intervals come from").click()
+    bars = work.locator("tr[data-budget=kt] svg.budget rect")
+    widths = [float(bars.nth(i).get_attribute("width")) for i in range(bars.count())]
+    assert sum(widths) == pytest.approx(260.0, abs=0.1)
+    assert widths[0] == max(widths)
+
+
 def test_the_mjcf_is_the_identified_vehicle(work: Any, flown_log: Flown, tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo to load its file")
     # A log without commands tells neither the motors' lag nor their full speed: asked for.

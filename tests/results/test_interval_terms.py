@@ -107,7 +107,7 @@ def test_declared_tolerances_are_terms_of_their_own(joint):
     assert ratio == pytest.approx(2.0 * 0.002 / 0.25, rel=0.25)
 
 
-def test_terms_come_back_from_a_file_and_older_files_have_none(joint, tmp_path):
+def test_terms_come_back_and_older_files_have_none(joint, tmp_path):
     path = tmp_path / "result.json"
     joint.save(path)
     again = IdentificationResult.load(path)

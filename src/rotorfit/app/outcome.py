@@ -26,6 +26,7 @@ from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import Experiment, airframe_of_tables
 from rotorfit.identification import identify
 from rotorfit.logs.files import watched, write_whole
+from rotorfit.report.budget import size_words
 from rotorfit.report.loop import loop_html, verdict
 from rotorfit.report.parameters import PREDICTED_WELL, ParameterTable, Row, parameter_tables
 from rotorfit.report.plan_card import card_html
@@ -33,7 +34,8 @@ from rotorfit.report.plan_text import plan_text
 from rotorfit.report.result_page import report_html
 from rotorfit.report.summary import Line, summary_of
 from rotorfit.report.text import advice_of, assumptions_of, result_text, warnings_of
-from rotorfit.results.result import IdentificationResult, configuration_names
+from rotorfit.results.budget import budget_of
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
 from rotorfit.results.sound_result import load_sound
 from rotorfit.results.validation.validate import drawn_comparisons
 from rotorfit.tools.control_loop.loop import LoopOutcome, first_flight_margins
@@ -124,6 +126,7 @@ def outcome_of(result: IdentificationResult) -> dict[str, Any]:
         "seconds": sum(flight.seconds_used for flight in result.flights),
         "text": result_text(result),
         "tables": [_table(one) for one in parameter_tables(result)],
+        "budgets": [_budget(result, n) for n in (*result.parameters, *result.derived) if n.std],
         "summary": [
             {"title": title, "lines": [_line(one) for one in lines]}
             for title, lines in summary.groups
@@ -145,6 +148,23 @@ def outcome_of(result: IdentificationResult) -> dict[str, Any]:
         "hangs_on": assumptions_of(result),
         "configurations": configuration_names(result),
         "result": json.loads(result.to_json()),
+    }
+
+
+def _budget(result: IdentificationResult, number: Parameter | Derived) -> dict[str, Any]:
+    """Return the parts of an interval as the page stacks them."""
+    budget = budget_of(result, number)
+    return {
+        "name": budget.full_name,
+        "parts": [
+            {
+                "words": f"{line.name} {size_words(line.half_width, budget)}",
+                "share": line.share,
+                "remedy": line.remedy,
+                "action": line.action,
+            }
+            for line in budget.lines
+        ],
     }
 
 
@@ -171,6 +191,7 @@ def _row(row: Row) -> dict[str, Any]:
     number = row.source
     return {
         "name": row.name,
+        "full_name": number.full_name,
         "title": row.title,
         "shown": None if row.number is None else str(row.number),
         "value": known(number.value),

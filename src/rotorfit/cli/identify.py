@@ -77,6 +77,14 @@ Full = Annotated[
     ),
 ]
 
+Why = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NUMBER",
+        help="Print what makes up the interval of a number, such as Ixx, and what would shrink it.",
+    ),
+]
+
 
 def identify(
     source: Source,
@@ -93,6 +101,7 @@ def identify(
     method: Method = None,
     preset: Preset = None,
     full: Full = False,
+    why: Why = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -120,6 +129,11 @@ def identify(
         print_status(f"wrote {output}")
     if report is not None or figures is not None:
         _write_pictures(result, experiment, report, figures, force=force)
+    if why is not None:
+        from rotorfit.cli.why import budget_output
+
+        print_result(budget_output(result, why, as_json=as_json))
+        return
     from rotorfit.report.summary import summary_text
     from rotorfit.report.text import result_text
 

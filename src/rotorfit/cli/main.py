@@ -33,6 +33,7 @@ from rotorfit.cli.terminal import (
     print_result,
 )
 from rotorfit.cli.validate import validate
+from rotorfit.cli.why import why
 from rotorfit.errors import RotorfitError
 
 COMMANDS: Final[dict[str, tuple[Callable[..., None], str]]] = {
@@ -41,6 +42,7 @@ COMMANDS: Final[dict[str, tuple[Callable[..., None], str]]] = {
     "app": (page, "--port 8421"),
     "airframe": (airframe, "flight.bfl -o airframe.toml"),
     "identify": (identify, "flight.bfl --mass 0.428 --airframe airframe.toml"),
+    "why": (why, "result.json Ixx"),
     "fleet": (fleet, "logs --airframe airframe.toml --mass 0.428 -o fleet"),
     "validate": (validate, "result.json other_flight.bfl"),
     "compare": (compare, "imu.json mocap.json"),

@@ -18,6 +18,7 @@ from typing import Any, Final, cast
 from rotorfit.digits import known, short
 from rotorfit.logs.files import file_name, write_whole
 from rotorfit.model.parameters import title_of
+from rotorfit.report.budget import budget_rows
 from rotorfit.report.chart import chart_svg
 from rotorfit.report.correlations import correlation_section
 from rotorfit.report.loop import loop_section
@@ -246,6 +247,7 @@ def report_html(
         summary=summary_of(result),
         assumptions=assumptions_of(result),
         tables=parameter_tables(result),
+        budgets=budget_rows(result),
         vehicle=vehicle_drawings(result),
         law=law_section(result, comparisons),
         figures=wrench_figures(comparisons),

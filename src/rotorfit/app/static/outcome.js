@@ -14,6 +14,7 @@ export function outcomeView() {
     inShort(outcome),
     remarks("To know", outcome.doubts),
     outcome.tables.filter((one) => !ofEquations(one)).map(table),
+    budgets(outcome),
     validation(outcome),
     outcome.tables.filter(ofEquations).map((one) => folded(one.title, table(one))),
     folded("What the verdicts mean", meanings(outcome)),
@@ -94,6 +95,35 @@ function bar({ value, interval, ends, verdict: word }) {
     h("path", { class: "zero", d: `M${place(0)} 1V17` }),
     h("rect", { class: "span", x: low, y: 5, width: Math.max(1, high - low), height: 8, rx: 2 }),
     h("circle", { class: "value", cx: place(value), cy: 9, r: 3 }));
+}
+
+const LEAST_SHARE = 0.01;
+
+/** Where the intervals come from: shares of each squared half-width side by side, largest first. */
+function budgets({ budgets: all, tables }) {
+  const parts = new Map((all ?? []).map((one) => [one.name, one.parts]));
+  const rows = tables.filter((one) => !ofEquations(one)).flatMap((one) => one.rows)
+    .filter((one) => parts.get(one.full_name)?.length);
+  return rows.length ? folded("Where the intervals come from",
+    h("p", { class: "explanation" }, "Each bar is one interval, parted by what makes it up; the colour says what shrinks a part: ",
+      ["fly", "measure", "declare", "log", "repair", "none"].map((one) => [h("span", { class: `term remedy-${one}` }, REMEDIES[one]), " "])),
+    h("table", { class: "budgets" }, h("tbody", {}, rows.map((one) => budget(one, parts.get(one.full_name)))))) : null;
+}
+
+const REMEDIES = { fly: "a flight", measure: "a ruler or a scale", declare: "the motors' law", log: "a log setting", repair: "the vehicle", none: "nothing" };
+
+function budget({ title, full_name: name }, parts) {
+  let left = 0;
+  const rects = parts.map(({ share, remedy, words }) => {
+    const x = left;
+    left += 260 * Math.max(share, 0);
+    return h("rect", { class: `term remedy-${remedy}`, x: x.toFixed(2), y: 1, width: (left - x).toFixed(2), height: 14 }, h("title", {}, words));
+  });
+  const shown = parts.filter(({ share }) => share >= LEAST_SHARE);
+  return h("tr", { "data-budget": name }, h("th", { scope: "row" }, title, h("code", {}, name)),
+    h("td", {}, h("svg", { class: "budget", viewBox: "0 0 260 16", "aria-hidden": "true" }, rects),
+      shown.map(({ words, remedy }, i) => [i ? ", " : "", h("span", { class: `term remedy-${remedy}` }, words)])),
+    h("td", { class: "advice" }, parts[0].action));
 }
 
 function note({ mark, names, reason, advice }) {

@@ -142,7 +142,10 @@ def half_width_of_number(terms: Iterable[NumberTerm]) -> float:
     """Combine the interval terms of one number by the rule of this module."""
     half = np.zeros(1)
     for term in terms:
-        half = joined(half, np.array([term.half_width]), TERM_KINDS[term.name].rule)
+        # A name that a later version wrote adds in quadrature, as nearly all do.
+        kind = TERM_KINDS.get(term.name)
+        rule: Rule = "quadrature" if kind is None else kind.rule
+        half = joined(half, np.array([term.half_width]), rule)
     return float(half[0])
 
 
