@@ -2,6 +2,7 @@
 
 import ast
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,15 @@ def test_every_term_has_its_kind_and_every_kind_its_term():
     made |= {"arm lengths", "IMU position"}  # named by `other_geometries`
     assert made == set(TERM_KINDS)
     assert all(kind.action or kind.remedy == "fly" for kind in TERM_KINDS.values())
+
+
+def test_the_page_explains_every_term():
+    page = (SOURCE.parents[1] / "docs" / "budget.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    assert sorted(re.findall("`([^`]+)`", " ".join(rows))) == sorted(TERM_KINDS)
+    linear = {name for name, kind in TERM_KINDS.items() if kind.rule == "linear"}
+    said = page.split("3. Terms named ")[1].split(" are the largest error")[0]
+    assert set(re.findall("`([^`]+)`", said)) == linear
 
 
 def test_no_half_width_is_widened_anywhere_else():

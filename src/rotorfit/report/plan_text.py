@@ -407,5 +407,7 @@ def unmet_phrase(plan: FlightPlan) -> str:
         if width > limit:
             lost = number.verdict == "not-identified"
             shown = "unknown" if lost else f"+-{digits(width)} {unit_of(name)}"
-            parts.append(f"{name} {shown}")
+            largest = number.largest_term
+            by = "" if lost or largest == "noise" else f" (most of it {largest})"
+            parts.append(f"{name} {shown}{by}")
     return ", ".join(parts)

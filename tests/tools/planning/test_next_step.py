@@ -7,6 +7,7 @@ import numpy as np
 from rotorfit.checks.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
 from rotorfit.checks.verdicts.judge import ADVICE, FLOWN, body_advice
 from rotorfit.findings import Evidence, doubt, note
+from rotorfit.fit.intervals.interval_terms import TERM_KINDS, NumberTerm
 from rotorfit.results.assemble import mark_doubtful
 from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.tools.planning.after import PRACTICE, UNAIDED, UNAIDED_BEFORE, Missing
@@ -125,3 +126,35 @@ def test_a_number_about_the_com_keeps_what_was_simulated():
     )  # fmt: skip
     assert body_advice("Ixy_com", "weak", twin) == FLOWN["roll"]
     assert body_advice("Ixy_com", "weak", replace(twin, advice=UNAIDED)) == UNAIDED
+
+
+def held_by(term, share, *, of=("kd",)):
+    """Return the next step where a term has a share of the squared intervals of weak numbers."""
+    terms = tuple(
+        NumberTerm(name=name, half_width=half**0.5, source="made up")
+        for name, half in (("noise", 1.0 - share), (term, share))
+    )
+    parameters = tuple(
+        Parameter(
+            name=name, configuration=owner, value=1.0, std=0.3, interval=(0.4, 1.6), unit="",
+            verdict="weak", advice=FLOWN["turns"], asks="flight",
+            interval_terms=terms if name in of else (),
+        )
+        for name, owner in (("kt", "A"), ("kd", None), ("Jr", None))
+    )  # fmt: skip
+    result = IdentificationResult(
+        name="made", method="banded", parameters=parameters, derived=(), flights=(),
+        covariance_names=(), covariance=np.zeros((0, 0)), settings={}, versions={},
+    )  # fmt: skip
+    return next_step(result.found(ROLL))
+
+
+def test_what_no_flight_shrinks_is_named_where_it_decides():
+    """Of most numbers: a ruler where the arms leave them open, a log setting for the filter."""
+    found = held_by("arm lengths", 0.6, of=("kd", "Jr"))
+    assert (found.kind, found.numbers) == ("declare", ("kd", "Jr"))
+    assert found.action == TERM_KINDS["arm lengths"].action
+    assert held_by("gyro filter", 0.9, of=("kd", "Jr")).kind == "log"
+    assert held_by("arm lengths", 0.4, of=("kd", "Jr")).kind == "fly"
+    assert held_by("arm lengths", 0.9, of=("kd",)).kind == "fly"
+    assert held_by("autopilot response", 0.9, of=("kd", "Jr")).kind == "fly"

@@ -29,6 +29,7 @@ from rotorfit.fit.intervals.allowances import number_scale
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.results.budget import BudgetLine, budget_lines
 from rotorfit.results.result import (
     Derived,
     IdentificationResult,
@@ -272,6 +273,7 @@ class JudgedNumber:
     """A number as reports have it: those of a body are about its CoM.
 
     `full_name`: in a plan; `parameter`: the full name in the result, by which findings go.
+    `largest`: the largest contribution to its interval; None without an interval.
     """
 
     name: str
@@ -280,6 +282,7 @@ class JudgedNumber:
     verdict: Verdict
     advice: str | None
     asks: Asks | None
+    largest: BudgetLine | None = None
 
     @property
     def is_flyable(self) -> bool:
@@ -308,6 +311,7 @@ def judged_numbers(result: IdentificationResult, owner: str) -> list[JudgedNumbe
                 verdict=verdict,
                 advice=p.advice if shown is None else body_advice(name, verdict, p),
                 asks=p.asks if shown is None else body_asks(name, verdict, p),
+                largest=next(iter(budget_lines(shown or p)), None),
             )
         )
     return found

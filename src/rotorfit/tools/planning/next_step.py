@@ -52,6 +52,8 @@ UNHELPED: Final = (
     "no manoeuvre of 20 s is enough for what is left: plan a longer flight, or one with a payload "
     "(rotorfit plan AIRFRAME --after RESULT)"
 )
+MOST_OF_IT: Final = 0.5
+"""Share of a squared interval over which a contribution decides it."""
 NAMED: Final = 2
 """How many of the numbers that a manoeuvre sharpens are named."""
 Kind = Literal["log", "declare", "fly", "done"]
@@ -97,7 +99,7 @@ def next_step(result: IdentificationResult, *, predicted: Finding | None = None)
     """
     lacking = _lacking(result)
     stored = next((one for one in result.findings if one.kind == BEST_MANOEUVRE), predicted)
-    step = _before_flying(result, lacking) or _advised(lacking)
+    step = _before_flying(result, lacking) or _not_by_flying(lacking) or _advised(lacking)
     about_flying = step.kind == "fly" or step.action == UNHELPED
     return _stored(stored) if about_flying and stored is not None else step
 
@@ -228,6 +230,31 @@ def _before_flying(
             numbers=tuple(dict.fromkeys(numbers)),
         )
     return None
+
+
+def _not_by_flying(lacking: Sequence[JudgedNumber]) -> NextStep | None:
+    """Name the largest contribution where it is one that no flight shrinks, of most numbers.
+
+    It is over half of the squared interval: without all the rest, seven tenths would be left.
+    """
+    groups: dict[str, list[JudgedNumber]] = {}
+    for number in lacking:
+        line = number.largest
+        if line is not None and line.share > MOST_OF_IT and line.remedy not in ("fly", "none"):
+            groups.setdefault(line.name, []).append(number)
+    held = sum(len(numbers) for numbers in groups.values())
+    if 2 * held <= len(lacking):
+        return None
+    term, numbers = max(groups.items(), key=lambda group: len(group[1]))
+    line = numbers[0].largest
+    assert line is not None
+    names = tuple(dict.fromkeys(number.name for number in numbers))
+    return NextStep(
+        kind="log" if line.remedy == "log" else "declare",
+        action=line.action,
+        because=f"{term} makes up most of the interval of {', '.join(names[:NAMED])}",
+        numbers=names,
+    )
 
 
 def _stored(best: Finding) -> NextStep:

@@ -385,7 +385,14 @@ def _shown(problem: Problem, numbers: Numbers) -> dict[str, PredictedNumber]:
         value, half = numbers.number(full)
         scale = number_scale(numbers, full, mass=bare.mass, vehicle=bare.vehicle)
         verdict = judge(value, half, scale=scale, axis="yaw").verdict
-        shown[name] = PredictedNumber(name=name, value=value, half_width=half, verdict=verdict)
+        terms = numbers.terms_of(full)
+        shown[name] = PredictedNumber(
+            name=name,
+            value=value,
+            half_width=half,
+            verdict=verdict,
+            largest_term=max(terms, key=lambda term: term.half_width).name if terms else "noise",
+        )
     return shown
 
 

@@ -92,12 +92,16 @@ def _limit(text: str, name: str) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PredictedNumber:
-    """One number as `identify` would give it: half of its 95 % interval, SI, and its verdict."""
+    """One number as `identify` would give it: half of its 95 % interval, SI, and its verdict.
+
+    `largest_term`: name of the largest contribution to the interval.
+    """
 
     name: str
     value: float
     half_width: float
     verdict: Verdict
+    largest_term: str = "noise"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
