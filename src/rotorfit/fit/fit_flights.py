@@ -7,6 +7,7 @@ the numbers show when everything is fitted once more.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -191,7 +192,15 @@ def allow_for_settings(fit: Fit) -> Fit:
         return shift_of(fit, other, top=top)
 
     timed = fit.dataset.free_timing is not None
-    return fit.with_terms(*setting_terms(fit.dataset, shift, timed=timed), _by_other_bands(fit))
+    return fit.with_terms(
+        *setting_terms(fit.dataset, shift, timed=timed),
+        *(TOLERANCE_TERMS[n](fit, std) for n, std in fit.dataset.vehicle.tolerances.items() if std),
+        _by_other_bands(fit),
+    )
+
+
+TOLERANCE_TERMS: Final[Mapping[str, Callable[[Fit, float], IntervalTerm]]] = {}
+"""What a declared standard deviation of a vehicle leaves open, by the name of the term."""
 
 
 def _by_other_bands(fit: Fit) -> IntervalTerm:

@@ -7,7 +7,8 @@ Sources: PX4 airframe reference; ArduPilot "Connect ESCs and Motors"; Betaflight
 configuration" (props in); Crazyflie 2 "Motor orientation"; Six et al. 2020, eq. 9 (paper).
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal, get_args
 
 import numpy as np
@@ -77,12 +78,15 @@ class Vehicle:
         Standard deviation of each of its components [m].
     arm_std
         Standard deviation of the length of the arms, all measured with one tape [m].
+    tolerances
+        Further declared standard deviations [SI], by the name of their interval term.
     """
 
     rotors: tuple[Rotor, ...]
     imu_position: tuple[float, float, float] | None = None
     imu_position_std: float = 0.0
     arm_std: float = 0.0
+    tolerances: Mapping[str, float] = field(default_factory=dict[str, float], hash=False)
 
     @property
     def positions(self) -> Float[np.ndarray, "N 3"]:

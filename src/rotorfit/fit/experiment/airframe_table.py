@@ -68,6 +68,10 @@ class AirframeEntry(Strict):
             self._refuse_odd_rotors(self.rotors)
         return self
 
+    def tolerances(self) -> dict[str, float]:
+        """Return further declared standard deviations [SI], by the name of their interval term."""
+        return {}
+
     def _refuse_unknown_layout(self) -> None:
         try:
             rotors = self.of_layout()
