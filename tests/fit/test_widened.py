@@ -1,6 +1,7 @@
 """What other settings shift is in the intervals: twice its rms, group by group."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from rotorfit.fit.intervals.interval_terms import combined_half_width
 from rotorfit.fit.reduction.frequency_bands import LEAST_RATIO
 from rotorfit.fit.reduction.motor_timing import MotorTiming
 from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.model.terms.rotors import IMU_MOUNTING, MOUNTING_STD
 
 RATE = 100.0
 AT = MotorResponse(lag=0.04, delay=0.01)
@@ -134,3 +136,26 @@ def test_the_line_between_counted_bands_is_tried_elsewhere(monkeypatch):
     )
     found = fit_flights.allow_for_settings(made_fit.fit(flown(), numbers, bodies=[five]))
     assert found.numbers.half_width[0] == 10.0
+
+
+def test_a_mounting_known_less_well_than_usual_is_a_term(monkeypatch):
+    """Its centre is tried off by what is beyond the usual deviation: 4, where 5 is told from 3."""
+    asked, shifts = [], {"mounting_x": 1.0, "mounting_y": 2.0, "mounting_z": -2.0}
+
+    def shifted(fit, dataset, *, known):
+        asked.append(known)
+        return np.array([shifts[list(known)[-1]]])
+
+    monkeypatch.setattr(fit_flights, "shift_of", shifted)
+    numbers = made_fit.no_numbers("kt", values=[1.0], half_width=[10.0])
+    estimate = SimpleNamespace(estimate=SimpleNamespace(names=IMU_MOUNTING.names))
+    fit = replace(made_fit.fit(flown(), numbers, estimate=estimate), known={"kt": (1.0, 0.1)})
+    term = fit_flights.mounting_term(fit, 5.0 / 3.0 * MOUNTING_STD)
+    assert term.half_width == pytest.approx([1.96 * 3.0])
+    assert asked[0] == {
+        "kt": (1.0, 0.1),
+        "mounting_x": (pytest.approx(4.0 / 3.0 * MOUNTING_STD), MOUNTING_STD),
+    }
+    assert len(asked) == 3
+    assert not fit_flights.mounting_term(fit, MOUNTING_STD).half_width.any()
+    assert len(asked) == 3

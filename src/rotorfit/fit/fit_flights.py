@@ -27,6 +27,7 @@ from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import timed_again
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import DEFAULT, DROPPED
+from rotorfit.model.terms.rotors import IMU_MOUNTING, MOUNTING_STD
 from rotorfit.model.vehicle import Rotor, Vehicle
 
 Shift = Callable[[TimedDataset, float], Float[np.ndarray, " q"]]
@@ -199,7 +200,27 @@ def allow_for_settings(fit: Fit) -> Fit:
     )
 
 
-TOLERANCE_TERMS: Final[Mapping[str, Callable[[Fit, float], IntervalTerm]]] = {}
+def mounting_term(fit: Fit, std: float) -> IntervalTerm:
+    """Return the term by a declared deviation of the IMU's angles about each axis [rad].
+
+    A fit takes the three angles for known to `MOUNTING_STD` about zero: that is in its prior term.
+    Where the mounting is known less well, the prior should be centred elsewhere: an error d of its
+    centre moves the numbers by S d, so that the variance beyond that of the prior adds
+    S S^T (std^2 - MOUNTING_STD^2). Flights that show the mounting leave S small.
+    """
+    beyond = float(np.sqrt(max(std**2 - MOUNTING_STD**2, 0.0)))
+    names = [n for n in IMU_MOUNTING.names if n in fit.estimate.estimate.names and beyond > 0.0]
+    shifts = [
+        shift_of(fit, fit.dataset, known={**fit.known, name: (beyond, MOUNTING_STD)})
+        for name in names
+    ]
+    half = 1.96 * np.sqrt(np.sum(np.square(shifts), axis=0)) * np.ones(len(fit.numbers.names))
+    return IntervalTerm(name="IMU mounting", half_width=half, source="declared tolerance")
+
+
+TOLERANCE_TERMS: Final[Mapping[str, Callable[[Fit, float], IntervalTerm]]] = {
+    "IMU mounting": mounting_term,
+}
 """What a declared standard deviation of a vehicle leaves open, by the name of the term."""
 
 

@@ -1,5 +1,6 @@
 """The ``[airframe]`` table of the experiment file: rotors, layout, IMU, axes."""
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Final, Literal
 
@@ -49,6 +50,7 @@ class AirframeEntry(Strict):
     order: Order = "px4"
     imu: ImuEntry | None = None
     imu_tilt_deg: tuple[Tilt, Tilt] | None = None
+    imu_tilt_std_deg: NotNegative = 0.0
 
     @model_validator(mode="after")
     def _one_description(self) -> "AirframeEntry":
@@ -70,7 +72,7 @@ class AirframeEntry(Strict):
 
     def tolerances(self) -> dict[str, float]:
         """Return further declared standard deviations [SI], by the name of their interval term."""
-        return {}
+        return {"IMU mounting": math.radians(self.imu_tilt_std_deg)}
 
     def _refuse_unknown_layout(self) -> None:
         try:

@@ -61,6 +61,9 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
     "frequency range": TermKind(remedy="fly"),
     "arm lengths": TermKind(remedy="measure", action="measure the arms with a ruler or calipers"),
     "IMU position": TermKind(remedy="measure", action="measure the place of the IMU with a ruler"),
+    "IMU mounting": TermKind(
+        remedy="measure", action="measure how the IMU sits: the board against the motors' plane"
+    ),
     "choice of bands": TermKind(remedy="fly"),
     "thrust coefficient": TermKind(
         remedy="fly", action="hover for 10 s, hands off, and climb and sink gently for 20 s"
