@@ -9,7 +9,7 @@ from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import load_experiment, single_flight_experiment
 from rotorfit.identification import identify
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def test_the_experiment_is_read_whole():

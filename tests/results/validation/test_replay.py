@@ -24,7 +24,7 @@ from rotorfit.results.validation.replay import (
 from rotorfit.results.validation.replay_vehicle import hover_centre, replay_vehicle, unknown_body
 from rotorfit.simulation import Scenario, Truth, exact_flight_data, simulate_flight
 
-sys.path.append(str(Path(__file__).parents[1] / "export"))
+sys.path.append(str(Path(__file__).parents[2] / "export"))
 from export_material import (
     COM,
     IMU,

@@ -25,7 +25,7 @@ from rotorfit.tools.control_loop.plant import GyroFilter
 from rotorfit.tools.control_loop.proof import Band, LoopError, replay_mixer, too_little
 from rotorfit.tools.control_loop.vehicle import Flown
 
-DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
+DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[4] / "shared" / "data")
 LOG = DATA / "autopilot-sitl" / "px4-heavy-recommended.ulg"
 DECLARED = f"""[airframe]
 rotors = [

@@ -11,7 +11,7 @@ from rotorfit.errors import LogError
 from rotorfit.logs.controller_log import ControllerLog, read_with_controller
 from rotorfit.tools.control_loop.controllers import RateController, moving_filters, rate_controller
 
-DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
+DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[4] / "shared" / "data")
 LOGS = DATA / "autopilot-sitl"
 GAINS = ("P", "I", "D", "FF", "FLTT", "FLTE", "FLTD")
 PX4_LIKE = RateController(

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-sys.path.append(str(Path(__file__).parents[1] / "logs"))
+sys.path.append(str(Path(__file__).parents[2] / "logs"))
 from blackbox_encoder import record_random
 
 from rotorfit.errors import ExperimentError, OutputError

@@ -14,7 +14,7 @@ from rotorfit.logs.firmware import Lack
 from rotorfit.logs.formats import FORMATS
 from rotorfit.tools.inspection.recording import settings_file, settings_for
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 SLOW = frozenset({"slow gyro", "slow accel", "slow motors"})
 INAV = {"Firmware revision": "INAV 7.1.2 (abcdef012)  STM32F745"}
 TABLES = ["inav", *(form.name for form in FORMATS if form.advice)]
