@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
-from rotorfit.flight.motors.motor_model import betaflight_linear
+from rotorfit.flight.motors.motor_model import _bends, betaflight_linear
 from rotorfit.logs.speed_law import PolynomialLaw, PowerLaw, SpeedLaw, SquareRootLaw
 
 
@@ -30,3 +31,16 @@ def test_it_is_the_factor_with_the_straightest_thrust(curve):
     factors = np.linspace(0.0, 1.5, 301)
     best = factors[np.argmin([crooked(c) for c in factors])]
     assert betaflight_linear(SpeedLaw(curve=curve)).factor == pytest.approx(best, abs=0.006)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_it_is_the_minimum_that_scipy_finds(seed):
+    rng = np.random.default_rng(seed)
+    law = SpeedLaw(curve=PowerLaw(900.0, rng.uniform(-0.05, 0.1), rng.uniform(0.55, 0.9)))
+    expected = minimize_scalar(
+        lambda c: float(np.mean(_bends(law, np.array([c])) ** 2)),
+        bounds=(0.0, 1.5),
+        method="bounded",
+        options={"xatol": 1e-8},
+    )
+    assert betaflight_linear(law).factor == pytest.approx(expected.x, abs=2e-5)

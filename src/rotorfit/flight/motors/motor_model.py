@@ -334,6 +334,12 @@ def following_rotors(
 
 GRID = np.linspace(0.0, 1.0, 501)
 """Commands on which a curve is compared with another."""
+LINEAR_RANGE: Final = (0.0, 1.5)
+"""Betaflight's ``thrust_linear`` / 100."""
+NEARBY: Final = 1e-3 * np.array([-1.0, 0.0, 1.0])
+"""Factors to either side, for slope and curvature."""
+NEWTON_STEPS: Final = 4
+TINY: Final = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -387,20 +393,22 @@ def betaflight_linear(law: SpeedLaw) -> ThrustCurve:
     (src/main/flight/pid.c, pidApplyThrustLinearization): the c for which thrust between idle and
     full is nearest to a straight line.
     """
-    x = GRID
-    from scipy.optimize import minimize_scalar  # slow to import
+    tried = np.linspace(*LINEAR_RANGE, 7)
+    c = float(tried[np.argmin(np.mean(_bends(law, tried) ** 2, axis=1))])
+    for _ in range(NEWTON_STEPS):
+        below, here, above = np.mean(_bends(law, c + NEARBY) ** 2, axis=1).tolist()
+        slope = (above - below) / (2.0 * NEARBY[2])
+        curvature = (above - 2.0 * here + below) / NEARBY[2] ** 2
+        c = float(np.clip(c - slope / max(curvature, TINY), *LINEAR_RANGE))
+    return ThrustCurve(factor=c, error=float(np.abs(_bends(law, np.array([c]))).max()))
 
-    found = minimize_scalar(
-        lambda c: float(np.mean(_bend(law, x, float(c)) ** 2)), bounds=(0.0, 1.5), method="bounded"
-    )
-    c = float(found.x)
-    return ThrustCurve(factor=c, error=float(np.abs(_bend(law, x, c)).max()))
 
-
-def _bend(law: SpeedLaw, x: Float[np.ndarray, " n"], c: float) -> Float[np.ndarray, " n"]:
+def _bends(law: SpeedLaw, factors: Float[np.ndarray, " c"]) -> Float[np.ndarray, "c n"]:
     """Compute thrust's distance from a straight line, as a share of full thrust over idle."""
-    thrust = speeds(law, np.clip(x * (1.0 + c * (1.0 - x) ** 2), 0.0, 1.0)) ** 2
-    return (thrust - thrust[0]) / (thrust[-1] - thrust[0]) - x
+    moved = np.clip(GRID * (1.0 + factors[:, None] * (1.0 - GRID) ** 2), 0.0, 1.0)
+    thrust = speeds(law, moved.ravel()).reshape(moved.shape) ** 2
+    idle, full = thrust[:, :1], thrust[:, -1:]
+    return (thrust - idle) / (full - idle) - GRID
 
 
 def thrust_curve(law: SpeedLaw, *, start: float = 0.0, end: float = 1.0) -> ThrustCurve:
