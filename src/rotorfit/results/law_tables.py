@@ -14,8 +14,9 @@ from rotorfit.findings import note
 from rotorfit.fit.dataset.carried_weight import Measured
 from rotorfit.fit.dataset.dataset import Dataset
 from rotorfit.fit.intervals.interval_terms import NumberTerm
-from rotorfit.fit.motor_law.command_response import Recording, speed_response
-from rotorfit.fit.motor_law.fit_law import FittedLaw, LawFit, bounded_recording, fit_law
+from rotorfit.fit.motor_law.command_response import Recording, respond_to_commands
+from rotorfit.fit.motor_law.fit_law import FittedLaw, bounded_recording, fit_law
+from rotorfit.fit.motor_law.form_fit import LawFit
 from rotorfit.fit.motor_law.law_model import law_of, scales_of, timing_of
 from rotorfit.fit.reduction.motor_timing import is_time_identifiable
 from rotorfit.flight.motors.motor_model import (
@@ -336,9 +337,9 @@ def _short(value: float) -> float:
 
 def _points(recording: Recording, fit: LawFit) -> tuple[LawPoint, ...]:
     """Bin the measured speeds by the command that the motors had."""
-    none = np.zeros((len(recording.command), 0))
-    command, _ = speed_response(recording, recording.command, none, fit.timing)
-    steady, _ = speed_response(recording, *_nominal(recording, fit), fit.timing)
+    command = respond_to_commands(recording, recording.command, fit.timing)
+    law = law_of(recording, fit.layout, fit.values)
+    steady = respond_to_commands(recording, speeds(law, recording.command), fit.timing)
     speed = recording.speed / fit.speed * steady
     edges = np.linspace(float(command.min()), float(command.max()), POINTS + 1)
     bins = np.clip(np.searchsorted(edges, command, side="right") - 1, 0, POINTS - 1)
@@ -351,11 +352,3 @@ def _points(recording: Recording, fit: LawFit) -> tuple[LawPoint, ...]:
         at = float(np.median(command[rows]))
         points.append(LawPoint(command=at, low=low, median=median, high=high))
     return tuple(points)
-
-
-def _nominal(
-    recording: Recording, fit: LawFit
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 0"]]:
-    """Return the speed that each command settles at of the mean rotor at nominal voltage."""
-    law = law_of(recording, fit.layout, fit.values)
-    return speeds(law, recording.command), np.zeros((len(recording.command), 0))

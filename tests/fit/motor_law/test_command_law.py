@@ -161,6 +161,21 @@ def test_glitches_and_stopped_rotors_do_not_move_the_law():
     assert best.timing.log_lag == pytest.approx(sound.timing.log_lag, abs=0.03)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_glitches_do_not_make_held_commands_look_smooth(seed):
+    """Smooth ones between them would be half a step early: 5 ms of delay that is none."""
+    answers = motor_responses(20 + seed, seconds=12.0, rate=100.0, voltage=False)
+    rng = np.random.default_rng(seed)
+
+    def spoilt(a):
+        speed = np.where(rng.random(len(a.speed)) < 0.005, 3.0 * a.speed, a.speed)
+        return replace(a, speed=speed, voltage=None)
+
+    found = fitted([spoilt(a) for a in answers])
+    assert found.best.timing.delay == pytest.approx(DELAY, abs=1e-3)
+    assert len(found.recording.command) == sum(len(a.command) for a in answers)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -18,7 +18,7 @@ from rotorfit.fit.motor_law.law_model import Layout, predicted
 from rotorfit.flight.motors.command_response import MeasuredResponse, command_responses
 from rotorfit.logs.flight_log import Channel
 
-NONE = np.zeros((40, 0))
+NONE = np.zeros((0, 40))
 
 
 def one_answer(seed):
@@ -94,7 +94,7 @@ def test_slopes_are_those_of_differences(form, voltage):
         step = 1e-6 * np.eye(layout.size)[i]
         up, down = (predicted(recording, layout, x + s)[0] for s in (step, -step))
         # A measurement at the instant of a command has no slope by the delay there.
-        wrong = np.abs((up - down) / 2e-6 - slopes[:, i]) > 1e-3 * np.abs(slopes[:, i]).max()
+        wrong = np.abs((up - down) / 2e-6 - slopes[i]) > 1e-3 * np.abs(slopes[i]).max()
         assert wrong.mean() < 0.002, i
 
 
@@ -103,7 +103,7 @@ def test_a_stretch_knows_nothing_of_the_one_before():
     both = recording_of([[one_answer(3), one_answer(4)]])
     timing = Timing(log_lag=np.log(0.05), log_ratio=0.0, delay=0.0)
     speed, _ = speed_response(alone, 1000.0 * alone.command, NONE, timing)
-    joined, _ = speed_response(both, 1000.0 * both.command, np.zeros((80, 0)), timing)
+    joined, _ = speed_response(both, 1000.0 * both.command, np.zeros((0, 80)), timing)
     # The second stretch is 1e4 s later on the clock of both: its times are rounded to 1e-12 s.
     assert joined[-len(speed) :] == pytest.approx(speed, rel=1e-9)
 

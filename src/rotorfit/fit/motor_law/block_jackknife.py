@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,32 @@ from rotorfit.estimation.distributions import student_quantile
 
 FEWEST_BLOCKS: Final = 8
 """Fewest blocks: with fewer, the scatter between them is hardly known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockSums:
+    """What a jackknife needs of slopes J and residuals e: sums over each block of rows.
+
+    - `information`: J'J.
+    - `score`: J'e.
+    - `squares`: e'e.
+    - `counts`: rows of each block.
+    """
+
+    information: Float[np.ndarray, "B p p"]
+    score: Float[np.ndarray, "B p"]
+    squares: Float[np.ndarray, " B"]
+    counts: Int[np.ndarray, " B"]
+
+    def joined(self, block: Int[np.ndarray, " B"]) -> "BlockSums":
+        """Add up the blocks that have the same number in `block`, which rises."""
+        first = np.searchsorted(block, np.unique(block))
+        return BlockSums(
+            information=np.add.reduceat(self.information, first, axis=0),
+            score=np.add.reduceat(self.score, first, axis=0),
+            squares=np.add.reduceat(self.squares, first),
+            counts=np.add.reduceat(self.counts, first),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,39 +59,59 @@ class Jackknife:
         return float(student_quantile(0.975, blocks - 1) * std)
 
 
-def jackknife(
-    slopes: Float[np.ndarray, "m p"],
+def sum_blocks(
+    slopes: Float[np.ndarray, "p m"],
     residuals: Float[np.ndarray, " m"],
     block: Int[np.ndarray, " m"],
-) -> Jackknife:
+    *,
+    count: int,
+) -> BlockSums:
+    """Sum products of slopes and residuals over the rows of each of `count` blocks."""
+    order = np.argsort(block, kind="stable")
+    rows = np.vstack([slopes, residuals])[:, order]
+    counts = np.bincount(block, minlength=count)
+    edges = [0, *np.cumsum(counts).tolist()]
+    sums = np.empty((len(counts), len(rows), len(rows)))
+    for b, (begin, end) in enumerate(pairwise(edges)):
+        part = rows[:, begin:end]
+        np.matmul(part, part.T, out=sums[b])
+    return BlockSums(
+        information=sums[:, :-1, :-1],
+        score=sums[:, :-1, -1],
+        squares=sums[:, -1, -1],
+        counts=counts,
+    )
+
+
+def jackknife(sums: BlockSums) -> Jackknife:
     r"""Compute the jackknife of a least-squares fit (slopes J, residuals e) over blocks of rows.
 
     With G = J'J and, of one block, G_b and s_b = J_b' e_b, the fit to all other blocks is off by
-    :math:`-(G - G_b)^{-1} s_b`, to first order, and the residuals of the block under that fit are
-    :math:`e_b + J_b (G - G_b)^{-1} s_b`. The scatter of the former is the estimator CR3 of the
+    :math:`d_b = -(G - G_b)^{-1} s_b`, to first order, and the residuals of the block under that
+    fit are :math:`e_b - J_b d_b`. The scatter of the former is the estimator CR3 of the
     covariance, which holds for any correlation within a block, and errs to the wide side where
     blocks are few or unlike (Bell and McCaffrey, Survey Methodology 28(2), 2002; MacKinnon,
     Nielsen and Webb, J. of Applied Econometrics 38(5), 2023).
     """
-    size = np.sqrt((slopes * slopes).sum(axis=0))
-    J = slopes / np.where(size > 0.0, size, 1.0)
-    order = np.argsort(block, kind="stable")
-    J, e, edges = J[order], residuals[order], np.flatnonzero(np.diff(block[order])) + 1
-    parts = list(zip(np.split(J, edges), np.split(e, edges), strict=True))
-    G = J.T @ J
-    scores = np.array([J_b.T @ e_b for J_b, e_b in parts])
-    rest = G - np.array([J_b.T @ J_b for J_b, _ in parts])
-    without = np.linalg.pinv(rest, hermitian=True, rcond=1e-10)
-    shifts = -(without @ scores[:, :, None])[:, :, 0]
-    left = [e_b - J_b @ shift for (J_b, e_b), shift in zip(parts, shifts, strict=True)]
-    held_out = np.array([e_b @ e_b for e_b in left])
+    G = sums.information.sum(axis=0)
+    size = np.sqrt(np.diagonal(G))
+    unit = np.where(size > 0.0, size, 1.0)
+    G_b, scores = sums.information / np.outer(unit, unit), sums.score / unit
+    rest: Float[np.ndarray, "B p p"] = G / np.outer(unit, unit) - G_b
+    without = np.asarray(np.linalg.pinv(rest, hermitian=True, rcond=1e-10), dtype=float)
+    shifts: Float[np.ndarray, "B p"] = -(without @ scores[:, :, None])[:, :, 0]
+    spread: Float[np.ndarray, " B"] = ((G_b @ shifts[:, :, None])[:, :, 0] * shifts).sum(axis=1)
+    held_out = np.maximum(sums.squares - 2.0 * (scores * shifts).sum(axis=1) + spread, 0.0)
     return Jackknife(shifts=shifts / np.where(size > 0.0, size, np.inf), held_out=held_out)
 
 
 def blocks_of(
     flight: Int[np.ndarray, " m"], time: Float[np.ndarray, " m"], seconds: float
 ) -> Int[np.ndarray, " m"]:
-    """Assign the rows to equal blocks of each flight's time; a short rest joins the last."""
+    """Assign the rows to equal blocks of each flight's time; a short rest joins the last.
+
+    Blocks of twice the length hold two whole ones each, so that their sums add up.
+    """
     block = np.zeros(len(time), dtype=int)
     first = 0
     for k in range(int(flight.max()) + 1):

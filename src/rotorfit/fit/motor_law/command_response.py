@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.linalg import lapack
 
+from rotorfit.flight.cubic_spline import cubic_spline_between
 from rotorfit.flight.motors.command_response import MeasuredResponse
 
 SETTLING: Final = 0.5
@@ -25,6 +26,8 @@ SETTLED: Final = 1e-9
 FINE: Final = 1e-3
 """Time between commands that are drawn between those of the log [s]."""
 FEWEST_DRAWN: Final = 4
+ROUNDING: Final = 0.05
+"""Share of a step by which as many commands as fit may be longer: clocks are rounded."""
 STRETCH_DISTANCE: Final = 1e4
 """Distance of two stretches on the common clock: longer than any of them [s]."""
 
@@ -167,60 +170,106 @@ def _drawn(
     begin = (time[:, None] + lasts * shares).ravel()
     if len(time) < FEWEST_DRAWN:
         return begin, np.repeat(command, parts)
-    middle = (time[:, None] + lasts * (shares + 0.5 / parts)).ravel()
-    from scipy.interpolate import CubicSpline  # slow to import
-
-    curve = CubicSpline(time, command)(np.minimum(middle, time[-1]))
+    between = cubic_spline_between(time, command, shares + 0.5 / parts)
+    curve = np.append(between.ravel(), np.full(parts, command[-1]))
     return begin, np.clip(curve, command.min(), command.max())
+
+
+def merged_commands(recording: Recording, step: float) -> Recording:
+    """Replace neighbouring commands by their mean, as many as are given within `step` [s]."""
+    time = recording.command_time
+    lasts = np.diff(time, append=time[-1])
+    usual = float(np.median(lasts))
+    count = int(step / usual + ROUNDING) if usual > 0.0 else 1
+    if count < 2:
+        return recording
+    starts = np.flatnonzero(recording.begins)
+    ends = np.append(starts[1:], len(time))
+    lasts[ends - 1] = usual
+    since_begin = np.arange(len(time)) - np.repeat(starts, ends - starts)
+    first = np.flatnonzero(since_begin % count == 0)
+    whole = np.add.reduceat(lasts, first)
+    volts = recording.voltage
+    return replace(
+        recording,
+        command_time=time[first],
+        command=np.add.reduceat(recording.command * lasts, first) / whole,
+        voltage=None if volts is None else np.add.reduceat(volts * lasts, first) / whole,
+        rotor=recording.rotor[first],
+        flight=recording.flight[first],
+        since=np.add.reduceat(recording.since * lasts, first) / whole,
+        begins=recording.begins[first],
+    )
+
+
+def selected_speeds(recording: Recording, rows: Bool[np.ndarray, " m"] | slice) -> Recording:
+    """Keep some of the measured speeds."""
+    return replace(
+        recording,
+        time=recording.time[rows],
+        speed=recording.speed[rows],
+        speed_rotor=recording.speed_rotor[rows],
+        speed_flight=recording.speed_flight[rows],
+        flight_time=recording.flight_time[rows],
+    )
 
 
 def speed_response(
     recording: Recording,
     settled: Float[np.ndarray, " n"],
-    settled_slopes: Float[np.ndarray, "n p"],
+    settled_slopes: Float[np.ndarray, "p n"],
     timing: Timing,
     *,
     two_way: bool = True,
-) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m q"]]:
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "q m"]]:
     r"""Predict the speed at the instants of measurement [rad/s], and its derivatives.
 
     :math:`O(t) = g_k + (O_k - g_k) e^{-(t - t_k)/\tau}` while command k is in force, g_k being
-    the speed that it settles at, and tau that of the way it goes. Derivatives by the law's
-    parameters, then log lag, log ratio (if `two_way`), delay.
+    the speed that it settles at, and tau that of the way it goes. Derivatives, one row each, by
+    the law's parameters, then log lag, log ratio (if `two_way`), delay.
     """
     up = float(np.exp(timing.log_lag))
     down = float(np.exp(timing.log_lag + timing.log_ratio))
     step = np.diff(recording.command_time, append=recording.command_time[-1] + 1.0)
     rising, remaining, at_command = _at_commands(recording, settled, step, up=up, down=down)
-    lag: Float[np.ndarray, " n"] = np.where(rising, up, down)
+    lag: Float[np.ndarray, " n"] | float = up if up == down else np.where(rising, up, down)
     away = at_command - settled
-    bent: Float[np.ndarray, " n"] = (
-        remaining * step / lag * away
-    )  # by the logarithm of the lag in force
-    # A row for each parameter: contiguous, as the solver wants its columns.
-    bending = settled_slopes.T
-    p = len(bending)
+    p = len(settled_slopes)
     into = np.empty((p + 1 + int(two_way), len(settled)))
-    np.multiply(bending, 1.0 - remaining, out=into[:p])
-    into[p] = bent
+    np.multiply(settled_slopes, 1.0 - remaining, out=into[:p])
+    into[p] = remaining * step / lag * away  # by the logarithm of the lag in force
     if two_way:
-        into[-1] = np.where(rising, 0.0, bent)
+        into[-1] = np.where(rising, 0.0, into[p])
     start = np.zeros((len(into), int(recording.begins.sum())))
-    start[:p] = bending[:, recording.begins]
+    start[:p] = settled_slopes[:, recording.begins]
     moved = _solved(remaining, into, start, recording.begins)
     k, since = _commands_in_force(recording, timing.delay)
-    left = np.exp(-since / lag[k])
-    speed = settled[k] + away[k] * left
+    rate = since / (up if up == down else np.take(lag, k))
+    left = np.exp(-rate)
+    fading = away[k] * left
     slopes = np.empty((len(into) + 1, len(k)))
-    at_start = bending[:, k]
-    slopes[:p] = at_start + (moved[:p, k] - at_start) * left
-    slopes[p:-1] = moved[p:, k] * left
-    late: Float[np.ndarray, " m"] = away[k] * left * since / lag[k]
-    slopes[p] += late
+    for row in range(p):
+        at_start = settled_slopes[row][k]
+        slopes[row] = at_start + (moved[row][k] - at_start) * left
+    late = fading * rate
+    slopes[p] = moved[p][k] * left + late
     if two_way:
-        slopes[p + 1] += np.where(rising[k], 0.0, late)
-    slopes[-1] = away[k] * left / lag[k]
-    return speed, slopes.T
+        slopes[p + 1] = moved[p + 1][k] * left + np.where(rising[k], 0.0, late)
+    slopes[-1] = fading / (up if up == down else np.take(lag, k))
+    return settled[k] + fading, slopes
+
+
+def respond_to_commands(
+    recording: Recording, settled: Float[np.ndarray, " n"], timing: Timing
+) -> Float[np.ndarray, " m"]:
+    """Predict the speed at the instants of measurement [rad/s], as `speed_response`."""
+    up = float(np.exp(timing.log_lag))
+    down = float(np.exp(timing.log_lag + timing.log_ratio))
+    step = np.diff(recording.command_time, append=recording.command_time[-1] + 1.0)
+    rising, _, at_command = _at_commands(recording, settled, step, up=up, down=down)
+    k, since = _commands_in_force(recording, timing.delay)
+    left = np.exp(-since / (up if up == down else np.where(rising[k], up, down)))
+    return settled[k] + (at_command[k] - settled[k]) * left
 
 
 def speeds_at_delays(
@@ -263,16 +312,23 @@ def _at_commands(
     on a piecewise linear recursion.
     """
     rising = np.diff(settled, prepend=settled[:1]) >= 0.0
-    remaining, speed = np.exp(-step / np.where(rising, up, down)), settled
+    left_rising = remaining = np.exp(step * (-1.0 / up))
+    left_falling = np.exp(step * (-1.0 / down)) if up != down else left_rising
+    if up != down:
+        remaining = np.where(rising, left_rising, left_falling)
+    speed = settled
     for _ in range(1 if up == down else MOST_ROUNDS):
         into = (1.0 - remaining) * settled
         begun = settled[None, recording.begins]
         speed = _solved(remaining, into[None], begun, recording.begins)[0]
-        changed = (settled > speed) != rising
-        if not (changed & (np.abs(settled - speed) > SETTLED * np.abs(settled))).any():
+        rises = settled > speed
+        changed = np.flatnonzero(rises != rising)
+        off = np.abs(settled[changed] - speed[changed])
+        if not (off > SETTLED * np.abs(settled[changed])).any():
             break
-        rising = rising ^ changed
-        remaining = np.exp(-step / np.where(rising, up, down)) if up != down else remaining
+        rising = rises
+        if up != down:
+            remaining = np.where(rising, left_rising, left_falling)
     return rising, remaining, speed
 
 

@@ -13,26 +13,28 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-import scipy.optimize
 from jaxtyping import Float
 from scipy import ndimage
 
 from rotorfit.errors import EstimationError
-from rotorfit.fit.motor_law.block_jackknife import (
-    FEWEST_BLOCKS,
-    Jackknife,
-    blocks_of,
-    jackknife,
-    widest,
-)
+from rotorfit.fit.motor_law.block_jackknife import FEWEST_BLOCKS
 from rotorfit.fit.motor_law.command_response import (
     Recording,
-    Timing,
     drawn_between,
     recording_of,
-    speeds_at_delays,
+    selected_speeds,
 )
-from rotorfit.fit.motor_law.law_model import FORMS, FormName, Layout, predicted, timing_of
+from rotorfit.fit.motor_law.form_fit import (
+    SETTLED,
+    LawFit,
+    PreparedRecording,
+    finish_form,
+    prepare_recording,
+    search_first,
+    search_form,
+    with_commands,
+)
+from rotorfit.fit.motor_law.law_model import FORMS, Layout
 from rotorfit.flight.motors.command_response import (
     MeasuredResponse,
     response_spans,
@@ -42,33 +44,20 @@ from rotorfit.flight.motors.motor_model import white_noise_std
 
 MOST_SPEEDS: Final = 80_000
 """Measured speeds that are fitted to, of all rotors and flights."""
-BLOCKS: Final = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""Lengths of blocks that are tried; the widest intervals count [s]."""
-CHOICE_BLOCK: Final = 1.0
-"""Length of the blocks that forms are compared on [s]."""
 LEAST_SECONDS: Final = 4.0
 """Of measured speeds in flight, below which no law is fitted."""
 LEAST_SPREAD: Final = 0.01
 """Deviation of the commands below which they tell no law."""
-OUTLYING: Final = 4.0
-"""Robust deviations beyond which a speed counts less (Huber)."""
 CLEAR: Final = 3.0
 """Log-likelihood by which another form must be worse, else the intervals reach to what it says."""
+FAR: Final = 2.0 * CLEAR
+"""Log-likelihood by which a form must be worse on few speeds not to be fitted to all."""
 LEAST_VOLTS: Final = 0.005
 """Relative deviation of the battery voltage below which it tells nothing."""
 STOPPED: Final = 0.1
 """Share of the median speed below which a rotor stands."""
-FIRST_LAGS: Final = (0.008, 0.015, 0.03, 0.06, 0.12)
-FIRST_DELAYS: Final = (-0.02, 0.0, 0.02, 0.05, 0.1, 0.2)
-"""Where the search begins [s]: lag and delay together, as noise in the commands makes a minimum of
-its own where only their sum is right."""
-LAGS: Final = (5e-4, 0.5)
-DELAYS: Final = (-0.1, 0.3)
-RATIO: Final = 2.0
-"""Largest logarithm of falling over rising lag."""
 SLOW: Final = 12.0
 """Twice about the frequency that is slow, and tells most of a lag of 30 ms [Hz]."""
-MOST_STEPS: Final = 60
 Between = Callable[[Recording], Recording]
 """What commands were between those of the log."""
 
@@ -76,44 +65,6 @@ Between = Callable[[Recording], Recording]
 def held_between(recording: Recording) -> Recording:
     """Hold every command until the next."""
     return recording
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LawFit:
-    """One form, fitted.
-
-    - `slopes`, `residuals`: of the prediction, and measured less predicted, weighted [rad/s].
-    - `speed`: predicted [rad/s].
-    - `held_out`: squared error of each block under the fit to the others, over its rows
-      [rad^2/s^2].
-    - `jackknives`: of all lengths of blocks that are many enough.
-    """
-
-    layout: Layout
-    values: Float[np.ndarray, " p"]
-    slopes: Float[np.ndarray, "m p"]
-    residuals: Float[np.ndarray, " m"]
-    speed: Float[np.ndarray, " m"]
-    held_out: Float[np.ndarray, " B"]
-    jackknives: tuple[Jackknife, ...]
-
-    @property
-    def timing(self) -> Timing:
-        """Lag and delay."""
-        return timing_of(self.layout, self.values)
-
-    @property
-    def error(self) -> float:
-        """Root mean square on blocks that the fit did not see [rad/s]."""
-        return float(np.sqrt(self.held_out.mean()))
-
-    def half_width(self, function: Callable[[Float[np.ndarray, " p"]], float]) -> float:
-        """Compute half of the 95 % interval of a smooth function of the parameters."""
-        gradient = np.empty(len(self.values))
-        for i in range(len(gradient)):
-            step = 1e-6 * np.eye(len(gradient))[i]
-            gradient[i] = (function(self.values + step) - function(self.values - step)) / 2e-6
-        return widest(self.jackknives, gradient)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,86 +122,120 @@ def fit_law(recording: Recording) -> FittedLaw:
     """Fit lag, delay and law of the motors; raise with the reason where speeds determine none."""
     logged = _turning(recording)
     _refuse_short(logged)
-    rough = _rough(logged)
-    scale = 1.4826 * float(np.median(np.abs(rough.residuals)))
-    made: Between = held_between
-    drawn = _fitted(drawn_between(logged), rough.layout, rough.values, scale)
-    if drawn.error < rough.error:
-        made, rough = drawn_between, drawn
-    recording = made(logged)
-    fits = [_refitted(recording, replace(rough.layout, form=name), rough, scale) for name in FORMS]
-    best = _two_way(recording, _likeliest(fits), scale)
-    on_thrust = _on_thrust(recording, best, scale)
+    smooth = drawn_between(logged)
+    held = prepare_recording(logged)
+    drawn = with_commands(held, smooth)
+    rough = _rough(held)
+    scale = _robust_deviation(rough)
+    stepped = _refit(held, rough.layout, rough, scale)  # as robust as the other
+    curved = _refit(drawn, rough.layout, stepped, scale)
+    is_smooth = curved.error < stepped.error
+    prepared, other = (drawn, held) if is_smooth else (held, drawn)
+    fits = _fit_forms(prepared, curved if is_smooth else stepped, scale)
+    best = _two_way(prepared, _likeliest(fits), scale)
+    on_thrust = _on_thrust(prepared, best, scale)
     if _surprise(best, on_thrust) > CLEAR:
         best, on_thrust = on_thrust, best
+    best = finish_form(prepared, best, scale, close=SETTLED)
     others = tuple(fit for fit in fits if fit.layout.form != best.layout.form)
-    other = held_between if made is drawn_between else drawn_between
-    across = _fitted(other(logged), best.layout, best.values, scale)
-    alike = (*others, on_thrust, across)
+    across = _refit(other, best.layout, best, scale)
     open_shifts = np.zeros((2, len(best.values)))
-    if not _whole(logged, made, _surprise(across, best)):
-        by_noise = _shift_by_noise(logged, made, best, scale)
-        open_shifts = 0.5 * np.array([by_noise, -_slow_shift(recording, best)])
+    # A log has every command where these fit clearly better held than drawn smoothly.
+    is_whole = smooth is logged or (not is_smooth and _surprise(across, best) > CLEAR)
+    if not is_whole:
+        made = drawn_between if is_smooth else held_between
+        by_noise = _shift_by_noise(prepared, logged, made, best, scale)
+        open_shifts = 0.5 * np.array([by_noise, -_slow_shift(logged, best)])
     return FittedLaw(
-        recording=recording,
+        recording=smooth if is_smooth else logged,
         best=replace(best, values=best.values - open_shifts.sum(axis=0)),
         others=others,
-        rivals=tuple(f for f in alike if _surprise(f, best) < CLEAR),
+        rivals=tuple(f for f in (*others, on_thrust, across) if _surprise(f, best) < CLEAR),
         open_shifts=open_shifts,
-        voltage=_with_voltage(recording, best, scale),
+        voltage=_with_voltage(prepared, best, scale),
     )
 
 
-def _with_voltage(recording: Recording, best: LawFit, scale: float) -> LawFit | None:
+def _fit_forms(prepared: PreparedRecording, begin: LawFit, scale: float) -> list[LawFit]:
+    """Fit every form with the same terms beside the curve; those that are far, to few speeds."""
+    fits: list[LawFit] = []
+    for name in FORMS:
+        fit = begin
+        if name != begin.layout.form:
+            fit = search_form(prepared, replace(begin.layout, form=name), begin, scale)
+            fit = fit if _is_far(fit, begin) else finish_form(prepared, fit, scale)
+        fits.append(fit)
+    return fits
+
+
+def _with_voltage(prepared: PreparedRecording, best: LawFit, scale: float) -> LawFit | None:
     """Return the form with an exponent of the voltage; None where that hardly changes."""
-    if best.layout.voltage or not _voltage_changes(recording):
+    if best.layout.voltage or not _voltage_changes(prepared.fine):
         return best if best.layout.voltage else None
-    return _refitted(recording, replace(best.layout, voltage=True), best, scale)
+    return _refit(prepared, replace(best.layout, voltage=True), best, scale)
+
+
+def _refit(prepared: PreparedRecording, layout: Layout, fit: LawFit, scale: float) -> LawFit:
+    """Fit another layout from where a fit ended."""
+    return finish_form(prepared, search_form(prepared, layout, fit, scale), scale)
 
 
 def _voltage_changes(recording: Recording) -> bool:
     return recording.voltage is not None and float(recording.voltage.std()) > LEAST_VOLTS
 
 
-def _rough(recording: Recording) -> LawFit:
+def _rough(prepared: PreparedRecording) -> LawFit:
     """Fit the most general form, with voltage and a lag for each way where the flights ask for it.
 
     Lags that differ bend the response as a curve does: the form is compared with them in place.
     """
+    recording = prepared.fine
     rotors, flights = len(recording.rotors), int(recording.flight.max()) + 1
     general = Layout(
         form="offset power", voltage=False, two_way=False, rotors=rotors, flights=flights
     )
-    rough = _fitted(recording, general, _first(general, recording))
+    rough = finish_form(prepared, search_first(prepared, general))
+    scale = _robust_deviation(rough)
     if _voltage_changes(recording):
-        layout = replace(general, voltage=True)
-        rough = _likeliest([rough, _refitted(recording, layout, rough, np.inf)])
-    scale = 1.4826 * float(np.median(np.abs(rough.residuals)))
-    return _two_way(recording, rough, scale)
+        layouts = general, replace(general, voltage=True)
+        rough = _likeliest([_refit(prepared, layout, rough, scale) for layout in layouts])
+    return _two_way(prepared, rough, scale)
 
 
-def _two_way(recording: Recording, fit: LawFit, scale: float) -> LawFit:
+def _robust_deviation(fit: LawFit) -> float:
+    """Estimate the deviation of the residuals by their median size [rad/s]."""
+    return 1.4826 * float(np.median(np.abs(fit.residuals)))
+
+
+def _two_way(prepared: PreparedRecording, fit: LawFit, scale: float) -> LawFit:
     """Fit a lag for each way, where their difference exceeds its interval."""
     if fit.layout.two_way:
         return fit
-    two_way = _refitted(recording, replace(fit.layout, two_way=True), fit, scale)
+    two_way = _refit(prepared, replace(fit.layout, two_way=True), fit, scale)
     ratio, half = float(two_way.values[-2]), two_way.half_width(lambda x: float(x[-2]))
     return two_way if abs(ratio) > half else fit
 
 
-def _on_thrust(recording: Recording, fit: LawFit, scale: float) -> LawFit:
+def _on_thrust(prepared: PreparedRecording, best: LawFit, scale: float) -> LawFit:
     """Fit the lag on the squared speed: it rises sooner than it falls, as two lags do."""
-    layout = replace(fit.layout, on_thrust=True, two_way=False)
-    return _two_way(recording, _refitted(recording, layout, fit, scale), scale)
+    layout = replace(best.layout, on_thrust=True, two_way=False)
+    one_way = search_form(prepared, layout, best, scale)
+    either = search_form(prepared, replace(layout, two_way=True), one_way, scale)
+    if _is_far(either, best):  # it bends further than the other, and is not as good
+        return either
+    if not _is_far(one_way, best):
+        one_way = finish_form(prepared, one_way, scale)
+    return _two_way(prepared, one_way, scale)
 
 
-def _whole(logged: Recording, made: Between, worse: float) -> bool:
-    """Say whether a log has every command: held they fit clearly better than smooth ones."""
-    return drawn_between(logged) is logged or (made is held_between and worse > CLEAR)
+def _is_far(fit: LawFit, best: LawFit) -> bool:
+    """Return whether a search ended so much worse than another that all speeds cannot mend it."""
+    worse = 0.5 * np.log(fit.search_loss / best.search_loss)
+    return len(best.held_out) * float(worse) > FAR
 
 
 def _shift_by_noise(
-    logged: Recording, made: Between, fit: LawFit, scale: float
+    prepared: PreparedRecording, logged: Recording, made: Between, fit: LawFit, scale: float
 ) -> Float[np.ndarray, " p"]:
     """Measure how noise of the commands moves a fit: by the same noise once more.
 
@@ -262,12 +247,13 @@ def _shift_by_noise(
     if not noise > 0.0:
         return np.zeros(len(fit.values))
     more = noise * np.random.default_rng(0).standard_normal(len(logged.command))
-    noisier = (
-        made(replace(logged, command=np.clip(logged.command + sign * more, 0.0, 1.0)))
-        for sign in (1.0, -1.0)
-    )
-    found = [_fitted(one, fit.layout, fit.values, scale).values for one in noisier]
-    return 0.5 * (found[0] + found[1]) - fit.values
+    moved = [fit.values]
+    for sign in (1.0, -1.0):
+        noisier = made(replace(logged, command=np.clip(logged.command + sign * more, 0.0, 1.0)))
+        begin = replace(fit, values=moved[-1])  # either noise moves a fit the same way
+        one = finish_form(with_commands(prepared, noisier), begin, scale, close=SETTLED)
+        moved.append(one.values)
+    return 0.5 * (moved[1] + moved[2]) - fit.values
 
 
 def _slow_shift(recording: Recording, fit: LawFit) -> Float[np.ndarray, " p"]:
@@ -277,11 +263,11 @@ def _slow_shift(recording: Recording, fit: LawFit) -> Float[np.ndarray, " p"]:
     """
     rows = round(1.0 / (SLOW * float(np.median(np.diff(recording.time)))))
     window = np.hanning(rows + 2)
-    slopes = np.asarray(ndimage.convolve1d(fit.slopes, window, axis=0), dtype=float)
+    slopes = np.asarray(ndimage.convolve1d(fit.slopes, window, axis=1), dtype=float)
     residuals = np.asarray(ndimage.convolve1d(fit.residuals, window, axis=0), dtype=float)
-    size: Float[np.ndarray, " p"] = np.linalg.norm(slopes, axis=0)
+    size: Float[np.ndarray, " p"] = np.linalg.norm(slopes, axis=1)
     size[size == 0.0] = 1.0
-    scaled: Float[np.ndarray, "m p"] = slopes / size
+    scaled: Float[np.ndarray, "m p"] = slopes.T / size
     moved: Float[np.ndarray, " p"] = np.linalg.lstsq(scaled, residuals)[0] / size
     return moved
 
@@ -297,14 +283,7 @@ def _turning(recording: Recording) -> Recording:
     if not len(recording.speed):
         return recording
     used = recording.speed > STOPPED * float(np.median(recording.speed))
-    return replace(
-        recording,
-        time=recording.time[used],
-        speed=recording.speed[used],
-        speed_rotor=recording.speed_rotor[used],
-        speed_flight=recording.speed_flight[used],
-        flight_time=recording.flight_time[used],
-    )
+    return selected_speeds(recording, used)
 
 
 def _refuse_short(recording: Recording) -> None:
@@ -320,133 +299,6 @@ def _refuse_short(recording: Recording) -> None:
         raise EstimationError(
             f"the commands hardly change (deviation {spread:.2g} of full): climb and sink"
         )
-
-
-def _first(layout: Layout, recording: Recording) -> Float[np.ndarray, " p"]:
-    """Choose where the first fit begins: at the times by which speeds correlate with commands."""
-    x = np.zeros(layout.size)
-    settled = recording.command + 0.1
-    correlations = {
-        (lag, delay): float(np.corrcoef(speed, recording.speed)[0, 1])
-        for lag in FIRST_LAGS
-        for delay, speed in zip(
-            FIRST_DELAYS, speeds_at_delays(recording, settled, lag, FIRST_DELAYS), strict=True
-        )
-    }
-    lag, delay = max(correlations, key=lambda times: correlations[times])
-    x[0] = np.log(float(np.median(recording.speed)) / float(np.median(settled)))
-    x[layout.curve] = FORMS[layout.form].start
-    x[-2], x[-1] = np.log(lag), delay
-    return x
-
-
-def _refitted(recording: Recording, layout: Layout, fit: LawFit, scale: float) -> LawFit:
-    """Fit another layout, begun where one ended; glitches count less."""
-    x = np.zeros(layout.size)
-    x[: layout.curve.stop] = _converted(layout.form, fit, recording.command)
-    rotors = layout.rotors - 1
-    x[layout.factors][:rotors] = fit.values[fit.layout.factors][:rotors]
-    x[-2 - int(layout.two_way)], x[-1] = fit.timing.log_lag, fit.timing.delay
-    if layout.two_way:
-        x[-2] = fit.timing.log_ratio
-    return _fitted(recording, layout, x, scale)
-
-
-def _converted(
-    form: FormName, fit: LawFit, command: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " p"]:
-    """Convert a fit to log full speed and curve of another form, nearest at usual commands."""
-    found = fit.values[: fit.layout.curve.stop]
-    if form == fit.layout.form:
-        return found
-    one = FORMS[form]
-    u = np.quantile(command, np.linspace(0.02, 0.98, 41))
-    wanted = np.exp(FORMS[fit.layout.form].logarithm(u, found[1:])[0])
-    bounds = [-np.inf, *one.lower], [np.inf, *one.upper]
-    begin = np.array([0.0, *one.start])
-    near = scipy.optimize.least_squares(
-        lambda x: np.exp(x[0] + one.logarithm(u, x[1:])[0]) - wanted, begin, bounds=bounds
-    )
-    return np.array([found[0], *np.zeros(len(near.x) - 1)]) + near.x
-
-
-def _fitted(
-    recording: Recording,
-    layout: Layout,
-    begin: Float[np.ndarray, " p"],
-    scale: float = np.inf,
-) -> LawFit:
-    """Fit one form; speeds further off than some of `scale` [rad/s] count less."""
-    lower, upper = _bounds(layout)
-    last: list[tuple[bytes, tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m p"]]]] = []
-
-    def at(x: Float[np.ndarray, " p"]) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m p"]]:
-        if not last or last[0][0] != x.tobytes():
-            last[:] = [(x.tobytes(), predicted(recording, layout, x))]
-        return last[0][1]
-
-    robust = np.isfinite(scale) and scale > 0.0
-    found = scipy.optimize.least_squares(
-        lambda x: at(x)[0] - recording.speed,
-        np.clip(begin, lower + 1e-6, upper - 1e-6),
-        jac=lambda x: at(x)[1].copy(),  # some versions of SciPy weigh it in place
-        bounds=(lower, upper),
-        x_scale="jac",
-        loss="huber" if robust else "linear",
-        f_scale=OUTLYING * scale if robust else 1.0,
-        xtol=1e-4,
-        ftol=1e-5,
-        gtol=1e-12,
-        max_nfev=MOST_STEPS,
-    )
-    x = np.asarray(found.x, dtype=float)
-    speed, slopes = at(x)
-    residuals = recording.speed - speed
-    limit = OUTLYING * scale if robust else np.inf
-    root = np.sqrt(np.minimum(1.0, limit / np.maximum(np.abs(residuals), 1e-12)))
-    return _judged(recording, layout, x, slopes * root[:, None], residuals * root, speed)
-
-
-def _bounds(layout: Layout) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-    form = FORMS[layout.form]
-    lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
-    lower[layout.curve], upper[layout.curve] = form.lower, form.upper
-    lag = -2 - int(layout.two_way)
-    lower[lag], upper[lag] = np.log(LAGS)
-    lower[-1], upper[-1] = DELAYS
-    if layout.two_way:
-        lower[-2], upper[-2] = -RATIO, RATIO
-    return lower, upper
-
-
-def _judged(
-    recording: Recording,
-    layout: Layout,
-    x: Float[np.ndarray, " p"],
-    slopes: Float[np.ndarray, "m p"],
-    residuals: Float[np.ndarray, " m"],
-    speed: Float[np.ndarray, " m"],
-) -> LawFit:
-    """Complete the fit by its jackknives over blocks of time."""
-    knives: list[Jackknife] = []
-    held_out = np.full(1, np.inf)
-    for seconds in BLOCKS:
-        block = blocks_of(recording.speed_flight, recording.flight_time, seconds)
-        sizes = np.bincount(block)
-        if len(sizes) < FEWEST_BLOCKS:
-            break
-        knives.append(jackknife(slopes, residuals, block))
-        if seconds <= CHOICE_BLOCK:
-            held_out = knives[-1].held_out / sizes
-    return LawFit(
-        layout=layout,
-        values=x,
-        slopes=slopes,
-        residuals=residuals,
-        speed=speed,
-        held_out=held_out,
-        jackknives=tuple(knives),
-    )
 
 
 def _likeliest(fits: Sequence[LawFit]) -> LawFit:

@@ -21,42 +21,43 @@ class Form:
     """A curve of relative speed, 1 at full command.
 
     - `start`, `lower`, `upper`: of its parameters.
-    - `logarithm`: from commands and parameters to log relative speed and its derivatives.
+    - `logarithm`: from commands and parameters to log relative speed and its derivatives, in rows.
     - `curve`: with a speed at full command.
     """
 
     start: tuple[float, ...]
     lower: tuple[float, ...]
     upper: tuple[float, ...]
-    logarithm: Callable[[Vector, Vector], tuple[Vector, Float[np.ndarray, "n p"]]]
+    logarithm: Callable[[Vector, Vector], tuple[Vector, Float[np.ndarray, "p n"]]]
     curve: Callable[[float, Vector], Curve]
 
 
 def _offset_power(u: Vector, b: float, p: float) -> tuple[Vector, Vector, Vector]:
     """Compute p log(b + (1 - b) u), and its derivatives by b and p."""
     base = np.maximum(b + (1.0 - b) * u, TINY)
-    return p * np.log(base), np.where(base > TINY, p * (1.0 - u) / base, 0.0), np.log(base)
+    logarithm = np.log(base)
+    return p * logarithm, np.where(base > TINY, p * (1.0 - u) / base, 0.0), logarithm
 
 
-def _linear(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+def _linear(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
     value, by_offset, _ = _offset_power(u, float(x[0]), 1.0)
-    return value, by_offset[:, None]
+    return value, by_offset[None]
 
 
-def _power(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+def _power(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
     value, _, by_exponent = _offset_power(u, 0.0, float(x[0]))
-    return value, by_exponent[:, None]
+    return value, by_exponent[None]
 
 
-def _both(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+def _both(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
     value, *slopes = _offset_power(u, float(x[0]), float(x[1]))
-    return value, np.column_stack(slopes)
+    return value, np.array(slopes)
 
 
-def _sqrt(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+def _sqrt(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
     u = np.maximum(u, TINY)
     thrust = x[0] * u**2 + (1.0 - x[0]) * u
-    return 0.5 * np.log(thrust), (0.5 * (u**2 - u) / thrust)[:, None]
+    return 0.5 * np.log(thrust), (0.5 * (u**2 - u) / thrust)[None]
 
 
 FORMS: Final[Mapping[FormName, Form]] = {
@@ -167,60 +168,75 @@ def _log_scales(
     layout: Layout, values: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
     x = values[layout.factors]
-    rotors = _contrast(np.arange(layout.rotors), layout.rotors) @ x[: layout.rotors - 1]
+    rotors = x[: layout.rotors - 1] @ _contrast(np.arange(layout.rotors), layout.rotors)
     flights = np.zeros(layout.flights)
     if not layout.voltage:
-        flights = _contrast(np.arange(layout.flights), layout.flights) @ x[layout.rotors - 1 :]
+        flights = x[layout.rotors - 1 :] @ _contrast(np.arange(layout.flights), layout.flights)
     return rotors, flights
 
 
 def predicted(
     recording: Recording, layout: Layout, x: Float[np.ndarray, " p"]
-) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m p"]]:
-    """Predict the speeds by the parameters, with the slopes."""
-    logarithm, curve = FORMS[layout.form].logarithm(recording.command, x[layout.curve])
-    bending = [*curve.T]
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "p m"]]:
+    """Predict the speeds by the parameters, with the slopes, one row for each parameter."""
+    logarithm, bending = FORMS[layout.form].logarithm(recording.command, x[layout.curve])
     if layout.voltage and recording.voltage is not None:
-        bending.append(np.log(recording.voltage))
+        bending = np.vstack([bending, np.log(recording.voltage)])
         logarithm = logarithm + x[layout.exponent] * bending[-1]
     if not layout.voltage:
-        since = recording.since
-        drifts = [np.where(recording.flight == k, since, 0.0) for k in range(layout.flights)]
-        logarithm = logarithm + x[layout.drifts] @ np.array(drifts)
-        bending += drifts
+        # One row for the drifts of all flights: a flight's speeds follow its own commands.
+        bending = np.vstack([bending, recording.since])
+        logarithm = logarithm + x[layout.drifts][recording.flight] * recording.since
     rotors, flights = _log_scales(layout, x)
-    logarithm = logarithm + (x[0] + rotors)[recording.rotor] + flights[recording.flight]
+    logarithm += (x[0] + rotors)[recording.rotor] + flights[recording.flight]
     settled = np.exp(np.minimum(logarithm, 30.0))
-    speed, slopes = _responding(recording, layout, x, settled, (settled * np.array(bending)).T)
-    factors = [_contrast(recording.speed_rotor, layout.rotors)]
-    if not layout.voltage:
-        factors.append(_contrast(recording.speed_flight, layout.flights))
-    scaling = np.concatenate(factors, axis=1)
+    bending *= settled
+    speed, slopes = _respond(recording, layout, x, settled, bending)
+    return speed, _slopes_by_parameter(recording, layout, speed, slopes)
+
+
+def _slopes_by_parameter(
+    recording: Recording,
+    layout: Layout,
+    speed: Float[np.ndarray, " m"],
+    slopes: Float[np.ndarray, "q m"],
+) -> Float[np.ndarray, "p m"]:
+    """Arrange the slopes of a response as the parameters of a layout are."""
+    rows = np.empty((layout.size, len(speed)))
     curved = layout.factors.start - 1
+    rows[0] = speed
+    rows[1 : 1 + curved] = slopes[:curved]
     # What multiplies all commands of a stretch multiplies its speeds.
-    columns = [speed[:, None], slopes[:, :curved], speed[:, None] * scaling, slopes[:, curved:]]
-    return speed, np.concatenate(columns, axis=1)
+    scaling = [_contrast(recording.speed_rotor, layout.rotors)]
+    if not layout.voltage:
+        scaling.append(_contrast(recording.speed_flight, layout.flights))
+        owned = recording.speed_flight == np.arange(layout.flights)[:, None]
+        np.multiply(owned, slopes[curved], out=rows[layout.drifts])
+        curved += 1
+    np.multiply(np.concatenate(scaling), speed, out=rows[layout.factors])
+    rows[layout.drifts.stop :] = slopes[curved:]
+    return rows
 
 
-def _responding(
+def _respond(
     recording: Recording,
     layout: Layout,
     x: Float[np.ndarray, " p"],
     settled: Float[np.ndarray, " n"],
-    bent: Float[np.ndarray, "n q"],
-) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m r"]]:
+    bent: Float[np.ndarray, "q n"],
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "r m"]]:
     """Follow settled speeds by a lag that acts on the speed or on its square, with the slopes."""
     timing, two_way = timing_of(layout, x), layout.two_way
     if not layout.on_thrust:
         return speed_response(recording, settled, bent, timing, two_way=two_way)
     square, slopes = speed_response(
-        recording, settled**2, 2.0 * settled[:, None] * bent, timing, two_way=two_way
+        recording, settled**2, 2.0 * settled * bent, timing, two_way=two_way
     )
     speed = np.sqrt(np.maximum(square, TINY))
-    return speed, 0.5 * slopes / speed[:, None]
+    return speed, 0.5 * slopes / speed
 
 
-def _contrast(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "n c"]:
-    """Build columns of factors whose logarithms sum to zero: the last has what the others lack."""
-    columns = np.vstack([np.eye(count - 1), -np.ones((1, count - 1))])
-    return columns[member]
+def _contrast(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "c n"]:
+    """Build rows of factors whose logarithms sum to zero: the last has what the others lack."""
+    rows = np.hstack([np.eye(count - 1), -np.ones((count - 1, 1))])
+    return np.take(rows, member, axis=1)
