@@ -17,16 +17,29 @@ DataFrame = Any
 """A data frame of pandas, which need not be installed."""
 
 
+COMMAND: Final = re.compile(
+    r"rotorfit [a-z]+ (?:'[^']*'|[^\s()';,]+)"
+    r"(?: (?:-{1,2}[a-z][a-z-]*(?: (?:'[^']*'|[^\s()';,-][^\s()';,]*))?|'[^']*'|[^\s()';,]*[./][^\s()';,]*))*"
+)
+"""A command in a sentence, with its arguments; a comma, a bracket or the sentence's end ends it."""
+_UNBROKEN: Final = "\N{NO-BREAK SPACE}"
+"""Stands for the blanks of a command while its sentence is wrapped."""
+
+
 def wrapped(text: str, width: int, first: str = "", later: str | None = None) -> list[str]:
-    """Wrap a paragraph behind a beginning; the later lines are indented as far, or by `later`."""
-    return textwrap.wrap(
-        text,
+    """Wrap a paragraph behind a beginning; the later lines are indented as far, or by `later`.
+
+    A command stays on one line, however long, so that it can be copied.
+    """
+    lines = textwrap.wrap(
+        COMMAND.sub(lambda found: found[0].replace(" ", _UNBROKEN), text),
         width,
         initial_indent=first,
         subsequent_indent=" " * len(first) if later is None else later,
         break_long_words=False,
         break_on_hyphens=False,
     )
+    return [line.replace(_UNBROKEN, " ") for line in lines]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -117,7 +117,8 @@ def test_several_logs_are_listed_and_one_is_chosen(run, refused, here, blackbox)
     (here / "two.bbl").write_bytes(blackbox + blackbox)
     listed = run("inspect", "two.bbl")
     assert listed.code == 0
-    assert listed.out.startswith("two.bbl: 2 logs, the longest first; look at one with --log N\n  ")
+    assert listed.out.startswith("two.bbl: 2 logs, the longest first; to look at one, such as\n")
+    assert listed.out.splitlines()[1] == "  rotorfit inspect two.bbl --log 1"
     [choice] = run("inspect", "two.bbl", "--json").json
     assert [line[:2] for line in choice["logs"]] == ["1:", "2:"]
     chosen = run("inspect", "two.bbl", "--log", "2", "--json")
@@ -314,7 +315,7 @@ def test_the_scale_of_the_accelerometer_without_an_airframe(run, changed):
 
 def test_what_needs_an_airframe_is_said_in_one_line(run, here):
     text = " ".join(run("inspect", "flight.csv").out.split())
-    assert text.count("give --airframe FILE to check") == 1
+    assert text.count("rotorfit airframe flight.csv") == 1
     [report] = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json").json
     assert report["not_judged"] == []
 

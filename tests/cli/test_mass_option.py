@@ -1,5 +1,8 @@
 """--mass takes kilograms, or grams where it says so."""
 
+import io
+import sys
+
 import pytest
 import typer
 
@@ -33,3 +36,12 @@ def test_what_is_no_mass_is_refused(text):
 def test_a_mass_below_nothing_is_refused(text):
     with pytest.raises(ExperimentError, match="expected more than 0 kg"):
         parse_mass(text)
+
+
+def test_a_missing_mass_is_asked_for(run, here, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", io.StringIO("1285g\n"))
+    ended = run("identify", "flight.csv", "--airframe", "airframe.toml")
+    assert ended.code == 0, ended.err
+    assert ended.err.startswith("Mass as flown, battery included")
+    given = run("identify", "flight.csv", "--airframe", "airframe.toml", "--mass", "1.285")
+    assert given.out == ended.out

@@ -353,25 +353,24 @@ def test_the_resolution_is_in_si_units(tmp_path):
     [
         (
             "t,imu_gyro_x,m1\n0,1,2\n",
-            "no column 'time'; the file has t, imu_gyro_x, m1; rotorfit airframe TABLE proposes "
-            "which is which, and writes it down; or say so in an experiment file, such as columns "
-            "= { "
+            "no column 'time'; the file has t, imu_gyro_x, m1; name them in an experiment file, "
+            "such as columns = { "
             'time = { name = "t" }, gyro_x = { name = "imu_gyro_x" }, '
-            'rotor_1 = { name = "m1" }, ... }, with a unit where it is not SI',
+            'rotor_1 = { name = "m1" }, ... }, with a unit where it is not SI, or let rotorfit '
+            "propose them: rotorfit airframe FILE",
         ),
         (
             "time,foo\n0,1\n",
-            "no known column besides 'time'; the file has time, foo; rotorfit airframe TABLE "
-            "proposes which is which, and writes it down; or say so in an experiment file, such as "
+            "no known column besides 'time'; the file has time, foo; name them in an "
+            "experiment file, such as "
             'columns = { time = { name = "time" }, ... }, with a unit '
-            "where it is not SI",
+            "where it is not SI, or let rotorfit propose them: rotorfit airframe FILE",
         ),
         (
             "foo\n1\n",
-            "no column 'time'; the file has foo; rotorfit airframe TABLE proposes "
-            "which is which, and writes it down; or say so in an experiment file, such as "
+            "no column 'time'; the file has foo; name them in an experiment file, such as "
             'columns = { time = { name = "NAME IN THE FILE", unit = "s" }, ... }, with a unit '
-            "where it is not SI",
+            "where it is not SI, or let rotorfit propose them: rotorfit airframe FILE",
         ),
         (
             "time,gyro_x,gyro_y\n0,1,2\n",
@@ -455,7 +454,8 @@ def test_a_table_that_cannot_be_meant_is_refused(tmp_path, text, message):
     if message is None:
         assert re.fullmatch(r"damaged Parquet file \(.+\): write it again", refusal(tmp_path, text))
     else:
-        assert refusal(tmp_path, text) == message
+        said = refusal(tmp_path, text).replace(str(tmp_path / "flight.csv"), "FILE")
+        assert said == message
 
 
 @pytest.mark.parametrize(

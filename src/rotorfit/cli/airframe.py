@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -125,18 +126,29 @@ def airframe(
         text += table_text(table)
     _refuse_unreadable(text)
     write_whole(output, text, force=force)
+    # Of a table its columns say so.
+    source = " --source mocap" if seen.posed and table is None else ""
     print_result(f"{text}\nwritten to {output}; next:")
-    if log is not None and log.suffix.lower() == ".toml":
-        print_result(f"  put these tables in the place of those of {log}, then")
-        print_result(f"  rotorfit identify {log}")
-    else:
-        if table is not None:
-            print_result(f"  rotorfit inspect {log} --airframe {output}")
-        # Of a table its columns say so.
-        source = " --source mocap" if seen.posed and table is None else ""
-        number = "" if log_number is None else f" --log {log_number}"
-        shown = f"{log or 'LOG'}{number} --mass KG --airframe {output}{source}"
-        print_result(f"  rotorfit identify {shown}")
+    for line in _next_lines(log, log_number, output, mapped=table is not None, source=source):
+        print_result(f"  {line}")
+
+
+def _next_lines(
+    log: Path | None, log_number: int | None, output: Path, *, mapped: bool, source: str
+) -> list[str]:
+    """Write what comes after the airframe file, commands as a shell takes them."""
+    file = shlex.quote(str(output))
+    if log is None:
+        return [f"fly, then identify the log with --airframe {file}"]
+    flight = shlex.quote(str(log))
+    if log.suffix.lower() == ".toml":
+        return [
+            f"put these tables in the place of those of {log}, then",
+            f"rotorfit identify {flight}",
+        ]
+    number = "" if log_number is None else f" --log {log_number}"
+    looked = [f"rotorfit inspect {flight} --airframe {file}"] if mapped else []
+    return [*looked, f"rotorfit identify {flight}{number} --airframe {file}{source}"]
 
 
 def _table_of(

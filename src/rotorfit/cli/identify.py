@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
@@ -136,10 +138,13 @@ def identify(
         return
     from rotorfit.report.summary import summary_text
     from rotorfit.report.text import result_text
+    from rotorfit.tools.planning.next_step import asks_for_a_plan
 
     written = result_text if full else summary_text
     text = result.to_json() if as_json else coloured(written(result, width=terminal_width()))
     print_result(text.rstrip())
+    if output is not None and not as_json and asks_for_a_plan(result):
+        print_status(f"next: rotorfit plan --after {shlex.quote(str(output))}")
 
 
 def identify_quietly(experiment: Experiment) -> IdentificationResult:
@@ -188,16 +193,33 @@ def _experiment_of_log(
     if own_kind(source) is not None:
         read_log(source)  # which says what it is
     described = airframe
-    if mass is not None and airframe is None:
+    if airframe is None:
         described = _logged_airframe(source, log_number)
-    if mass is None or described is None:
-        required = {"--mass KG": mass, "--airframe AIRFRAME.toml": airframe}
-        missing = [option for option, value in required.items() if value is None]
-        writes = f": rotorfit airframe {source.name} writes that file" if described is None else ""
-        raise typer.BadParameter(f"a log also needs {' and '.join(missing)}{writes}")
+    if described is None:
+        number = "" if log_number is None else f" --log {log_number}"
+        raise typer.BadParameter(
+            "a log also needs --airframe FILE, which describes the vehicle; to write that file: "
+            f"rotorfit airframe {shlex.quote(str(source))}{number}"
+        )
+    if mass is None:
+        mass = _asked_mass()
     from rotorfit.fit.experiment.experiment import single_flight_experiment
 
     return single_flight_experiment(source, mass=_parse_mass(mass), airframe=described)
+
+
+def _asked_mass() -> str:
+    """Ask for the mass; refuse the command where nobody answers."""
+    sys.stderr.write('Mass as flown, battery included, such as 0.428 or 428g (or "unknown"): ')
+    sys.stderr.flush()
+    try:
+        reply = sys.stdin.readline().strip()
+    except OSError:  # a closed input
+        reply = ""
+    if not reply:
+        print_status("")
+        raise typer.BadParameter("a log also needs --mass KG (or --mass unknown)")
+    return reply
 
 
 def _logged_airframe(source: Path, log_number: int | None) -> Mapping[str, Any] | None:

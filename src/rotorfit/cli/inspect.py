@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -215,5 +216,7 @@ def _text(report: LogReport | SeveralLogs) -> str:
 
     if not isinstance(report, SeveralLogs):
         return report_text(report, width=terminal_width())
-    head = f"{report.file}: {len(report.logs)} logs, the longest first; look at one with --log N"
-    return "\n".join([head, *(f"  {line}" for line in report.logs), ""])
+    first = report.logs[0].partition(":")[0]
+    head = f"{report.file}: {len(report.logs)} logs, the longest first; to look at one, such as"
+    command = f"  rotorfit inspect {shlex.quote(report.file)} --log {first}"
+    return "\n".join([head, command, *(f"  {line}" for line in report.logs), ""])

@@ -35,7 +35,11 @@ SLOWEST_LOG = 20.0
 
 
 AirframeFile = Annotated[
-    Path, typer.Argument(metavar="AIRFRAME", help="File with [airframe] and [motors].")
+    Path | None,
+    typer.Argument(
+        metavar="AIRFRAME",
+        help="File with [airframe] and [motors]; with --after that of the result, if not given.",
+    ),
 ]
 Mass = Annotated[
     float | None,
@@ -87,7 +91,7 @@ Output = Annotated[
 
 
 def plan(
-    airframe: AirframeFile,
+    airframe: AirframeFile = None,
     mass: Mass = None,
     accuracy: Accuracy = "5",
     seconds: Lengths = "20,40,75",
@@ -109,7 +113,7 @@ def plan(
     from rotorfit.tools.planning.plan import PlanRequest
     from rotorfit.tools.planning.wanted import wanted_accuracy
 
-    inputs = [airframe, *([after] if after else [])]
+    inputs = [path for path in (airframe, after) if path is not None]
     refuse_output_files({"-o": output, "--card": card}, inputs=inputs, force=force)
     if card is not None and card.suffix.lower() not in (".html", ".txt"):
         raise typer.BadParameter("a card is a .html or a .txt file", param_hint="--card")
@@ -118,10 +122,15 @@ def plan(
         raise typer.BadParameter(
             "a plan needs --mass KG, weighed as it flies (or --after RESULT.json, which has it)"
         )
-    vehicle, motors = _declared(airframe)
+    if airframe is not None:
+        name, (vehicle, motors) = airframe.name, _declared(airframe)
+    elif result is not None:
+        name, (vehicle, motors) = result.name, _declared_by(result)
+    else:
+        raise typer.BadParameter("a plan needs an AIRFRAME file, or --after RESULT, which has it")
     speed = speed or motors.speed
     request = PlanRequest(
-        name=airframe.name,
+        name=name,
         vehicle=vehicle,
         mass=_mass(mass, vehicle, result),
         speed=speed,
@@ -167,6 +176,15 @@ def _declared(airframe: Path) -> tuple[Vehicle, MotorsEntry]:
     from rotorfit.fit.experiment.experiment import single_flight_experiment
 
     experiment = single_flight_experiment(Path("flight"), mass=1.0, airframe=airframe)
+    return vehicle_of(experiment.airframe), experiment.motors
+
+
+def _declared_by(result: IdentificationResult) -> tuple[Vehicle, MotorsEntry]:
+    """Return vehicle and motors as a result was identified with."""
+    from rotorfit.fit.experiment.declared_vehicle import vehicle_of
+    from rotorfit.fit.experiment.experiment import experiment_of_settings
+
+    experiment = experiment_of_settings(result.settings)
     return vehicle_of(experiment.airframe), experiment.motors
 
 

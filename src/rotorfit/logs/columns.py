@@ -2,9 +2,11 @@
 
 import difflib
 import re
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
@@ -116,9 +118,9 @@ def unit_of(canonical: str, spec: ColumnSpec) -> str:
 
 
 def resolve(
-    in_file: Sequence[str], columns: Mapping[str, ColumnSpec] | None
+    in_file: Sequence[str], columns: Mapping[str, ColumnSpec] | None, *, path: Path
 ) -> dict[str, ColumnSpec]:
-    """Return the specification of every canonical quantity that a file has.
+    """Return the specification of every canonical quantity that a file has; `path` is its name.
 
     What the map names comes from there; columns that carry a canonical name themselves, and that
     the map does not claim for something else, are read as they are.
@@ -133,9 +135,9 @@ def resolve(
     }
     resolved = own | mapped
     if TIME not in resolved:
-        raise LogError(f"no column {TIME!r}; {_what_is_there(in_file)}")
+        raise LogError(f"no column {TIME!r}; {_what_is_there(in_file, path)}")
     if len(resolved) == 1:
-        raise LogError(f"no known column besides {TIME!r}; {_what_is_there(in_file)}")
+        raise LogError(f"no known column besides {TIME!r}; {_what_is_there(in_file, path)}")
     for spec in resolved.values():
         if in_file.count(spec.name) > 1:
             raise LogError(f"{in_file.count(spec.name)} columns are named {spec.name!r}: rename")
@@ -225,8 +227,8 @@ def _did_you_mean(name: str, known: Sequence[str]) -> str:
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
-def _what_is_there(in_file: Sequence[str]) -> str:
-    return f"the file has {_listed(in_file)}; {_suggestion(in_file)}"
+def _what_is_there(in_file: Sequence[str], path: Path) -> str:
+    return f"the file has {_listed(in_file)}; {_suggestion(in_file, path)}"
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -236,15 +238,15 @@ def _listed(names: Sequence[str]) -> str:
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def _suggestion(in_file: Sequence[str]) -> str:
+def _suggestion(in_file: Sequence[str], path: Path) -> str:
     """Return the advice to write a columns map, begun with the nearest names of the file."""
     wanted = (TIME, "gyro_x", "accel_x", "rotor_1", "command_1", "pos_x", "quat_w")
     pairs = [(name, near) for name in wanted if (near := _nearest(name, in_file)) is not None]
     entries = [f'{name} = {{ name = "{near}" }}' for name, near in pairs[:4]]
     start = ", ".join(entries) or f'{TIME} = {{ name = "NAME IN THE FILE", unit = "s" }}'
     return (
-        "rotorfit airframe TABLE proposes which is which, and writes it down; or say so in an "
-        f"experiment file, such as columns = {{ {start}, ... }}, with a unit where it is not SI"
+        f"name them in an experiment file, such as columns = {{ {start}, ... }}, with a unit where "
+        f"it is not SI, or let rotorfit propose them: rotorfit airframe {shlex.quote(str(path))}"
     )
 
 

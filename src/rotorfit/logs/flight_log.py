@@ -1,5 +1,6 @@
 """The type every log reader returns: channels on their own clocks, in SI units and FLU axes."""
 
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -213,6 +214,12 @@ class FlightLog:
     def warnings(self) -> tuple[str, ...]:
         """What to doubt of the log, one sentence each: those of the findings."""
         return sentences(self.findings)
+
+    @property
+    def as_argument(self) -> str:
+        """The log as a command takes it: its file, and which log of several."""
+        several = f" --log {self.log_number}" if self.logs_in_file > 1 else ""
+        return f"{shlex.quote(str(self.path))}{several}"
 
     @property
     def takes_columns(self) -> bool:

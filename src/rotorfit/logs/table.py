@@ -176,7 +176,7 @@ def read_table(
     """Read the flight in a table."""
     try:
         source = open_table(path)
-        channels, notes, time = _channels(source, columns or {}, axes, motor_poles)
+        channels, notes, time = _channels(source, columns or {}, axes, motor_poles, path=path)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
     return FlightLog(
@@ -198,10 +198,15 @@ def open_table(path: Path) -> Source:
 
 
 def _channels(
-    source: Source, columns: Mapping[str, ColumnSpec], axes: Axes, motor_poles: int | None
+    source: Source,
+    columns: Mapping[str, ColumnSpec],
+    axes: Axes,
+    motor_poles: int | None,
+    *,
+    path: Path,
 ) -> tuple[dict[str, Channel], list[str], Float[np.ndarray, " n"]]:
     """Return channels, notes, and the clock of the table."""
-    specs = resolve(source.names, columns)
+    specs = resolve(source.names, columns, path=path)
     groups, notes = complete_groups(specs, columns)
     values = _si_values(source, specs, groups, motor_poles)
     timed = np.isfinite(values[TIME])

@@ -187,7 +187,9 @@ def command_after(plan: FlightPlan) -> str:
             "and payload_of (see docs/experiment.md)"
         )
     mass = f"{plan.rough.truth.mass:g}"
-    return f"rotorfit identify LOG --mass {mass} --airframe {plan.request.name} -o result.json"
+    name = plan.request.name
+    airframe = name if name.endswith(".toml") else "AIRFRAME.toml"  # a plan after a result
+    return f"rotorfit identify LOG --mass {mass} --airframe {airframe} -o result.json"
 
 
 def _top_view(plan: FlightPlan) -> str:

@@ -118,7 +118,8 @@ def _settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
     found = advice_for(log.format, lacks, log.metadata)
     if found is None or not found.settings:
         return ""
-    file = " (rotorfit settings LOG writes the file)" if any(s.new for s in found.settings) else ""
+    written = any(s.new for s in found.settings)
+    file = f" (as a file: rotorfit settings {log.as_argument})" if written else ""
     flashed = [f"flash {s.value}" for s in found.settings if s.name == FIRMWARE]
     named = [s for s in found.settings if s.name != FIRMWARE]
     lines = [_whole_line(s) for s in named if s.name.endswith(":")]

@@ -39,7 +39,7 @@ from rotorfit.tools.inspection.flown_part import (
 )
 from rotorfit.tools.inspection.motor_lateness import motor_lateness
 from rotorfit.tools.inspection.pictures import LogPictures, log_pictures
-from rotorfit.tools.inspection.prospects import Prospects, foreseen_step, prospects, shown_log
+from rotorfit.tools.inspection.prospects import Prospects, foreseen_step, prospects
 from rotorfit.tools.inspection.recording import ChannelReport, Vibration, settings_for, vibration
 from rotorfit.tools.inspection.spectra import Sweep, frequency_sweeps
 from rotorfit.tools.planning.next_step import NextStep, next_step
@@ -49,7 +49,8 @@ if TYPE_CHECKING:
     from rotorfit.results.result import IdentificationResult
 
 WITH_AIRFRAME: Final = (
-    "give --airframe FILE to check motor order, spins and arm, and to get a verdict for each number"
+    "motor order, spins and arm are checked, and each number gets a verdict, once the vehicle is "
+    "described: rotorfit airframe {log}"
 )
 BY_POSE: Final = (
     "if the poses are those of motion capture, describe the vehicle, and identify by them "
@@ -110,7 +111,9 @@ class LogReport:
     @property
     def not_judged(self) -> tuple[str, ...]:
         """Checks that more options allow."""
-        return self._notes(NO_AIRFRAME)
+        # The next step may name the same command.
+        said = "" if self.next_step is None else self.next_step.action
+        return tuple(n for n in self._notes(NO_AIRFRAME) if n.rsplit(": ")[-1] not in said)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -190,7 +193,7 @@ def _next_step(
     if look.prepared is None:
         needed = better_log(look.log, lacking - NO_SPEED - NO_BATTERY)
         by_pose = (
-            NextStep(kind="done", action=BY_POSE.format(log=shown_log(look.log)))
+            NextStep(kind="done", action=BY_POSE.format(log=look.log.as_argument))
             if is_posed(look.log)
             else None
         )
@@ -359,7 +362,7 @@ def _verdicts(look: _Look) -> Iterator[Finding]:
 
 def _missing_airframe(look: _Look) -> Iterator[Finding]:
     if look.prepared is not None and look.airframe is None:
-        yield note(NO_AIRFRAME, WITH_AIRFRAME)
+        yield note(NO_AIRFRAME, WITH_AIRFRAME.format(log=look.log.as_argument))
 
 
 def _refusal(kind: str, sentence: str) -> Finding:

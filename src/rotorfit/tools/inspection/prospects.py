@@ -1,6 +1,5 @@
 """Predict cheaply what one log can show: kt, excitation of each axis, and the motor order."""
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal
@@ -70,13 +69,7 @@ PROSPECT: Final[dict[Verdict, Prospect]] = {
     "weak": "roughly",
     "not-identified": "not",
 }
-IDENTIFY: Final = "describe the vehicle, which identify needs: rotorfit airframe {log}"
-
-
-def shown_log(log: FlightLog) -> str:
-    """Write a log as a command takes it: its file, and which log of several."""
-    several = f" --log {log.log_number}" if log.logs_in_file > 1 else ""
-    return f"{shlex.quote(str(log.path))}{several}"
+IDENTIFY: Final = "describe the vehicle: rotorfit airframe {log}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,7 +189,7 @@ def foreseen_step(log: FlightLog, prepared: PreparedFlight, found: Prospects) ->
     if found.thrust.prospect != "well":
         lacking.append(ADVISED["force"])
     if not lacking:
-        return NextStep(kind="done", action=IDENTIFY.format(log=shown_log(log)))
+        return NextStep(kind="done", action=IDENTIFY.format(log=log.as_argument))
     faster = faster_log(log, prepared) if found.commanded else None
     if faster is not None:
         return NextStep(kind="log", action=faster, because=slow_words(prepared))

@@ -47,10 +47,10 @@ BEST_MANOEUVRE: Final = "best-manoeuvre"
 """Kind of the note that a result keeps of what its best manoeuvre gives."""
 MAIN: Final = ("kt", "kd", "Jr", *COM, *INERTIA_COM[:3])
 """Numbers for which a step is worth a flight."""
-DONE: Final = "nothing more to fly: check it on another flight (rotorfit validate RESULT LOG)"
+DONE: Final = "nothing more to fly: check the result on another flight, with rotorfit validate"
 UNHELPED: Final = (
-    "no manoeuvre of 20 s is enough for what is left: plan a longer flight, or one with a payload "
-    "(rotorfit plan AIRFRAME --after RESULT)"
+    "fly longer than 20 s, or with a payload, for what is still missing; rotorfit plan says how "
+    "long, and which manoeuvres"
 )
 MOST_OF_IT: Final = 0.5
 """Share of a squared interval over which a contribution decides it."""
@@ -102,6 +102,11 @@ def next_step(result: IdentificationResult, *, predicted: Finding | None = None)
     step = _before_flying(result, lacking) or _not_by_flying(lacking) or _advised(lacking)
     about_flying = step.kind == "fly" or step.action == UNHELPED
     return _stored(stored) if about_flying and stored is not None else step
+
+
+def asks_for_a_plan(result: IdentificationResult) -> bool:
+    """Return whether the next step is a flight that only a plan finds."""
+    return next_step(result).action == UNHELPED
 
 
 def with_best_manoeuvre(
