@@ -17,9 +17,11 @@ DataFrame = Any
 """A data frame of pandas, which need not be installed."""
 
 
+_ARGUMENT: Final = r"(?:'[^']*'|[^\s()';,-][^\s()';,]*)"
+_FILE: Final = r"(?:'[^']*'|[^\s()';,]*[./][^\s()';,]*)"
+_OPTION: Final = rf"-{{1,2}}[a-z][a-z-]*(?: {_ARGUMENT})?"
 COMMAND: Final = re.compile(
-    r"rotorfit [a-z]+ (?:'[^']*'|[^\s()';,]+)"
-    r"(?: (?:-{1,2}[a-z][a-z-]*(?: (?:'[^']*'|[^\s()';,-][^\s()';,]*))?|'[^']*'|[^\s()';,]*[./][^\s()';,]*))*"
+    rf"rotorfit [a-z]+ (?:{_OPTION}|{_ARGUMENT})(?: (?:{_OPTION}|{_FILE}))*"
 )
 """A command in a sentence, with its arguments; a comma, a bracket or the sentence's end ends it."""
 _UNBROKEN: Final = "\N{NO-BREAK SPACE}"
