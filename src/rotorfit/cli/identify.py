@@ -8,7 +8,7 @@ import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
@@ -197,21 +197,15 @@ def _experiment_of_log(
         described = _logged_airframe(source, log_number)
     if described is None:
         number = "" if log_number is None else f" --log {log_number}"
-        # Not typer's box, which would break the command over its lines.
-        print_status(
-            "rotorfit: a log also needs --airframe FILE, which describes the vehicle; to write "
-            f"that file: rotorfit airframe {shlex.quote(str(source))}{number}"
+        raise typer.BadParameter(
+            "a log also needs --airframe FILE, which describes the vehicle; to write that file: "
+            f"rotorfit airframe {shlex.quote(str(source))}{number}"
         )
-        raise typer.Exit(WRONG_USAGE)
     if mass is None:
         mass = _asked_mass()
     from rotorfit.fit.experiment.experiment import single_flight_experiment
 
     return single_flight_experiment(source, mass=_parse_mass(mass), airframe=described)
-
-
-WRONG_USAGE: Final = 2
-"""Exit code of a command with an option missing, as typer's."""
 
 
 def _asked_mass() -> str:
