@@ -58,7 +58,7 @@ def output_of(monkeypatch, command: list[str]) -> tuple[int, str]:
 
 def commands_in(text: str) -> list[list[str]]:
     """Find the commands that a text names, each as the list of its words after the program."""
-    shown = re.sub(r"^Usage: .*$", "", text, flags=re.MULTILINE)
+    shown = re.sub(r"^(?:Usage|Try|Example)\b.*$", "", text, flags=re.MULTILINE)
     found = (shlex.split(words)[1:] for words in COMMAND.findall(shown))
     return [words for words in found if words[0] in NAMES]
 

@@ -120,6 +120,8 @@ FASTEST_TURN = 40.0
 
 LONGEST_BLOW = 3.0
 """From first to last such turn of a crash [s]; a gyro in deg/s reads them all over the flight."""
+LEAST_RATE: Final = 40.0
+"""Of motors and IMU, below which all of the motion is lost that inertia and lag show in [Hz]."""
 ENOUGH_RATE: Final = 150.0
 """Of commands, speeds and IMU, from which on nothing is lost that an estimate uses [Hz]."""
 FEWEST_FAST = 3

@@ -257,6 +257,9 @@ def _thrust_message(found: Prospects) -> str:
         "roughly": "kt (per kilogram) can be found roughly",
         "not": "kt cannot be found",
     }[thrust.prospect]
+    if found.useless_because is not None and found.commands is None:
+        by_weight = "" if thrust.prospect == "not" else " from the weight alone"
+        return f"{verdict}{by_weight}: the log is too slow for changes of thrust"
     if not thrust.followed:
         by_weight = "" if thrust.prospect == "not" else " by the weight"
         return f"thrust changes by {change:.0f} %: {verdict}{by_weight}. {_unexplained(found)}"

@@ -19,6 +19,7 @@ from rotorfit.fit.motor_law.fit_law import FittedLaw, bounded_recording, fit_law
 from rotorfit.fit.motor_law.form_fit import LawFit
 from rotorfit.fit.motor_law.law_model import law_of, scales_of, timing_of
 from rotorfit.fit.reduction.motor_timing import is_time_identifiable
+from rotorfit.flight.flight_checks import LEAST_RATE
 from rotorfit.flight.motors.motor_model import (
     ThrustCurve,
     betaflight_linear,
@@ -171,7 +172,37 @@ def _times(fitted: FittedLaw) -> tuple[Parameter, ...]:
     # Of a faster loop the log keeps some commands: those between may be half a step older.
     step = float(np.median(np.diff(fitted.recording.command_time)))
     found["command_delay"] = delay, half + 0.5 * step
-    return tuple(found_time(name, value, half / 1.96) for name, (value, half) in found.items())
+    times = (found_time(name, value, half / 1.96) for name, (value, half) in found.items())
+    slow = _slow_words(fitted.recording)
+    return tuple(times) if slow is None else tuple(_without_time(time, slow) for time in times)
+
+
+def _slow_words(recording: Recording) -> str | None:
+    """Say which of commands and speeds are too slow to time the motors; None where neither is."""
+    steps = {
+        "commands": np.diff(recording.command_time),
+        "rotor speeds": np.diff(recording.time),
+    }
+    rates = {name: 1.0 / float(np.median(step[step > 0.0])) for name, step in steps.items()}
+    slowest = min(rates, key=lambda name: rates[name])
+    if rates[slowest] >= LEAST_RATE:
+        return None
+    return f"{slowest} at {rates[slowest]:.0f} Hz are too slow to time the motors"
+
+
+def _without_time(time: Parameter, reason: str) -> Parameter:
+    """Withhold a time that a slow log does not show."""
+    # What to set in the log is the finding of a slow log.
+    return replace(
+        time,
+        value=None,
+        std=None,
+        interval=None,
+        verdict="not-identified",
+        reason=reason,
+        advice=None,
+        asks=None,
+    )
 
 
 def _rising_lag(fit: LawFit, x: Vector) -> float:

@@ -6,7 +6,7 @@ from typing import Final
 from rotorfit.findings import Finding, note
 from rotorfit.fit.dataset.dataset import LoadedFlight
 from rotorfit.fit.fit import Fit
-from rotorfit.flight.flight_checks import ENOUGH_RATE
+from rotorfit.flight.flight_checks import ENOUGH_RATE, LEAST_RATE
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.logs.firmware import (
     FIRMWARE,
@@ -25,8 +25,6 @@ TOO_SLOW: Final = "log-too-slow"
 NO_ROTOR_SPEED: Final = "no-rotor-speed"
 NOT_SIMULATED: Final = "not-simulated"
 NO_INERTIA: Final = "no rotor inertia"
-LEAST_RATE: Final = 40.0
-"""Of commands and IMU, below which all of the motion is lost that inertia shows in [Hz]."""
 FAST: Final = tuple(
     name
     for name, info in EVERY.items()
@@ -43,8 +41,10 @@ BY_SPEED: Final = ("kt", "kd", "Jr", "Ixx", "Iyy", "Izz", "motor_lag", "motor_de
 
 
 def slow_log(fit: Fit) -> Iterator[Finding]:
-    """Name the settings without which no flying shows inertia: commands or IMU are too slow."""
-    for flight in _commanded(fit):
+    """Name the settings without which no flying shows inertia: motors or IMU are too slow."""
+    # Motion capture has no such settings; what it lacks in rate is said where it is read.
+    by_imu = fit.dataset.source == "imu"
+    for flight in _flights(fit) if by_imu else _commanded(fit):
         step = faster_log(flight.log, flight.prepared)
         if step is not None:
             because = slow_words(flight.prepared)
@@ -63,8 +63,7 @@ def unlogged_speed(fit: Fit) -> Iterator[Finding]:
 
 def absent_in_simulator(fit: Fit) -> Iterator[Finding]:
     """Note that a simulator has no rotor inertia, which no flight in it can show."""
-    flights = [flight for c in fit.dataset.configurations for flight in c.flights]
-    simulators = {flight.log.metadata.get("Simulator", "") for flight in flights}
+    simulators = {flight.log.metadata.get("Simulator", "") for flight in _flights(fit)}
     if any(NO_INERTIA in LEAVES_OUT.get(name, "") for name in simulators):
         because = f"the simulator has {NO_INERTIA}"
         step = "nothing to fly in this simulator"
@@ -72,7 +71,7 @@ def absent_in_simulator(fit: Fit) -> Iterator[Finding]:
 
 
 def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
-    """Say how to log commands and IMU faster; None where they are fast enough for inertia."""
+    """Say how to log motors and IMU faster; None where they are fast enough for inertia."""
     if prepared.slowest_rate >= LEAST_RATE:
         return None
     slow_imu = prepared.data.sample_rate < ENOUGH_RATE
@@ -108,8 +107,10 @@ def log_with_speed(log: FlightLog, prepared: PreparedFlight) -> str | None:
 
 
 def _commanded(fit: Fit) -> list[LoadedFlight]:
-    if fit.dataset.motors.speed != "commanded":
-        return []
+    return _flights(fit) if fit.dataset.motors.speed == "commanded" else []
+
+
+def _flights(fit: Fit) -> list[LoadedFlight]:
     return [flight for c in fit.dataset.configurations for flight in c.flights]
 
 

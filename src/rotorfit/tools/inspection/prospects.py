@@ -21,7 +21,6 @@ from rotorfit.checks.motors.law_from_flight import (
     thrust_ratio,
 )
 from rotorfit.checks.sensors.log_settings import (
-    LEAST_RATE,
     faster_log,
     log_with_speed,
     slow_words,
@@ -37,6 +36,7 @@ from rotorfit.fit.intervals.row_scatter import row_half_widths
 from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, prepared_bands, retimed
 from rotorfit.fit.reduction.reduce import Lines
 from rotorfit.fit.row_fits import RowFits, fit_rows
+from rotorfit.flight.flight_checks import LEAST_RATE
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight
@@ -183,6 +183,9 @@ class Prospects:
 
 def foreseen_step(log: FlightLog, prepared: PreparedFlight, found: Prospects) -> NextStep:
     """Choose what to do after a flight that is not identified yet, as after an identification."""
+    faster = faster_log(log, prepared)
+    if faster is not None:
+        return NextStep(kind="log", action=faster, because=slow_words(prepared))
     # What yaw lacks first: kd, Jr and Izz at once.
     axes = reversed(found.excitation)
     lacking: list[Manoeuvre] = [ADVISED[a.axis] for a in axes if a.prospect != "well"]
@@ -190,9 +193,6 @@ def foreseen_step(log: FlightLog, prepared: PreparedFlight, found: Prospects) ->
         lacking.append(ADVISED["force"])
     if not lacking:
         return NextStep(kind="done", action=IDENTIFY.format(log=log.as_argument))
-    faster = faster_log(log, prepared) if found.commanded else None
-    if faster is not None:
-        return NextStep(kind="log", action=faster, because=slow_words(prepared))
     with_speed = log_with_speed(log, prepared) if found.commanded else None
     if with_speed is not None:
         return NextStep(kind="log", action=with_speed)
@@ -261,9 +261,7 @@ def prospects(
         commanded=commanded,
         motors=None if known is None else known[1],
         commands=commands,
-        useless_because=slow_words(prepared)
-        if commanded and prepared.slowest_rate < LEAST_RATE
-        else None,
+        useless_because=slow_words(prepared) if prepared.slowest_rate < LEAST_RATE else None,
     )
 
 
