@@ -29,6 +29,6 @@ def test_a_component_of_which_nothing_is_predicted_is_named(yaw, said):
     text = validation_text(flights, [judgement((), comparisons=[one]) for one in flights])
     words = " ".join(text.split())
     assert (NOTHING_PREDICTED in words) == said
-    assert "Good: thrust (Fz) up to 5 %, moments (Mx roll, My pitch, Mz yaw) up to 30 %" in words
+    assert "a good model has up to 5 % for thrust (Fz) and up to 30 % for the moments" in words
     assert f"{100 * yaw:.0f}\n" in text
     assert max(map(len, text.splitlines())) <= 80

@@ -12,6 +12,7 @@ from rotorfit.tools.planning.next_step import next_step
 pytestmark = pytest.mark.flights
 
 
+@pytest.mark.filterwarnings("ignore::rotorfit.errors.RotorfitWarning")
 def test_esc_telemetry_at_4_hz_asks_for_a_faster_log_first(flight_data_dir):
     folder = flight_data_dir / "public-faults"
     log, airframe = folder / "fail-advice-in-vain-esc-4hz.ulg", folder / "airframe-px4-ekf.toml"

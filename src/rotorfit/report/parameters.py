@@ -27,7 +27,10 @@ VERDICT_MEANING = {
     "removed": "taken out of the model as unessential",
 }
 
-PREDICTED_WELL = "Good: thrust (Fz) up to 5 %, moments (Mx roll, My pitch, Mz yaw) up to 30 %."
+PREDICTED_WELL = (
+    "For comparison, a good model has up to 5 % for thrust (Fz) and up to 30 % for the moments "
+    "(Mx roll, My pitch, Mz yaw)."
+)
 """What relative errors on flights kept apart are worth."""
 NOTHING_PREDICTED = (
     "At 100 % and over the model predicts nothing of that component: the rotors hardly moved it "

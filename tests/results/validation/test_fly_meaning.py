@@ -109,9 +109,15 @@ def test_wrench_and_replay_make_one_judgement():
     found = judgement([made], doubtful=("kd",))
     assert [one.level for one in found.axes] == ["good", "good", "with-feedback", "rough"]
     assert found.sentence == (
-        "Does it fly as flown? Roughly. Good: thrust (error 2 %), roll (error 10 %); good for "
-        "tuning and simulation, but not to predict without feedback: pitch (right for 0.11 s); "
-        "rough: yaw (error 50 %); it rests on doubtful numbers: kd."
+        "Does it fly as flown? Roughly: the yaw moment decides, with an error of 50 %; up to 30 % "
+        "is good. Good: thrust (error 2 %), roll (error 10 %); good with a controller: pitch "
+        "(right for 0.11 s). It rests on doubtful numbers: kd."
+    )
+    right = replace(made, comparison=compared(Fz=0.02, Mx=0.1, My=0.2, Mz=0.2))
+    assert judgement([right]).sentence == (
+        "Does it fly as flown? Yes, with a controller: thrust and moments are right, but with "
+        "nothing to correct it the pitch rate is off by a fifth after 0.11 s, as small errors add "
+        "up. Good: thrust (error 2 %), roll (error 10 %), yaw (error 20 %)."
     )
 
 
@@ -142,11 +148,11 @@ def test_what_is_left_of_a_moment_is_laid_to_its_cause():
     errors = {"Fz": 0.5, "Mx": 1.0, "My": 3.0, "Mz": 0.8}
     one = replace(compared(**errors), body_wrench=body, rotor_wrench=rotors)
     roll, pitch, yaw = moment_sentences([one])
-    assert "75 % of the power of the moment" in roll and "100 % goes with the motion" in roll
-    assert "% is steady: the trim changed" in pitch
-    assert yaw.startswith("yaw: over the whole flight the rotors make ")
-    assert re.search(r"(59|60|61|62) % of the power of the moment", yaw)
-    assert "100 % is neither steady nor in proportion to the motion: gusts, wash" in yaw
+    assert "rotors explain 75 % of the moment" in roll and "100 % of the rest grows with" in roll
+    assert "% of the rest is a steady offset" in pitch
+    assert yaw.startswith("yaw: the rotors explain ")
+    assert re.search(r"(59|60|61|62) % of the moment", yaw)
+    assert "100 % of the rest looks like gusts or propeller wash" in yaw
     good = replace(one, relative_error=dict.fromkeys(errors, 0.2))
     assert moment_sentences([good]) == []
     plain = [split.to_plain() for split in moment_splits([good])]
@@ -183,7 +189,7 @@ def test_an_error_beyond_the_band_is_laid_to_band_or_model():
 
     words = error_sentences(with_band(outcome(error), 0.02))
     assert [one.split(":")[0] for one in words] == ["roll", "pitch", "yaw"]
-    assert "goes with the motion: the intervals of inertia" in words[0]
-    assert "which neither the model nor the intervals" in words[1]
-    assert "is steady: the trim changed" in words[2]
+    assert "of the error grows with the motion" in words[0]
+    assert "of the error looks like gusts" in words[1]
+    assert "of the error is a steady offset" in words[2]
     assert error_sentences(with_band(outcome(error), 0.2)) == []

@@ -45,7 +45,7 @@ HEADS: Final[Mapping[Level, str]] = {
 }
 WORDS: Final[Mapping[Level, str]] = {
     "good": "good",
-    "with-feedback": "good for tuning and simulation, but not to predict without feedback",
+    "with-feedback": "good with a controller",
     "rough": "rough",
     "nothing": "nothing predicted",
     "unknown": "not known from this result",
@@ -95,17 +95,30 @@ class Judgement:
 
     @property
     def sentence(self) -> str:
-        """All of it in one sentence, with the numbers that decide."""
+        """The answer with the number that decides, then the axes that are better."""
+        rests = f" It rests on doubtful numbers: {', '.join(self.doubtful)}."
+        return (
+            f"Does it fly as flown? {HEADS[self.level]}: {_decided(self.level, self._worst)}."
+            f"{self._better}{rests if self.doubtful else ''}"
+        )
+
+    @property
+    def _worst(self) -> AxisJudgement:
+        """The axis that decides the level, by the number that decides it."""
+        level, of_level = self.level, [one for one in self.axes if one.level == self.level]
+        if level == "with-feedback":
+            return min(of_level, key=lambda one: one.right_for or 0.0)
+        return max(of_level, key=lambda one: (one.wrench_error or 0.0) / GOOD_ERROR[one.axis])
+
+    @property
+    def _better(self) -> str:
+        """The axes that do not decide, by their level."""
         parts = [
             f"{WORDS[level]}: {', '.join(map(_with_number, found))}"
             for level in LEVELS
-            if (found := [one for one in self.axes if one.level == level])
+            if (found := [one for one in self.axes if one.level == level and one != self._worst])
         ]
-        rests = f"; it rests on doubtful numbers: {', '.join(self.doubtful)}"
-        return (
-            f"Does it fly as flown? {HEADS[self.level]}. {'; '.join(parts).capitalize()}"
-            f"{rests if self.doubtful else ''}."
-        )
+        return f" {'; '.join(parts).capitalize()}." if parts else ""
 
     def to_plain(self) -> dict[str, Any]:
         """Return the judgement as JSON holds it."""
@@ -115,6 +128,25 @@ class Judgement:
             "axes": [asdict(one) for one in self.axes],
             "doubtful": list(self.doubtful),
         }
+
+
+def _decided(level: Level, worst: AxisJudgement) -> str:
+    """Explain a level by the axis and the number that decide it."""
+    what = "thrust" if worst.axis == "thrust" else f"{worst.axis} moment"
+    good = f"up to {short(100.0 * GOOD_ERROR[worst.axis])} % is good"
+    if level == "with-feedback":
+        return (
+            f"thrust and moments are right, but with nothing to correct it the {worst.axis} rate "
+            f"is off by a fifth after {worst.right_for or 0.0:.2g} s, as small errors add up"
+        )
+    if level == "unknown":
+        return f"the result does not know the {what}"
+    if worst.wrench_error is None:
+        return (
+            f"the {worst.axis} rate decides, with an error {worst.over_held or 0.0:.2g} times that "
+            "of a rate taken as constant"
+        )
+    return f"the {what} decides, with an error of {short(100.0 * worst.wrench_error)} %; {good}"
 
 
 def _with_number(one: AxisJudgement) -> str:
@@ -200,29 +232,28 @@ def _beyond_band(replays: Sequence[Replay]) -> dict[str, str]:
         if not np.isfinite(ratio) or ratio <= NARROW_BAND:
             continue
         words[axis] = (
-            f"{axis}: the error is {ratio:.1f} times what the parameters' intervals allow; "
-            f"{_cause(steady, moved)}"
+            f"{axis}: the error is {ratio:.1f} times what the parameters' intervals allow. "
+            f"{_cause(steady, moved, of='the error')}"
         )
     return words
 
 
-def _cause(steady: float, moved: float) -> str:
+def _cause(steady: float, moved: float, *, of: str) -> str:
     """Explain an error by the shares of its power: steady, with the motion, and the rest."""
     rest = 1.0 - steady - moved
     if rest >= max(steady, moved):
         return (
-            f"{100 * rest:.0f} % of its power is neither steady nor in proportion to the "
-            "motion: gusts, wash, drag or timing, which neither the model nor the intervals "
-            "of its parameters include"
+            f"{100 * rest:.0f} % of {of} looks like gusts or propeller wash, which the model "
+            "leaves out"
         )
     if steady >= moved:
         return (
-            f"{100 * steady:.0f} % of its power is steady: the trim changed since the fit "
-            "(load, wind), or the intervals of the centre of mass are too narrow"
+            f"{100 * steady:.0f} % of {of} is a steady offset: the load, the balance or the wind "
+            "changed since the fit"
         )
     return (
-        f"{100 * moved:.0f} % of its power goes with the motion: the intervals of inertia, "
-        "thrust or torque are too narrow for this flight"
+        f"{100 * moved:.0f} % of {of} grows with the motion: inertia, thrust or torque of this "
+        "flight differ from the result"
     )
 
 
@@ -270,12 +301,10 @@ def moment_sentences(
         error = _error(comparisons, COMPONENT_OF[split.axis])
         if split.axis not in axes or error is None or error <= GOOD_ERROR[split.axis]:
             continue
-        share = f"{100 * split.by_rotors:.0f} % of the power of the"
-        cause = _cause(split.steady, split.with_motion).replace("of its power ", "", 1)
+        share = f"{100 * split.by_rotors:.0f} %" if split.by_rotors > 0.0 else "nothing"
         words.append(
-            f"{split.axis}: over the whole flight the rotors make "
-            f"{share if split.by_rotors > 0.0 else 'nothing of the'} moment that the motion needs; "
-            f"of what is left {cause}"
+            f"{split.axis}: the rotors explain {share} of the moment in this flight. "
+            f"{_cause(split.steady, split.with_motion, of='the rest')}"
         )
     return words
 
