@@ -13,10 +13,14 @@ sys.path.append(str(Path(__file__).parents[1] / "logs"))
 from ulog_encoder import write_ulog
 
 import rotorfit
+from hand_made_logs import hover_thrust, motion_log
+from rotorfit.cli.airframe import _shown_by_flight as shown_by_flight
 from rotorfit.cli.airframe import listed_text
 from rotorfit.fit.experiment.airframe_table import AirframeEntry
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.model.vehicle import layout_rotors, spaced_rotors
+from rotorfit.tools.inspection.flown_part import SPINS_UNSURE
+from rotorfit.tools.inspection.seen_airframe import seen_airframe
 
 POSED = {"t", "px", "py", "pz", "qx", "qy", "qz", "qw", *(f"motor_motor_m{i}" for i in range(1, 5))}
 """Of NanoBench's table, what a camera and the radio see."""
@@ -40,9 +44,9 @@ def vehicle(path) -> rotorfit.Vehicle:
 
 def test_questions_are_asked_one_by_one_and_the_file_is_written(answered, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    ended = answered("quad-x\nbetaflight\n91\n127\n\n")
+    ended = answered("quad-x\nbetaflight\n91\n127\n\n\n")
     assert ended.code == 0
-    assert ended.err.count("]: ") == 4  # the order has no default
+    assert ended.err.count("]: ") == 5  # the order has no default
     assert ended.out.startswith("[airframe]\n")
     made = vehicle(tmp_path / "airframe.toml")
     places = np.array([rotor.position for rotor in made.rotors])
@@ -50,6 +54,27 @@ def test_questions_are_asked_one_by_one_and_the_file_is_written(answered, tmp_pa
     np.testing.assert_allclose(np.abs(places[:, 1]), 0.0635)
     assert [r.spin for r in made.rotors] == ["cw", "ccw", "ccw", "cw"]
     assert "commanded" in (tmp_path / "airframe.toml").read_text()
+
+
+@pytest.mark.parametrize(("reply", "spin"), [("", "cw"), ("usual\n", "cw"), ("reversed\n", "ccw")])
+def test_spins_that_nothing_shows_are_asked_for(answered, tmp_path, monkeypatch, reply, spin):
+    monkeypatch.chdir(tmp_path)
+    given = ("--layout", "quad-x", "--order", "betaflight", "--speed", "measured")
+    ended = answered(reply, *given, "--spacing", "91,127")
+    assert ended.code == 0
+    assert "Motor 1 (rear right), seen from above, turns clockwise: usual" in ended.err
+    assert ("taken as usual" in ended.err) == (reply == "")
+    assert vehicle(tmp_path / "airframe.toml").rotors[0].spin == spin
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_a_flight_that_hardly_yaws_shows_no_spins(shown):
+    confirmed = 'layout = "quad-x", order = "px4" with every spin reversed (list the rotors)'
+    seen = seen_airframe(
+        motion_log(hover_thrust(4)), confirmed + ("" if shown else f" ({SPINS_UNSURE})")
+    )
+    assert (seen.borne_out, seen.spins_shown, seen.turned) == (True, shown, shown)
+    assert ("but not the spins" in shown_by_flight(seen)) is not shown
 
 
 def test_wrong_answers_are_asked_again(answered, tmp_path, monkeypatch):
@@ -66,7 +91,8 @@ def test_wrong_answers_are_asked_again(answered, tmp_path, monkeypatch):
 def test_a_log_fills_in_layout_order_and_speed(answered, here):
     ended = answered("400\n\n", "flight.csv", "-o", "mine.toml")
     assert ended.code == 0, ended
-    assert "the flight confirms quad-plus, motors in the order of p" in ended.err
+    assert "the flight shows the layout (quad-plus), the motor order (p" in ended.err
+    assert "and the spins (as usual for that order)" in ended.err
     made = vehicle(here / "mine.toml").rotors
     assert [r.spin for r in made] == ["ccw", "ccw", "cw", "cw"]
     assert np.abs([r.position[:2] for r in made]).max() == 0.2
@@ -210,7 +236,7 @@ def test_an_unknown_table_is_mapped_once_and_read_ever_after(answered, run, unkn
     assert ended.code == 0, ended
     assert "says axes FRD (z down)" in ended.err
     assert "Unit of esc0 to esc3" in ended.err
-    assert "the flight confirms quad-plus" in ended.err
+    assert "the flight shows the layout (quad-plus)" in ended.err
     made = tomllib.loads(Path("own.toml").read_text())["table"]
     assert made["axes"] == "FRD"
     assert made["columns"]["rotor_1"] == {"name": "esc0", "unit": "rpm"}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
@@ -19,6 +18,7 @@ from rotorfit.cli.terminal import (
     Speed,
     print_result,
     print_status,
+    read_answer,
     refuse_output_file,
     steps,
 )
@@ -40,6 +40,13 @@ Order = Annotated[
     typer.Option(
         metavar="NAME",
         help="Motor numbering: px4, ardupilot, betaflight, crazyflie; asked for if not given.",
+    ),
+]
+Spins = Annotated[
+    Literal["usual", "reversed"] | None,
+    typer.Option(
+        help="Spins of a named layout: usual for its order (props in), or reversed (props out); "
+        "asked for if neither given nor shown by the flight."
     ),
 ]
 Spacing = Annotated[
@@ -93,6 +100,7 @@ def airframe(
     layout: Layout = None,
     order: Order = None,
     spacing: Spacing = None,
+    spins: Spins = None,
     speed: Speed = None,
     column: Named = None,
     unit: Units = None,
@@ -121,7 +129,7 @@ def airframe(
         spaces, given_speed = _parse_spacing(spacing), speed or str(seen.speed)
         text = listed_text(seen.sites, spaces, speed=given_speed)
     else:
-        text = _named_text(seen, layout, order, spacing=spacing, speed=speed)
+        text = _named_text(seen, layout, order, spacing=spacing, speed=speed, spins=spins)
     if table is not None:
         text += table_text(table)
     _refuse_unreadable(text)
@@ -241,6 +249,7 @@ def _named_text(
     *,
     spacing: str | None,
     speed: str | None,
+    spins: str | None,
 ) -> str:
     """Write the airframe file of a named layout; ask for what is neither given nor seen."""
     from rotorfit.model.vehicle import LAYOUTS
@@ -254,7 +263,10 @@ def _named_text(
         question = "Rotor speed in the log: measured (ESC telemetry, bidirectional DShot) or "
         choices = ["measured", "commanded"]
         given_speed = _ask_choice(choices, f"{question}commanded", "commanded", "--speed")
-    turned = seen.turned and (layout, order) == (seen.layout, seen.order)
+    if spins is None and seen.spins_shown and (layout, order) == (seen.layout, seen.order):
+        turned = seen.turned
+    else:
+        turned = (spins or _asked_spins(layout, order)) == "reversed"
     return airframe_text(layout, order, spaces, speed=given_speed, turned=turned)
 
 
@@ -279,18 +291,24 @@ def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> S
             "out and answer the questions, or give a log with motor outputs"
         )
     print_status(f"{path.name}: {log.format}, {seen.rotors} motors, rotor speed {seen.speed}")
-    spins = ", every spin reversed (props out)" if seen.turned else ""
     if seen.rotors_table:
         print_status("CA_ROTOR* in the log gives order, spins and places of the rotors: check them")
     elif seen.sites:
         print_status("CA_ROTOR* in the log gives order and spins of the motors, not their size")
         return seen
-    print_status(
-        f"the flight confirms {seen.layout}, motors in the order of {seen.order}{spins}"
-        if seen.borne_out
-        else "the flight does not show which layout and motor order it is: look at the vehicle"
-    )
+    print_status(_shown_by_flight(seen))
     return seen
+
+
+def _shown_by_flight(seen: SeenAirframe) -> str:
+    """Say which of layout, motor order and spins the flight shows."""
+    if not seen.borne_out:
+        return "the flight shows neither layout nor motor order nor spins: look at the vehicle"
+    found = f"the flight shows the layout ({seen.layout}), the motor order ({seen.order})"
+    if not seen.spins_shown:
+        return f"{found}, but not the spins: yaw hardly moves"
+    usual = "every one reversed, props out" if seen.turned else "as usual for that order"
+    return f"{found} and the spins ({usual})"
 
 
 def _layouts(seen: SeenAirframe) -> list[str]:
@@ -331,6 +349,27 @@ def _layout_or_order(
             f"the flight responds like {key} {shown}, not {reply}: make sure that it is right"
         )
     return reply
+
+
+def _asked_spins(layout: str, order: str) -> str:
+    """Ask which way the first motor turns; take the usual way where nobody answers."""
+    from rotorfit.model.vehicle import layout_rotors
+
+    first = layout_rotors(layout, arm=1.0, order=order)[0]
+    x, y, _ = first.position
+    along = "front" if x > 0.1 else "rear" if x < -0.1 else ""
+    across = "left" if y > 0.1 else "right" if y < -0.1 else ""
+    place = " ".join(filter(None, (along, across)))
+    turns = {"cw": "clockwise", "ccw": "counterclockwise"}
+    other = turns["ccw" if first.spin == "cw" else "cw"]
+    question = (
+        f"Motor 1 ({place}), seen from above, turns {turns[first.spin]}: usual, {other}: reversed"
+    )
+    try:
+        return _ask_choice(["usual", "reversed"], question, "usual", "--spins")
+    except OutputError:
+        print_status("\nthe spins are taken as usual; for the others add --spins reversed")
+        return "usual"
 
 
 def _parse_spacing(given: str | None) -> tuple[float, float]:
@@ -381,12 +420,10 @@ def _ask_choice(choices: list[str], question: str, default: str, option: str) ->
 def _ask(question: str, default: str | None, option: str) -> str:
     """Ask a question; an empty reply is its default."""
     shown = f" [{default}]" if default else ""
-    sys.stderr.write(f"{question}{shown}: ")
-    sys.stderr.flush()
-    line = sys.stdin.readline()
-    if not line:
+    line = read_answer(f"{question}{shown}: ")
+    if line is None:
         raise OutputError(f"no answer to {question.strip()!r}: answer it, or give {option}")
-    reply = line.strip() or default  # the empty reply is none of the choices
+    reply = line or default  # the empty reply is none of the choices
     if reply is None:
         raise OutputError(f"no answer to {question.strip()!r}: a number is needed")
     return reply

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import shlex
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
@@ -26,6 +25,7 @@ from rotorfit.cli.terminal import (
     print_result,
     print_status,
     quiet_steps,
+    read_answer,
     refuse_output_files,
     refuse_output_folder,
     terminal_width,
@@ -210,12 +210,7 @@ def _experiment_of_log(
 
 def _asked_mass() -> str:
     """Ask for the mass; refuse the command where nobody answers."""
-    sys.stderr.write('Mass as flown, battery included, such as 0.428 or 428g (or "unknown"): ')
-    sys.stderr.flush()
-    try:
-        reply = sys.stdin.readline().strip()
-    except OSError:  # a closed input
-        reply = ""
+    reply = read_answer('Mass as flown, battery included, such as 0.428 or 428g (or "unknown"): ')
     if not reply:
         print_status("")
         raise typer.BadParameter("a log also needs --mass KG (or --mass unknown)")

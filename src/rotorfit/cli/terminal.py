@@ -113,6 +113,18 @@ def print_status(line: str) -> None:
         sys.stderr.flush()
 
 
+def read_answer(question: str) -> str | None:
+    """Ask on stderr and read a line from stdin; None where nobody answers."""
+    with suppress(OSError):
+        sys.stderr.write(question)
+        sys.stderr.flush()
+    try:
+        line = sys.stdin.readline()
+    except OSError:  # a closed input
+        line = ""
+    return line.strip() if line else None
+
+
 def print_refusal(error: Exception) -> None:
     """Print on stderr, in one line, why something is refused."""
     print_status(f"rotorfit: {one_line(str(error))}")

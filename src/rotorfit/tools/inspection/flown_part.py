@@ -16,6 +16,8 @@ NAMED_LAYOUT: Final = re.compile(
     r'layout = "(?P<layout>[^"]+)", order = "(?P<order>[^"]+)"(?P<turned> with every spin rev)?'
 )
 """How `prospects` names the motors that a flight confirms."""
+SPINS_UNSURE: Final = "spins unsure: yaw hardly moves"
+"""How `prospects` says that the flight does not show the spins."""
 GUESSED_ARM: Final = 0.15
 """Only a scale to separate flight from ground, where no airframe is given [m]."""
 NEEDED: Final = ("gyro", "accel")

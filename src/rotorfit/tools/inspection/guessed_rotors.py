@@ -22,6 +22,7 @@ from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.signals import whole_samples
 from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors
+from rotorfit.tools.inspection.flown_part import SPINS_UNSURE
 
 Convention = Literal["px4", "betaflight", "crazyflie", "paper"]
 CONVENTIONS: Final[tuple[Convention, ...]] = ("px4", "betaflight", "crazyflie", "paper")
@@ -59,7 +60,7 @@ def likely_motors(factors: Factors, made_for: Vehicle) -> tuple[Vehicle, str] | 
     if not found:
         return None
     best, vehicle, name = max(found, key=lambda one: one[0].score)
-    return vehicle, name if best.yaw > LEAST_YAW else f"{name} (spins unsure: yaw hardly moves)"
+    return vehicle, name if best.yaw > LEAST_YAW else f"{name} ({SPINS_UNSURE})"
 
 
 def confirmed_motors(

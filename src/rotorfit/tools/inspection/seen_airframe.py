@@ -10,6 +10,7 @@ from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.tools.inspection.flown_part import (
     NAMED_LAYOUT,
+    SPINS_UNSURE,
     expected_response,
     is_posed,
     name_in_usual_order,
@@ -25,7 +26,8 @@ class SeenAirframe:
     - `rotors`: how many; None where the log has no motors.
     - `layout`, `order`: that the flight confirms, else the order that is usual for such a log.
     - `borne_out`: whether it is the flight that says so.
-    - `turned`: whether every rotor turns the other way (props out).
+    - `spins_shown`: whether the flight yaws enough to show the spins, too.
+    - `turned`: whether every rotor turns the other way (props out); False where that is not shown.
     - `speed`: ``measured`` or ``commanded``.
     - `sites`: forward, left and spin of each rotor by the log's parameters, of any size; none where
       it has no such, or the flight itself shows the layout.
@@ -38,6 +40,7 @@ class SeenAirframe:
     layout: str | None = None
     order: str | None = None
     borne_out: bool = False
+    spins_shown: bool = False
     turned: bool = False
     speed: str | None = None
     sites: tuple[tuple[float, float, str], ...] = ()
@@ -95,12 +98,14 @@ def seen_airframe(log: FlightLog, confirmed: str | None) -> SeenAirframe:
             rotors_table=table,
             posed=is_posed(log),
         )
+    spins_shown = SPINS_UNSURE not in (confirmed or "")
     return SeenAirframe(
         rotors=count,
         layout=found["layout"],
         order=found["order"],
         borne_out=True,
-        turned=found["turned"] is not None,
+        spins_shown=spins_shown,
+        turned=spins_shown and found["turned"] is not None,
         speed=speed,
         rotors_table=table,
     )
