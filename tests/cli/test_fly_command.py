@@ -205,5 +205,5 @@ def test_terms_of_the_replay_are_not_said_to_be_missing_from_it():
     result = replace(a_result(), parameters=(*a_result().parameters, term, drag))
     notes = fly.replay_notes(result, vehicle_model(result), {})
     assert "known, but used in the replay only: twist = (1.200 +- 0.012)e-05 m" in notes
-    assert not any("left out of this file" in note for note in notes)
+    assert not any("has no place for" in note for note in notes)
     assert any("frame's drag; replay and MuJoCo leave it out" in note for note in notes)

@@ -452,7 +452,7 @@ def test_sih_brakes_as_the_vehicle():
     text = text_of(told, "px4-sih")
     p = params(text)
     assert (p["SIH_KDV"], p["SIH_KDW"]) == pytest.approx((1.0, 0.025))
-    assert "known, but left out of this file" not in text
+    assert "this kind of file has no place for" not in text
     assert "drag_x = 0.9" in text_of(told, "px4")
 
 

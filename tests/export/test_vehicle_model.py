@@ -96,7 +96,8 @@ def test_terms_that_are_left_out_are_named_in_the_file(target):
     lost = replace(parameter("twist", 0.0, "A"), **UNKNOWN, verdict="not-identified")
     text = text_of(with_numbers(a_result(), term, lost), target)
     assert (
-        "known, but left out of this file: rotor_drag = (1.200 +- 0.012)e-05 N s^2/(m rad)" in text
+        "this kind of file has no place for: rotor_drag = (1.200 +- 0.012)e-05 N s^2/(m rad)"
+        in text
     )
     assert "left out here" not in text_of(with_numbers(a_result(), lost), target)
 
@@ -139,7 +140,7 @@ def test_with_the_imu_as_origin_rotors_move_with_their_centre():
     model = vehicle_model(result)
     np.testing.assert_allclose(model.arms, np.array([p for p, _ in ROTORS]) + center - COM)
     np.testing.assert_array_equal(model.imu, np.zeros(3))
-    assert any("the origin is the IMU" in note for note in model.notes)
+    assert any("positions are from the IMU" in note for note in model.notes)
     body = body_of(shift=center)
     alpha, dw = motion(body, vehicle())
     moved = tuple((tuple(float(v) for v in np.array(p) + center), spin) for p, spin in ROTORS)
@@ -327,7 +328,7 @@ def test_every_target_says_where_its_numbers_are_from(target):
 
 def test_the_doubts_of_the_result_stand_in_the_file():
     doubtful = replace(a_result(), findings=(doubt("made", "gyro bias not removed"),))
-    assert "# Doubt: gyro bias not removed\n" in text_of(doubtful, "px4")
+    assert "# To know: gyro bias not removed\n" in text_of(doubtful, "px4")
 
 
 ANGLES = np.radians([90, -90, -30, 150, 30, -150])  # clockwise from the front: ArduPilot's hexa X
@@ -593,7 +594,7 @@ def test_what_is_about_the_com_is_weak_where_the_report_says_so(name, interval, 
         assert number.remark is None  # the interval says so
 
 
-SMALL = "small, with an interval 1.4 times as wide as wanted"
+SMALL = "near zero, and known 1.4 times less well than wanted"
 
 
 def test_a_number_about_the_com_is_explained_by_its_own_width():

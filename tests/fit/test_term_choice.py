@@ -85,7 +85,7 @@ def test_drag_enters_by_itself_where_the_velocity_is_known(once, draggy):
     assert used["terms"][-1] == "drag"
     assert used["terms_gain"]["drag"] > used["terms_least_gain"] == LEAST_GAIN
     (words,) = [w for w in result.warnings if "air drag of the frame" in w]
-    assert "(drag), which the flights show: the log-likelihood is " in words
+    assert "(drag), as the flights show it" in words
     assert "(drag)" in words
     for axis, true in zip("xyz", draggy.truth.drag, strict=True):
         found = result.parameter(f"drag_{axis}", "A")

@@ -54,8 +54,8 @@ def said(thrust=THRUST, axis=YAW, *, commanded=False):
         ),
         (
             replace(THRUST, width=0.3, law_full=0.25),
-            "roughly; no law from command to rotor speed is given, which leaves 25 % of the "
-            "largest thrust open: give it under [motors], or log the rotor speed",
+            "roughly; no law from command to rotor speed is given, so full thrust is known to "
+            "+-25 % only: give it under [motors], or log the rotor speed",
         ),
         (
             replace(THRUST, followed=False),

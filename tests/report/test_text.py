@@ -272,7 +272,7 @@ def test_words_are_explained_where_they_occur():
     plain = result_text(result_of([parameter("kt"), parameter("mass", "given")]))
     assert "What the verdicts mean" not in plain
     assert "weak and missing" not in plain
-    done = "nothing more to fly: check it on another flight (rotorfit validate RESULT LOG)"
+    done = "nothing more to fly: check the result on another flight, with rotorfit validate"
     assert plain.endswith(f"Next step: {done}\n")
 
 

@@ -60,9 +60,9 @@ def test_too_little_excitation_is_the_reason_that_is_named(half, verdict):
 def test_a_percentage_says_of_what_it_is():
     assert judge(0.8, 0.6, scale=0.2, axis="force").reason == "known only to +-75 %"
     small = judge(0.1, 0.12, scale=0.2, axis="force").reason
-    assert small == "small, with an interval 2.4 times as wide as wanted"
+    assert small == "near zero, and known 2.4 times less well than wanted"
     nearly = judge(0.1, 0.0502, scale=0.2, axis="force").reason
-    assert nearly == "small, with an interval a little wider than wanted"
+    assert nearly == "near zero, and known a little less well than wanted"
 
 
 @pytest.mark.parametrize(

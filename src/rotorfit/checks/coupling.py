@@ -40,7 +40,7 @@ of yaw; with a small one the rotors' gyroscopic torque vanishes from roll and pi
 such a program, and the ratios stay what they are."""
 SENTENCE: Final = (
     "this flight shows no gyroscopic coupling, as in a simulator that leaves it out: turns about "
-    "two axes do not act on the third (without w x I w the log-likelihood is {gain:.0f} higher). "
+    "two axes do not act on the third. "
     "Izz, kd and Jr need it, and only their ratios are given; on a real vehicle check the gyro's "
     "axes, scale and clock"
 )
@@ -95,7 +95,7 @@ def _absent_coupling(numbers: Numbers, gain: float, least: float) -> Finding:
     return Finding(
         kind=NO_COUPLING,
         severity="doubt",
-        sentence=SENTENCE.format(gain=gain),
+        sentence=SENTENCE,
         numbers=tuple(n for n in numbers.names if n.partition("@")[0] in SCALED),
         evidence=(Evidence(name="gain_without_coupling", value=gain, limit=least),),
         next_step=ADVICE,

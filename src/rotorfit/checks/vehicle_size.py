@@ -77,8 +77,8 @@ def impossible_rotors(dataset: Dataset, numbers: Numbers) -> str | None:
     )
     if loading > HEAVIEST:
         return (
-            f"{fit} each square metre of rotor would carry {loading:.0f} N (multirotors: 10 to "
-            f"170): {remedy}"
+            f"no rotors that fit on this frame carry this mass: {fit} they would carry "
+            f"{loading:.0f} N per square metre, where multirotors carry 10 to 170: {remedy}"
         )
     if dataset.motors.speed == "commanded" and dataset.motors.law_is_relative:
         return None if not dataset.speeds_commanded else _by_speed(numbers, R, fit, remedy)

@@ -321,8 +321,8 @@ def _notes(
     notes: list[str] = []
     if vehicle.imu_position is None:
         notes.append(
-            "the origin is the IMU (or the tracked point), whose place among the rotors was not "
-            "given; the rotors' height above it is as declared"
+            "positions are from the IMU (or the tracked point), as [airframe] does not say where "
+            "it sits; the rotors' height above it is the declared one"
         )
     mean = [
         str(i + 1)

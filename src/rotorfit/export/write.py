@@ -197,7 +197,7 @@ def export(
     )
     terms = terms_left_out(result, model.configuration, written=chosen.terms)
     if terms:
-        model = with_note(model, f"known, but left out of this file: {', '.join(terms)}")
+        model = with_note(model, f"this kind of file has no place for: {', '.join(terms)}")
     drawn: Sequence[VehicleModel] = ()
     if chosen.intervals:
         try:
@@ -339,7 +339,7 @@ def header_lines(
         ),
         "Numbers (95 % interval) in SI units, body axes FLU (x forward, y left, z up):",
         *(_number_line(number) for number in model.numbers),
-        *(f"Doubt: {warning}" for warning in result.warnings),
+        *(f"To know: {warning}" for warning in result.warnings),
         *(f"Note: {note}" for note in model.notes),
     ]
     return [_one_line(line) for line in lines]

@@ -232,7 +232,8 @@ def _what_is_there(in_file: Sequence[str], path: Path) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    clean = (name if name.isprintable() else ascii(name) for name in names)
+    named = (name or "(a column without a name)" for name in names)
+    clean = (name if name.isprintable() else ascii(name) for name in named)
     shown = ", ".join(name[:40] for name in islice(clean, _LISTED_COLUMNS))
     more = len(names) - _LISTED_COLUMNS
     return f"{shown} and {more} more" if more > 0 else shown

@@ -102,14 +102,14 @@ FIRMWARE: Final = re.compile(rb"H Firmware revision:(\w+)")
 MISSING: Final = {
     "betaflight": "the rate loop of Betaflight is not linear (I is relaxed in turns, D falls to "
     "its minimum in calm flight, TPA takes gains back with the throttle); it takes a chirp in "
-    "flight to measure it, which rotorfit does not read: its margins are not judged",
+    "flight to measure it, which rotorfit does not read, so it gives no margins",
     "inav": "the rate loop of INAV is not linear (I is relaxed in turns, D is boosted, TPA takes "
     "gains back with the throttle); it takes a chirp in flight to measure it, which rotorfit does "
-    "not read: its margins are not judged",
+    "not read, so it gives no margins",
     "indiflight": "INDIflight has no PID but inverts the vehicle by measured angular "
-    "accelerations; it takes a chirp in flight to measure that loop, which rotorfit does not read: "
-    "its margins are not judged",
+    "accelerations; it takes a chirp in flight to measure that loop, which rotorfit does not read, "
+    "so it gives no margins",
     "crazyflie": "a Crazyflie's log has neither gains nor filters nor the outputs of the rate "
-    "controllers: margins are not judged",
+    "controllers, so rotorfit gives no margins",
 }
 """The knowledge that is missing to judge a rate loop, by firmware."""

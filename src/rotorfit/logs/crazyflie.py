@@ -80,7 +80,12 @@ SETTINGS: Final = settings_of(
     ("config.txt:", f"on:{FIXED_FREQUENCY}, 500", "500 samples a second", SLOW_IMU | SLOW_MOTORS),
     ("config.txt:", " ".join(_MOTOR), "the motors", NO_MOTORS),
     ("config.txt:", "pm.vbatMV", "the battery, which brushed motors follow", NO_BATTERY),
-    ("config.txt:", " ".join(_ROTOR_SPEEDS[0]), "rotor speed, with an RPM deck", NO_SPEED),
+    (
+        "config.txt:",
+        " ".join(_ROTOR_SPEEDS[0]),
+        "rotor speed, with an RPM deck; else give the law of a thrust stand under [motors]",
+        NO_SPEED,
+    ),
 )
 """Lines of config.txt on the card. Source: Bitcraze "Micro SD card deck"."""
 

@@ -43,7 +43,7 @@ def motors_found(
             asked = f"Unit of {held[0]} to {held[-1]} ({values.min():.6g} to {values.max():.6g})"
             if unit is None:
                 questions.append(Question(channel="motors", words=asked, choices=choices))
-                unit, why = choices[0], "(asked below: neither names nor values say)"
+                unit, why = choices[0], "(a guess, asked below: names and values do not tell)"
         if _stem(unit) in units:
             unit, why = units[_stem(unit)], "as stated"
         stem = _stem(unit)

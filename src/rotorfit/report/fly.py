@@ -53,10 +53,10 @@ from rotorfit.results.validation.replay import (
 from rotorfit.sheet import listed, table_lines, wrapped
 
 WIDTH = 80
-BAND = "95 % band"
+BAND = "95 % interval"
 EVEN = 0.05
 """Errors that differ by less count as equal."""
-FORCE_HELD = "first value kept"
+FORCE_HELD = "taken as constant"
 
 
 def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:

@@ -266,7 +266,7 @@ def _thrust_message(found: Prospects) -> str:
     if thrust.law_full:
         return (
             f"thrust changes by {change:.0f} %: {verdict}; no law from command to rotor speed is "
-            f"given, which leaves {100 * thrust.law_full:.0f} % of the largest thrust open: "
+            f"given, so full thrust is known to +-{100 * thrust.law_full:.0f} % only: "
             "give it under [motors], or log the rotor speed"
         )
     if thrust.agree or thrust.from_weight is None:
@@ -287,7 +287,7 @@ def _unexplained(found: Prospects) -> str:
     if commands is not None and commands.rate < SLOW_COMMANDS:
         return f"Commands at {commands.rate:.0f} Hz are too slow to explain the turns"
     if found.motors is None:
-        return "Neither roll nor pitch follows the commands"
+        return "Neither roll nor pitch follows the motor commands"
     words = "The commands explain quick turns, but not the slow ones that a pilot flies"
     if commands is None:
         return words

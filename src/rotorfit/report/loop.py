@@ -66,7 +66,7 @@ def _marked(axis: str) -> str:
     return axis if axis != "yaw" else "yaw (unproven)"
 
 
-GAINS_TITLE: Final = "Peak of the sensitivity with other rate gains"
+GAINS_TITLE: Final = "Upper end of the peak of the sensitivity, with other rate gains"
 LEFT_OUT = (
     "(P, I and D together times the factor; of the vehicles that fit this log 97.5 % stay below "
     "this peak. Not in it: resonance of the frame, noise and heat of the motors, motors "

@@ -18,7 +18,8 @@ from rotorfit.results.result import (
 )
 
 VERDICT_MEANING = {
-    "identified": "known to +- 25 % or better, of its value or of what matters (docs/method.md)",
+    "identified": "known to +- 25 % or better; near zero, to a quarter of a size that matters "
+    "(docs/method.md)",
     "weak": "known to worse than +- 25 %, or assumed from the other rotors (marked so)",
     "doubtful": "may be outside its interval: a check contradicts it, the reason is given",
     "ratio-only": "known only together with another parameter",

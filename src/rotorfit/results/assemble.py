@@ -269,7 +269,8 @@ def _imu_place(dataset: Dataset) -> str:
     """Describe the numbers that depend on the place of the IMU, and on its height."""
     place = dataset.vehicle.imu_position
     if place is None or dataset.source == "mocap":
-        return "com_x, com_y, com_z and inertia at the origin are counted from the origin"
+        point = "tracked point" if dataset.source == "mocap" else "IMU"
+        return f"com_x, com_y, com_z and the inertia at the origin are about the {point}"
     x, y, z = (1e3 * length for length in place)
     return (
         f"the centre of mass is as good as the declared place of the IMU ({x:.0f}, {y:.0f}, "

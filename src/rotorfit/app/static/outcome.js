@@ -26,7 +26,15 @@ export function outcomeView() {
   ];
 }
 
-const list = (lines) => h("ul", {}, lines.map((line) => h("li", {}, line.replaceAll("+-", "± "))));
+const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+const raised = (digits) => [...digits].map((one) => RAISED[one]).join("");
+
+/** Text of a terminal as in print: ±, powers of ten and of units. */
+const typeset = (words) => words.replace(/\+- ?/g, "± ")
+  .replace(/\b1e(-?\d+)\b/g, (_, power) => `10${raised(power)}`)
+  .replace(/\^(-?\d+)/g, (_, power) => raised(power));
+
+const list = (lines) => h("ul", {}, lines.map((line) => h("li", {}, typeset(line))));
 
 const folded = (title, ...content) => h("details", { class: "section", "data-key": title }, h("summary", {}, title), content);
 
@@ -48,16 +56,16 @@ function inShort({ summary, in_short: doubts, next_step: next }) {
       title && h("h3", {}, title),
       h("table", { class: "pilot" }, h("tbody", {}, lines.map(line))),
     ]),
-    h("ul", { class: "findings" }, doubts.map((words) => h("li", { class: "finding doubtful" }, words.replaceAll("+-", "± "))),
-      next && h("li", { class: "finding plain" }, h("b", {}, "Next"), ` ${next}`)),
+    h("ul", { class: "findings" }, doubts.map((words) => h("li", { class: "finding doubtful" }, typeset(words))),
+      next && h("li", { class: "finding plain" }, h("b", {}, "Next"), ` ${typeset(next)}`)),
   ];
 }
 
 function line({ title, parts, remark }) {
-  return h("tr", {}, h("th", { scope: "row" }, title), h("td", {},
+  return h("tr", {}, h("th", { scope: "row" }, typeset(title)), h("td", {},
     parts.map(({ words, shown, verdict: word }, i) => [
       i ? ", " : "", words && `${words} `, h("b", {}, shown), word && [" ", verdict(word)]]),
-    remark && `${parts.length ? ", " : ""}${remark}`));
+    remark && `${parts.length ? ", " : ""}${typeset(remark)}`));
 }
 
 function remarks(title, lines) {
@@ -129,14 +137,14 @@ function budget({ title, full_name: name }, parts) {
 function note({ mark, names, reason, advice }) {
   return h("li", {}, h("sup", {}, mark), " ",
     h("span", { class: "names" }, names.map((name, i) => [i ? ", " : "", h("code", {}, name)])),
-    reason && `: ${reason}.`, advice && [" ", h("span", { class: "advice" }, advice)]);
+    reason && `: ${typeset(reason)}.`, advice && [" ", h("span", { class: "advice" }, typeset(advice))]);
 }
 
 function meanings({ tables }) {
   const met = new Set(tables.flatMap(({ rows }) => rows.map((one) => one.verdict)));
   return h("dl", { class: "legend" }, Object.entries(state.options.meanings)
     .filter(([word]) => met.has(word))
-    .map(([word, words]) => h("div", {}, h("dt", {}, verdict(word)), h("dd", {}, words))));
+    .map(([word, words]) => h("div", {}, h("dt", {}, verdict(word)), h("dd", {}, typeset(words)))));
 }
 
 function validation({ validation: flights, validation_predicted_well: worth }) {
@@ -144,7 +152,7 @@ function validation({ validation: flights, validation_predicted_well: worth }) {
   const axes = Object.keys(flights[0].errors);
   return [
     h("h3", {}, "Flights kept apart"),
-    h("p", { class: "explanation" }, `How far the model is off on flights that it has not seen. ${worth}`),
+    h("p", { class: "explanation" }, `How far the model is off on flights that it has not seen. ${typeset(worth)}`),
     h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Flights kept apart" },
       h("table", { class: "plain" },
         h("thead", {}, h("tr", {}, ["Flight", "Configuration", ...axes].map((words) => h("th", { scope: "col" }, words)))),

@@ -224,8 +224,8 @@ def _sentence(found: FoundFilter) -> str:
         todo = "log the gyro unfiltered"
     else:
         seen = (
-            f"look larger than the rotors make them, as if the IMU swung on its mount at {at}, or "
-            "the rotor speeds were low-passed"
+            f"are larger than the rotors can make them: the IMU moves on a soft mount (at {at}), "
+            "or the rotor speeds are logged after a low-pass"
         )
         todo = "mount the IMU stiffly, and log rotor speeds unfiltered"
     most = 100.0 * max(abs(value) for value in found.factors.values())

@@ -193,7 +193,7 @@ def judge(
     hopeless = not relative <= (HOPELESS_YAW if little and axis == "yaw" else HOPELESS)
     reason = _width_words(relative, small=abs(value) < scale)
     if hopeless:
-        reason = "the interval is wider than the value itself"
+        reason = "these flights do not tell it from zero"
     if little:
         reason = little_excited(axis, excitation or 0.0)
     return Judgement(
@@ -208,15 +208,15 @@ def _asks(motion: str) -> Asks:
     return "flight" if motion in ADVISED else "other"
 
 
-WIDTHS: Final = ("known only to", "small, with an interval")
+WIDTHS: Final = ("known only to", "near zero, and known")
 
 
 def _width_words(relative: float, *, small: bool) -> str:
     """Say how wide an interval is, of a `small` number over what matters."""
     if small:
         times = f"{relative / WEAK:.1f}"
-        wide = "a little wider than" if times == "1.0" else f"{times} times as wide as"
-        return f"small, with an interval {wide} wanted"
+        wide = "a little" if times == "1.0" else f"{times} times"
+        return f"near zero, and known {wide} less well than wanted"
     return f"known only to +-{100 * relative:.0f} %"
 
 

@@ -218,8 +218,8 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     best = Response(roll=roll, pitch=pitch, yaw=yaw)
     free = free_response(factors, vehicle)
     seen = (
-        f"with the declared rotors roll, pitch and yaw respond {_shown(declared)} "
-        "(+1: as the model says, -1: reversed)"
+        f"the declared rotors explain roll, pitch and yaw by {_shown(declared)} "
+        "(+1: fully, 0: not at all, -1: reversed)"
     )
     better = best.fits and best.gain_over(declared) > BETTER
     better = better and _is_sure(best, declared, R, vehicle)

@@ -62,9 +62,8 @@ class Choice:
         """Say of each term that was added, why."""
         words = {term.name: term.words for term in OPTIONAL}
         return tuple(
-            f"the model includes {words[name]} ({name}), which the flights show: the "
-            f"log-likelihood is {gain:.0f} larger with it ({self.least_gain:.0f} needed)"
-            for name, gain in self.gains.items()
+            f"the model includes {words[name]} ({name}), as the flights show it"
+            for name in self.gains
             if name in self.terms
         )
 

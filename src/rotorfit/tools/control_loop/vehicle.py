@@ -282,7 +282,7 @@ def known_words(result: IdentificationResult, owner: str) -> str:
     words = ", ".join(word for word in found if word)
     if not words:
         return "The result knows neither effectiveness nor delays: fly roll and pitch briskly"
-    return f"Of the loop the result knows: {words}"
+    return f"Known of the loop: {words}"
 
 
 def _in_milliseconds(time: Parameter) -> str:
