@@ -2,10 +2,12 @@
 
 import dataclasses
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -347,3 +349,29 @@ def test_a_gap_that_is_short_is_not_said_to_last_no_time() -> None:
     flight = dataclasses.replace(result.flights[0], cuts=(cut,))
     html = report_html(dataclasses.replace(result, flights=(flight,)), comparisons=[])
     assert "under 0.1 s cut, gap in motor" in " ".join(Page(html).text.split())
+
+
+def test_the_centre_of_mass_is_given_from_the_rotors_first() -> None:
+    """Known to 4 mm from the IMU and far better from the rotors, by their correlation."""
+    plain = a_result()
+    com = next(d for d in plain.derived if d.full_name == "com_x@A")
+    com = replace(com, value=0.011, std=0.003)
+    msx = next(p for p in plain.parameters if p.full_name == "msx@A")
+    center = replace(msx, name="rotor_center_x", value=0.010, std=0.004, unit="m")
+    made = replace(
+        plain,
+        parameters=(*plain.parameters, center),
+        derived=tuple(com if d.full_name == "com_x@A" else d for d in plain.derived),
+        covariance_names=("msx@A", "rotor_center_x@A"),
+        covariance=np.array([[4.0, 0.9 * 8.0], [0.9 * 8.0, 16.0]]),
+    )
+    (_, body), _ = summary_of(made).groups
+    headings = [line.heading for line in body]
+    assert headings.index("centre of mass [mm]") + 1 == headings.index("the same [mm]")
+    line = body[headings.index("centre of mass [mm]")]
+    assert line.remark == "from the rotors' centre"
+    [part] = line.parts
+    assert part.value == pytest.approx(1.0)
+    assert part.interval is not None
+    half = 1.96 * np.sqrt(3.0**2 + 4.0**2 - 2 * 0.9 * 3.0 * 4.0)
+    assert part.interval[1] - part.value == pytest.approx(half)

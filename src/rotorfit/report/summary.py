@@ -4,7 +4,7 @@ import re
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import floor, log10, pi
+from math import floor, log10, pi, sqrt
 from typing import Final
 
 from rotorfit.digits import known, number_of, with_interval
@@ -255,6 +255,11 @@ def _body_lines(
         hovering = _line(result, "hover throttle", "%", 100.0, throttle)
     center = any(p.name == "rotor_center_x" for p in result.parameters)
     place = [_directed(own[name], DIRECTIONS[name]) for name in DIRECTIONS if name in own]
+    off_center = [
+        _directed(found, DIRECTIONS[axis])
+        for axis in ("com_x", "com_y")
+        if axis in own and (found := _from_rotors(result, own[axis])) is not None
+    ]
     turns = [
         (word, own[name])
         for word, name in (("roll", "Ixx_com"), ("pitch", "Iyy_com"), ("yaw", "Izz_com"))
@@ -265,8 +270,11 @@ def _body_lines(
         (*hovering, *_line(result, "thrust to weight", "", 1.0, own.get("thrust_to_weight"))),
         (
             *_lines(
+                result, "centre of mass", "mm", 1e3, off_center, remark="from the rotors' centre"
+            ),
+            *_lines(
                 result,
-                "centre of mass",
+                "the same" if off_center else "centre of mass",
                 "mm",
                 1e3,
                 place,
@@ -274,6 +282,37 @@ def _body_lines(
             ),
             *_lines(result, "inertia", unit, 10.0**-power, turns),
         ),
+    )
+
+
+def _from_rotors(result: IdentificationResult, com: Derived) -> Derived | None:
+    """Return a coordinate of the centre of mass from the rotors' centre, which a pilot balances.
+
+    Both are known far less well from the IMU than from one another; None where one is not known.
+    """
+    axis, owner = com.name[-1], com.configuration
+    center = next(
+        (p for p in result.parameters if p.full_name == f"rotor_center_{axis}@{owner}"), None
+    )
+    names = list(result.covariance_names)
+    pair = (f"ms{axis}@{owner}", f"rotor_center_{axis}@{owner}")
+    if center is None or center.value is None or com.value is None or not {*pair} <= {*names}:
+        return None
+    if center.std is None or com.std is None:
+        return None
+    i, j = map(names.index, pair)
+    own = result.covariance
+    correlation = float(own[i, j] / sqrt(own[i, i] * own[j, j]))
+    variance = com.std**2 + center.std**2 - 2.0 * correlation * com.std * center.std
+    value, half = com.value - center.value, 1.96 * sqrt(max(variance, 0.0))
+    doubtful = "doubtful" in (verdict_of(result, com), center.verdict)
+    return replace(
+        com,
+        name=f"com_from_rotors_{axis}",
+        value=value,
+        std=half / 1.96,
+        interval=(value - half, value + half),
+        verdict="doubtful" if doubtful else "identified",
     )
 
 
