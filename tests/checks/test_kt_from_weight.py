@@ -17,7 +17,7 @@ from rotorfit.checks.kt_from_weight import (
     velocity_std_of,
     with_open_slope,
 )
-from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.estimation.measured import Measured
 from rotorfit.fit.dataset.weight_balance import Held, held_up, pooled, turning
 from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.intervals.numbers import Numbers
@@ -45,20 +45,28 @@ def test_two_hovers_are_as_sure_as_both_together():
 
 
 def test_flights_that_differ_widen_the_weight():
-    """Two of 1 % and of 2 % that are 20 % apart count alike, and their mean is 10 % open."""
+    """Two of 1 % and of 2 % that are 22 % apart count alike, and their mean is 11 % open."""
     found = pooled_weight(
-        [Held(ratio=0.9, std=0.01, seconds=9.0), Held(ratio=1.1, std=0.02, seconds=9.0)]
+        [Held(ratio=0.9, std=0.009, seconds=9.0), Held(ratio=1.1, std=0.022, seconds=9.0)]
     )
-    assert found.value == pytest.approx(1.0, abs=2e-3)
-    assert found.std == pytest.approx(0.1, rel=0.02)
+    assert found.value == pytest.approx((0.9 * 1.1) ** 0.5, rel=2e-3)
+    assert found.share == pytest.approx(0.5 * np.log(1.1 / 0.9), rel=0.02)
+
+
+def test_a_stretch_near_zero_does_not_pull_the_weight():
+    """By their absolute deviations all three would count alike, and give two thirds."""
+    sound = [Held(ratio=1.0, std=0.02, seconds=9.0), Held(ratio=1.01, std=0.02, seconds=9.0)]
+    wild = Held(ratio=0.01, std=0.02, seconds=3.0)
+    found = pooled_weight([*sound, wild])
+    assert found.value == pytest.approx(1.005, rel=0.02)
 
 
 def test_flights_that_agree_count_by_their_variances():
     found = pooled_weight(
-        [Held(ratio=1.0, std=0.01, seconds=9.0), Held(ratio=1.01, std=0.02, seconds=9.0)]
+        [Held(ratio=1.0, std=0.01, seconds=9.0), Held(ratio=1.01, std=0.0202, seconds=9.0)]
     )
-    assert found.value == pytest.approx(1.002)
-    assert found.std == pytest.approx(0.01 * 0.8**0.5)
+    assert found.value == pytest.approx(1.01**0.2)
+    assert found.share == pytest.approx(0.01 * 0.8**0.5)
 
 
 def unlike(half_width):
@@ -120,16 +128,16 @@ def test_a_velocity_by_positions_is_less_sure_than_by_cameras():
 
 
 def test_kt_is_the_mean_by_variances():
-    found = balance(1.005, 0.01).kt
-    assert found.value == pytest.approx(1.0025)
-    assert found.std == pytest.approx(0.01 / 2**0.5)
+    found = balance(1.005, 0.01005).kt
+    assert found.value == pytest.approx(1.005**0.5)
+    assert found.share == pytest.approx(0.01 / 2**0.5)
 
 
 def test_a_difference_scales_the_interval():
-    """4 sqrt(2) deviations apart: the mean of two equals is as open as half their difference."""
-    found = balance(1.08, 0.01).kt
-    assert found.value == pytest.approx(1.04)
-    assert found.std == pytest.approx(0.04)
+    """3 sqrt(2) deviations apart: the mean of two equals is as open as half their difference."""
+    found = balance(1.06, 0.0106).kt
+    assert found.value == pytest.approx(1.06**0.5)
+    assert found.share == pytest.approx(0.5 * np.log(1.06))
 
 
 def test_nothing_jumps_as_the_difference_grows():
@@ -176,6 +184,19 @@ def test_what_chance_may_do_is_no_doubt(changes, doubted):
     assert (said.severity == "doubt") is doubted
     assert said.diagnostics["thrust_over_weight"] == pytest.approx(changes)
     assert bool(said.sentence) is doubted
+
+
+@pytest.mark.parametrize(("changes", "std"), [(0.03, 0.01), (0.4, 0.02), (-0.1, 0.02)])
+def test_a_contradiction_makes_all_thrust_doubtful(changes, std):
+    """As of a low-passed accelerometer: k_t is that of the weight, and nothing of it is sure."""
+    both = balance(changes, std)
+    said = agreement(both, MotorsEntry(speed="measured"))
+    assert both.kt.value == pytest.approx(1.0)
+    assert said.doubtful_because == "the weight and changes of thrust contradict each other"
+    assert {"kt", "kd", "Ixx", "Iyy_com"} <= set(said.numbers)
+    assert "doubtful" in said.sentence
+    sure = agreement(balance(0.93, 0.02), MotorsEntry(speed="measured"))
+    assert sure.severity == "doubt" and sure.doubtful_because is None
 
 
 def held(data_seconds, *windows, force=None):

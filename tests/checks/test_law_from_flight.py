@@ -23,7 +23,7 @@ from rotorfit.checks.motors.law_from_flight import (
     mixed,
     thrust_ratio,
 )
-from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.estimation.measured import Measured
 from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, speed_law_of
 from rotorfit.flight.motors.motor_model import speeds
 
@@ -38,7 +38,7 @@ def test_the_ratio_has_the_uncertainty_of_both():
 
 def test_the_exponent_is_the_usual_until_a_flight_shows_it():
     assert exponent_of(None) == USUAL
-    sure = exponent_of(Measured(value=0.5, std=0.01))
+    sure = exponent_of(Measured(value=0.5, std=0.005))
     assert sure.value == pytest.approx(0.5, abs=0.001)
     unsure = exponent_of(Measured(value=0.5, std=2.0))
     assert unsure.value == pytest.approx(USUAL.value, abs=0.01)

@@ -9,7 +9,7 @@ import made_fit
 from rotorfit.checks import kt_from_weight
 from rotorfit.checks.kt_from_weight import held_at, kt_from_changes, kt_of
 from rotorfit.errors import UnsettledError
-from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.estimation.measured import Measured
 
 FLIGHTS = made_fit.dataset(made_fit.prepared())
 

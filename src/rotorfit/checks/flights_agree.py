@@ -24,6 +24,7 @@ from rotorfit.digits import with_half
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.distributions import chi_square_tail, normal_tail
+from rotorfit.estimation.measured import Measured, mean_scale
 from rotorfit.findings import Finding, doubt, doubt_or_passed
 from rotorfit.fit.experiment.payload import MOMENTS, added_moments, tolerances
 from rotorfit.fit.fit import Fit
@@ -100,13 +101,18 @@ def _outlying(
     for name in LOOKED_AT:
         full = name if name == "kt" else f"{name}@{c.name}"
         known = [n.number(full) for n in others if full in n.names]
-        known = [(value, half) for value, half in known if np.isfinite(half) and half > 0]
-        if full not in own.names or not known:
+        # All of `LOOKED_AT` are positive: a value below zero is of a flight that does not show it.
+        scales = [
+            Measured(value=value, std=half / 1.96)
+            for value, half in known
+            if np.isfinite(half) and half > 0 and value > 0
+        ]
+        if full not in own.names or not scales:
             continue
         value, half = own.number(full)
-        weights = np.array([half**-2.0 for _, half in known])
-        mean = float(weights @ np.array([v for v, _ in known]) / weights.sum())
-        std = float(np.hypot(half, weights.sum() ** -0.5)) / 1.96
+        others_mean = mean_scale(scales)
+        mean = others_mean.value
+        std = float(np.hypot(half / 1.96, others_mean.std))
         size = abs(value - mean) / std if np.isfinite(std) else 0.0
         if size > SURE and abs(value - mean) > LEAST_SHARE * abs(mean):
             yield size, f" gives {name} = {value:.3g}, the other flights {mean:.3g}"

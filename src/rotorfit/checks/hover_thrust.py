@@ -12,10 +12,10 @@ from rotorfit.digits import with_half
 from rotorfit.estimation.banded import shift_without
 from rotorfit.estimation.distributions import normal_quantile, student_quantile
 from rotorfit.estimation.estimate import numerical_jacobian
+from rotorfit.estimation.measured import Measured
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.dataset.carried_weight import (
     HeightForce,
-    Measured,
     height_force_of,
     needed_stretches,
     vertical_motions,

@@ -2,9 +2,10 @@ r"""k_t from the weight and from changes of thrust, weighted by their certainty.
 
 Changes of thrust against changes of specific force give one k_t (with the accelerometer's bias
 free), the thrust that carries the weight another (`carried_weight.py`). The two share next to
-nothing, and k_t is their mean with the weights of their variances. Where they differ by more than
-these allow, one of the two is wrong by what nobody has allowed for: the variance of the mean is
-scaled by :math:`\chi^2` of their difference (Birge, Phys. Rev. 40, 1932).
+nothing, and ln k_t is their mean with the weights of their relative variances (`combine_scales`).
+Where they differ by more than these allow, one of the two is wrong by what nobody has allowed for:
+the variance of the mean is scaled by :math:`\chi^2` of their difference (Birge, Phys. Rev. 40,
+1932). Where they contradict each other, k_t is that of the weight, and doubtful.
 
 Where a law makes speeds of commands, changes of thrust show how wrong its slope is
 (`motors/law_from_flight.py`): what that leaves open is in the k_t of changes. Where the speeds are
@@ -18,10 +19,16 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.checks.sensors.sensor_faults import ERROR, is_estimate
-from rotorfit.checks.verdicts.judge import WEAK
 from rotorfit.digits import with_half
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.effective_blocks import half_width_of_parameter
+from rotorfit.estimation.measured import (
+    CONTRADICTION,
+    Measured,
+    combine_scales,
+    mean_scale,
+    scale_deviations,
+)
 from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.dataset.carried_weight import Measured, carrying_stretches
 from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
@@ -32,10 +39,7 @@ from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import allow_for_settings
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
-from rotorfit.fit.reduction.frequency_bands import retimed
-from rotorfit.flight.airborne import GRAVITY
-from rotorfit.flight.flight_data import FlightData
-from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.model.parameters import INERTIA, INERTIA_COM
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std
 from rotorfit.model.vehicle import Vehicle
@@ -57,6 +61,9 @@ CAMERA_BIAS = Measured(value=0.0, std=0.01)
 """Bias of an acceleration by motion capture, over seconds [m/s^2]."""
 HELD_TO = 1e-4
 """Share of itself to which k_t is held: what is open of it is in the interval."""
+OF_THRUST = ("kt", "kd", "Jr", *INERTIA, *INERTIA_COM)
+"""Numbers in proportion to k_t."""
+CONTRADICTED = "the weight and changes of thrust contradict each other"
 DOUBTED = 2.58
 """Deviations by which weight and changes differ once in a hundred sound flights."""
 _SPEED = {"measured": "rotor speed", "commanded": "command"}
@@ -95,15 +102,17 @@ class Balance:
         """How many deviations they differ by, if thrust goes with the square of the speed."""
         if self.changes is None:
             return 0.0
-        std = np.hypot(self.changes.std, self.weight.std)
-        return float((self.changes.value - self.weight.value) / std)
+        return scale_deviations(self.weight, self.changes)
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether no mean of the two is right."""
+        return self.deviations > CONTRADICTION
 
     @property
     def kt(self) -> Measured:
         """The weighted mean of both; its deviation grows with their difference."""
-        if self.changes is None:
-            return self.weight
-        return self.weight.reconciled_with(self.changes)
+        return self.weight if self.changes is None else combine_scales(self.weight, self.changes)
 
 
 def weigh_thrust(fit: Fit) -> Fit:
@@ -277,13 +286,13 @@ def pooled_weight(found: Sequence[Held]) -> Measured | None:
     """
     if not found:
         return None
-    kt, variance = (np.array(x) for x in zip(*((f.ratio, f.std**2) for f in found), strict=True))
-    weight = 1.0 / variance
-    left = float(weight @ (kt - weight @ kt / weight.sum()) ** 2) - (len(found) - 1)
+    measured = [Measured(value=one.ratio, std=one.std) for one in found]
+    log_kt = np.log([one.value for one in measured])
+    weight = np.array([one.share**-2.0 for one in measured])
+    left = float(weight @ (log_kt - weight @ log_kt / weight.sum()) ** 2) - (len(found) - 1)
     spare = float(weight.sum() - weight @ weight / weight.sum())
     effect = max(left / spare, 0.0) if len(found) > 1 else 0.0
-    weight = 1.0 / (variance + effect)
-    return Measured(value=float(weight @ kt / weight.sum()), std=float(weight.sum()) ** -0.5)
+    return mean_scale(measured, spread=effect**0.5)
 
 
 def bias_at_rest(flight: FlightData) -> Measured:
@@ -305,9 +314,13 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
         Evidence(name="thrust_over_weight", value=ratio.value, interval=ratio.interval),
         Evidence(name="kt_of_weight", value=weight.value),
     )
-    sentence = difference(balance, motors) if abs(balance.deviations) > DOUBTED else None
-    found = doubt_or_passed(kind, sentence, numbers=("kt",))
-    return replace(found, evidence=evidence)
+    sentence = difference(balance, motors) if balance.deviations > DOUBTED else None
+    if not balance.contradicts:
+        return replace(doubt_or_passed(kind, sentence, numbers=("kt",)), evidence=evidence)
+    return replace(
+        doubt_or_passed(kind, sentence, numbers=OF_THRUST, doubtful_because=CONTRADICTED),
+        evidence=evidence,
+    )
 
 
 def open_law(numbers: Numbers, reach: float) -> Iterator[Finding]:
@@ -350,8 +363,13 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
     cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"
     if motors.law is not None:
         cure = f"measure the law under [motors] again, {cure}"
+    held = (
+        f"the result has that of the weight ({kt.value:.3g}), as doubtful"
+        if balance.contradicts
+        else f"the result has their weighted mean ({kt.value:.3g})"
+    )
     return (
-        f"{seen}: the result has their weighted mean ({kt.value:.3g}), and the intervals of kt and "
+        f"{seen}: {held}, and the intervals of kt and "
         "inertia cover the difference; the flight does not show which of the two is wrong: "
         f"{cure}, or weigh again"
     )

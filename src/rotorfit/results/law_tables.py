@@ -7,9 +7,8 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.checks.verdicts.judge import judge
-from rotorfit.checks.verdicts.parameters import found_time
 from rotorfit.errors import EstimationError
+from rotorfit.estimation.measured import Measured
 from rotorfit.findings import note
 from rotorfit.fit.dataset.carried_weight import Measured
 from rotorfit.fit.dataset.dataset import Dataset

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.estimation.measured import Measured
 from rotorfit.fit.dataset.carried_weight import (
-    Measured,
     VerticalMotion,
     carrying_stretches,
     climb_drag,

@@ -27,8 +27,8 @@ import numpy as np
 
 from rotorfit.checks.kt_from_weight import kt_from_changes, weight_of
 from rotorfit.checks.motors.commanded_speeds import with_other_speeds
-from rotorfit.digits import with_half
 from rotorfit.estimation.distributions import normal_density, normal_tail
+from rotorfit.estimation.measured import Measured, combine_scales
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.dataset.carried_weight import Measured
 from rotorfit.fit.dataset.dataset import Kind, with_flights
@@ -313,7 +313,7 @@ def exponent_of(
     `about`: exponent that is taken in place of the mean, of a law that is given.
     """
     if given is None:
-        return USUAL if flown is None else USUAL.with_other(flown)
+        return USUAL if flown is None else combine_scales(USUAL, flown)
     right, wrong = _kinds(given)
     if flown is not None:
         right, wrong = right.with_other(flown), wrong.with_other(flown)

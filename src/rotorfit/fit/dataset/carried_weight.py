@@ -33,10 +33,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.estimation.distributions import normal_density, student_density, student_quantile
-from rotorfit.fit.dataset.weight_balance import VELOCITY_CHANGE, Held, Turning, grouped
-from rotorfit.flight.airborne import GRAVITY
-from rotorfit.flight.flight_data import FlightData
-from rotorfit.flight.kinematics import product, rotated, small_turns
+from rotorfit.estimation.measured import Measured
 from rotorfit.model.vehicle import Vehicle
 
 SHARE: Final = 0.03
@@ -173,47 +170,6 @@ PASSES = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
-    """A measured number and its standard deviation."""
-
-    value: float
-    std: float
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The 95 % interval."""
-        return self.value - 1.96 * self.std, self.value + 1.96 * self.std
-
-    @property
-    def share(self) -> float:
-        """The standard deviation over the value."""
-        return self.std / abs(self.value)
-
-    def over(self, other: "Measured") -> "Measured":
-        """Divide by an independent measurement of another number."""
-        ratio = self.value / other.value
-        std = abs(ratio) * float(np.hypot(self.share, other.share))
-        return Measured(value=ratio, std=std)
-
-    def with_other(self, other: "Measured") -> "Measured":
-        """Combine two independent measurements of one number."""
-        own, theirs = self.std**-2.0, other.std**-2.0
-        value = (own * self.value + theirs * other.value) / (own + theirs)
-        return Measured(value=value, std=(own + theirs) ** -0.5)
-
-    def reconciled_with(self, other: "Measured") -> "Measured":
-        """Combine two, of which one may be wrong: their difference scales the deviation.
-
-        References
-        ----------
-        Birge, Phys. Rev. 40, 1932.
-        """
-        both = self.with_other(other)
-        off = abs(self.value - other.value) / float(np.hypot(self.std, other.std))
-        return Measured(value=both.value, std=both.std * max(off, 1.0))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class VerticalMotion:
     """Of one stretch without gaps, along the vertical as the gyro carries it.
 
@@ -273,13 +229,13 @@ def needed_stretches(
     """
     for motion in vertical_motions(axes, flight, push):
         pushed = float(motion.weights @ motion.push)
-        if pushed <= 0.0:
-            continue
         gained = vertical_acceleration(motion, bias, velocity_std)
         drag, deviation = climb_drag(motion)
-        ratio = (GRAVITY + gained.value + drag) / pushed
-        share = float(np.hypot(gained.std, deviation)) / GRAVITY
-        yield Held(ratio=ratio, std=abs(ratio) * share, seconds=motion.seconds)
+        needed = GRAVITY + gained.value + drag
+        if pushed <= 0.0 or needed <= 0.0:
+            continue
+        std = float(np.hypot(gained.std, deviation)) / pushed
+        yield Held(ratio=needed / pushed, std=std, seconds=motion.seconds)
 
 
 def vertical_acceleration(motion: VerticalMotion, bias: Measured, velocity_std: float) -> Measured:

@@ -27,7 +27,8 @@ from rotorfit.checks.sensors.log_settings import (
 )
 from rotorfit.checks.verdicts.judge import ADVISED, FLOWN, judge
 from rotorfit.estimation.factors import Factors
-from rotorfit.fit.dataset.carried_weight import Measured, carrying_stretches
+from rotorfit.estimation.measured import Measured
+from rotorfit.fit.dataset.carried_weight import carrying_stretches
 from rotorfit.fit.dataset.weight_balance import turning
 from rotorfit.fit.experiment.law_table import LawEntry
 from rotorfit.fit.intervals.excitation import enough_by_weight, mean_ratios, pilots_rows
@@ -357,7 +358,7 @@ def _thrust(
         held = width if weighed is None else _relative(1.96 * weighed.std, weighed.value)
         width = float(np.hypot(held, full))
     elif weighed is not None:
-        agree = abs(Balance(changes=changes, weight=weighed).deviations) <= DOUBTED
+        agree = Balance(changes=changes, weight=weighed).deviations <= DOUBTED
         if law is None:
             balance = Balance(changes=changes, weight=weighed)
             width = _relative(1.96 * balance.kt.std, balance.kt.value)
