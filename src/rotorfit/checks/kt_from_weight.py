@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.checks.sensors.sensor_faults import ERROR, is_estimate
+from rotorfit.checks.verdicts.judge import WEAK
 from rotorfit.digits import with_half
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.effective_blocks import half_width_of_parameter
@@ -30,7 +31,7 @@ from rotorfit.estimation.measured import (
     scale_deviations,
 )
 from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
-from rotorfit.fit.dataset.carried_weight import Measured, carrying_stretches
+from rotorfit.fit.dataset.carried_weight import carrying_stretches
 from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.fit.dataset.plausible_units import gravity_seen
 from rotorfit.fit.dataset.weight_balance import Held
@@ -39,6 +40,10 @@ from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import allow_for_settings
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
+from rotorfit.fit.reduction.frequency_bands import retimed
+from rotorfit.flight.airborne import GRAVITY
+from rotorfit.flight.flight_data import FlightData
+from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.parameters import INERTIA, INERTIA_COM
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std

@@ -7,10 +7,11 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.checks.verdicts.judge import judge
+from rotorfit.checks.verdicts.parameters import found_time
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.measured import Measured
 from rotorfit.findings import note
-from rotorfit.fit.dataset.carried_weight import Measured
 from rotorfit.fit.dataset.dataset import Dataset
 from rotorfit.fit.intervals.interval_terms import NumberTerm
 from rotorfit.fit.motor_law.command_response import Recording, respond_to_commands

@@ -27,10 +27,10 @@ import numpy as np
 
 from rotorfit.checks.kt_from_weight import kt_from_changes, weight_of
 from rotorfit.checks.motors.commanded_speeds import with_other_speeds
+from rotorfit.digits import with_half
 from rotorfit.estimation.distributions import normal_density, normal_tail
 from rotorfit.estimation.measured import Measured, combine_scales
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.dataset.carried_weight import Measured
 from rotorfit.fit.dataset.dataset import Kind, with_flights
 from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, bent, bent_speed

@@ -34,6 +34,10 @@ from jaxtyping import Float, Int
 
 from rotorfit.estimation.distributions import normal_density, student_density, student_quantile
 from rotorfit.estimation.measured import Measured
+from rotorfit.fit.dataset.weight_balance import VELOCITY_CHANGE, Held, Turning, grouped
+from rotorfit.flight.airborne import GRAVITY
+from rotorfit.flight.flight_data import FlightData
+from rotorfit.flight.kinematics import product, rotated, small_turns
 from rotorfit.model.vehicle import Vehicle
 
 SHARE: Final = 0.03
