@@ -25,6 +25,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.imu_tilt import correct_imu_tilt
 from rotorfit.fit.noise_levels import fit_by_noise
+from rotorfit.fit.timing.sensor_bandwidth import measure_bandwidths
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import log_metadata, mark_doubtful, with_assumptions
@@ -109,7 +110,11 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
     experiment = experiment.model_copy(update={"motors": dataset.motors})
     # The paper neglects lag and delay, but takes out the delay of its motion capture.
     if method != "tls" or dataset.source == "mocap":
+        # Lines without motion hide the motors' timing; commands lag too far to compare them before.
+        if dataset.motors.speed == "measured":
+            dataset = measure_bandwidths(dataset)
         dataset = time_motors(dataset, lag=method != "tls", report=report)
+        dataset = measure_bandwidths(dataset)
     report("fitting")
     identified = _completed(ESTIMATORS[method](experiment, dataset), declared, report)
     _warn(identified.result)

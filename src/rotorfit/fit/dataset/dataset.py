@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeVar
@@ -11,6 +11,7 @@ from rotorfit.fit.dataset.weight_balance import Turning, turning
 from rotorfit.fit.experiment.declared_vehicle import motor_model_of
 from rotorfit.fit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry, Source
 from rotorfit.fit.experiment.payload import PointMass
+from rotorfit.fit.reduction.bandwidth import Bandwidth, Sensor
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.flight.decimate import AsRecorded
 from rotorfit.flight.motors.command_response import MeasuredResponse, MotorLimits
@@ -33,6 +34,7 @@ class LoadedFlight:
     `limits`: how often its commands stand at their ends; `command_responses`: commands and measured
     speeds themselves, in flight.
     `battery`: mean voltage over what is used [V], where it was logged.
+    `bandwidths`: of the sensors that the flight shows to be behind a low-pass.
     """
 
     entry: FlightEntry
@@ -45,6 +47,7 @@ class LoadedFlight:
     limits: MotorLimits | None = None
     command_responses: tuple[MeasuredResponse, ...] = ()
     battery: float | None = None
+    bandwidths: Mapping[Sensor, Bandwidth] = field(default_factory=dict[Sensor, Bandwidth])
 
     @cached_property
     def turning(self) -> Turning:

@@ -2,9 +2,11 @@
 
 Bands in which no pilot moves an axis do not count for it (`frequency_bands.py`). In the others the
 autopilot still responds to disturbances, and by how much is known well enough: wholly, up to the
-frequencies that a pilot uses (`rotorfit.estimation.feedback`). Where rotor speeds are commands,
-bands in which the thrust does not follow them do not count for it: motors are no first-order lag
-further up, and many quiet lines of no thrust at all would outvote those that show k_t.
+frequencies that a pilot uses (`rotorfit.estimation.feedback`). Bands in which the model does not
+explain the thrust do not count for it: motors are no first-order lag further up, accelerometers are
+filtered, and many quiet lines of no thrust at all would outvote those that show k_t. Where it
+explains the thrust in no band, only the mean counts. No band counts above the bandwidth of the
+sensor that shows it (`bandwidth.py`).
 
 Gusts and drag push at one place and turn the vehicle about another, its centre of mass. What of the
 errors of the turns comes with those of the forces is therefore known, and is taken off them.
@@ -61,14 +63,23 @@ def select_slow_bands(configuration: JointConfiguration) -> JointConfiguration:
     counted = np.ones((len(c.factors), len(NOISY)), dtype=bool)
     turned = turned_flights(c.factors, c.model, mass=c.mass)
     counted[:, list(TURNS)] = slow_bands(c.factors) & or_every(turned)
-    return replace(c, counted=counted)
+    return replace(c, counted=within_reach(counted, c))
+
+
+def within_reach(
+    counted: Bool[np.ndarray, "b 6"], configuration: JointConfiguration
+) -> Bool[np.ndarray, "b 6"]:
+    """Keep the bands that the sensors can show, and those with the mean."""
+    band, reach = configuration.factors.band, configuration.reach
+    if reach is None:
+        return counted
+    return counted & ((band.mean(axis=1)[:, None] <= reach) | (band[:, :1] == 0.0))
 
 
 def select_informative_bands(
     configurations: Sequence[JointConfiguration],
     values: Mapping[str, float],
     *,
-    commanded: bool,
     known: Mapping[str, tuple[float, float]] | None = None,
     terms: Collection[str] = DEFAULT_TERMS,
     least_ratio: float = LEAST_RATIO,
@@ -76,20 +87,20 @@ def select_informative_bands(
     """Select the informative bands, and mark those in which the autopilot responds.
 
     `configurations`: with their factors per stretch and band. `values`: free parameters by name,
-    near enough to separate the pilot's motion from disturbances. `commanded`: whether the rotor
-    speeds are commands. `known`, `terms`: as for `joint_estimate`. `least_ratio`: explained over
-    residual power of an angular acceleration, from which a band counts.
+    near enough to separate the pilot's motion from disturbances. `known`, `terms`: as for
+    `joint_estimate`. `least_ratio`: explained over residual power of an angular acceleration, from
+    which a band counts.
     """
     problem = joint_problem(configurations, known=known, terms=terms)
     phi = at_values(problem, values, np.zeros(len(problem.map.names)))
     every = evaluated(problem, phi).residual
-    signal, residual, errors = (
+    signal, errors = (
         split_blocks(blocks, [c.factors for c in configurations])
-        for blocks in (signal_power(problem), power_of(every), every)
+        for blocks in (signal_power(problem), every)
     )
     counted = [
-        with_counted_bands(*part, commanded=commanded, least_ratio=least_ratio)
-        for part in zip(configurations, signal, residual, strict=True)
+        with_counted_bands(*part, least_ratio=least_ratio)
+        for part in zip(configurations, signal, errors, strict=True)
     ]
     return [
         replace(c, error_correlation=error_correlation([pushes(c, e)], c.vehicle))
@@ -100,20 +111,24 @@ def select_informative_bands(
 def with_counted_bands(
     configuration: JointConfiguration,
     signal: Float[np.ndarray, "b 6"],
-    residual: Float[np.ndarray, "b 6"],
+    errors: Float[np.ndarray, "b m 6"],
     *,
-    commanded: bool,
     least_ratio: float = LEAST_RATIO,
 ) -> JointConfiguration:
-    """Mark the informative bands, and those in which the autopilot responds."""
+    """Mark the informative bands, and those in which the autopilot responds.
+
+    `signal`: power of the accelerations; `errors`: what the model leaves of them.
+    """
+    residual = power_of(errors)
     factors, turns = configuration.factors, list(TURNS)
     flown = np.zeros_like(signal, dtype=bool)
-    if commanded:
-        flown[:, THRUST] = _followed(configuration)
+    thrust = _followed_thrust(configuration, errors[:, :, THRUST])
     flown[:, turns] = excited_bands(
         factors, signal[:, turns], residual[:, turns], least_ratio=least_ratio
     )
     counted = counted_bands(factors, flown)
+    counted[:, THRUST] = thrust | (factors.band[:, 0] == 0.0)
+    counted = within_reach(counted, configuration)
     counted[:, YAW] &= _yawed_flights(factors, flown[:, YAW])
     with_response = flown[:, [NOISY.index(name) for name in TURN_ERRORS]]
     return replace(configuration, counted=counted, with_response=with_response)
@@ -130,12 +145,18 @@ def _yawed_flights(factors: Factors, flown: Bool[np.ndarray, " b"]) -> Bool[np.n
     return or_every(yawed)[:, 0]
 
 
-def _followed(configuration: JointConfiguration) -> Bool[np.ndarray, " b"]:
-    """Return in which blocks the vehicle accelerates upwards as its rotors' squared speeds do."""
-    factors, index = configuration.factors, configuration.model.layout.index
-    squares = [index(f"O2_{i}") for i in range(1, len(configuration.vehicle.rotors) + 1)]
-    made = factors.R[:, :, squares] @ configuration.vehicle.axes[:, 2]
-    return followed_bands(factors, factors.R[:, :, index("az")], made)
+def _followed_thrust(
+    configuration: JointConfiguration, error: Float[np.ndarray, "b m"]
+) -> Bool[np.ndarray, " b"]:
+    """Return in which blocks the vehicle accelerates upwards as the model says, at any gain.
+
+    At any, since changes of commands without a law make less or more thrust than the mean.
+    """
+    factors = configuration.factors
+    measured = np.zeros_like(error)
+    own = factors.R[:, :, configuration.model.layout.index("az")]
+    measured[:, : own.shape[1]] = own
+    return followed_bands(factors, measured, measured - error)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

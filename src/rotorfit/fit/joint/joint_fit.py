@@ -16,6 +16,7 @@ from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate,
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, scatters
 from rotorfit.fit.reduction.frequency_bands import LEAST_RATIO
 from rotorfit.fit.row_fits import fit_rows
+from rotorfit.fit.timing.sensor_bandwidth import sensor_reach
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.terms.registry import DEFAULT_TERMS
@@ -83,6 +84,7 @@ def joint_fit(
             vehicle=dataset.vehicle,
             payload=configured.payload,
             payload_of=configured.entry.payload_of,
+            reach=sensor_reach(configured, factors)[factors.band[:, 0] < top],
             timing=dataset.free_timing,
         )
         for factors, configured in zip(dataset.timed_bands, dataset.configurations, strict=True)
@@ -90,7 +92,6 @@ def joint_fit(
     estimate = partial(joint_estimate, known=known or {}, terms=terms)
     select = partial(
         select_informative_bands,
-        commanded=dataset.motors.speed == "commanded",
         known=known or {},
         terms=terms,
         least_ratio=least_ratio,

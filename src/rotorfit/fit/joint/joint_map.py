@@ -38,8 +38,9 @@ class JointConfiguration:
     no first moments and inertia of its own to estimate. `counted` and `with_response` are those of
     `informative_bands.py`: which errors of each block count, and to which of those of the turns the
     autopilot responds; `response` how far; `error_correlation` (also from there) how much of the
-    errors of the turns comes with those of the forces. `timing` is what a fit may move of the
-    motors' timing. `scatter`: by how much its flights differ.
+    errors of the turns comes with those of the forces. `reach`: highest frequency at which each
+    error counts, by the bandwidth of its sensor [Hz]; None: every one. `timing` is what a fit may
+    move of the motors' timing. `scatter`: by how much its flights differ.
     """
 
     name: str
@@ -52,6 +53,7 @@ class JointConfiguration:
     counted: Bool[np.ndarray, "b 6"] | None = None
     with_response: Bool[np.ndarray, "b e"] | None = None
     error_correlation: Float[np.ndarray, "6 6"] | None = None
+    reach: Float[np.ndarray, "b 6"] | None = None
     timing: FreeTiming | None = None
     response: ClosedLoopResponse = NOMINAL_RESPONSE
     scatter: Scatter = UNSEEN

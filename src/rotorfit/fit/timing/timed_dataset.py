@@ -77,6 +77,15 @@ class TimedDataset(Dataset):
         timing = MotorTiming(response=response, total_std=0.0, free=free)
         return dataclasses.replace(self, motor_timing=timing)
 
+    def keeping_bands(self, other: "TimedDataset") -> "TimedDataset":
+        """Keep the reduced bands of a dataset with the same flights, of which more is known now."""
+        timing = self.motor_timing
+        if timing is None or timing.bands is None or other._timed_already is None:
+            return self
+        bands = dataclasses.replace(timing.bands, inputs=self._made_of)
+        timing = dataclasses.replace(timing, bands=bands)
+        return dataclasses.replace(self, motor_timing=timing)
+
     def reduced(self) -> "TimedDataset":
         """Reduce the body's lines once, for bands at many timings."""
         body = tuple(

@@ -1,0 +1,269 @@
+r"""Measure the bandwidth of the channels: up to which frequency they follow what the rotors do.
+
+Sensors are filtered: by an autopilot's low-passes, by an estimator, by the smoothing of motion
+capture. Above its bandwidth a channel shows no motion where there is some, and lines without motion
+say "no thrust" with great certainty. From the spectra of windows of a flight each of four channels
+y (specific force along z, three angular accelerations) is regressed on the signals x of the model,
+those of the rotors behind a low-pass H and a delay,
+
+.. math:: y(f) = H(f; f_c) e^{-2 \pi i f \tau} \sum_j \beta_j x_j(f) + \sum_k \gamma_k x_k(f)
+
+with the noise of each band by what is left of it. The likelihood of shapes and cut-offs, against
+none at all, says whether there is a filter, and where: f_c is where its gain is .71. Roll and pitch
+are of one gyro, and have one filter. Yaw shows none: the torque of propellers lags by itself.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from rotorfit.flight.flight_data import FlightData
+from rotorfit.model.vehicle import Vehicle
+
+Shape = Callable[[Float[np.ndarray, " l"]], Complex[np.ndarray, " l"]]
+"""Gain of a low-pass by frequency over its cut-off."""
+SHAPES: Final[Mapping[str, Shape]] = {
+    "first order": lambda u: 1.0 / (1.0 + 1j * u),
+    "second order": lambda u: 1.0 / (1.0 - u**2 + 1j * np.sqrt(2.0) * u),
+    "smoothed": lambda u: np.exp(-0.5 * np.log(2.0) * u**2).astype(complex),
+    "smoothed sharply": lambda u: ((1.0 + u**8) ** -0.5).astype(complex),
+}
+"""Low-passes on board (PT1, Butterworth), and smoothing without delay (of motion capture)."""
+CUTOFFS: Final = np.geomspace(1.0, 60.0, 40)
+"""Cut-offs that are tried [Hz]."""
+STEP: Final = float(np.sqrt(CUTOFFS[1] / CUTOFFS[0]))
+"""Half of a step between them, as a factor."""
+DELAYS: Final = np.arange(-0.012, 0.0281, 0.004)
+"""Delays that are tried [s]: half of a step turns 15 Hz by a fifth of a radian."""
+WINDOW: Final = 2.0
+"""Length of a window, each overlapping the next by half [s]."""
+OWN: Final = 1.5
+"""Windows that share half of their rows with the next, for each that would be its own."""
+LOWEST: Final = 0.5
+"""Frequency below which the air and what is flown make forces of their own [Hz]."""
+EDGES: Final = np.array([0.5, 1.0, 2.0, 3.0, 4.5, 7.0, 10.0, 14.0, 19.0, 25.0, 30.0])
+"""Edges of the bands of one noise level [Hz]."""
+LEAST_GAIN: Final = 20.0
+"""Gain of log-likelihood for which a low-pass is taken to be there: flights without one gain 0 to
+16 (CineRat, Betaflight, PX4's simulator, Crazyflie), those behind one at 4 to 20 Hz 27 to 8500."""
+LEAST_FOLLOWED: Final = 0.85
+"""Least gain at which a band counts. What a band says of a number is off by as much as its gain."""
+PASSES: Final = 5
+"""Passes of a regression whose variances are those of what it leaves."""
+FEWEST_WINDOWS: Final = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bandwidth:
+    """The bandwidth of a channel, as a flight shows it.
+
+    - `shape`: of `SHAPES`.
+    - `cutoff`, `interval`: where the gain is .71, and its 95 % interval [Hz].
+    - `delay`: beside that of the filter [s].
+    - `gain`: of log-likelihood, against no low-pass.
+    """
+
+    shape: str
+    cutoff: float
+    interval: tuple[float, float]
+    delay: float
+    gain: float
+
+    def response(self, frequency: Float[np.ndarray, " l"]) -> Complex[np.ndarray, " l"]:
+        """Compute the gain and phase of the low-pass at the lower end of the interval."""
+        return SHAPES[self.shape](frequency / self.interval[0])
+
+    def follows(self, frequency: Float[np.ndarray, " l"], *, in_phase: bool) -> float:
+        """Return up to which frequency the channel follows; with `in_phase`, without being late."""
+        gain = self.response(frequency)
+        late = np.exp(-2j * np.pi * frequency * self.delay)
+        size = np.real(gain * late) if in_phase else np.abs(gain)
+        lost = np.flatnonzero(size < LEAST_FOLLOWED)
+        return float(frequency[lost[0]]) if len(lost) else np.inf
+
+
+class Channel(NamedTuple):
+    """Lines of a channel and of its causes in every window; the first `made` are of the rotors."""
+
+    y: Complex[np.ndarray, "w l"]
+    x: Complex[np.ndarray, "w l k"]
+    made: int
+
+
+Sensor = Literal["accel", "gyro"]
+CHANNELS: Final[Mapping[Sensor, tuple[str, ...]]] = {"accel": ("az",), "gyro": ("dwx", "dwy")}
+"""The channels by which the bandwidth of each sensor is measured."""
+
+
+def bandwidths(data: FlightData, vehicle: Vehicle, *, top: float) -> dict[Sensor, Bandwidth]:
+    """Find which sensors of a flight are behind a low-pass, with their bandwidth.
+
+    `data`: with the motors as they are timed. `top`: highest frequency that is looked at [Hz].
+    """
+    frequency, channels = channel_lines(data, vehicle, top=top)
+    found: dict[Sensor, Bandwidth] = {}
+    for sensor, names in CHANNELS.items():
+        own = [channels[name] for name in names]
+        one = measured_bandwidth(frequency, own) if len(own[0].y) >= FEWEST_WINDOWS else None
+        if one is not None:
+            found[sensor] = one
+    return found
+
+
+def channel_lines(
+    data: FlightData, vehicle: Vehicle, *, top: float
+) -> tuple[Float[np.ndarray, " l"], dict[str, Channel]]:
+    """Transform the channels of a flight and their causes, window by window."""
+    rows = round(WINDOW * data.sample_rate)
+    frequency = np.fft.rfftfreq(rows, 1.0 / data.sample_rate)
+    inside = (frequency >= LOWEST) & (frequency < min(top, EDGES[-1]))
+    signals = {name: (y, np.column_stack(x), made) for name, (y, x, made) in _causes(data, vehicle)}
+    Z = np.column_stack([np.column_stack([y, x]) for y, x, _ in signals.values()])
+    window = np.hanning(rows)[:, None]
+    lines = [_transformed(Z[start : start + rows], window)[inside] for start in _starts(data, rows)]
+    every = np.array(lines) if lines else np.zeros((0, int(inside.sum()), Z.shape[1]), complex)
+    channels: dict[str, Channel] = {}
+    first = 0
+    for name, (_, x, made) in signals.items():
+        last = first + 1 + x.shape[1]
+        channels[name] = Channel(every[:, :, first], every[:, :, first + 1 : last], made)
+        first = last
+    return frequency[inside], channels
+
+
+def _transformed(
+    rows: Float[np.ndarray, "n k"], window: Float[np.ndarray, "n 1"]
+) -> Complex[np.ndarray, "l k"]:
+    return np.fft.rfft((rows - rows.mean(axis=0)) * window, axis=0)
+
+
+def _starts(data: FlightData, rows: int) -> Iterator[int]:
+    """Yield the first rows of the windows."""
+    for segment in data.segments:
+        yield from range(segment.start, segment.stop - rows + 1, rows // 2)
+
+
+def _causes(
+    data: FlightData, vehicle: Vehicle
+) -> Iterator[tuple[str, tuple[Float[np.ndarray, " n"], list[Float[np.ndarray, " n"]], int]]]:
+    """Yield each channel with what causes it: first what the rotors make, then damping and air."""
+    squares, w = data.rotor_speed**2, data.angular_velocity
+    torque, thrust = np.cross(vehicle.positions, vehicle.axes), squares @ vehicle.axes
+    average = _averaged if data.differentiation == "central" else _same
+    air = [average(one) for one in _air(data)]
+    yield "az", (average(data.specific_force[:, 2]), [average(thrust[:, 2]), *air], 1)
+    for axis, name in enumerate(CHANNELS["gyro"]):
+        causes = [average(squares @ torque[:, axis]), average(w[:, axis])]
+        yield name, (data.angular_acceleration[:, axis], causes, 1)
+
+
+def _air(data: FlightData) -> list[Float[np.ndarray, " n"]]:
+    """Return what the air makes of climb and of speed, as signals."""
+    speeds = data.rotor_speed.sum(axis=1)
+    velocity = data.any_velocity
+    if velocity is not None:
+        v = np.nan_to_num(velocity)
+        return [v[:, 2] * speeds, (v[:, :2] ** 2).sum(axis=1)]
+    return [] if data.climb is None else [np.nan_to_num(data.climb) * speeds]
+
+
+def _averaged(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Average with [1 4 1]/6, as central differences are."""
+    found = values.copy()
+    found[1:-1] = (values[:-2] + 4.0 * values[1:-1] + values[2:]) / 6.0
+    return found
+
+
+def _same(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    return values
+
+
+def measured_bandwidth(
+    frequency: Float[np.ndarray, " l"], channels: Sequence[Channel]
+) -> Bandwidth | None:
+    """Find the low-pass that channels of one sensor share; None where the flight shows none."""
+    none = _by_lowpass(frequency, channels, np.ones((1, len(frequency)), complex)).max()
+    best: Bandwidth | None = None
+    for name, shape in SHAPES.items():
+        gains = np.array([shape(frequency / cutoff) for cutoff in CUTOFFS])
+        every = _by_lowpass(frequency, channels, gains)
+        over = every.max(axis=1) - none
+        i = int(np.argmax(over))
+        if best is None or over[i] > best.gain:
+            near = CUTOFFS[over > over[i] - 1.92]
+            best = Bandwidth(
+                shape=name,
+                cutoff=float(CUTOFFS[i]),
+                interval=(float(near[0]) / STEP, float(near[-1]) * STEP),
+                delay=float(DELAYS[int(np.argmax(every[i]))]),
+                gain=float(over[i]),
+            )
+    assert best is not None
+    shown = best.gain > LEAST_GAIN and best.interval[1] < CUTOFFS[-1]
+    return best if shown else None
+
+
+def _by_lowpass(
+    frequency: Float[np.ndarray, " l"],
+    channels: Sequence[Channel],
+    gains: Complex[np.ndarray, "c l"],
+) -> Float[np.ndarray, "c d"]:
+    """Compute the log-likelihood of all channels, by low-pass and delay."""
+    late = np.exp(-2j * np.pi * DELAYS[:, None] * frequency)
+    H = (gains[:, None] * late).reshape(-1, len(frequency))
+    every = [_likelihoods(frequency, one, H) for one in channels]
+    return np.sum(every, axis=0).reshape(len(gains), len(DELAYS))
+
+
+def _likelihoods(
+    frequency: Float[np.ndarray, " l"], channel: Channel, H: Complex[np.ndarray, "t l"]
+) -> Float[np.ndarray, " t"]:
+    """Compute the log-likelihood of a channel behind each gain."""
+    y, x, made = channel
+    k, place = x.shape[2], np.digitize(frequency, EDGES)
+    band = (place[:, None] == np.unique(place)).astype(float)
+    lines = band.sum(axis=0) * len(y) / OWN
+    size = np.sqrt((np.abs(x) ** 2).sum(axis=(0, 1)))
+    x = x / np.where(size > 0.0, size, 1.0)
+    Gxx = np.einsum("wla,wlb->lab", x.conj(), x)
+    Gxy = np.einsum("wla,wl->la", x.conj(), y)
+    yy = (np.abs(y) ** 2).sum(axis=0) @ band
+    by = np.ones((len(H), len(frequency), k), dtype=complex)
+    by[:, :, :made] = H[:, :, None]
+    c = _in_bands((by.conj() * Gxy).real, band)
+    A = np.empty((len(H), band.shape[1], k, k))
+    for i in range(k):
+        for j in range(i + 1):
+            both = (by[:, :, i].conj() * by[:, :, j] * Gxx[:, i, j]).real @ band
+            A[:, :, i, j] = A[:, :, j, i] = both
+    return _profiled(A, c, yy, lines)
+
+
+def _in_bands(
+    values: Float[np.ndarray, "t l k"], band: Float[np.ndarray, "l b"]
+) -> Float[np.ndarray, "t b k"]:
+    return np.moveaxis(np.moveaxis(values, 1, 2) @ band, 1, 2)
+
+
+def _profiled(
+    A: Float[np.ndarray, "t b k k"],
+    c: Float[np.ndarray, "t b k"],
+    yy: Float[np.ndarray, " b"],
+    lines: Float[np.ndarray, " b"],
+) -> Float[np.ndarray, " t"]:
+    """Regress with the variance of every band by what is left of it; return the log-likelihoods."""
+    least = 1e-6 * np.maximum(yy, np.finfo(float).tiny)
+    left = np.tile(np.maximum(yy, least), (len(A), 1))
+    ridge = 1e-9 * np.eye(A.shape[2])
+    for _ in range(PASSES):
+        weight = lines / left
+        information = (A * weight[:, :, None, None]).sum(axis=1)
+        information += ridge * np.trace(information, axis1=1, axis2=2)[:, None, None]
+        asked = (c * weight[:, :, None]).sum(axis=1)
+        found = np.linalg.solve(information, asked[:, :, None])[:, None, :, 0]
+        fitted = ((A @ found[:, :, :, None])[..., 0] * found).sum(axis=2)
+        left = np.maximum(yy - 2.0 * (c * found).sum(axis=2) + fitted, least)
+    return -(lines * np.log(left / yy.clip(min=np.finfo(float).tiny))).sum(axis=1)

@@ -1,0 +1,47 @@
+"""The bandwidth of the sensors of all flights, and up to where each of their errors counts."""
+
+import dataclasses
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.estimation.factors import Factors
+from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight, with_flights
+from rotorfit.fit.reduction.bandwidth import LOWEST, Sensor, bandwidths
+from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
+from rotorfit.fit.timing.timed_dataset import TimedDataset
+
+GRID: Final = np.arange(LOWEST, EDGES[-1], 0.05)
+"""Frequencies at which a sensor is judged [Hz]."""
+PLACES: Final[dict[Sensor, slice]] = {"accel": slice(0, 3), "gyro": slice(3, 6)}
+"""Which of the six accelerations each sensor measures."""
+
+
+def measure_bandwidths(dataset: TimedDataset) -> TimedDataset:
+    """Measure the bandwidth of the sensors of every flight, at the timing of its motors."""
+
+    def measured(flight: LoadedFlight) -> LoadedFlight:
+        prepared = flight.prepared
+        data = retimed(prepared, dataset.timing)
+        top = 0.4 * prepared.slowest_rate
+        return dataclasses.replace(flight, bandwidths=bandwidths(data, dataset.vehicle, top=top))
+
+    return with_flights(dataset, measured).keeping_bands(dataset)
+
+
+def flight_reach(flight: LoadedFlight) -> Float[np.ndarray, " 6"]:
+    """Return up to which frequency each acceleration of a flight follows the model [Hz].
+
+    The timing of the motors is that of the gyro: its delay is in it, and the accelerometer's not.
+    """
+    reach = np.full(6, np.inf)
+    for sensor, found in flight.bandwidths.items():
+        reach[PLACES[sensor]] = found.follows(GRID, in_phase=sensor == "accel")
+    return reach
+
+
+def sensor_reach(configured: ConfigurationData, factors: Factors) -> Float[np.ndarray, "b 6"]:
+    """Return the same for every block of a configuration."""
+    flights = np.array([flight_reach(flight) for flight in configured.flights])
+    return flights[factors.recording]
