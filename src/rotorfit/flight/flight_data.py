@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.flight.signals import Thinning
+from rotorfit.logs.firmware import Filter
 from rotorfit.logs.flight_log import LagOn
 
 Differentiation = Literal["exact", "central"]
@@ -94,6 +95,9 @@ class FlightData:
         The commands as recorded, where a row of the motor channel is the mean of several.
     noise_level
         How noisy a row is beside others of its phase, where a fit has shown it.
+    filters
+        On board, that gyro and accelerometer passed; those of the gyro the rotor speeds passed, too
+        (`on_board.py`).
     """
 
     sample_rate: float
@@ -114,6 +118,7 @@ class FlightData:
     thinned: Thinning | None = None
     held: HeldCommands | None = None
     noise_level: Float[np.ndarray, " n"] | None = None
+    filters: tuple[Filter, ...] = ()
 
     @property
     def used_rows(self) -> Int[np.ndarray, " u"]:

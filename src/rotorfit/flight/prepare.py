@@ -56,7 +56,9 @@ from rotorfit.flight.motors.motor_model import (
     white_noise_std,
     with_motors,
 )
+from rotorfit.flight.on_board import applied_filters, passed_through
 from rotorfit.flight.signals import central_difference, hampel, true_runs, whole_samples
+from rotorfit.logs.firmware import Filter
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.speed_law import law_doubts
 
@@ -130,6 +132,7 @@ class OneClock:
     - `speed_step`: smallest step of measured rotor speed [rad/s]; 0 where unknown.
     - `takes_columns`: whether units and axes of the log can be declared.
     - `said`: kinds of what the log's reader doubts already.
+    - `filters`: on board, that its samples passed.
     """
 
     uniform: UniformChannels
@@ -137,6 +140,7 @@ class OneClock:
     speed_step: float
     takes_columns: bool = True
     said: frozenset[str] = frozenset()
+    filters: tuple[Filter, ...] = ()
 
 
 def prepare(
@@ -195,6 +199,7 @@ def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> One
         speed_step=step or 0.0,
         takes_columns=log.takes_columns,
         said=frozenset(one.kind for one in log.findings),
+        filters=applied_filters(log),
     )
 
 
@@ -207,6 +212,9 @@ def prepared_from(
     refuse_interpolated(uniform, measured=motors.speed == "measured")
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
+    jumps = clock_jumps(uniform.time, uniform.sample_rate)
+    recorded_speed = speed
+    speed = passed_through(speed, uniform.sample_rate, recorded.filters, jumps=jumps)
     motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)
     refuse_idle_motors(motion)
     refuse_wrong_gravity(motion, takes_columns=recorded.takes_columns)
@@ -229,10 +237,14 @@ def prepared_from(
         x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
         bias = (x, y, z)
     del motion, rest
-    speed_std = max(step / 12.0**0.5, white_noise_std(speed, flights)) if measured else 0.0
+    speed_std = max(step / 12.0**0.5, white_noise_std(recorded_speed, flights)) if measured else 0.0
     data = dataclasses.replace(
         with_motors(
-            dataclasses.replace(_differentiated(uniform, speed, bias), lag_on=motors.lag_on),
+            dataclasses.replace(
+                _differentiated(uniform, speed, bias),
+                lag_on=motors.lag_on,
+                filters=recorded.filters,
+            ),
             speed,
             motors.response,
         ),

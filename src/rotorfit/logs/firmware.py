@@ -133,6 +133,8 @@ def bits_set(current: int | None, bits: Mapping[int, str]) -> str | None:
 # Filters on board
 
 FilterKind = Literal["low-pass", "notch"]
+FilterShape = Literal["butterworth", "pt1", "pt2", "pt3"]
+"""Of a low-pass: second order, or one to three of first order in a row."""
 SENSORS: Final = {"gyro": "the gyro", "accel": "the accelerometer"}
 
 
@@ -148,6 +150,7 @@ class Filter:
     - `harmonics`: multiples of the rotors' frequency that it follows.
     - `setting`: its name in the log's settings.
     - `passed`: whether the samples of this log went through it.
+    - `shape`: of a low-pass; None where the log does not say.
     """
 
     channel: str
@@ -158,6 +161,17 @@ class Filter:
     passed: bool
     middle: float | None = None
     harmonics: tuple[int, ...] = ()
+    shape: FilterShape | None = "butterworth"
+
+    @property
+    def is_known(self) -> bool:
+        """Whether its response is known: it stands still, and its shape is in the log."""
+        return self.shape is not None and not self.harmonics and self.is_fixed
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether it stays where it is."""
+        return self.middle is not None or self.low == self.high
 
     @property
     def short(self) -> str:
@@ -183,6 +197,12 @@ class Filter:
         return words if self.passed else f"{words}; the samples of this log are from before it"
 
 
+def filters_on_board(log: FlightLog) -> tuple[Filter, ...]:
+    """Find the filters that a log's settings name; none where its firmware is unknown."""
+    form = BY_NAME.get(log.format)
+    return tuple(load(form.filters)(log)) if form is not None and form.filters else ()
+
+
 def sensor_sources(log: FlightLog) -> dict[str, str]:
     """Find where the samples of gyro and accelerometer come from; empty where there are none."""
     return {name: log.channels[name].source if name in log.channels else "" for name in SENSORS}
@@ -203,14 +223,28 @@ def logged_number(metadata: Mapping[str, str], name: str) -> float:
 
 
 def low_pass(
-    metadata: Mapping[str, str], channel: str, setting: str, *, passed: bool, scale: float = 1.0
+    metadata: Mapping[str, str],
+    channel: str,
+    setting: str,
+    *,
+    passed: bool,
+    scale: float = 1.0,
+    shape: FilterShape | None = "butterworth",
 ) -> list[Filter]:
     """Make the low-pass whose cut-off a setting gives in units of `scale` [Hz], if it is on."""
     at = logged_number(metadata, setting) / scale
     if not at > 0:
         return []
     return [
-        Filter(channel=channel, kind="low-pass", low=at, high=at, setting=setting, passed=passed)
+        Filter(
+            channel=channel,
+            kind="low-pass",
+            low=at,
+            high=at,
+            setting=setting,
+            passed=passed,
+            shape=shape,
+        )
     ]
 
 

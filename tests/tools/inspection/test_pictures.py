@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rotorfit.logs.firmware import filters_on_board
 from rotorfit.logs.flight_log import Channel, FlightLog
-from rotorfit.tools.inspection.advised_settings import logged_filters
 from rotorfit.tools.inspection.pictures import COLUMNS, log_pictures, time_picture
 from rotorfit.tools.inspection.recording import channel_report
 from rotorfit.tools.inspection.spectra import rotor_bands, spectrum
@@ -219,7 +219,7 @@ def imu(gyro="gyroADC", accel="accSmooth"):
 
 
 def test_filters_of_betaflight_stand_at_the_headers_frequencies():
-    found = logged_filters(log_of(imu(), log_format="blackbox", **BETAFLIGHT))
+    found = filters_on_board(log_of(imu(), log_format="blackbox", **BETAFLIGHT))
     assert [(f.channel, f.kind, f.low, f.middle, f.high, f.harmonics) for f in found] == [
         ("gyro", "low-pass", 250.0, None, 500.0, ()),
         ("gyro", "low-pass", 400.0, None, 400.0, ()),
@@ -231,7 +231,7 @@ def test_filters_of_betaflight_stand_at_the_headers_frequencies():
     assert all(f.passed for f in found)
     assert found[2].short == "notch 180 Hz"
     off = BETAFLIGHT | {"dyn_notch_count": "0", "dshot_bidir": "0", "gyro_lpf1_dyn_hz": "0,500"}
-    raw = logged_filters(log_of(imu(accel="accUnfiltered"), log_format="blackbox", **off))
+    raw = filters_on_board(log_of(imu(accel="accUnfiltered"), log_format="blackbox", **off))
     assert [(f.low, f.passed) for f in raw] == [
         (250.0, True), (400.0, True), (150.0, True), (25.0, False),
     ]  # fmt: skip
@@ -248,7 +248,7 @@ def test_filters_of_inav():
         "rpm_gyro_harmonics": "2",
         "rpm_gyro_min_hz": "80",
     }
-    found = logged_filters(log_of(imu(), log_format="blackbox", **stated))
+    found = filters_on_board(log_of(imu(), log_format="blackbox", **stated))
     assert [(f.channel, f.low, f.high, f.harmonics) for f in found] == [
         ("gyro", 60.0, 60.0, ()),
         ("accel", 60.0, 135.0, ()),
@@ -268,7 +268,7 @@ def test_filters_of_px4_are_behind_the_samples_of_the_sensors():
         "IMU_GYRO_DNF_MIN": "25",
     }
     sensors = imu("sensor_combined.gyro_rad", "sensor_combined.accelerometer_m_s2")
-    found = logged_filters(log_of(sensors, log_format="ulog", **stated))
+    found = filters_on_board(log_of(sensors, log_format="ulog", **stated))
     assert [(f.low, f.high, f.harmonics, f.passed) for f in found] == [
         (40.0, 40.0, (), False),
         (70.0, 90.0, (), False),
@@ -276,7 +276,7 @@ def test_filters_of_px4_are_behind_the_samples_of_the_sensors():
         (30.0, 30.0, (), False),
     ]
     assert found[0].words.endswith("(IMU_GYRO_CUTOFF); the samples of this log are from before it")
-    control = logged_filters(
+    control = filters_on_board(
         log_of(imu("vehicle_angular_velocity.xyz"), log_format="ulog", **stated)
     )
     assert control[0].passed and not control[-1].passed
@@ -295,18 +295,18 @@ def test_filters_of_ardupilot():
         "INS_HNTC2_FREQ": "120",
         "INS_HNTC2_BW": "30",
     }
-    found = logged_filters(log_of(imu("IMU.GyrX", "IMU.AccX"), log_format="dataflash", **stated))
+    found = filters_on_board(log_of(imu("IMU.GyrX", "IMU.AccX"), log_format="dataflash", **stated))
     assert [(f.low, f.high, f.harmonics) for f in found] == [
         (20.0, 20.0, ()),
         (60.0, 60.0, (1, 3)),
         (105.0, 135.0, ()),
         (10.0, 10.0, ()),
     ]
-    raw = logged_filters(log_of(imu("GYR1.GyrX", "ACC1.AccX"), log_format="dataflash", **stated))
+    raw = filters_on_board(log_of(imu("GYR1.GyrX", "ACC1.AccX"), log_format="dataflash", **stated))
     assert not any(f.passed for f in raw)
 
 
 def test_settings_that_are_no_numbers_are_no_filters():
     stated = {"gyro_lpf1_static_hz": "fast", "gyro_notch_hz": "180", "acc_lpf_hz": ""}
-    assert logged_filters(log_of(imu(), log_format="blackbox", **stated)) == ()
-    assert logged_filters(log_of(imu(), log_format="table", gyro_lpf1_static_hz="100")) == ()
+    assert filters_on_board(log_of(imu(), log_format="blackbox", **stated)) == ()
+    assert filters_on_board(log_of(imu(), log_format="table", gyro_lpf1_static_hz="100")) == ()

@@ -16,6 +16,7 @@ from rotorfit.estimation.factors import (
 )
 from rotorfit.flight.filters import butterworth, filter_both_ways, tukey_window
 from rotorfit.flight.flight_data import FlightData, Segment
+from rotorfit.flight.on_board import response_of
 from rotorfit.flight.signals import fading_rows
 from rotorfit.model.signals import (
     AddedSignals,
@@ -284,7 +285,8 @@ def rotor_noise(
     if flight.differentiation == "central":
         average = ((4.0 + 2.0 * np.cos(turn)) / 6.0) ** 2
         difference = np.sin(turn) * flight.sample_rate
-    half = 0.5 * flight.rotor_speed_std**2
+    passed = np.abs(response_of(flight.filters, "gyro", band.mean(axis=1))) ** 2
+    half = 0.5 * flight.rotor_speed_std**2 * passed
     for i, square in enumerate(_mean_squares(flight, stretch)):
         noise[:, layout.index(f"O2_{i + 1}")] = 4.0 * square * half * average
     for axis, weight in zip("xyz", (vehicle.axes**2).sum(axis=0), strict=True):

@@ -1,6 +1,7 @@
 """The bandwidth of the sensors of all flights, and up to where each of their errors counts."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -8,9 +9,11 @@ from jaxtyping import Float
 
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight, with_flights
-from rotorfit.fit.reduction.bandwidth import LOWEST, Sensor, bandwidths
+from rotorfit.fit.reduction.bandwidth import LEAST_FOLLOWED, LOWEST, Sensor, bandwidths
 from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.flight.on_board import response_of
+from rotorfit.logs.firmware import Filter
 
 GRID: Final = np.arange(LOWEST, EDGES[-1], 0.05)
 """Frequencies at which a sensor is judged [Hz]."""
@@ -36,9 +39,19 @@ def flight_reach(flight: LoadedFlight) -> Float[np.ndarray, " 6"]:
     The timing of the motors is that of the gyro: its delay is in it, and the accelerometer's not.
     """
     reach = np.full(6, np.inf)
+    reach[PLACES["accel"]] = _known_reach(flight.prepared.data.filters)
     for sensor, found in flight.bandwidths.items():
-        reach[PLACES[sensor]] = found.follows(GRID, in_phase=sensor == "accel")
+        reach[PLACES[sensor]] = np.minimum(
+            reach[PLACES[sensor]], found.follows(GRID, in_phase=sensor == "accel")
+        )
     return reach
+
+
+def _known_reach(filters: Sequence[Filter]) -> float:
+    """Return up to which frequency the accelerometer's filters are the gyro's, as of the rotors."""
+    accel, gyro = (response_of(filters, name, GRID) for name in ("accel", "gyro"))
+    unlike = np.flatnonzero(np.real(accel / gyro) < LEAST_FOLLOWED)
+    return float(GRID[unlike[0]]) if len(unlike) else np.inf
 
 
 def sensor_reach(configured: ConfigurationData, factors: Factors) -> Float[np.ndarray, "b 6"]:

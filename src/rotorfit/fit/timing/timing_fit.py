@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
-from rotorfit.fit.dataset.dataset import Dataset
+from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.reduction.motor_timing import (
@@ -163,6 +163,8 @@ def _settled_timing(
 ) -> MotorTiming | None:
     """Fit the timing on from a first fit; None where the motion follows no motors."""
     timed, fit = settled_fit(begun, terms, first)
+    if _is_lagless(timed) and "motor_delay" in names:
+        return _timing_without_lag(timed, fit, terms)
     if "motor_skew" in names and not _skew_is_shown(timed, fit):
         names, found = tuple(name for name in names if name != "motor_skew"), timed.free_timing
         assert found is not None
@@ -228,13 +230,39 @@ def settled_fit(
     for _ in range(MOST_ROUNDS - 1):
         free = dataset.free_timing
         assert free is not None
-        if _near(free, fit):
+        if _near(free, fit) or _is_lagless(dataset):
             break
         own = timing_round(free, fit)
         moved = _move_times(free, accelerated_move(own, last, longest=LONGEST_MOVE))
         dataset, last = dataset.at(moved, free.names), own
         fit, _ = joint_fit(dataset, terms=terms, begin=free.without_times(fit.estimate.by_name))
     return dataset, fit
+
+
+def _is_lagless(dataset: TimedDataset) -> bool:
+    """Return whether the lag is free, and too short to be told from a delay."""
+    free = dataset.free_timing
+    assert free is not None
+    return "motor_lag" in free.names and free.at.mean_lag < LEAST_LAG
+
+
+def _timing_without_lag(
+    begun: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
+) -> MotorTiming | None:
+    """Fit the delay of motors without lag, as simulators have them.
+
+    Of a lag below `LEAST_LAG` the slope is that of a delay, and the two run away from each other.
+    """
+    free = begun.free_timing
+    assert free is not None
+    total = free.at.mean_lag + free.at.delay
+    begin = free.without_times(fit.estimate.by_name)
+    start = begun.at(MotorResponse(lag=0.0, delay=total), ("motor_delay",))
+    first, _ = joint_fit(start, terms=terms, begin=begin)
+    found = _settled_timing(start, first, ("motor_delay",), terms)
+    if found is None or found.response.delay <= -1.0 / slowest_commands(begun):
+        return unidentifiable_timing(begun, delay_free=True)
+    return replace(found, lag_std=LEAST_LAG)
 
 
 def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
@@ -362,8 +390,12 @@ def hold_fault(dataset: Dataset) -> float:
     """
     if dataset.motors.speed == "measured":
         return 0.0
-    rates = [f.prepared.motor_rate for c in dataset.configurations for f in c.flights]
-    return HOLD_FAULT / min(rates)
+    return HOLD_FAULT / slowest_commands(dataset)
+
+
+def slowest_commands(dataset: Dataset) -> float:
+    """Return the lowest rate of the motor data of all flights [Hz]."""
+    return min(f.prepared.motor_rate for c in dataset.configurations for f in c.flights)
 
 
 def _norm(*deviations: float) -> float:
@@ -377,8 +409,15 @@ def lowpass_of(dataset: Dataset) -> float | None:
     """
     if dataset.motors.speed == "measured":
         return None
-    found = [f.log.gyro_lowpass for c in dataset.configurations for f in c.flights]
+    flights = [f for c in dataset.configurations for f in c.flights]
+    found = [f.log.gyro_lowpass for f in flights if not _passed_by_rotors(f)]
     return min((cutoff for cutoff in found if cutoff), default=None)
+
+
+def _passed_by_rotors(flight: LoadedFlight) -> bool:
+    """Return whether the rotors' speeds passed the low-pass of the gyro as well."""
+    filters = flight.prepared.data.filters
+    return any(one.channel == "gyro" and one.kind == "low-pass" for one in filters)
 
 
 def filter_delay(cutoff: float) -> float:

@@ -18,6 +18,7 @@ from rotorfit.logs.firmware import (
     Advice,
     Filter,
     FilterKind,
+    FilterShape,
     Lack,
     asked_for,
     is_before,
@@ -71,6 +72,17 @@ INAV: Final = settings_of(
 """No rotor speed: INAV to 9 has no bidirectional DShot."""
 
 
+LOW_PASSES: Final[Mapping[str, FilterShape]] = {
+    "0": "pt1",
+    "1": "butterworth",
+    "2": "pt2",
+    "3": "pt3",
+}
+"""Shapes by the number that the header has of them (`lowpassFilterType_e`)."""
+PT2_ACCEL: Final = (4, 4)
+"""First Betaflight whose accelerometer has two filters of first order in place of a biquad."""
+
+
 def _is_inav(metadata: Mapping[str, str]) -> bool:
     return metadata.get("Firmware revision", "").lower().startswith("inav")
 
@@ -100,22 +112,36 @@ def filters(log: FlightLog) -> list[Filter]:
     logged = log.metadata
     passed = {name: "unfilt" not in word.lower() for name, word in sensor_sources(log).items()}
     found: list[Filter] = []
-    for dynamic, fixed in (
-        ("gyro_lpf1_dyn_hz", "gyro_lpf1_static_hz"),
-        ("gyro_lowpass_dyn_hz", "gyro_lowpass_hz"),
-        ("", "gyro_lpf2_static_hz"),
-        ("", "gyro_lowpass2_hz"),
-        ("", "gyro_lpf_hz"),
+    for dynamic, fixed, kind in (
+        ("gyro_lpf1_dyn_hz", "gyro_lpf1_static_hz", "gyro_lpf1_type"),
+        ("gyro_lowpass_dyn_hz", "gyro_lowpass_hz", "gyro_lowpass_type"),
+        ("", "gyro_lpf2_static_hz", "gyro_lpf2_type"),
+        ("", "gyro_lowpass2_hz", "gyro_lowpass2_type"),
+        ("", "gyro_lpf_hz", "gyro_lpf_type"),
     ):
         ends = logged_numbers(logged, dynamic)
         if len(ends) == 2 and 0 < ends[0] < ends[1]:
             found.append(_moving("low-pass", ends[0], ends[1], dynamic, passed=passed["gyro"]))
         else:
-            found += low_pass(logged, "gyro", fixed, passed=passed["gyro"])
+            shape = LOW_PASSES.get(logged.get(kind, ""))
+            found += low_pass(logged, "gyro", fixed, passed=passed["gyro"], shape=shape)
     found += _notches(logged, passed=passed)
     # Betaflight writes it in hundredths.
     scale = 1.0 if _is_inav(logged) else 100.0
-    return found + low_pass(logged, "accel", "acc_lpf_hz", passed=passed["accel"], scale=scale)
+    return found + low_pass(
+        logged,
+        "accel",
+        "acc_lpf_hz",
+        passed=passed["accel"],
+        scale=scale,
+        shape=_accelerometer_shape(logged),
+    )
+
+
+def _accelerometer_shape(logged: Mapping[str, str]) -> FilterShape:
+    """Return the shape of the accelerometer's low-pass (`accFilter` in sensors/acceleration*)."""
+    second_order = _is_inav(logged) or is_before("^Betaflight ", PT2_ACCEL, logged)
+    return "butterworth" if second_order else "pt2"
 
 
 def _moving(kind: FilterKind, low: float, high: float, setting: str, *, passed: bool) -> Filter:

@@ -4,7 +4,8 @@ Sources: ArduPilot "Complete Parameter List", ArduCopter/defines.h (bits of LOG_
 AP_InertialSensor_Backend.cpp (raw IMU), "ESC Telemetry" and "Managing Gyro Noise" (INS_HNTCH_*).
 """
 
-from collections.abc import Mapping, Set
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import replace
 from typing import Final
 
 from rotorfit.logs.dataflash.columns import rate_of
@@ -131,8 +132,23 @@ def filters(log: FlightLog) -> list[Filter]:
             least = logged_number(logged, f"{name}_FREQ")
             found.append(rotor_notch(harmonics, least, f"{name}_FREQ", gyro))
         else:
-            found += fixed_notch(logged, f"{name}_FREQ", f"{name}_BW", passed=gyro)
+            found += _harmonic_notches(logged, name, harmonics, passed=gyro)
     return found + low_pass(logged, "accel", "INS_ACCEL_FILTER", passed=accel)
+
+
+def _harmonic_notches(
+    logged: Mapping[str, str], name: str, harmonics: tuple[int, ...], *, passed: bool
+) -> Iterator[Filter]:
+    """Yield the notches at a frequency and its multiples, as many octaves above as below.
+
+    AP_HarmonicNotch: the bandwidth is a share of the middle, `NotchFilter::calculate_A_and_Q`.
+    """
+    for first in fixed_notch(logged, f"{name}_FREQ", f"{name}_BW", passed=passed):
+        assert first.middle is not None
+        for times in harmonics:
+            middle, low = times * first.middle, times * first.low
+            if low > 0.0:
+                yield replace(first, middle=middle, low=low, high=middle**2 / low)
 
 
 def lack_notes(

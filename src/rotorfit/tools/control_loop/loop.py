@@ -272,7 +272,6 @@ def _axis(
         flight,
         axis=axis,
         period=controller.period,
-        gyro_lowpass=log.gyro_lowpass,
         draws=draws,
         seed=seed,
     )

@@ -149,7 +149,6 @@ def plant(
     *,
     axis: int,
     period: float,
-    gyro_lowpass: float | None,
     draws: int,
     seed: int = 0,
 ) -> Plant:
@@ -169,8 +168,7 @@ def plant(
     lag, delay = _times(result, drawn)
     # Identified with commands that hold until the next one of the log; in flight, to the next run.
     delay = delay + 0.5 * (flight.held - period)
-    filtered = 0.0 if gyro_lowpass is None else np.sqrt(2.0) / (2.0 * np.pi * gyro_lowpass)
-    lag, delay = from_lag(lag, delay - filtered)
+    lag, delay = from_lag(lag, delay)
     return Plant(gain=gain, damping=damping, lag=lag, delay=delay)
 
 

@@ -4,9 +4,9 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rotorfit.logs.firmware import Filter, Lack, Setting
+from rotorfit.logs.firmware import Filter, Lack, Setting, filters_on_board
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
-from rotorfit.logs.formats import BY_NAME, load
+from rotorfit.logs.formats import BY_NAME
 from rotorfit.tools.inspection.recording import ChannelReport, channel_report, lacks, settings_for
 
 
@@ -62,15 +62,9 @@ def lacks_of(reports: Mapping[str, ChannelReport], filters: list[Filter]) -> fro
     return lacks(reports, accel_cutoff=min(cutoffs, default=None))
 
 
-def logged_filters(log: FlightLog) -> tuple[Filter, ...]:
-    """Find the filters on board by a log's settings; none where its format says nothing of them."""
-    form = BY_NAME.get(log.format)
-    return tuple(load(form.filters)(log)) if form is not None and form.filters else ()
-
-
 def logged_low_passes(log: FlightLog) -> list[Filter]:
     """Select the low-passes that the samples went through, where the reader's notes do not."""
     form = BY_NAME.get(log.format)
     if form is not None and form.notes_filters:
         return []
-    return [one for one in logged_filters(log) if one.kind == "low-pass" and one.passed]
+    return [one for one in filters_on_board(log) if one.kind == "low-pass" and one.passed]

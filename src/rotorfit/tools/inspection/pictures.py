@@ -12,10 +12,9 @@ from rotorfit.errors import FlightError
 from rotorfit.flight.clocks import GAP_STEPS, LARGEST_VALUE, usable_samples
 from rotorfit.flight.prepare import Cut, PreparedFlight
 from rotorfit.flight.signals import LEAST_LIMIT, at_limit, true_runs
-from rotorfit.logs.firmware import Filter
+from rotorfit.logs.firmware import Filter, filters_on_board
 from rotorfit.logs.flight_log import CHANNELS, COMPONENTS, Channel, FlightLog
 from rotorfit.series import Series, thinned
-from rotorfit.tools.inspection.advised_settings import logged_filters
 from rotorfit.tools.inspection.recording import ChannelReport
 from rotorfit.tools.inspection.spectra import RotorBand, Spectrum, rotor_bands, spectrum
 
@@ -349,7 +348,7 @@ def log_pictures(
         time=time,
         spectra=tuple(spectra),
         bands=rotor_bands(rotor_speed, spans),
-        filters=logged_filters(log),
+        filters=filters_on_board(log),
         left_out=tuple(left_out),
     )
 

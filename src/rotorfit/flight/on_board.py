@@ -1,0 +1,86 @@
+r"""The filters on board that a log names, applied to what the model makes of the motors.
+
+A gyro behind a low-pass shows the motion late and small. If the rotors' speeds pass the same filter
+before the two are compared, both sides of an equation have seen it, and what is left of lateness is
+the motors' alone. All filters are linear and stand still: the motor channel passes them before the
+motors' lag, with the same result. As analog ones, which the loops of a flight controller (1 kHz and
+faster) resemble at the frequencies of a fit; in the frequency domain, where the rate of the log
+does not matter.
+"""
+
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+from scipy.fft import next_fast_len
+
+from rotorfit.logs.firmware import Filter, filters_on_board
+from rotorfit.logs.flight_log import FlightLog
+
+ORDERS: Final = {"pt1": 1, "pt2": 2, "pt3": 3}
+FADING: Final = 1.0
+"""Length before and after a channel, within which the response of a low-pass at 2 Hz fades [s]."""
+
+
+def applied_filters(log: FlightLog) -> tuple[Filter, ...]:
+    """Return the filters that the logged samples passed, and whose response is known."""
+    return tuple(one for one in filters_on_board(log) if one.passed and one.is_known)
+
+
+def response_of(
+    filters: Iterable[Filter], channel: str, frequency: Float[np.ndarray, " f"]
+) -> Complex[np.ndarray, " f"]:
+    """Compute the response of all filters of a channel (``gyro`` or ``accel``)."""
+    found = np.ones(len(frequency), dtype=complex)
+    for one in filters:
+        if one.channel == channel:
+            found *= filter_response(one, frequency)
+    return found
+
+
+def filter_response(one: Filter, frequency: Float[np.ndarray, " f"]) -> Complex[np.ndarray, " f"]:
+    """Compute the response of an analog filter.
+
+    Low-passes lose 3 dB at their cut-off: of n first orders in a row each has its own cut-off
+    higher by 1 / sqrt(2^(1/n) - 1) (Betaflight, common/filter.c). Notches lose 3 dB at their edges.
+    """
+    if one.kind == "notch":
+        assert one.middle is not None
+        u = frequency / one.middle
+        width = (one.high - one.low) / one.middle
+        return (1.0 - u**2) / (1.0 - u**2 + 1j * width * u)
+    u = frequency / one.low
+    if one.shape == "butterworth":
+        return 1.0 / (1.0 - u**2 + 1j * np.sqrt(2.0) * u)
+    order = ORDERS[one.shape or "pt1"]
+    return (1.0 + 1j * u * np.sqrt(2.0 ** (1.0 / order) - 1.0)) ** -order
+
+
+def passed_through(
+    values: Float[np.ndarray, "n N"],
+    sample_rate: float,
+    filters: Iterable[Filter],
+    *,
+    jumps: Int[np.ndarray, " j"],
+) -> Float[np.ndarray, "n N"]:
+    """Pass motor data through the gyro's filters, anew after every gap (`jumps`: first rows)."""
+    own = [one for one in filters if one.channel == "gyro"]
+    if not own:
+        return values
+    parts = [_filtered(part, sample_rate, own) for part in np.split(values, jumps)]
+    return np.maximum(np.concatenate(parts), 0.0)
+
+
+def _filtered(
+    values: Float[np.ndarray, "n N"], sample_rate: float, filters: Iterable[Filter]
+) -> Float[np.ndarray, "n N"]:
+    """Filter a stretch as if its first and last rows had stood before and after it."""
+    pad = round(FADING * sample_rate)
+    wide = np.pad(values, ((pad, pad), (0, 0)), mode="edge")
+    rows = next_fast_len(len(wide), real=True)
+    wide = np.pad(wide, ((0, rows - len(wide)), (0, 0)), mode="edge")
+    response = response_of(filters, "gyro", np.fft.rfftfreq(rows, 1.0 / sample_rate))
+    # The two ends of the circle differ: their step fades within the rows that are cut off.
+    lines = np.fft.rfft(wide, axis=0) * response[:, None]
+    return np.fft.irfft(lines, rows, axis=0)[pad : pad + len(values)]
