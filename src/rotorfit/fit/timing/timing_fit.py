@@ -148,7 +148,11 @@ def timed_again(
             again = _settled_timing(dataset, first, found.free, terms)
     except UnsettledError:
         return dataset
-    return dataset if again is None else replace(dataset, motor_timing=again)
+    if again is None:
+        return dataset
+    # Of motors without lag the delay alone is free.
+    again = replace(again, lag_std=found.lag_std) if again.lag_std is None else again
+    return replace(dataset, motor_timing=again)
 
 
 def fitted_timing(
@@ -262,7 +266,7 @@ def _timing_without_lag(
     found = _settled_timing(start, first, ("motor_delay",), terms)
     if found is None or found.response.delay <= -1.0 / slowest_commands(begun):
         return unidentifiable_timing(begun, delay_free=True)
-    return replace(found, lag_std=LEAST_LAG)
+    return replace(found, lag_std=LEAST_LAG / 1.96)
 
 
 def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
