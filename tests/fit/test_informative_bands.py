@@ -129,14 +129,21 @@ def test_what_counts():
     assert counted[:, 1].all()
 
 
+def left(body, power=1.0):
+    """Errors of this power in every block."""
+    found = np.zeros((*body.factors.R.shape[:2], 6))
+    found[:, 0] = power**0.5
+    return found
+
+
 def test_bands_that_are_flown_have_a_response_and_count():
     """Roll and yaw are flown from 1 to 4 Hz, pitch nowhere."""
     bands = [(0.0, 0.3), (1.0, 1.5), (2.0, 2.9), (3.0, 4.0), (11.0, 15.0)]
     rows = [2, 9, 11, 13, 15]
     body = made_fit.configuration(factors=made_fit.blocks(bands, rows=rows))
-    signal, residual = np.ones((5, 6)), np.ones((5, 6))
+    signal = np.ones((5, 6))
     signal[1:4, [ROLL, YAW]] = 1.0 + LEAST_RATIO + 0.1
-    steered = with_counted_bands(body, signal, residual, commanded=False)
+    steered = with_counted_bands(body, signal, left(body))
     assert TURN_ERRORS == ("dwx", "dwy", "dwz")
     roll = yaw = [False, True, True, True, False]
     assert steered.with_response.T.tolist() == [roll, [False] * 5, yaw]
@@ -150,38 +157,48 @@ def test_means_of_flights_that_do_not_yaw_do_not_count_in_yaw():
     body = made_fit.configuration(factors=factors)
     signal = np.ones((4, 6))
     signal[1, [ROLL, YAW]] += LEAST_RATIO + 0.1
-    found = with_counted_bands(body, signal, np.ones((4, 6)), commanded=False)
+    found = with_counted_bands(body, signal, left(body))
     assert found.counted[:, YAW].tolist() == [True, True, False, False]
     assert found.counted[:, ROLL].tolist() == [True, True, True, False]
-    calm = with_counted_bands(body, np.ones((4, 6)), np.ones((4, 6)), commanded=False)
+    calm = with_counted_bands(body, np.ones((4, 6)), left(body))
     assert calm.counted[:, YAW].all()
 
 
 def climbing(rng, *, followed):
-    """Blocks of a body that accelerates upwards as its rotors push in some bands alone."""
+    """Blocks of a body that accelerates upwards as the model says in some bands alone."""
     bands = [(0.0, 0.3), (1.0, 1.5), (3.0, 4.0), (11.0, 15.0)]
     body = made_fit.configuration(factors=made_fit.blocks(bands))
-    index = body.model.layout.index
     R = rng.normal(size=body.factors.R.shape)
-    squares = R[:, :, [index(f"O2_{k}") for k in range(1, 5)]].sum(axis=2)
-    R[followed, :, index("az")] = 2e-6 * squares[followed]
-    return replace(body, factors=replace(body.factors, R=R))
+    errors = rng.normal(size=(*R.shape[:2], 6))
+    errors[followed, :, NOISY.index("az")] *= 0.1
+    return replace(body, factors=replace(body.factors, R=R)), errors
 
 
 @pytest.mark.parametrize(
-    ("commanded", "followed", "counted"),
+    ("followed", "counted"),
     [
-        (True, [False, True, True, False], [True, True, True, False]),  # the mean always counts
-        (True, [False] * 4, [True] * 4),
-        (False, [False, True, True, False], [True] * 4),
+        ([False, True, True, False], [True, True, True, False]),  # the mean always counts
+        ([False] * 4, [True, False, False, False]),
     ],
 )
-def test_commanded_thrust_counts_where_the_climb_follows_it(rng, commanded, followed, counted):
-    body = climbing(rng, followed=followed)
-    calm = np.ones((4, 6))
-    steered = with_counted_bands(body, calm, calm, commanded=commanded)
+def test_thrust_counts_where_the_model_explains_it(rng, followed, counted):
+    """And nowhere but in the mean where it explains none, of measured speeds as of commands."""
+    body, errors = climbing(rng, followed=followed)
+    steered = with_counted_bands(body, np.ones((4, 6)), errors)
     assert steered.counted[:, NOISY.index("az")].tolist() == counted
     assert steered.counted[:, [NOISY.index("ax"), NOISY.index("ay")]].all()
+
+
+def test_no_band_counts_above_its_sensors_bandwidth(rng):
+    """An accelerometer that shows up to 2 Hz, beside a gyro that shows up to 10 Hz."""
+    body, errors = climbing(rng, followed=[True] * 4)
+    reach = np.tile([2.0, 2.0, 2.0, 10.0, 10.0, 10.0], (4, 1))
+    signal = 100.0 * np.ones((4, 6))
+    found = with_counted_bands(replace(body, reach=reach), signal, 0.1 * errors)
+    assert found.counted[:, :3].all(axis=1).tolist() == [True, True, False, False]
+    assert found.counted[:, ROLL].tolist() == [True, True, True, False]
+    free = with_counted_bands(body, signal, 0.1 * errors)
+    assert free.counted[1:, :].all()
 
 
 def test_a_band_is_excited_where_rotors_explain_thrice_the_rest():
@@ -219,7 +236,7 @@ def rolled(tmp_path_factory):
 
 def test_bands_that_only_the_autopilot_moves_do_not_count(rolled):
     band = rolled.factors.band
-    assert rolled.counted[:, :ROLL].all()  # forces always do
+    assert rolled.counted[:, :2].all()  # forces across the thrust always do
     slow = (band[:, 0] > 0.0) & (band[:, 1] < 2.0)
     assert slow.any()
     assert rolled.counted[slow, ROLL].mean() > 0.6

@@ -29,6 +29,7 @@ SHAPES: Final[Mapping[str, Shape]] = {
     "first order": lambda u: 1.0 / (1.0 + 1j * u),
     "second order": lambda u: 1.0 / (1.0 - u**2 + 1j * np.sqrt(2.0) * u),
     "smoothed": lambda u: np.exp(-0.5 * np.log(2.0) * u**2).astype(complex),
+    "smoothed both ways": lambda u: (1.0 / (1.0 + (np.sqrt(2.0) - 1.0) * u**4)).astype(complex),
     "smoothed sharply": lambda u: ((1.0 + u**8) ** -0.5).astype(complex),
 }
 """Low-passes on board (PT1, Butterworth), and smoothing without delay (of motion capture)."""
@@ -51,9 +52,15 @@ LEAST_GAIN: Final = 20.0
 16 (CineRat, Betaflight, PX4's simulator, Crazyflie), those behind one at 4 to 20 Hz 27 to 8500."""
 LEAST_FOLLOWED: Final = 0.85
 """Least gain at which a band counts. What a band says of a number is off by as much as its gain."""
+SHAPE_ERROR: Final = 0.03
+"""Share of the motion by which a filter may differ from its shape: far above the cut-off, where
+hardly any motion is left, noise-free lines would decide by the shape of the tail alone."""
+FIRST_BANDS: Final = 3
+"""Bands by which the motion without a filter is estimated."""
 PASSES: Final = 5
 """Passes of a regression whose variances are those of what it leaves."""
 FEWEST_WINDOWS: Final = 4
+TINY: Final = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,7 +246,9 @@ def _likelihoods(
         for j in range(i + 1):
             both = (by[:, :, i].conj() * by[:, :, j] * Gxx[:, i, j]).real @ band
             A[:, :, i, j] = A[:, :, j, i] = both
-    return _profiled(A, c, yy, lines)
+    unfiltered = Gxx[:, 0, 0].real @ band
+    gain = float(np.median((yy / unfiltered.clip(min=TINY))[:FIRST_BANDS]))
+    return _profiled(A, c, yy, lines, least=SHAPE_ERROR**2 * gain * unfiltered)
 
 
 def _in_bands(
@@ -253,9 +262,11 @@ def _profiled(
     c: Float[np.ndarray, "t b k"],
     yy: Float[np.ndarray, " b"],
     lines: Float[np.ndarray, " b"],
+    *,
+    least: Float[np.ndarray, " b"],
 ) -> Float[np.ndarray, " t"]:
     """Regress with the variance of every band by what is left of it; return the log-likelihoods."""
-    least = 1e-6 * np.maximum(yy, np.finfo(float).tiny)
+    least = np.maximum(least, 1e-6 * yy.clip(min=TINY))
     left = np.tile(np.maximum(yy, least), (len(A), 1))
     ridge = 1e-9 * np.eye(A.shape[2])
     for _ in range(PASSES):
@@ -265,5 +276,5 @@ def _profiled(
         asked = (c * weight[:, :, None]).sum(axis=1)
         found = np.linalg.solve(information, asked[:, :, None])[:, None, :, 0]
         fitted = ((A @ found[:, :, :, None])[..., 0] * found).sum(axis=2)
-        left = np.maximum(yy - 2.0 * (c * found).sum(axis=2) + fitted, least)
-    return -(lines * np.log(left / yy.clip(min=np.finfo(float).tiny))).sum(axis=1)
+        left = np.maximum(yy - 2.0 * (c * found).sum(axis=2) + fitted, 0.0) + least
+    return -(lines * np.log(left / yy.clip(min=TINY))).sum(axis=1)

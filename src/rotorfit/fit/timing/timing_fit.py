@@ -264,7 +264,8 @@ def _timing_without_lag(
     start = begun.at(MotorResponse(lag=0.0, delay=total), ("motor_delay",))
     first, _ = joint_fit(start, terms=terms, begin=begin)
     found = _settled_timing(start, first, ("motor_delay",), terms)
-    if found is None or found.response.delay <= -1.0 / slowest_commands(begun):
+    # As with a lag: what comes before its command, or in a calm flight, is the autopilot's answer.
+    if found is None or found.response.delay <= 0.0 or gust_bias(begun) > 0.0:
         return unidentifiable_timing(begun, delay_free=True)
     return replace(found, lag_std=LEAST_LAG / 1.96)
 
@@ -394,12 +395,8 @@ def hold_fault(dataset: Dataset) -> float:
     """
     if dataset.motors.speed == "measured":
         return 0.0
-    return HOLD_FAULT / slowest_commands(dataset)
-
-
-def slowest_commands(dataset: Dataset) -> float:
-    """Return the lowest rate of the motor data of all flights [Hz]."""
-    return min(f.prepared.motor_rate for c in dataset.configurations for f in c.flights)
+    rates = [f.prepared.motor_rate for c in dataset.configurations for f in c.flights]
+    return HOLD_FAULT / min(rates)
 
 
 def _norm(*deviations: float) -> float:

@@ -167,7 +167,10 @@ def plant(
         damping = _damping(result, owner, axis) / moment
     lag, delay = _times(result, drawn)
     # Identified with commands that hold until the next one of the log; in flight, to the next run.
-    delay = delay + 0.5 * (flight.held - period)
+    # Without a lag, the mean lateness of what holds is in the delay that is found.
+    lagless = any(p.name == "motor_lag" and p.value == 0.0 for p in result.parameters)
+    held = 0.0 if lagless else flight.held
+    delay = delay + 0.5 * (held - period)
     lag, delay = from_lag(lag, delay)
     return Plant(gain=gain, damping=damping, lag=lag, delay=delay)
 
