@@ -22,7 +22,7 @@ from rotorfit.fit.experiment.law_table import law_entry_of
 from rotorfit.flight.mocap.camera import camera_clock
 from rotorfit.flight.motors.rotor_telemetry import Telemetry, telemetry
 from rotorfit.flight.prepare import PreparedFlight
-from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, Lack, Setting
+from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, SENSORS, Lack, Setting, filters_on_board
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.tools.inspection.advised_settings import (
     channel_reports,
@@ -175,13 +175,28 @@ def inspect_log(
         telemetry=look.telemetry,
         gravity=look.gravity,
         prospects=foreseen,
-        filters=tuple(f.words for f in filters),
+        filters=(*(f.words for f in filters), *_bandwidth_words(log, foreseen)),
         settings=settings_for(log.format, lacking, log.metadata),
         metadata=dict(log.metadata),
         findings=tuple(finding for check in CHECKS for finding in check(look)),
         next_step=_next_step(look, foreseen, lacking),
         pictures=pictures,
     )
+
+
+def _bandwidth_words(log: FlightLog, foreseen: Prospects | None) -> Iterator[str]:
+    """Say up to which frequency a sensor follows the rotors, and which settings would raise it."""
+    if foreseen is None:
+        return
+    passed = [one for one in filters_on_board(log) if one.passed]
+    for sensor, found in foreseen.bandwidths.items():
+        low, high = found.interval
+        own = [one.setting for one in passed if one.channel == sensor and one.kind == "low-pass"]
+        cure = f"raise {' and '.join(own)}" if own else "log it less filtered or smoothed"
+        yield (
+            f"{SENSORS[sensor]} follows the rotors up to {found.cutoff:.2g} Hz only ({low:.2g} to "
+            f"{high:.2g}), and faster motion does not count: {cure}"
+        )
 
 
 def _next_step(

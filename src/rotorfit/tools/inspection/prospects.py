@@ -1,7 +1,7 @@
 """Predict cheaply what one log can show: kt, excitation of each axis, and the motor order."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -34,6 +34,7 @@ from rotorfit.fit.experiment.law_table import LawEntry
 from rotorfit.fit.intervals.excitation import enough_by_weight, mean_ratios, pilots_rows
 from rotorfit.fit.intervals.numbers import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.intervals.row_scatter import row_half_widths
+from rotorfit.fit.reduction.bandwidth import Bandwidth, Sensor, bandwidths
 from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, prepared_bands, retimed
 from rotorfit.fit.reduction.reduce import Lines
 from rotorfit.fit.row_fits import RowFits, fit_rows
@@ -172,6 +173,7 @@ class Prospects:
     """The prospects of a flight; `motors` names the layout and order that explain the motion.
 
     `useless_because`: why no other flight shows more in such a log; None where one does.
+    `bandwidths`: of the sensors that the flight shows to be behind a low-pass.
     """
 
     excitation: tuple[Excitation, ...]
@@ -180,6 +182,7 @@ class Prospects:
     motors: str | None
     commands: Commands | None = None
     useless_because: str | None = None
+    bandwidths: Mapping[Sensor, Bandwidth] = field(default_factory=dict[Sensor, Bandwidth])
 
 
 def foreseen_step(log: FlightLog, prepared: PreparedFlight, found: Prospects) -> NextStep:
@@ -263,6 +266,7 @@ def prospects(
         motors=None if known is None else known[1],
         commands=commands,
         useless_because=slow_words(prepared) if prepared.slowest_rate < LEAST_RATE else None,
+        bandwidths=bandwidths(timed.data, vehicle, top=0.4 * prepared.slowest_rate),
     )
 
 
