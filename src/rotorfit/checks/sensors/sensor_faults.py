@@ -49,12 +49,27 @@ PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
 def lowpass_sentence(dataset: TimedDataset) -> str | None:
     """Explain that the motors' times include the delay of a low-pass; None where there is none."""
     cutoff = lowpass_of(dataset)
-    if cutoff is None or dataset.motor_timing is None:
+    if dataset.motor_timing is None or dataset.motors.speed == "measured":
         return None
+    if cutoff is None:
+        return _measured_lowpass_sentence(dataset)
     return (
         f"the gyro is low-passed on board at {cutoff:g} Hz: {1e3 * filter_delay(cutoff):.0f} ms of "
         "motor_lag and motor_delay together are the filter's, not the motors'; for the motors' "
         "own, log the IMU raw (ArduPilot: bit 19 of LOG_BITMASK)"
+    )
+
+
+def _measured_lowpass_sentence(dataset: TimedDataset) -> str | None:
+    """Explain the same of a gyro whose low-pass the flights show and the log does not name."""
+    flights = [flight for c in dataset.configurations for flight in c.flights]
+    found = [flight.bandwidths["gyro"] for flight in flights if "gyro" in flight.bandwidths]
+    if not found:
+        return None
+    least = min(one.cutoff for one in found)
+    return (
+        f"the gyro follows the rotors up to {least:.2g} Hz only, by a filter that the log does not "
+        "name: motor_lag and motor_delay include it; for the motors' own, log the gyro unfiltered"
     )
 
 

@@ -274,7 +274,10 @@ def _profiled(
         information = (A * weight[:, :, None, None]).sum(axis=1)
         information += ridge * np.trace(information, axis1=1, axis2=2)[:, None, None]
         asked = (c * weight[:, :, None]).sum(axis=1)
-        found = np.linalg.solve(information, asked[:, :, None])[:, None, :, 0]
-        fitted = ((A @ found[:, :, :, None])[..., 0] * found).sum(axis=2)
-        left = np.maximum(yy - 2.0 * (c * found).sum(axis=2) + fitted, 0.0) + least
+        solved: Float[np.ndarray, "t k 1"] = np.asarray(
+            np.linalg.solve(information, asked[:, :, None]), dtype=float
+        )
+        found: Float[np.ndarray, "t 1 k"] = solved.transpose(0, 2, 1)
+        made: Float[np.ndarray, "t b k"] = (A * found[:, :, None, :]).sum(axis=3) - 2.0 * c
+        left = np.maximum(yy + (made * found).sum(axis=2), 0.0) + least
     return -(lines * np.log(left / yy.clip(min=TINY))).sum(axis=1)
