@@ -96,7 +96,7 @@ def known(filters):
     return [(one.kind, one.shape) for one in filters if one.passed and one.is_known]
 
 
-def test_betaflights_low_passes_have_the_shape_that_the_header_names():
+def test_betaflights_low_passes_have_the_shape_of_the_header():
     stated = {
         "Firmware revision": "Betaflight 4.3.1",
         "gyro_lpf1_static_hz": "100",

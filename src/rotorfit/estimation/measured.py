@@ -71,15 +71,15 @@ def combine_scales(first: Measured, second: Measured) -> Measured:
     second
         One that is not positive measures no scale, and counts as infinitely far.
     """
-    apart = scale_deviations(first, second)
+    deviations = scale_deviations(first, second)
     if not second.value > 0.0:
         faded = Measured(value=first.value, std=max(first.std, first.value / 1.96))
-        return faded if apart > CONTRADICTION else first
+        return faded if deviations > CONTRADICTION else first
     difference = float(np.log(second.value / first.value))
-    kept = float(np.clip(2.0 - apart / CONTRADICTION, 0.0, 1.0))
+    kept = float(np.clip(2.0 - deviations / CONTRADICTION, 0.0, 1.0))
     own, theirs = first.share**-2.0, second.share**-2.0
     value = first.value * float(np.exp(kept * theirs / (own + theirs) * difference))
-    chance = (own + theirs) ** -0.5 * (1.0 + kept * (max(apart, 1.0) - 1.0))
+    chance = (own + theirs) ** -0.5 * (1.0 + kept * (max(deviations, 1.0) - 1.0))
     reach = (1.0 - kept) * abs(difference) / 1.96
     return Measured(value=value, std=value * float(np.hypot(chance, reach)))
 

@@ -156,7 +156,7 @@ def _starts(data: FlightData, rows: int) -> Iterator[int]:
 def _causes(
     data: FlightData, vehicle: Vehicle
 ) -> Iterator[tuple[str, tuple[Float[np.ndarray, " n"], list[Float[np.ndarray, " n"]], int]]]:
-    """Yield each channel with what causes it: first what the rotors make, then damping and air."""
+    """Yield each channel with its causes: first those of the rotors, then damping and air."""
     squares, w = data.rotor_speed**2, data.angular_velocity
     torque, thrust = np.cross(vehicle.positions, vehicle.axes), squares @ vehicle.axes
     average = _averaged if data.differentiation == "central" else _same
@@ -168,7 +168,7 @@ def _causes(
 
 
 def _air(data: FlightData) -> list[Float[np.ndarray, " n"]]:
-    """Return what the air makes of climb and of speed, as signals."""
+    """Return the signals of inflow and of speed squared."""
     speeds = data.rotor_speed.sum(axis=1)
     velocity = data.any_velocity
     if velocity is not None:

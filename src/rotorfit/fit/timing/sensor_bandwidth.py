@@ -55,6 +55,6 @@ def _known_reach(filters: Sequence[Filter]) -> float:
 
 
 def sensor_reach(configured: ConfigurationData, factors: Factors) -> Float[np.ndarray, "b 6"]:
-    """Return the same for every block of a configuration."""
+    """Return the highest frequency that counts, of every block and acceleration [Hz]."""
     flights = np.array([flight_reach(flight) for flight in configured.flights])
     return flights[factors.recording]

@@ -244,7 +244,7 @@ def settled_fit(
 
 
 def _is_lagless(dataset: TimedDataset) -> bool:
-    """Return whether the lag is free, and too short to be told from a delay."""
+    """Return whether the lag is free, and too short to separate from a delay."""
     free = dataset.free_timing
     assert free is not None
     return "motor_lag" in free.names and free.at.mean_lag < LEAST_LAG
