@@ -158,7 +158,7 @@ def _with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
     law = law.fitted
     found = dataclasses.replace(with_law(fit.dataset, law.entry), law_found=law.from_flight)
     fit = dataclasses.replace(fit, dataset=found)
-    return fit.found(law.finding) if law.from_flight else fit
+    return fit.found(law.finding) if law.from_flight or law.is_stated else fit
 
 
 def _with_chosen_terms(fit: Fit, wanted: Sequence[str] | None) -> Fit:

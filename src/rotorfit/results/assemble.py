@@ -297,7 +297,7 @@ def log_metadata(declared: MotorsEntry, dataset: TimedDataset) -> tuple[Finding,
             battery = f", at {dataset.motors.law.voltage.nominal:g} V"
         law = f"the law from command to rotor speed is the one in the log ({logged.words}{battery})"
         if not logged.exact:
-            law += ": only as good as these settings; a law under [motors] replaces it"
+            law += "; a law under [motors] replaces it"
     every = [*simulated, *yaw, lowpass_sentence(dataset) or "", law]
     return tuple(note("log-metadata", sentence) for sentence in dict.fromkeys(every) if sentence)
 

@@ -86,7 +86,7 @@ def allow_for_law(fit: Fit) -> Fit:
         )
     )
     open_ones = open_law(fit.numbers, 1.96 * law.slope_std)
-    said = () if fit.dataset.law_found else _uncertain(fit.numbers, std)
+    said = () if fit.dataset.law_found or law.stated else _uncertain(fit.numbers, std)
     return fit.found(*said, *open_ones)
 
 

@@ -16,6 +16,9 @@ A law that is given is right, or, one in twenty, another vehicle's, or from comm
 instead of speed: then the speed goes with another power of the one it gives. The posterior of that
 power is a mixture of both; the fit is made with its mean, and what holds 95 % of it is in the
 intervals. The law of a simulator's own motors is right.
+
+A law by a setting of the firmware (MOT_THST_EXPO, THR_MDL_FAC) is a default that nobody need have
+measured: real motors have powers of it, with a deviation of `STATED_STD`.
 """
 
 import math
@@ -27,6 +30,7 @@ import numpy as np
 
 from rotorfit.checks.kt_from_weight import kt_from_changes, weight_of
 from rotorfit.checks.motors.commanded_speeds import with_other_speeds
+from rotorfit.checks.motors.hovers_by_mass import exponent_share_by_masses
 from rotorfit.digits import with_half
 from rotorfit.estimation.distributions import normal_density, normal_tail
 from rotorfit.estimation.measured import Measured, combine_scales
@@ -63,12 +67,27 @@ WRONG_STD: Final = 0.3
 """Deviation of the power of a wrong law's speed that is right: between two such curves."""
 WRONG_FULL_STD: Final = 0.1
 """Deviation of that power's mean, from hover to full command, from that in hover."""
+STATED_STD: Final = 0.2
+"""Deviation of the power of a stated law's speed that real motors have, from hover to full command.
+
+Of seven motors on thrust stands (six of github.com/StrawsonDesign/motor_propeller_testing and
+github.com/diegosdantonio/thruststand_test, the Crazyflie's), hovering on 1/5 to 1/2 of full thrust,
+about MOT_THST_EXPO .65 and .55 with MOT_SPIN_MIN .15 to .05: .16 to .22; about THR_MDL_FAC .5: .20."""
+STATED_FULL_STD: Final = 0.1
+"""Deviation of that power, up to full command, from that in hover: the same stands, .11 to .13."""
+FLOWN_SHARE: Final = 95.0
+"""Percentile of the rotor speeds up to which changes of thrust show a law."""
 FOUND: Final = "law-found"
+STATED: Final = "law-stated"
 CONTRADICTED: Final = "law-contradicted"
 AGAIN: Final = "measure the law under [motors] again, or log the rotor speed"
 OF_SPEED: Final = tuple(name for name, info in EVERY.items() if info.speed_power)
 """What goes with speeds in rad/s: a law with a wrong slope does not give them."""
 WRONG_SPEEDS: Final = "the motors' law is wrong, and no one knows the rotor speed in hover"
+SETTLE: Final = (
+    "hover with a known payload, too (a second configuration), or measure thrust over command on a "
+    "stand and give law under [motors]"
+)
 GIVE: Final = "log the rotor speed, or measure thrust over command and give law under [motors]"
 
 
@@ -106,7 +125,8 @@ class FoundLaw:
     - `flown`: the exponent by weight and changes of thrust alone; None where they show none.
     - `hover`: rms speed of the flights before, over the `anchor`.
     - `anchor`: speed that stays as it is, that at full command of relative speeds.
-    - `given`: the law that is given.
+    - `flown_to`: the highest speed at which changes of thrust show the law, over the `anchor`.
+    - `given`: the law that is given; `setting`: its name in the log, of one that is stated.
     - `trial`: the last fit.
     - `growth`: of the exponent that a fit shows with that it is made with; None until it is seen.
     """
@@ -115,7 +135,9 @@ class FoundLaw:
     flown: Measured | None
     hover: float
     anchor: float = 1.0
+    flown_to: float | None = None
     given: LawEntry | None = None
+    setting: str = ""
     trial: Trial = Trial(power=1.0, shown=None)
     growth: float | None = None
 
@@ -134,19 +156,28 @@ class FoundLaw:
     @property
     def thrust_std(self) -> float:
         """Deviation of the thrust at full command by the law, as a share."""
-        return 2.0 * self._span * float(np.hypot(self.exponent.std, self._full_std))
+        return 2.0 * float(np.hypot(self._span * self.exponent.std, self._beyond_std))
 
     @property
-    def _full_std(self) -> float:
-        """Deviation of the mean exponent, up to full command, from that in hover."""
+    def _beyond_std(self) -> float:
+        """Deviation of the speed in hover, as a share, by what no change of thrust shows."""
         if self.given is None:
-            return FULL_STD
-        return WRONG_FULL_STD * mistaken(self.flown, self.given) ** 0.5 * self.from_flight
+            return FULL_STD * self._span
+        wrong = WRONG_FULL_STD * mistaken(self.flown, self.given) ** 0.5 * self.from_flight
+        if not self.given.stated:
+            return wrong * self._span
+        beyond = min(abs(math.log(self.flown_to or self.hover)), self._span)
+        return float(np.hypot(wrong * self._span, STATED_FULL_STD * beyond))
 
     @property
     def _span(self) -> float:
         """Logarithm of full command over that in hover."""
         return abs(float(np.log(self.hover)))
+
+    @property
+    def is_stated(self) -> bool:
+        """Whether the law is a setting of the firmware."""
+        return self.given is not None and self.given.stated
 
     @property
     def from_flight(self) -> bool:
@@ -161,7 +192,7 @@ class FoundLaw:
     def entry_at(self, power: float) -> LawEntry:
         """Return the law with another exponent."""
         known = self.given or LawEntry(power=PowerEntry(full_speed=1.0, exponent=1.0))
-        speed_std = float(np.hypot(known.speed_std, self._full_std * self._span))
+        speed_std = float(np.hypot(known.speed_std, self._beyond_std))
         stds = {"slope_std": min(self.slope_std, 1.0), "speed_std": min(speed_std, 1.0)}
         law = bent(known, power, anchor=self.anchor)
         return law.model_copy(update={**stds, "usual_speed": self.anchor})
@@ -193,6 +224,8 @@ class FoundLaw:
     @property
     def finding(self) -> Finding:
         """Say which law was taken, and from where."""
+        if self.is_stated:
+            return self._stated
         return self._contradicted if self.given is not None else self._missing
 
     @property
@@ -214,6 +247,25 @@ class FoundLaw:
             numbers=OF_SPEED if speeds_lost else (),
             doubtful_because=WRONG_SPEEDS if speeds_lost else None,
             next_step=AGAIN,
+            evidence=self._evidence,
+        )
+
+    @property
+    def _stated(self) -> Finding:
+        """Say how far settings of the firmware leave the thrust at full command open."""
+        shown = "the flight does not show whether they are right"
+        if self.from_flight:
+            off, half = self.exponent.value - 1.0, 196.0 * self.exponent.std
+            way = "less" if off < 0.0 else "more"
+            shown = f"in this flight thrust grows {with_half(100.0 * abs(off), half)} % {way}"
+        elif self.exponent.std < 0.5 * STATED_STD:
+            shown = "the flight agrees with them about hover"
+        return Finding(
+            kind=STATED,
+            severity="note",
+            sentence=stated_sentence(self.setting, 1.96 * self.thrust_std, shown=shown),
+            numbers=("thrust_to_weight", "max_thrust"),
+            next_step=SETTLE,
             evidence=self._evidence,
         )
 
@@ -248,6 +300,15 @@ class FoundLaw:
         )
 
 
+def stated_sentence(setting: str, half_width: float, *, shown: str) -> str:
+    """Say that thrust over command is by settings, and what they leave open, as a share."""
+    return (
+        f"thrust over command is by settings that are seldom measured ({setting}), and {shown}: "
+        f"they leave full thrust and thrust to weight open by {100.0 * half_width:.0f} %; to "
+        f"settle it {SETTLE}"
+    )
+
+
 def find_law(fit: Fit) -> FoundLaw | None:
     """Find the exponent of the speed over the command; None where speeds are given.
 
@@ -260,12 +321,16 @@ def find_law(fit: Fit) -> FoundLaw | None:
     flights = [f for c in dataset.configurations for f in c.flights]
     hover = rms_speed([retimed(flight.prepared, dataset.timing) for flight in flights])
     anchor = 1.0 if given is None else anchor_of(given, hover)
+    highest = [np.percentile(f.prepared.data.rotor_speed, FLOWN_SHARE) for f in flights]
+    logged = flights[0].log.motors
     return FoundLaw(
         exponent=exponent_of(trial.shown, given),
         flown=trial.shown,
         hover=hover / anchor,
         anchor=anchor,
+        flown_to=float(max(highest)) / anchor,
         given=given,
+        setting="" if logged is None else logged.words,
         trial=trial,
     )
 
@@ -294,10 +359,12 @@ def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
 def _trial(fit: Fit, power: float) -> Trial:
     # Without an accelerometer, whose bias can be free, changes of thrust hang on the weight.
     free = any(name.startswith("accel_bias_z@") for name in fit.estimate.estimate.names)
-    left = thrust_ratio(kt_from_changes(fit), weight_of(fit)) if free else None
-    if left is None:
+    by_changes = thrust_ratio(kt_from_changes(fit), weight_of(fit)) if free else None
+    shares = [one for one in (by_changes, exponent_share_by_masses(fit)) if one is not None]
+    if not shares:
         return Trial(power=power, shown=None)
-    return Trial(power=power, shown=Measured(value=left.value * power, std=left.std * power))
+    share = shares[0] if len(shares) == 1 else shares[0].reconciled_with(shares[1])
+    return Trial(power=power, shown=Measured(value=share.value * power, std=share.std * power))
 
 
 def thrust_ratio(changes: Measured | None, weight: Measured | None) -> Measured | None:
@@ -335,7 +402,8 @@ def mistaken(flown: Measured | None, given: LawEntry) -> float:
 
 def _kinds(given: LawEntry) -> tuple[Measured, Measured]:
     """Return the exponent of a right law and of a wrong one."""
-    right = max(given.slope_std, ROUNDING)
+    known = float(np.hypot(given.slope_std, STATED_STD)) if given.stated else given.slope_std
+    right = max(known, ROUNDING)
     wrong = float(np.hypot(right, WRONG_STD))
     return Measured(value=1.0, std=right), Measured(value=1.0, std=wrong)
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import asdict
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -75,7 +75,7 @@ class LawEntry(Strict):
     `speed_std`, `slope_std`: deviation of the speed in hover, and of how steeply it grows with the
     command there, as shares of them; `usual_speed`: the speed at which they hold [rad/s], if not
     that of the flight. `exact`: it is that of simulated motors: no flight is asked whether it is
-    right.
+    right. `stated`: it is a setting of the firmware, which nobody need have measured.
     """
 
     linear: tuple[Finite, Positive] | None = None
@@ -88,6 +88,7 @@ class LawEntry(Strict):
     slope_std: Share = 0.0
     usual_speed: Positive | None = None
     exact: bool = False
+    stated: bool = False
 
     @model_validator(mode="after")
     def _one_curve(self) -> "LawEntry":
@@ -112,18 +113,19 @@ class LawEntry(Strict):
 
 def law_entry_of(logged: LoggedMotors) -> LawEntry:
     """Convert a law from an autopilot's parameters to its entry."""
-    law, exact = logged.law, logged.exact
+    law = logged.law
     voltage = law.voltage
     factor = None
     if voltage is not None:
         factor = VoltageEntry(nominal=voltage.nominal, exponent=voltage.exponent)
     match law.curve:
         case SquareRootLaw():
-            return LawEntry(sqrt=SqrtEntry(**asdict(law.curve)), voltage=factor, exact=exact)
+            curve: dict[str, Any] = {"sqrt": SqrtEntry(**asdict(law.curve))}
         case PolynomialLaw(coefficients):
-            return LawEntry(polynomial=coefficients, voltage=factor, exact=exact)
+            curve = {"polynomial": coefficients}
         case _:
             raise TypeError(f"no entry for {law.curve}")
+    return LawEntry(**curve, voltage=factor, exact=logged.exact, stated=not logged.exact)
 
 
 def bent(law: LawEntry, power: float, *, anchor: float) -> LawEntry:
@@ -149,7 +151,7 @@ def bent(law: LawEntry, power: float, *, anchor: float) -> LawEntry:
     speed = bent_speed(rising, power, anchor=anchor)
     turning = np.flatnonzero(np.diff(speed) > 0.0)
     rows = tuple((float(command[i]), float(speed[i])) for i in (*turning, turning[-1] + 1))
-    return LawEntry(table=rows, voltage=voltage, speed_std=law.speed_std)
+    return LawEntry(table=rows, voltage=voltage, speed_std=law.speed_std, stated=law.stated)
 
 
 def bent_speed(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from rotorfit.checks.motors.law_from_flight import STATED, stated_sentence
 from rotorfit.checks.sensors.log_settings import better_log
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.findings import Evidence, Finding, doubt, note, sentences
@@ -132,6 +133,7 @@ class _Look:
     airframe: Path | None
     prepared: PreparedFlight | None
     unprepared: str | None
+    foreseen: Prospects | None
     unforeseen: str | None
     telemetry: Telemetry | None
     gravity: GravitySeen | None
@@ -153,6 +155,7 @@ def inspect_log(
         airframe=airframe,
         prepared=prepared,
         unprepared=unprepared,
+        foreseen=foreseen,
         unforeseen=unforeseen,
         telemetry=telemetry(log),
         gravity=None if prepared is None else gravity_seen(prepared.data),
@@ -375,6 +378,17 @@ def _verdicts(look: _Look) -> Iterator[Finding]:
         yield note(VERDICT, sentence, numbers=tuple(names))
 
 
+def _stated_law(look: _Look) -> Iterator[Finding]:
+    """Say what settles a law that settings of the firmware state; an identification says so too."""
+    motors, foreseen = look.log.motors, look.foreseen
+    if motors is None or motors.exact or foreseen is None or look.result is not None:
+        return
+    if foreseen.commanded:
+        shown = "one flight at one weight hardly shows whether they are right"
+        sentence = stated_sentence(motors.words, foreseen.thrust.law_full, shown=shown)
+        yield note(STATED, sentence, numbers=("thrust_to_weight", "max_thrust"))
+
+
 def _missing_airframe(look: _Look) -> Iterator[Finding]:
     if look.prepared is not None and look.airframe is None:
         yield note(NO_AIRFRAME, WITH_AIRFRAME.format(log=look.log.as_argument))
@@ -393,6 +407,7 @@ CHECKS: Final[tuple[Callable[[_Look], Iterable[Finding]], ...]] = (
     _gravity,
     _identification,
     _verdicts,
+    _stated_law,
     _missing_airframe,
 )
 """The doctor's checks, in the order of a report."""

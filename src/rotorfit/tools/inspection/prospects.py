@@ -15,7 +15,9 @@ from rotorfit.checks.kt_from_weight import (
     velocity_std_of,
 )
 from rotorfit.checks.motors.law_from_flight import (
+    FLOWN_SHARE,
     FoundLaw,
+    anchor_of,
     exponent_of,
     rms_speed,
     thrust_ratio,
@@ -119,7 +121,8 @@ class Thrust:
     law_reach
         Share by which changes of thrust, with which inertia goes, are open for the law.
     law_full
-        Share by which kt, the thrust at full command, is open for an unknown law.
+        Share by which the thrust at full command is open for a law that is unknown, or stated by
+        settings of the firmware.
     """
 
     change: float
@@ -367,8 +370,11 @@ def _thrust(
             balance = Balance(changes=changes, weight=weighed)
             width = _relative(1.96 * balance.kt.std, balance.kt.value)
         else:  # where changes contradict a law, they say nothing of k_t
-            reach = 1.96 * exponent_of(thrust_ratio(changes, weighed), law).share
-            width = _relative(1.96 * weighed.std, weighed.value)
+            found = _given_law(data, law, thrust_ratio(changes, weighed) if followed else None)
+            reach = 1.96 * found.slope_std
+            full = 1.96 * found.thrust_std if law.stated else 0.0
+            held = _relative(1.96 * weighed.std, weighed.value)
+            width = float(np.hypot(held, full))
     return Thrust(
         change=float(squares.std() / squares.mean()) if len(squares) else 0.0,
         from_changes=kt,
@@ -378,6 +384,21 @@ def _thrust(
         followed=followed or not commanded,
         law_reach=reach,
         law_full=full,
+    )
+
+
+def _given_law(data: FlightData, law: LawEntry, ratio: Measured | None) -> FoundLaw:
+    """Estimate how well a flight shows a law that is given."""
+    hover = rms_speed([data])
+    anchor = anchor_of(law, hover)
+    highest = float(np.percentile(data.rotor_speed[data.used_rows], FLOWN_SHARE))
+    return FoundLaw(
+        exponent=exponent_of(ratio, law),
+        flown=ratio,
+        hover=hover / anchor,
+        anchor=anchor,
+        flown_to=highest / anchor,
+        given=law,
     )
 
 
