@@ -75,8 +75,6 @@ github.com/diegosdantonio/thruststand_test, the Crazyflie's), hovering on 1/5 to
 about MOT_THST_EXPO .65 and .55 with MOT_SPIN_MIN .15 to .05: .16 to .22; about THR_MDL_FAC .5: .20."""
 STATED_FULL_STD: Final = 0.1
 """Deviation of that power, up to full command, from that in hover: the same stands, .11 to .13."""
-FLOWN_SHARE: Final = 95.0
-"""Percentile of the rotor speeds up to which changes of thrust show a law."""
 FOUND: Final = "law-found"
 STATED: Final = "law-stated"
 CONTRADICTED: Final = "law-contradicted"
@@ -125,7 +123,6 @@ class FoundLaw:
     - `flown`: the exponent by weight and changes of thrust alone; None where they show none.
     - `hover`: rms speed of the flights before, over the `anchor`.
     - `anchor`: speed that stays as it is, that at full command of relative speeds.
-    - `flown_to`: the highest speed at which changes of thrust show the law, over the `anchor`.
     - `given`: the law that is given; `setting`: its name in the log, of one that is stated.
     - `trial`: the last fit.
     - `growth`: of the exponent that a fit shows with that it is made with; None until it is seen.
@@ -135,7 +132,6 @@ class FoundLaw:
     flown: Measured | None
     hover: float
     anchor: float = 1.0
-    flown_to: float | None = None
     given: LawEntry | None = None
     setting: str = ""
     trial: Trial = Trial(power=1.0, shown=None)
@@ -156,18 +152,16 @@ class FoundLaw:
     @property
     def thrust_std(self) -> float:
         """Deviation of the thrust at full command by the law, as a share."""
-        return 2.0 * float(np.hypot(self._span * self.exponent.std, self._beyond_std))
+        return 2.0 * self._span * float(np.hypot(self.exponent.std, self._full_std))
 
     @property
-    def _beyond_std(self) -> float:
-        """Deviation of the speed in hover, as a share, by what no change of thrust shows."""
+    def _full_std(self) -> float:
+        """Deviation of the mean exponent, up to full command, from that in hover."""
         if self.given is None:
-            return FULL_STD * self._span
-        wrong = WRONG_FULL_STD * mistaken(self.flown, self.given) ** 0.5 * self.from_flight
-        if not self.given.stated:
-            return wrong * self._span
-        beyond = min(abs(math.log(self.flown_to or self.hover)), self._span)
-        return float(np.hypot(wrong * self._span, STATED_FULL_STD * beyond))
+            return FULL_STD
+        if self.given.stated:
+            return STATED_FULL_STD
+        return WRONG_FULL_STD * mistaken(self.flown, self.given) ** 0.5 * self.from_flight
 
     @property
     def _span(self) -> float:
@@ -192,7 +186,7 @@ class FoundLaw:
     def entry_at(self, power: float) -> LawEntry:
         """Return the law with another exponent."""
         known = self.given or LawEntry(power=PowerEntry(full_speed=1.0, exponent=1.0))
-        speed_std = float(np.hypot(known.speed_std, self._beyond_std))
+        speed_std = float(np.hypot(known.speed_std, self._full_std * self._span))
         stds = {"slope_std": min(self.slope_std, 1.0), "speed_std": min(speed_std, 1.0)}
         law = bent(known, power, anchor=self.anchor)
         return law.model_copy(update={**stds, "usual_speed": self.anchor})
@@ -321,14 +315,12 @@ def find_law(fit: Fit) -> FoundLaw | None:
     flights = [f for c in dataset.configurations for f in c.flights]
     hover = rms_speed([retimed(flight.prepared, dataset.timing) for flight in flights])
     anchor = 1.0 if given is None else anchor_of(given, hover)
-    highest = [np.percentile(f.prepared.data.rotor_speed, FLOWN_SHARE) for f in flights]
     logged = flights[0].log.motors
     return FoundLaw(
         exponent=exponent_of(trial.shown, given),
         flown=trial.shown,
         hover=hover / anchor,
         anchor=anchor,
-        flown_to=float(max(highest)) / anchor,
         given=given,
         setting="" if logged is None else logged.words,
         trial=trial,

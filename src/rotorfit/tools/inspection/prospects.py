@@ -15,7 +15,6 @@ from rotorfit.checks.kt_from_weight import (
     velocity_std_of,
 )
 from rotorfit.checks.motors.law_from_flight import (
-    FLOWN_SHARE,
     FoundLaw,
     anchor_of,
     exponent_of,
@@ -391,13 +390,11 @@ def _given_law(data: FlightData, law: LawEntry, ratio: Measured | None) -> Found
     """Estimate how well a flight shows a law that is given."""
     hover = rms_speed([data])
     anchor = anchor_of(law, hover)
-    highest = float(np.percentile(data.rotor_speed[data.used_rows], FLOWN_SHARE))
     return FoundLaw(
         exponent=exponent_of(ratio, law),
         flown=ratio,
         hover=hover / anchor,
         anchor=anchor,
-        flown_to=highest / anchor,
         given=law,
     )
 
