@@ -11,7 +11,7 @@ that changes slowly: the slow outputs show it. They also show whether the mix is
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -227,6 +227,10 @@ AGREEMENT: Final = 0.02
 FEWEST_CHECKS: Final = 20
 SMOOTHED: Final = 21
 """Outputs over which the battery's and the air's share is taken to be constant."""
+ROUNDED: Final = 5e-4
+"""Share of the range by which outputs in whole microseconds are off."""
+CLEARLY: Final = 0.7
+"""Difference of another curve over that of the parameters, from which it is the one flown."""
 IDLE: Final = 0.01
 """Above MOT_SPIN_MIN by less than this, motors idle and are not mixed."""
 
@@ -281,7 +285,7 @@ def remixed(
         return outputs, [f"{rates}, but the outputs cannot be mixed again from it: {why}"]
     inside = (time >= outputs.time[0]) & (time <= outputs.time[-1])
     thrust, saturated = _thrust(inputs[inside], frame)
-    mixed = _to_outputs(time[inside], curve.share(thrust), outputs, curve)
+    mixed = _by_best_curve(time[inside], thrust, outputs, curve)
     if mixed is None:
         return outputs, [f"{rates}; no flight was found in RCOU by which a mix could be checked"]
     values, difference = mixed
@@ -319,6 +323,36 @@ def _thrust(
     thrust = inputs[:, :3] @ frame.factors.T + inputs[:, 3:]
     limited: Bool[np.ndarray, " n"] = ((thrust < 0.0) | (thrust > 1.0)).max(axis=1)
     return np.clip(thrust, 0.0, 1.0), float(limited.mean()) if len(thrust) else 0.0
+
+
+def _by_best_curve(
+    time: Float[np.ndarray, " m"],
+    thrust: Float[np.ndarray, "m N"],
+    outputs: Channel,
+    curve: ThrustCurve,
+) -> tuple[Float[np.ndarray, "m N"], float] | None:
+    """Compute outputs for relative thrusts, and how far they are from those logged.
+
+    By the curve of the parameters, unless the outputs show that the firmware flew with another
+    MOT_THST_EXPO: then the parameter was changed after the flight.
+    """
+    stated = _to_outputs(time, curve.share(thrust), outputs, curve)
+    if stated is None or stated[1] <= ROUNDED:
+        return stated
+    from scipy.optimize import minimize_scalar
+
+    def with_expo(expo: float) -> tuple[Float[np.ndarray, "m N"], float]:
+        other = replace(curve, expo=expo)
+        return _to_outputs(time, other.share(thrust), outputs, other) or stated
+
+    best = minimize_scalar(
+        lambda expo: with_expo(float(expo))[1],
+        bounds=(-0.5, 1.0),
+        method="bounded",
+        options={"xatol": 0.005},
+    )
+    other = with_expo(float(best.x))
+    return other if other[1] < CLEARLY * stated[1] else stated
 
 
 def _to_outputs(
