@@ -30,6 +30,7 @@ from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import log_metadata, mark_doubtful, with_assumptions
 from rotorfit.results.command_units import in_command_units, with_flight_numbers
+from rotorfit.results.full_throttle import with_full_throttle
 from rotorfit.results.joint_tables import joint_result
 from rotorfit.results.law_tables import add_motor_law
 from rotorfit.results.result import IdentificationResult
@@ -195,7 +196,7 @@ def _completed(identified: Identified, declared: MotorsEntry, report: Progress) 
     dataset, fit = identified.dataset, identified.fit
     result = in_command_units(identified.result, dataset)
     result = add_motor_law(result, dataset, report)
-    result = with_flight_numbers(result, dataset.motors)
+    result = with_full_throttle(with_flight_numbers(result, dataset.motors), dataset)
     result = with_assumptions(result, dataset, () if fit is None else fit.configurations)
     result = dataclasses.replace(
         result, findings=(*log_metadata(declared, dataset), *result.findings)

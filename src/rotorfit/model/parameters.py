@@ -175,9 +175,24 @@ DERIVED: Final[dict[str, ParameterInfo]] = {
     "thrust_to_weight": ParameterInfo(
         "1", 0, "thrust at full command over the weight", title="Thrust over weight"
     ),
+    "max_thrust_loaded": ParameterInfo(
+        "N",
+        0,
+        "thrust of the mean rotor at full command as the battery sags under it",
+        title="Largest thrust of a motor under full load",
+    ),
+    "thrust_to_weight_loaded": ParameterInfo(
+        "1",
+        0,
+        "thrust at full command as the battery sags under it, over the weight",
+        title="Thrust over weight under full load",
+    ),
 }
 """Everything that stands under ``derived`` of a result."""
-OF_FLIGHT: Final = ("max_thrust", "motor_imbalance", "hover_throttle", "thrust_to_weight")
+OF_FLIGHT: Final = (
+    *("max_thrust", "motor_imbalance", "hover_throttle", "thrust_to_weight"),
+    *("max_thrust_loaded", "thrust_to_weight_loaded"),
+)
 """Derived numbers that follow from the others once the motors' law is known."""
 
 EVERY: Final = PARAMETERS | DERIVED

@@ -2,7 +2,7 @@
 
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import floor, log10, pi, sqrt
 from typing import Final
@@ -14,6 +14,7 @@ from rotorfit.logs.files import file_name
 from rotorfit.report.pages import drawing, label, labelled_ticks, tag, text
 from rotorfit.report.parameters import VERDICT_MEANING
 from rotorfit.report.text import flight_notes, flights_in_words
+from rotorfit.results.full_throttle import AT_COMMAND, UNDER_LOAD
 from rotorfit.results.result import (
     Derived,
     FlightRecord,
@@ -219,7 +220,13 @@ def _motor_lines(result: IdentificationResult) -> list[Line]:
     )
     imbalance = _strong_and_weak(result)
     return [
-        *_line(result, "full thrust, a motor", "g", 1e3 / GRAVITY, shared.get("max_thrust")),
+        *_lines(
+            result,
+            "full thrust, a motor",
+            "g",
+            1e3 / GRAVITY,
+            _at_voltages(result, shared, "max_thrust"),
+        ),
         *_line(result, lag[0], "ms", 1e3, lag[1]),
         *_line(
             result,
@@ -230,6 +237,22 @@ def _motor_lines(result: IdentificationResult) -> list[Line]:
             remark=imbalance,
         ),
     ]
+
+
+def _at_voltages(
+    result: IdentificationResult, numbers: Mapping[str, Parameter | Derived], name: str
+) -> list[tuple[str, Parameter | Derived]]:
+    """List full thrust with the voltage at which it holds, and under full load."""
+    if name not in numbers:
+        return []
+    voltage, loaded = (result.diagnostics.get(at) for at in (AT_COMMAND, UNDER_LOAD))
+    listed: list[tuple[str, Parameter | Derived]] = [
+        ("" if voltage is None else f"at {voltage:.3g} V", numbers[name])
+    ]
+    under_load = numbers.get(f"{name}_loaded")
+    if loaded is not None and under_load is not None and under_load.value is not None:
+        listed.append((f"under full load ({loaded:.3g} V)", under_load))
+    return listed
 
 
 def _strong_and_weak(result: IdentificationResult) -> str:
@@ -267,7 +290,12 @@ def _body_lines(
     ]
     power, unit = _power_of_ten([d for _, d in turns])
     return (
-        (*hovering, *_line(result, "thrust to weight", "", 1.0, own.get("thrust_to_weight"))),
+        (
+            *hovering,
+            *_lines(
+                result, "thrust to weight", "", 1.0, _at_voltages(result, own, "thrust_to_weight")
+            ),
+        ),
         (
             *_lines(
                 result, "centre of mass", "mm", 1e3, off_center, remark="from the rotors' centre"

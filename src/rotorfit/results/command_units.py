@@ -189,7 +189,7 @@ def _throttle(hover: Range | None, owner: str, law: SpeedLaw | None, full: Range
     low, value, high = np.interp(
         [speed * (1.0 - share), speed, speed * (1.0 + share)], speeds(law, GRID), GRID
     ).tolist()
-    return _known("hover_throttle", owner, value, max(high - value, value - low))
+    return flight_number("hover_throttle", owner, value, max(high - value, value - low))
 
 
 def _thrust_to_weight(hover: Range | None, owner: str, full: Range | None) -> Derived:
@@ -197,7 +197,7 @@ def _thrust_to_weight(hover: Range | None, owner: str, full: Range | None) -> De
     if full is None or hover is None:
         return _unknown("thrust_to_weight", owner, NO_COMMANDS if hover else NO_KT)
     value = (full[0] / hover[0]) ** 2
-    return _known("thrust_to_weight", owner, value, 2.0 * hypot(full[1], hover[1]) * value)
+    return flight_number("thrust_to_weight", owner, value, 2.0 * hypot(full[1], hover[1]) * value)
 
 
 def _max_thrust(result: IdentificationResult, full: Range | None) -> Derived:
@@ -209,7 +209,7 @@ def _max_thrust(result: IdentificationResult, full: Range | None) -> Derived:
     if parameter.unit.endswith(" per kg"):
         return _unknown("max_thrust", None, NO_MASS)
     value = kt[0] * full[0] ** 2
-    return _known("max_thrust", None, value, hypot(kt[1], 2.0 * full[1]) * value)
+    return flight_number("max_thrust", None, value, hypot(kt[1], 2.0 * full[1]) * value)
 
 
 def _imbalance(result: IdentificationResult) -> Derived:
@@ -228,7 +228,7 @@ def _imbalance(result: IdentificationResult) -> Derived:
     C = result.covariance[np.ix_(ends, ends)]
     std = sqrt(max(float(C[0, 0] + C[1, 1] - 2.0 * C[0, 1]), 0.0)) / mean
     half = 1.96 * std
-    found = _known("motor_imbalance", None, (most - least) / mean, half, scale=SEEN_IN_TRIM)
+    found = flight_number("motor_imbalance", None, (most - least) / mean, half, scale=SEEN_IN_TRIM)
     source = "the thrust coefficients of two rotors together"
     term = NumberTerm(name="noise", half_width=half, source=source)
     return found if found.std is None else replace(found, interval_terms=(term,))
@@ -240,9 +240,10 @@ def _rotors(result: IdentificationResult) -> Iterator[tuple[str, float]]:
             yield p.name, p.value
 
 
-def _known(
+def flight_number(
     name: str, owner: str | None, value: float, half: float, *, scale: float = 0.0
 ) -> Derived:
+    """Return a derived number with half of its interval, judged by it."""
     judgement = judge(value, half, scale=scale, axis="force")
     if judgement.verdict == "not-identified":
         return _unknown(name, owner, judgement.reason or "")

@@ -71,8 +71,9 @@ STATED_STD: Final = 0.2
 """Deviation of the power of a stated law's speed that real motors have, from hover to full command.
 
 Of seven motors on thrust stands (six of github.com/StrawsonDesign/motor_propeller_testing and
-github.com/diegosdantonio/thruststand_test, the Crazyflie's), hovering on 1/5 to 1/2 of full thrust,
-about MOT_THST_EXPO .65 and .55 with MOT_SPIN_MIN .15 to .05: .16 to .22; about THR_MDL_FAC .5: .20."""
+github.com/diegosdantonio/thruststand_test, the Crazyflie's) that hover on 1/5 to 1/2 of their full
+thrust: .16 to .22 about MOT_THST_EXPO .65 and .55 with MOT_SPIN_MIN .15 to .05, and .20 about
+THR_MDL_FAC .5."""
 STATED_FULL_STD: Final = 0.1
 """Deviation of that power, up to full command, from that in hover: the same stands, .11 to .13."""
 FOUND: Final = "law-found"

@@ -289,6 +289,8 @@ DEPENDS: Final[Mapping[str, tuple[str, ...]]] = {
     **{f"{name}_over_kt": (name, "kt") for name in ("Ixx", "Iyy", "Izz")},
     "max_thrust": ("kt", "max_speed"),
     "thrust_to_weight": ("kt", "max_speed"),
+    "max_thrust_loaded": ("kt", "max_speed"),
+    "thrust_to_weight_loaded": ("kt", "max_speed"),
     "hover_throttle": ("kt", "max_speed"),
     "motor_imbalance": tuple(f"kt_{i}" for i in range(1, MOST_ROTORS + 1)),
 }

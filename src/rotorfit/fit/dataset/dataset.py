@@ -14,6 +14,7 @@ from rotorfit.fit.experiment.payload import PointMass
 from rotorfit.fit.reduction.bandwidth import Bandwidth, Sensor
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.flight.decimate import AsRecorded
+from rotorfit.flight.motors.battery_sag import BatterySag
 from rotorfit.flight.motors.command_response import MeasuredResponse, MotorLimits
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.flight.motors.rotor_telemetry import Telemetry
@@ -33,7 +34,8 @@ class LoadedFlight:
     `telemetry`: how measured speeds go with the commands, where the log has both;
     `limits`: how often its commands stand at their ends; `command_responses`: commands and measured
     speeds themselves, in flight.
-    `battery`: mean voltage over what is used [V], where it was logged.
+    `battery`: mean voltage over what is used [V], where it was logged; `sag`: how far it falls
+    under load, where the flight shows it.
     `bandwidths`: of the sensors that the flight shows to be behind a low-pass.
     """
 
@@ -47,6 +49,7 @@ class LoadedFlight:
     limits: MotorLimits | None = None
     command_responses: tuple[MeasuredResponse, ...] = ()
     battery: float | None = None
+    sag: BatterySag | None = None
     bandwidths: Mapping[Sensor, Bandwidth] = field(default_factory=dict[Sensor, Bandwidth])
 
     @cached_property

@@ -37,9 +37,11 @@ from rotorfit.fit.experiment.experiment import (
 from rotorfit.fit.experiment.law_table import law_entry_of
 from rotorfit.fit.reduction.frequency_bands import EDGES
 from rotorfit.flight.decimate import as_recorded, decimated
+from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.imu_tilt import levelled
 from rotorfit.flight.mocap.align import with_poses
 from rotorfit.flight.mocap.prepare_mocap import prepare_mocap
+from rotorfit.flight.motors.battery_sag import BatterySag, battery_sag
 from rotorfit.flight.motors.command_response import (
     command_responses,
     motor_limits,
@@ -348,6 +350,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         command_responses=responses_within(responses, recorded.spans),
         motors=motors,
         battery=_voltage(battery, recorded.spans),
+        sag=_sag(battery, prepared.data),
     )
 
 
@@ -369,6 +372,19 @@ def _voltage(battery: Channel | None, flown: Sequence[tuple[float, float]]) -> f
         inside |= (battery.time >= begin) & (battery.time <= end)
     seen = battery.values[inside & np.isfinite(battery.values[:, 0]), 0]
     return float(seen.mean()) if len(seen) else None
+
+
+def _sag(battery: Channel | None, data: FlightData) -> BatterySag | None:
+    """Measure how far the battery's voltage falls under load in flight."""
+    if battery is None:
+        return None
+    rows = data.used_rows
+    seen = np.isfinite(battery.values[:, 0])
+    if len(rows) < 2 or int(seen.sum()) < 2:
+        return None
+    time = data.time[rows]
+    voltage = np.interp(time, battery.time[seen], battery.values[seen, 0])
+    return battery_sag(time, voltage, data.rotor_speed[rows])
 
 
 def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLog, bool]:

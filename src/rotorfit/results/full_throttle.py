@@ -1,0 +1,200 @@
+"""Full thrust at the battery's voltage: as the motors' law has it, and under full load.
+
+The law from command to speed holds at one voltage, that of its flights or the firmware's nominal
+one. At full throttle the battery gives less, and the rotors turn slower with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from rotorfit.findings import Evidence, Finding
+from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
+from rotorfit.flight.motors.battery_sag import (
+    LOAD_EXPONENT,
+    LOAD_EXPONENT_STD,
+    BatterySag,
+    relative_load,
+)
+from rotorfit.results.command_units import flight_number
+from rotorfit.results.law_tables import voltage_exponent
+from rotorfit.results.result import Derived, IdentificationResult
+
+VOLTAGE: Final = "full-throttle-voltage"
+AT_COMMAND: Final = "full_command_voltage"
+UNDER_LOAD: Final = "full_load_voltage"
+"""Diagnostics: the voltage of full thrust by the law, and the one that the battery gives then."""
+EMPTY: Final = 0.2
+"""Share of its voltage at rest below which no battery is looked for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FullLoad:
+    """A vehicle at full throttle on a battery that sags.
+
+    - `speed`: full rotor speed at `nominal` volts over that in hover.
+    - `sag`: in hover.
+    - `nominal`: voltage of the law [V].
+    - `exponent`: of the voltage, in the speed at full command.
+    - `load_exponent`: see `relative_load`.
+    """
+
+    speed: float
+    sag: BatterySag
+    nominal: float
+    exponent: float
+    load_exponent: float = LOAD_EXPONENT
+
+    def speed_at(self, voltage: float) -> float:
+        """Return full speed at a voltage over the speed in hover."""
+        return self.speed * (voltage / self.nominal) ** self.exponent
+
+    @property
+    def voltage(self) -> float:
+        """The voltage at which battery and motors agree [V]."""
+        from scipy.optimize import brentq  # slow to import
+
+        def beyond(voltage: float) -> float:
+            cubed = np.asarray(self.speed_at(voltage) ** 3)
+            load = relative_load(cubed, np.asarray(voltage / self.sag.voltage), self.load_exponent)
+            return self.sag.at_load(float(load)) - voltage
+
+        rest = self.sag.at_load(0.0)
+        lowest = EMPTY * rest
+        return float(brentq(beyond, lowest, rest)) if beyond(lowest) > 0.0 else lowest
+
+    @property
+    def thrust(self) -> float:
+        """Thrust at full throttle over the weight."""
+        return self.speed_at(self.voltage) ** 2
+
+
+def with_full_throttle(result: IdentificationResult, dataset: Dataset) -> IdentificationResult:
+    """Add the voltage of full thrust, and thrust under full load where the flight shows the sag."""
+    known = [d for d in result.derived if d.name == "thrust_to_weight" and d.value is not None]
+    nominal = voltage_of_law(result, dataset)
+    if not known or nominal is None:
+        return result
+    loaded = [
+        (ratio, load)
+        for ratio in known
+        for configured in dataset.configurations
+        if configured.entry.name == ratio.configuration
+        for load in [_full_load(result, configured, ratio, nominal)]
+        if load is not None
+    ]
+    diagnostics = {**result.diagnostics, AT_COMMAND: nominal}
+    bodies: list[Derived] = []
+    for ratio, load in loaded:
+        bodies.append(_thrust_to_weight(result, ratio, load))
+    if loaded:
+        diagnostics[UNDER_LOAD] = loaded[0][1].voltage
+        bodies.insert(0, _max_thrust(result, *loaded[0]))
+    result = replace(result, derived=(*result.derived, *bodies), diagnostics=diagnostics)
+    return result.found(_finding(nominal, diagnostics.get(UNDER_LOAD)))
+
+
+def voltage_of_law(result: IdentificationResult, dataset: Dataset) -> float | None:
+    """Return the voltage at which full thrust holds [V]; None where the logs do not say it."""
+    found, given = result.command_law, dataset.motors.law
+    if found is not None and found.known and found.nominal_voltage is not None:
+        return found.nominal_voltage
+    if found is None and given is not None and given.voltage is not None:
+        return given.voltage.nominal
+    flights = [f for c in dataset.configurations for f in c.flights]
+    return mean_voltage(flights)
+
+
+def mean_voltage(flights: Sequence[LoadedFlight]) -> float | None:
+    """Average the voltage in flight [V]; None where a log has none."""
+    volts = [f.battery for f in flights if f.battery is not None and f.battery > 0.0]
+    return float(np.mean(volts)) if volts and len(volts) == len(flights) else None
+
+
+def _full_load(
+    result: IdentificationResult, configured: ConfigurationData, ratio: Derived, nominal: float
+) -> FullLoad | None:
+    """Combine what a configuration's flights show of its battery; None where they show no sag."""
+    sags = [f.sag for f in configured.flights if f.sag is not None]
+    if not sags or not ratio.value:
+        return None
+    weights = np.array([one.drop_std**-2.0 for one in sags])
+    drop = float(weights @ [one.drop for one in sags] / weights.sum())
+    sag = BatterySag(
+        voltage=float(np.mean([one.voltage for one in sags])),
+        drop=drop,
+        drop_std=float(weights.sum()) ** -0.5,
+    )
+    return FullLoad(
+        speed=float(ratio.value) ** 0.5,
+        sag=sag,
+        nominal=nominal,
+        exponent=_exponent(result).value,
+    )
+
+
+def _exponent(result: IdentificationResult) -> Measured:
+    """Return the exponent of the voltage in the speed at one command, the usual one if unknown."""
+    law = result.command_law
+    found = None if law is None else law.number("voltage_exponent")
+    if found is None:
+        return voltage_exponent(None)
+    return voltage_exponent((found.value, 0.5 * (found.interval[1] - found.interval[0])))
+
+
+def _open_share(result: IdentificationResult, load: FullLoad) -> float:
+    """Return half of a 95 % interval, over the thrust, by what is open of battery and motors."""
+    exponent, sag = _exponent(result), load.sag
+    others = (
+        replace(load, sag=replace(sag, drop=sag.drop + sag.drop_std)),
+        replace(load, exponent=load.exponent + exponent.std),
+        replace(load, load_exponent=load.load_exponent + LOAD_EXPONENT_STD),
+    )
+    shifts = [other.thrust / load.thrust - 1.0 for other in others]
+    return 1.96 * float(np.linalg.norm(shifts))
+
+
+def _thrust_to_weight(result: IdentificationResult, ratio: Derived, load: FullLoad) -> Derived:
+    half = _half_share(ratio)
+    step = 1.0 + 0.5 * half
+    by_law = replace(load, speed=load.speed * step).thrust / load.thrust - 1.0
+    share = float(np.hypot(by_law, _open_share(result, load)))
+    name = "thrust_to_weight_loaded"
+    return flight_number(name, ratio.configuration, load.thrust, share * load.thrust)
+
+
+def _max_thrust(result: IdentificationResult, ratio: Derived, load: FullLoad) -> Derived:
+    full = next(d for d in result.derived if d.name == "max_thrust")
+    name, less = "max_thrust_loaded", load.thrust / load.speed**2
+    if full.value is None:
+        return replace(full, name=name)
+    value = full.value * less
+    share = float(np.hypot(_half_share(full), _open_share(result, load)))
+    return flight_number(name, None, value, share * value)
+
+
+def _half_share(number: Derived) -> float:
+    """Return half of an interval over the value."""
+    if number.value is None or number.interval is None:
+        return 0.0
+    low, high = number.interval
+    return (high - max(low, 2.0 * number.value - high)) / 2.0 / abs(number.value)
+
+
+def _finding(nominal: float, loaded: float | None) -> Finding:
+    """Say at which voltage full thrust holds."""
+    sentence = (
+        f"full thrust and thrust to weight are at {nominal:.3g} V; on another charge they "
+        "change with about the voltage to the power of 1.6"
+    )
+    evidence = [Evidence(name=AT_COMMAND, value=nominal)]
+    if loaded is not None:
+        sentence += (
+            f", and under full load, where this battery falls to about {loaded:.3g} V, they "
+            "are less (thrust_to_weight_loaded, max_thrust_loaded)"
+        )
+        evidence.append(Evidence(name=UNDER_LOAD, value=loaded))
+    return Finding(kind=VOLTAGE, severity="note", sentence=sentence, evidence=tuple(evidence))
