@@ -11,6 +11,7 @@ from typing import Final
 from rotorfit.checks import (
     flights_agree,
     hover_thrust,
+    left_out_hovers,
     lever_arms,
     reference_test,
     residual_peaks,
@@ -92,6 +93,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *clocks.CHECKS,
     *sensor_faults.CHECKS,
     *hover_thrust.CHECKS,
+    *left_out_hovers.CHECKS,
     *commanded_speeds.CHECKS,
     *residual_peaks.CHECKS,
     *flights_agree.CHECKS,

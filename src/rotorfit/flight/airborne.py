@@ -232,16 +232,16 @@ def _refuse_grounded(
     """
     rows = np.concatenate([np.arange(a, b) for a, b in found])
     block = max(whole_samples(motion.sample_rate / LOOK_CUTOFF), 1)
-    az = _block_means(motion.specific_force[rows, 2:], block)[:, 0]
-    push = _block_means(thrust[rows, None], block)[:, 0]
-    speeds = _block_means(motion.rotor_speed[rows], block)
-    rates = _block_means(motion.angular_velocity[rows], block)
+    az = block_means(motion.specific_force[rows, 2:], block)[:, 0]
+    push = block_means(thrust[rows, None], block)[:, 0]
+    speeds = block_means(motion.rotor_speed[rows], block)
+    rates = block_means(motion.angular_velocity[rows], block)
     turning = float(rates.std(axis=0).max())
     # A battery that sags makes commands grow while the thrust stays.
-    quick, response = (_quick(x, round(DRIFT * LOOK_CUTOFF)) for x in (push, az))
+    quick, response = (take_drift_out(x, round(DRIFT * LOOK_CUTOFF)) for x in (push, az))
     change = float(quick.std() / push.mean())
     steering = float((speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1e-12)).max())
-    follows, std = _following(response, thrust_to_force(motion, thrust) * quick)
+    follows, std = following_share(response, thrust_to_force(motion, thrust) * quick)
     if follows > max(0.5, 6.0 * std):
         # However still it hovers: the ground would have carried what the thrust changed by.
         return
@@ -258,12 +258,12 @@ def _refuse_grounded(
         )
 
 
-def _quick(values: Float[np.ndarray, " m"], width: int) -> Float[np.ndarray, " m"]:
+def take_drift_out(values: Float[np.ndarray, " m"], width: int) -> Float[np.ndarray, " m"]:
     """Take from values what is slower than a running mean over so many of them."""
     return values - ndimage.uniform_filter1d(values, width, mode="nearest")
 
 
-def _following(
+def following_share(
     acceleration: Float[np.ndarray, " n"], push: Float[np.ndarray, " n"]
 ) -> tuple[float, float]:
     """Fit the acceleration's change per change of push (1 in flight), with its deviation.
@@ -279,7 +279,7 @@ def _following(
     return follows, float((response - follows * swing).std()) / size**0.5
 
 
-def _block_means(values: Float[np.ndarray, "n k"], block: int) -> Float[np.ndarray, "m k"]:
+def block_means(values: Float[np.ndarray, "n k"], block: int) -> Float[np.ndarray, "m k"]:
     """Average consecutive blocks; an incomplete last one is left out."""
     whole = len(values) // block
     return values[: whole * block].reshape(whole, block, -1).mean(axis=1)

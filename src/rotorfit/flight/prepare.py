@@ -57,6 +57,7 @@ from rotorfit.flight.motors.motor_model import (
     with_motors,
 )
 from rotorfit.flight.on_board import applied_filters, passed_through
+from rotorfit.flight.other_hovers import OtherHover, other_hovers
 from rotorfit.flight.signals import central_difference, hampel, true_runs, whole_samples
 from rotorfit.logs.firmware import Filter
 from rotorfit.logs.flight_log import Channel, FlightLog
@@ -105,6 +106,8 @@ class PreparedFlight:
         What is not used, in the order of time; seconds of the log's own clock.
     findings
         Doubts of the flight.
+    other_hovers
+        Hovers on another thrust, which are not used.
     """
 
     data: FlightData
@@ -116,6 +119,7 @@ class PreparedFlight:
     motor_rate: float
     cuts: tuple[Cut, ...]
     findings: tuple[Finding, ...]
+    other_hovers: tuple[OtherHover, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -219,9 +223,11 @@ def prepared_from(
     refuse_idle_motors(motion)
     refuse_wrong_gravity(motion, takes_columns=recorded.takes_columns)
     flights, standing = list(motion.stretches), []
+    hovers: tuple[OtherHover, ...] = ()
     if window == (None, None):
         with explained_by_slow_motors(uniform.rates["motor"]):
             flights = airborne_rows(with_likely_lag(motion, motors))
+        hovers = other_hovers(motion, flights, uniform.time)
     else:
         standing = ground_contact(motion, flights, stretches=uniform.stretches)
         flights = aloft(motion, flights, standing)
@@ -267,6 +273,7 @@ def prepared_from(
             *frozen,
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
+        other_hovers=hovers,
     )
 
 

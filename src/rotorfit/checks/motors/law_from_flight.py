@@ -53,6 +53,8 @@ ROUNDING: Final = 1e-4
 """Deviation of that power of a right law."""
 STEADY: Final = 0.95
 """Largest growth of the exponent that a fit shows with that it is made with."""
+LOST: Final = 5.0
+"""Deviations from what is foretold that no fit which follows the flight shows."""
 NEAR: Final = 0.1
 """Deviations between two exponents that count as one."""
 FAR: Final = 0.1
@@ -144,6 +146,14 @@ class FoundLaw:
         if self.growth is None and self.flown is not None and abs(self.step) < FAR:
             return self.trial.power + math.copysign(FAR, self.flown.value - self.trial.power)
         return self.exponent.value
+
+    def has_lost(self, trial: Trial) -> bool:
+        """Whether a fit shows another exponent than those before foretell: it lost its way."""
+        before, shown = self.trial.shown, trial.shown
+        if self.growth is None or before is None or shown is None:
+            return False
+        foretold = before.value + self.growth * (trial.power - self.trial.power)
+        return abs(shown.value - foretold) > max(LOST * np.hypot(before.std, shown.std), FAR)
 
     @property
     def slope_std(self) -> float:
@@ -339,6 +349,8 @@ def anchor_of(law: LawEntry, hover: float) -> float:
 def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
     """Find the exponent by a fit with the law that was found before."""
     trial = _trial(fit, law.next_power)
+    if law.has_lost(trial):
+        trial = replace(trial, shown=None)
     growth = law.growth
     if growth is None or abs(trial.power - law.trial.power) >= FAR:
         growth = trial.growth_since(law.trial)

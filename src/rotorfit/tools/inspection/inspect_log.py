@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from rotorfit.checks.left_out_hovers import contradicting_hovers
 from rotorfit.checks.motors.law_from_flight import STATED, stated_sentence
 from rotorfit.checks.sensors.log_settings import better_log
 from rotorfit.errors import EstimationError, FlightError, LogError
@@ -322,6 +323,8 @@ def _preparation(look: _Look) -> Iterator[Finding]:
     if look.prepared is None:
         return
     yield from look.prepared.findings
+    if look.result is None:
+        yield from contradicting_hovers(look.prepared, look.log.path.name)
     degrees = gyro_in_degrees(look.prepared.data, takes_columns=look.log.takes_columns)
     if degrees is not None:
         yield doubt("gyro-in-degrees", degrees)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
+from rotorfit.checks.left_out_hovers import KIND as CONTRADICTING
 from rotorfit.checks.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
 from rotorfit.checks.verdicts.judge import ADVISED, FLOWN, WEAK, Asks, motion_for
 from rotorfit.errors import ExperimentError
@@ -225,9 +226,10 @@ def _before_flying(
         if one.next_step is not None
         and (numbers := [n.name for n in lacking if one.is_about(n.parameter)])
     ]
+    parts = [pair for pair in usable if pair[0].kind == CONTRADICTING]
     logs = [pair for kind in (TOO_SLOW, NO_ROTOR_SPEED) for pair in usable if pair[0].kind == kind]
     disowning = [p for p in usable if p[0].doubtful_because or p[0].withheld_because]
-    for one, numbers in (*logs, *disowning):
+    for one, numbers in (*parts, *logs, *disowning):
         return NextStep(
             kind="log" if (one, numbers) in logs else "declare",
             action=one.next_step or "",
