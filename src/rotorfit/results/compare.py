@@ -3,12 +3,33 @@
 Differences are relative to the first result's value, as in Table II.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from rotorfit.digits import with_interval
 from rotorfit.errors import ExperimentError
+from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.model.terms.rotors import MOST_ROTORS
+from rotorfit.results.command_units import is_per_command
+from rotorfit.results.full_throttle import AT_COMMAND
+from rotorfit.results.law_tables import USUAL_EXPONENT
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
+
+VOLTAGE_POWERS: Final = {
+    "max_speed": 1.0,
+    **dict.fromkeys(("max_thrust", "thrust_to_weight"), 2.0),
+    **dict.fromkeys(("max_thrust_loaded", "thrust_to_weight_loaded"), 2.0),
+    "hover_throttle": -1.0,
+}
+"""Power of the full rotor speed with which a number changes as the battery's charge does."""
+PER_COMMAND: Final = {
+    **dict.fromkeys(("kt", "kd", *(f"kt_{i}" for i in range(1, MOST_ROTORS + 1))), 2.0),
+    "Jr": 1.0,
+    "hover_speed": -1.0,
+}
+"""The same of numbers in the unit of commands."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,7 +40,8 @@ class Entry:
     - `verdict`: None for derived numbers that have none, and for what is not in the result.
     - `difference`: from the first result, as a fraction of its value; None for the first, where
       either has no value, and where the first is zero.
-    - `overlap`: whether the interval meets that of the first; None where either has none.
+    - `overlap`: whether the interval meets that of the first, at the same battery voltage; None
+      where either has none.
     """
 
     value: float | None
@@ -107,7 +129,7 @@ def compare_results(results: Sequence[IdentificationResult], labels: Sequence[st
     return Comparison(
         labels=tuple(labels),
         numbers=tuple(
-            _compared(key, [table.get(key) for table in tables], labels)
+            _compared(key, [table.get(key) for table in tables], labels, results)
             for key in keys
             if any(key in table and table[key][0].value is not None for table in tables)
         ),
@@ -144,7 +166,30 @@ def _renamed(table: _Table, configuration: str) -> _Table:
     }
 
 
-def _compared(key: _Key, judged: Sequence[_Judged | None], labels: Sequence[str]) -> ComparedNumber:
+def _charge_factor(
+    name: str, reference: IdentificationResult, other: IdentificationResult
+) -> Measured:
+    """Return the factor from a number at one battery voltage to the same at the reference's.
+
+    1 where it does not depend on the battery, or where the results do not say at which it holds.
+    """
+    here, there = (r.diagnostics.get(AT_COMMAND) for r in (reference, other))
+    power = VOLTAGE_POWERS.get(name, 0.0)
+    if name in PER_COMMAND and is_per_command(other):
+        power = PER_COMMAND[name]
+    if here is None or there is None or not power:
+        return Measured(value=1.0, std=0.0)
+    log_ratio = power * math.log(here / there)
+    factor = math.exp(USUAL_EXPONENT.value * log_ratio)
+    return Measured(value=factor, std=factor * USUAL_EXPONENT.std * abs(log_ratio))
+
+
+def _compared(
+    key: _Key,
+    judged: Sequence[_Judged | None],
+    labels: Sequence[str],
+    results: Sequence[IdentificationResult],
+) -> ComparedNumber:
     """Collect one number of all results."""
     numbers = [None if one is None else one[0] for one in judged]
     verdicts = [None if one is None else one[1] for one in judged]
@@ -156,13 +201,14 @@ def _compared(key: _Key, judged: Sequence[_Judged | None], labels: Sequence[str]
             "(mass unknown) compare only with each other; identify again with the mass"
         )
     reference = numbers[0]
+    charges = [_charge_factor(key[1], results[0], other) for other in results]
     return ComparedNumber(
         name=key[1],
         configuration=key[2],
         unit=next(iter(units)),
         entries=tuple(
-            _entry(n, verdict, None if n is reference else reference)
-            for n, verdict in zip(numbers, verdicts, strict=True)
+            _entry(n, verdict, None if n is reference else reference, charge)
+            for n, verdict, charge in zip(numbers, verdicts, charges, strict=True)
         ),
     )
 
@@ -171,16 +217,20 @@ def _entry(
     number: Parameter | Derived | None,
     verdict: str | None,
     reference: Parameter | Derived | None,
+    charge: Measured,
 ) -> Entry:
-    """Compare a result's number with the reference's number."""
+    """Compare a result's number with the reference's number, at its battery's `charge`."""
     if number is None:
         return Entry(value=None, interval=None, verdict=None, difference=None, overlap=None)
     difference = overlap = None
     if reference is not None and number.value is not None and reference.value:
         difference = (number.value - reference.value) / abs(reference.value)
     if reference is not None and number.interval is not None and reference.interval is not None:
-        low = max(number.interval[0], reference.interval[0])
-        overlap = low <= min(number.interval[1], reference.interval[1])
+        wider = 1.96 * charge.std * abs(number.value or 0.0)
+        low, high = (charge.value * end for end in number.interval)
+        overlap = max(low - wider, reference.interval[0]) <= min(
+            high + wider, reference.interval[1]
+        )
     return Entry(
         value=number.value,
         interval=number.interval,
