@@ -11,6 +11,8 @@ from rotorfit.checks.motors.law_from_flight import (
     FULL_STD,
     OF_SPEED,
     ROUNDING,
+    STATED,
+    STATED_STD,
     STEADY,
     USUAL,
     WRONG_FULL_STD,
@@ -24,7 +26,7 @@ from rotorfit.checks.motors.law_from_flight import (
     thrust_ratio,
 )
 from rotorfit.estimation.measured import Measured
-from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, speed_law_of
+from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, SqrtEntry, speed_law_of
 from rotorfit.flight.motors.motor_model import speeds
 
 
@@ -305,3 +307,69 @@ def test_the_sentence_says_whether_the_flight_showed_it():
     assert "to the power of 1.60 +- 0.78" in unknown.sentence
     assert [e.name for e in unknown.evidence] == ["law_exponent"]
     assert shown.severity == unknown.severity == "note"
+
+
+SETTING = LawEntry(sqrt=SqrtEntry(full_speed=1.0, thr_mdl_fac=0.65), stated=True)
+
+
+def stated_law(flown, *, tried=1.0, hover=0.6):
+    shown = None if flown is None else Measured(value=flown, std=0.02)
+    return FoundLaw(
+        exponent=exponent_of(shown, SETTING),
+        flown=shown,
+        hover=hover,
+        given=SETTING,
+        setting="MOT_THST_EXPO",
+        trial=Trial(power=tried, shown=shown),
+    )
+
+
+def test_a_setting_is_as_wide_as_real_motors_until_the_flight_shows_it():
+    unseen, seen = (exponent_of(one, SETTING) for one in (None, Measured(value=0.8, std=0.02)))
+    assert STATED_STD < unseen.std < 1.1 * STATED_STD
+    assert seen.value == pytest.approx(0.8, abs=0.005)
+    assert seen.std == pytest.approx(0.02, rel=0.05)
+    # A law that somebody gave is another matter: .8 is one that is wrong.
+    assert exponent_of(None, RIGHT).std < 0.01
+
+
+@pytest.mark.parametrize("true", [0.2, 0.4, 0.9])
+def test_thrust_at_full_command_is_held_whatever_the_setting(true):
+    """Motors of another factor than the .65 that is set, hovering on commands of .3 to .6."""
+    for command in (0.3, 0.45, 0.6):
+        set_thrust, real = (f * command**2 + (1.0 - f) * command for f in (0.65, true))
+        law = stated_law(None, hover=set_thrust**0.5)
+        off = np.log(set_thrust / real)
+        assert abs(off) < 1.96 * law.thrust_std
+        assert 1.96 * law.thrust_std < 1.0
+
+
+def test_a_flight_that_shows_a_setting_narrows_it():
+    unseen, seen = stated_law(None), stated_law(1.0)
+    assert seen.thrust_std < 0.55 * unseen.thrust_std
+    assert seen.slope_std < 0.15 * unseen.slope_std
+
+
+def test_a_setting_is_a_note_that_says_what_settles_it():
+    unseen, seen, other = stated_law(None), stated_law(1.0), stated_law(0.8, tried=0.8)
+    for law in (unseen, seen, other):
+        found = law.finding
+        assert (found.kind, found.severity) == (STATED, "note")
+        assert "MOT_THST_EXPO" in found.sentence and "known payload" in found.sentence
+        assert found.numbers == ("thrust_to_weight", "max_thrust")
+        assert f"open by {196 * law.thrust_std:.0f} %" in found.sentence
+    assert "does not show whether" in unseen.finding.sentence
+    assert "agrees with them" in seen.finding.sentence
+    assert "grows 19.8 +- 3.9 % less" in other.finding.sentence
+
+
+def test_a_fit_that_lost_its_way_is_no_evidence():
+    law = replace(law_after(0.63, 0.59), growth=0.1)
+    assert law.has_lost(trial(0.59, 0.28))
+    assert not law.has_lost(trial(0.59, 0.585))
+    assert not replace(law, growth=None).has_lost(trial(0.59, 0.28))
+
+
+def law_after(power, shown):
+    at = trial(power, shown)
+    return FoundLaw(exponent=at.shown, flown=at.shown, hover=0.5, trial=at)

@@ -141,3 +141,30 @@ def test_a_comparison_prints_as_a_table():
     lines = {line.split("  ")[0]: line for line in rows}
     assert "(+1.4 %*)" in lines["kt"] and "(+3.3 %)" in lines["Ixx A"]
     assert "%" not in lines["Ixy A"]  # zero is inside the first interval
+
+
+def test_two_charges_are_no_contradiction():
+    """Full speed goes with the voltage to the power of .8 +- .4, thrust with its square."""
+
+    def at(voltage, ratio):
+        half = 0.02 * ratio
+        weight = Derived(
+            name="thrust_to_weight",
+            configuration="A",
+            value=ratio,
+            std=half / 1.96,
+            interval=(ratio - half, ratio + half),
+            unit="1",
+        )
+        charge = {} if voltage is None else {"full_command_voltage": voltage}
+        return dataclasses.replace(result(derived=[weight]), diagnostics=charge)
+
+    def meets(first, second):
+        [number] = compare_results([at(*first), at(*second)], ["a", "b"]).numbers
+        return number.entries[1].overlap
+
+    assert meets((3.6, 2.0), (3.2, 2.0 * (3.2 / 3.6) ** 1.6))
+    assert meets((3.2, 2.0 * (3.2 / 3.6) ** 1.6), (3.6, 2.0))
+    assert not meets((3.6, 2.0), (3.6, 1.6))
+    assert not meets((3.6, 2.0), (3.2, 1.2))
+    assert not meets((None, 2.0), (3.2, 1.65))

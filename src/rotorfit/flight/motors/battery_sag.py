@@ -72,7 +72,8 @@ def battery_sag(
         return None
     t, volts, cubes = time[rows], voltage[rows], cubes[rows]
     mean = float(volts.mean())
-    load = relative_load(cubes / cubes.mean(), volts / mean)
+    # The voltage's own noise must not stand on both sides: its feedback is taken out afterwards.
+    load = (cubes / cubes.mean()) ** LOAD_EXPONENT
     block = ((t - t[0]) / BLOCK).astype(int)
     count = np.bincount(block)
     seen = np.flatnonzero(count)
@@ -82,6 +83,8 @@ def battery_sag(
     drop, std = _summed_response(t, -volts, load / load.mean())
     if not drop > CLEAR * std:
         return None
+    # As the voltage falls, the same power takes more current.
+    drop /= 1.0 + LOAD_EXPONENT * drop / mean
     return BatterySag(voltage=mean, drop=drop, drop_std=float(np.hypot(std, DROP_STD * drop)))
 
 

@@ -1,0 +1,120 @@
+"""Logs of the kinds that people post: settings for a law, two hovers in one log."""
+
+import struct
+import warnings
+
+import pytest
+
+from rotorfit.checks.left_out_hovers import KIND as CONTRADICTING
+from rotorfit.checks.motors.law_from_flight import STATED
+from rotorfit.fit.experiment.experiment import single_flight_experiment
+from rotorfit.identification import identify
+from rotorfit.logs import read_log
+from rotorfit.results.full_throttle import UNDER_LOAD
+from rotorfit.tools.inspection.inspect_log import inspect_log
+from rotorfit.tools.planning.next_step import next_step
+
+pytestmark = pytest.mark.flights
+
+QUAD = """[airframe]
+layout = "quad-x"
+order = "ardupilot"
+spacing = [0.32, 0.32]
+[motors]
+speed = "commanded"
+"""
+CRAZYFLIE = """[airframe]
+layout = "quad-x"
+order = "crazyflie"
+arm = 0.05
+[motors]
+speed = "measured"
+"""
+COPTER = """[airframe]
+layout = "quad-x"
+order = "ardupilot"
+arm = 0.35
+[motors]
+speed = "commanded"
+"""
+
+
+@pytest.fixture(scope="module")
+def flown(flight_data_dir, tmp_path_factory):
+    """Identify a log, with an expo in place of its own where one is given."""
+
+    def result(name, airframe, mass, *, expo=None):
+        log = flight_data_dir / name
+        if not log.is_file():
+            pytest.skip(f"no {log}")
+        folder = tmp_path_factory.mktemp("faults")
+        (folder / "airframe.toml").write_text(airframe, encoding="utf-8")
+        if expo is not None:
+            changed = folder / log.name
+            changed.write_bytes(with_parameter(log.read_bytes(), "MOT_THST_EXPO", expo))
+            log = changed
+        experiment = single_flight_experiment(log, mass=mass, airframe=folder / "airframe.toml")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return identify(experiment)
+
+    return result
+
+
+def with_parameter(log, name, value):
+    """Change a parameter of a DataFlash log: sixteen bytes of name, then a float."""
+    changed, at = bytearray(log), log.find(name.encode().ljust(16, b"\0"))
+    assert at > 0
+    while at > 0:
+        changed[at + 16 : at + 20] = struct.pack("<f", value)
+        at = log.find(name.encode().ljust(16, b"\0"), at + 16)
+    return bytes(changed)
+
+
+def thrust_to_weight(result):
+    return result.derived_value("thrust_to_weight").interval
+
+
+def test_the_same_outputs_give_the_same_thrust_whatever_the_expo_says(flown):
+    name = "public-faults/fail-law-assumed-expo065.bin"
+    found = [thrust_to_weight(flown(name, QUAD, 1.5, expo=expo)) for expo in (0.65, 0.4, 0.2)]
+    assert max(low for low, _ in found) < min(high for _, high in found)
+    middles = [0.5 * (low + high) for low, high in found]
+    assert max(middles) / min(middles) < 1.15  # 3.53, 2.91 and 2.55 where the setting is believed
+
+
+@pytest.mark.parametrize("expo", [0.35, 0.95])
+def test_a_simulated_copter_shows_that_its_expo_is_wrong(flown, expo):
+    """Thrust 18.86 N (12.8 / 12.6)^2 a rotor, 3 kg; the log says .3 more or less than .65."""
+    name = "autopilot-sitl/arducopter-default-logging.BIN"
+    result = flown(name, COPTER, 3.0, expo=expo)
+    low, high = thrust_to_weight(result)
+    assert low <= 4 * 18.86 * (12.8 / 12.6) ** 2 / (3.0 * 9.80665) <= high
+    assert any(one.kind == STATED for one in result.findings)
+
+
+def test_a_hover_with_another_payload_is_said_and_doubts_the_numbers(flown):
+    result = flown("public-faults/fail-payload-hover-shift.bin", QUAD, 1.5)
+    [found] = [one for one in result.findings if one.kind == CONTRADICTING]
+    assert "12 s are used" in found.sentence and "6 to 42 s" in found.sentence
+    for name in ("thrust_to_weight", "max_thrust", "hover_throttle"):
+        number = next(d for d in result.derived if d.name == name)
+        assert number.verdict == "doubtful", name
+    assert "--start and --end" in next_step(result).action
+
+
+def test_inspect_says_what_is_left_out_and_what_settles_the_law(flight_data_dir):
+    log = flight_data_dir / "public-faults" / "fail-payload-hover-shift.bin"
+    if not log.is_file():
+        pytest.skip(f"no {log}")
+    kinds = [one.kind for one in inspect_log(read_log(log)).findings]
+    assert CONTRADICTING in kinds and STATED in kinds
+
+
+def test_full_throttle_on_a_sagging_battery_is_that_of_the_thrust_stand(flown):
+    """26.5 g a motor at 2.88 V under load; 45 g at the voltage of hover."""
+    result = flown("imrc-crazyflie/payload_eckart17", CRAZYFLIE, 0.0444)
+    low, high = result.derived_value("max_thrust_loaded").interval
+    assert low <= 0.0265 * 9.80665 <= high
+    assert high < result.derived_value("max_thrust").value
+    assert result.diagnostics[UNDER_LOAD] == pytest.approx(2.88, abs=0.15)
