@@ -11,8 +11,8 @@ from typing import Final
 from rotorfit.digits import with_interval
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.model.parameters import EFFECTIVE_UNITS
 from rotorfit.model.terms.rotors import MOST_ROTORS
-from rotorfit.results.command_units import is_per_command
 from rotorfit.results.full_throttle import AT_COMMAND
 from rotorfit.results.law_tables import USUAL_EXPONENT
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
@@ -175,8 +175,9 @@ def _charge_factor(
     """
     here, there = (r.diagnostics.get(AT_COMMAND) for r in (reference, other))
     power = VOLTAGE_POWERS.get(name, 0.0)
-    if name in PER_COMMAND and is_per_command(other):
-        power = PER_COMMAND[name]
+    named = [n for n in (*other.parameters, *other.derived) if n.name == name]
+    if any(EFFECTIVE_UNITS.get(name) == n.unit for n in named):
+        power = PER_COMMAND.get(name, power)
     if here is None or there is None or not power:
         return Measured(value=1.0, std=0.0)
     log_ratio = power * math.log(here / there)
