@@ -324,7 +324,7 @@ def stated_law(flown, *, tried=1.0, hover=0.6):
     )
 
 
-def test_a_setting_is_as_wide_as_real_motors_until_the_flight_shows_it():
+def test_a_setting_is_as_wide_as_real_motors():
     unseen, seen = (exponent_of(one, SETTING) for one in (None, Measured(value=0.8, std=0.02)))
     assert STATED_STD < unseen.std < 1.1 * STATED_STD
     assert seen.value == pytest.approx(0.8, abs=0.005)
@@ -334,7 +334,7 @@ def test_a_setting_is_as_wide_as_real_motors_until_the_flight_shows_it():
 
 
 @pytest.mark.parametrize("true", [0.2, 0.4, 0.9])
-def test_thrust_at_full_command_is_held_whatever_the_setting(true):
+def test_full_thrust_is_held_whatever_the_setting(true):
     """Motors of another factor than the .65 that is set, hovering on commands of .3 to .6."""
     for command in (0.3, 0.45, 0.6):
         set_thrust, real = (f * command**2 + (1.0 - f) * command for f in (0.65, true))

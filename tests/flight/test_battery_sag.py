@@ -30,7 +30,7 @@ def flight(seconds=20.0, *, drop=0.3, swing=0.1, noise=0.005, lag=0.0, seed=0):
 
 @pytest.mark.parametrize("drop", [0.15, 0.3, 0.6])
 @pytest.mark.parametrize("lag", [0.0, 0.4])
-def test_the_sag_is_found_behind_a_filter_and_a_falling_charge(drop, lag):
+def test_the_sag_is_found_behind_a_filter(drop, lag):
     found = battery_sag(*flight(drop=drop, lag=lag))
     assert found.drop == pytest.approx(drop, rel=0.1)
     assert found.drop_std == pytest.approx(DROP_STD * drop, rel=0.2)

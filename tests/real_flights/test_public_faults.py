@@ -75,7 +75,7 @@ def thrust_to_weight(result):
     return result.derived_value("thrust_to_weight").interval
 
 
-def test_the_same_outputs_give_the_same_thrust_whatever_the_expo_says(flown):
+def test_any_expo_gives_the_same_thrust(flown):
     name = "public-faults/fail-law-assumed-expo065.bin"
     found = [thrust_to_weight(flown(name, QUAD, 1.5, expo=expo)) for expo in (0.65, 0.4, 0.2)]
     assert max(low for low, _ in found) < min(high for _, high in found)
@@ -93,7 +93,7 @@ def test_a_simulated_copter_shows_that_its_expo_is_wrong(flown, expo):
     assert any(one.kind == STATED for one in result.findings)
 
 
-def test_a_hover_with_another_payload_is_said_and_doubts_the_numbers(flown):
+def test_a_hover_with_another_payload_doubts_the_numbers(flown):
     result = flown("public-faults/fail-payload-hover-shift.bin", QUAD, 1.5)
     [found] = [one for one in result.findings if one.kind == CONTRADICTING]
     assert "12 s are used" in found.sentence and "6 to 42 s" in found.sentence
@@ -103,7 +103,7 @@ def test_a_hover_with_another_payload_is_said_and_doubts_the_numbers(flown):
     assert "--start and --end" in next_step(result).action
 
 
-def test_inspect_says_what_is_left_out_and_what_settles_the_law(flight_data_dir):
+def test_inspect_says_what_is_left_out(flight_data_dir):
     log = flight_data_dir / "public-faults" / "fail-payload-hover-shift.bin"
     if not log.is_file():
         pytest.skip(f"no {log}")
@@ -111,7 +111,7 @@ def test_inspect_says_what_is_left_out_and_what_settles_the_law(flight_data_dir)
     assert CONTRADICTING in kinds and STATED in kinds
 
 
-def test_full_throttle_on_a_sagging_battery_is_that_of_the_thrust_stand(flown):
+def test_full_throttle_is_that_of_the_thrust_stand(flown):
     """26.5 g a motor at 2.88 V under load; 45 g at the voltage of hover."""
     result = flown("imrc-crazyflie/payload_eckart17", CRAZYFLIE, 0.0444)
     low, high = result.derived_value("max_thrust_loaded").interval

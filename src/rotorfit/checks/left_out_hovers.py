@@ -16,7 +16,7 @@ NUMBERS: Final = (
     *("max_thrust_loaded", "thrust_to_weight_loaded"),
 )
 """What another load, or a thrust that changed, changes."""
-APART: Final = (
+SEPARATE_PARTS: Final = (
     "identify one part with --start and --end and the mass that it flew with, or both as two "
     "configurations with a mass each"
 )
@@ -47,12 +47,12 @@ def contradicting_hovers(prepared: PreparedFlight, file: str) -> Iterator[Findin
             f"{file}: {seconds:.0f} s are used ({used[0][0]:.0f} to {used[-1][1]:.0f} s) and "
             f"{sum(one.seconds for one in hovers):.0f} s of hover are not ({left}), because there "
             f"the same motor data mean {share:.0f} % {way} thrust: another payload or battery, or "
-            f"the ground carries part of the weight; {APART}"
+            f"the ground carries part of the weight; {SEPARATE_PARTS}"
         ),
         flights=(file,),
         numbers=NUMBERS,
         doubtful_because=f"another part of the log hovers on {share:.0f} % {way} thrust",
-        next_step=APART,
+        next_step=SEPARATE_PARTS,
     )
 
 

@@ -83,7 +83,7 @@ def other_hovers(
 
 
 def _is_hover(motion: Motion, rows: slice) -> bool:
-    """Test whether a vehicle hangs on its rotors: it turns, and rises when they push."""
+    """Return whether the vehicle turns, and rises when its rotors push: it flies."""
     z = motion.specific_force[rows, 2]
     turning = float(motion.angular_velocity[rows].std(axis=0).max())
     block = max(whole_samples(motion.sample_rate / LOOK_CUTOFF), 1)

@@ -13,6 +13,11 @@ import numpy as np
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.dataset.carried_weight import Measured
 from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
+from rotorfit.fit.intervals.interval_terms import (
+    NumberTerm,
+    half_width_of_number,
+    scale_terms,
+)
 from rotorfit.flight.motors.battery_sag import (
     LOAD_EXPONENT,
     LOAD_EXPONENT_STD,
@@ -27,6 +32,7 @@ VOLTAGE: Final = "full-throttle-voltage"
 AT_COMMAND: Final = "full_command_voltage"
 UNDER_LOAD: Final = "full_load_voltage"
 """Diagnostics: the voltage of full thrust by the law, and the one that the battery gives then."""
+SAG_SOURCE: Final = "the fall of the voltage under load, and how motors differ in current"
 EMPTY: Final = 0.2
 """Share of its voltage at rest below which no battery is looked for."""
 
@@ -158,22 +164,34 @@ def _open_share(result: IdentificationResult, load: FullLoad) -> float:
 
 
 def _thrust_to_weight(result: IdentificationResult, ratio: Derived, load: FullLoad) -> Derived:
+    """Return thrust at full throttle under load over the weight."""
     half = _half_share(ratio)
-    step = 1.0 + 0.5 * half
-    by_law = replace(load, speed=load.speed * step).thrust / load.thrust - 1.0
-    share = float(np.hypot(by_law, _open_share(result, load)))
-    name = "thrust_to_weight_loaded"
-    return flight_number(name, ratio.configuration, load.thrust, share * load.thrust)
+    by_law = replace(load, speed=load.speed * (1.0 + 0.5 * half)).thrust / load.thrust - 1.0
+    return _loaded(result, ratio, load, value=load.thrust, by_law=by_law)
 
 
 def _max_thrust(result: IdentificationResult, ratio: Derived, load: FullLoad) -> Derived:
+    """Return the thrust of a motor at full throttle under load [N]."""
     full = next(d for d in result.derived if d.name == "max_thrust")
-    name, less = "max_thrust_loaded", load.thrust / load.speed**2
     if full.value is None:
-        return replace(full, name=name)
-    value = full.value * less
-    share = float(np.hypot(_half_share(full), _open_share(result, load)))
-    return flight_number(name, None, value, share * value)
+        return replace(full, name="max_thrust_loaded")
+    value = full.value * load.thrust / load.speed**2
+    return _loaded(result, full, load, value=value, by_law=_half_share(full))
+
+
+def _loaded(
+    result: IdentificationResult, free: Derived, load: FullLoad, *, value: float, by_law: float
+) -> Derived:
+    """Return a number under load, `by_law` being half of its interval by all but the battery."""
+    by_battery = _open_share(result, load)
+    whole = float(np.hypot(by_law, by_battery))
+    number = flight_number(f"{free.name}_loaded", free.configuration, value, whole * value)
+    own = half_width_of_number(free.interval_terms)
+    if number.std is None or own <= 0.0:
+        return number
+    sag = NumberTerm(name="battery sag", half_width=by_battery * value, source=SAG_SOURCE)
+    terms = (*scale_terms(free.interval_terms, by_law * value / own), sag)
+    return replace(number, interval_terms=terms)
 
 
 def _half_share(number: Derived) -> float:

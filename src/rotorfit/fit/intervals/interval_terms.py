@@ -93,6 +93,9 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
     "timing of the motors": TermKind(
         remedy="fly", action="roll briskly: 20 s of quick left-right rolls, one or two a second"
     ),
+    "battery sag": TermKind(
+        remedy="log", action="log the battery's voltage during a burst of full throttle"
+    ),
     "full speed": TermKind(
         remedy="declare", action="log commands and rotor speed up to full throttle"
     ),

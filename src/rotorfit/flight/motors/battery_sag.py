@@ -97,7 +97,8 @@ def _summed_response(
     """
     n = len(load)
     past = [np.concatenate([np.full(k, load[:PAST].mean()), load[: n - k]]) for k in range(PAST)]
-    trend = np.polynomial.legendre.legvander(2.0 * (time - time[0]) / np.ptp(time) - 1.0, 2)
+    since = (time - time[0]) / np.ptp(time)
+    trend = np.stack([np.ones(n), since, since**2], axis=1)
     columns = np.column_stack([*past, trend])
     inverse = np.linalg.pinv(columns)
     factors = inverse @ drop
