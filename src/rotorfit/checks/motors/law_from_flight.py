@@ -54,7 +54,7 @@ ROUNDING: Final = 1e-4
 STEADY: Final = 0.95
 """Largest growth of the exponent that a fit shows with that it is made with."""
 LOST: Final = 5.0
-"""Deviations from what is foretold that no fit which follows the flight shows."""
+"""Deviations from what is predicted that no fit which follows the flight shows."""
 NEAR: Final = 0.1
 """Deviations between two exponents that count as one."""
 FAR: Final = 0.1
@@ -148,12 +148,12 @@ class FoundLaw:
         return self.exponent.value
 
     def has_lost(self, trial: Trial) -> bool:
-        """Whether a fit shows another exponent than those before foretell: it lost its way."""
+        """Whether a fit shows another exponent than those before predict: it lost its way."""
         before, shown = self.trial.shown, trial.shown
         if self.growth is None or before is None or shown is None:
             return False
-        foretold = before.value + self.growth * (trial.power - self.trial.power)
-        return abs(shown.value - foretold) > max(LOST * np.hypot(before.std, shown.std), FAR)
+        predicted = before.value + self.growth * (trial.power - self.trial.power)
+        return abs(shown.value - predicted) > max(LOST * np.hypot(before.std, shown.std), FAR)
 
     @property
     def slope_std(self) -> float:
