@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rotorfit.checks.motors.hovers_by_mass import exponent_share
-from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.estimation.measured import Measured
 
 
 def hovers(true, masses, std=0.01):

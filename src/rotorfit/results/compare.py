@@ -10,7 +10,7 @@ from typing import Final
 
 from rotorfit.digits import with_interval
 from rotorfit.errors import ExperimentError
-from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.estimation.measured import Measured
 from rotorfit.model.parameters import EFFECTIVE_UNITS
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.results.full_throttle import AT_COMMAND

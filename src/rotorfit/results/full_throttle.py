@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from rotorfit.estimation.measured import Measured
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.dataset.carried_weight import Measured
 from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.fit.intervals.interval_terms import (
     NumberTerm,

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from rotorfit.checks.kt_from_weight import kt_from_weight
-from rotorfit.fit.dataset.carried_weight import Measured
+from rotorfit.estimation.measured import Measured
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.reduction.frequency_bands import retimed
 
