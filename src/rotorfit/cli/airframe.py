@@ -18,7 +18,7 @@ from rotorfit.cli.terminal import (
     Speed,
     print_result,
     print_status,
-    read_answer,
+    read_reply,
     refuse_output_file,
     steps,
 )
@@ -420,7 +420,7 @@ def _ask_choice(choices: list[str], question: str, default: str, option: str) ->
 def _ask(question: str, default: str | None, option: str) -> str:
     """Ask a question; an empty reply is its default."""
     shown = f" [{default}]" if default else ""
-    line = read_answer(f"{question}{shown}: ")
+    line = read_reply(f"{question}{shown}: ")
     if line is None:
         raise OutputError(f"no answer to {question.strip()!r}: answer it, or give {option}")
     reply = line or default  # the empty reply is none of the choices

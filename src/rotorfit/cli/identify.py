@@ -25,7 +25,7 @@ from rotorfit.cli.terminal import (
     print_result,
     print_status,
     quiet_steps,
-    read_answer,
+    read_reply,
     refuse_output_files,
     refuse_output_folder,
     terminal_width,
@@ -210,7 +210,7 @@ def _experiment_of_log(
 
 def _asked_mass() -> str:
     """Ask for the mass; refuse the command where nobody answers."""
-    reply = read_answer('Mass as flown, battery included, such as 0.428 or 428g (or "unknown"): ')
+    reply = read_reply('Mass as flown, battery included, such as 0.428 or 428g (or "unknown"): ')
     if not reply:
         print_status("")
         raise typer.BadParameter("a log also needs --mass KG (or --mass unknown)")

@@ -113,7 +113,7 @@ def print_status(line: str) -> None:
         sys.stderr.flush()
 
 
-def read_answer(question: str) -> str | None:
+def read_reply(question: str) -> str | None:
     """Ask on stderr and read a line from stdin; None where nobody answers."""
     with suppress(OSError):
         sys.stderr.write(question)
