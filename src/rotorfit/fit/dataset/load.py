@@ -383,7 +383,7 @@ def _sag(battery: Channel | None, data: FlightData) -> BatterySag | None:
     if len(rows) < 2 or int(seen.sum()) < 2:
         return None
     time = data.time[rows]
-    voltage = np.interp(time, battery.time[seen], battery.values[seen, 0])
+    voltage = np.asarray(np.interp(time, battery.time[seen], battery.values[seen, 0]))
     return battery_sag(time, voltage, data.rotor_speed[rows])
 
 
