@@ -48,10 +48,12 @@ def checked(function: Callable[..., Any], name: str) -> Callable[..., Any]:
             return function(*args, **kwargs)  # refused in Python's own words
         for argument, value in given.arguments.items():
             hint = hints[argument]
-            if not _fits(value, hint):
+            if not _fits_type(value, hint):
                 is_plain = isinstance(value, str | float | int | NoneType)
                 shown = repr(value) if is_plain else f"of type {type(value).__name__}"
-                raise TypeError(f"{name}: {argument} is {shown}, expected {_expected(value, hint)}")
+                raise TypeError(
+                    f"{name}: {argument} is {shown}, expected {_expected_type(value, hint)}"
+                )
             if Path in (hint, *get_args(hint)) and value is not None:
                 given.arguments[argument] = Path(value)
         return function(*given.args, **given.kwargs)
@@ -61,14 +63,14 @@ def checked(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     return checked_call
 
 
-def _fits(value: Any, hint: Any) -> bool:
-    """Decide whether a value has a type; unknown types are let through."""
+def _fits_type(value: Any, hint: Any) -> bool:
+    """Return whether a value has a type; unknown types pass."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint in SIMPLE:
         # True is a number to Python, and a slip of the caller's.
         return isinstance(value, SIMPLE[hint][0]) and (hint is bool or not isinstance(value, bool))
     if origin in (Union, UnionType):
-        return any(_fits(value, part) for part in parts)
+        return any(_fits_type(value, part) for part in parts)
     if origin is Literal:
         return value in parts
     if origin is tuple:
@@ -84,16 +86,16 @@ def _fits(value: Any, hint: Any) -> bool:
 
 
 def _all_fit(values: Iterable[Any], hint: Any) -> bool:
-    return all(_fits(value, hint) for value in values)
+    return all(_fits_type(value, hint) for value in values)
 
 
-def _expected(value: object, hint: Any) -> str:
+def _expected_type(value: object, hint: Any) -> str:
     """Describe the expected type in words."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint in SIMPLE:
         return SIMPLE[hint][1]
     if origin in (Union, UnionType):
-        return " or ".join(_expected(value, part) for part in parts)
+        return " or ".join(_expected_type(value, part) for part in parts)
     if origin is Literal:
         near = get_close_matches(str(value), parts, n=1)
         meant = f"; did you mean {near[0]!r}?" if near else ""
@@ -101,9 +103,9 @@ def _expected(value: object, hint: Any) -> str:
     if origin is tuple:
         return f"a tuple of {len(parts)}"
     if origin is Sequence:
-        return f"a list, each {_expected(value, parts[0])}"
+        return f"a list, each {_expected_type(value, parts[0])}"
     if origin is Mapping:
-        return f"a dict from name to {_expected(value, parts[1])}"
+        return f"a dict from name to {_expected_type(value, parts[1])}"
     if origin is Callable:
         return "a function"
     how = MADE_BY.get(hint.__name__)

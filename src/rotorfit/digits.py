@@ -53,14 +53,14 @@ def finite_interval(interval: tuple[float, float] | None) -> tuple[float, float]
 
 
 def number_of(value: float | None, interval: tuple[float, float] | None) -> Number | None:
-    """Round a value to two digits of its half-width; None where there is no value."""
+    """Round a value to two digits of its half-width; None if there is no value."""
     value, interval = known(value), finite_interval(interval)
     if value is None:
         return None
     if interval is None or interval[1] <= interval[0]:
-        return _plain(value)
+        return _plain_number(value)
     half = 0.5 * (interval[1] - interval[0])
-    exponent = _exponent(max(abs(value), half))
+    exponent = _separate_exponent(max(abs(value), half))
     scale = 10.0**exponent
     places = min(1 - math.floor(math.log10(float(f"{half / scale:.1e}"))), 12)
 
@@ -78,13 +78,13 @@ def number_of(value: float | None, interval: tuple[float, float] | None) -> Numb
     )
 
 
-def _plain(value: float) -> Number:
-    exponent = _exponent(abs(value))
+def _plain_number(value: float) -> Number:
+    exponent = _separate_exponent(abs(value))
     text = f"{value / 10.0**exponent:.6g}".replace("-", "−")
     return Number(value=text, exponent=exponent)
 
 
-def _exponent(size: float) -> int:
+def _separate_exponent(size: float) -> int:
     """Select the power of ten to separate; 0 for sizes that read well without."""
     exponent = math.floor(math.log10(size)) if size > 0 else 0
     return 0 if -3 <= exponent <= 4 else exponent

@@ -30,16 +30,16 @@ class Finding:
     - `kind`: of the check, such as ``residual-peak``.
     - `severity`: ``refusal`` (nothing can be identified), ``doubt`` (a number may be wrong),
       ``note`` (to know), or ``passed`` (the check was made and objects to nothing).
-    - `sentence`: what was met, what was expected and what to do; empty where the check passed.
+    - `sentence`: what was met, what was expected and what to do; empty if the check passed.
     - `numbers`: names of the numbers it is about, such as ``kt`` or ``Ixx@A``; ``Ixx`` is that of
       every configuration; empty: all.
     - `flights`: files of the flights it is about; empty: all.
     - `evidence`: the quantities behind it.
     - `next_step`: what to do, where that is not in the sentence alone.
-    - `withheld_because`: why the numbers are withheld from the result; None where they are not.
+    - `withheld_because`: why the numbers are withheld from the result; None if they are not.
     - `doubtful_because`: why the numbers may be outside their intervals, which makes them
-      `doubtful`; None where the intervals cover what the check found.
-    - `useless_because`: why no flying helps the numbers before the next step is taken; None where
+      `doubtful`; None if the intervals cover what the check found.
+    - `useless_because`: why no flying helps the numbers before the next step is taken; None if
       it does.
     """
 
@@ -132,7 +132,7 @@ def finding_to_plain(finding: Finding) -> dict[str, Any]:
 def finding_from_plain(entry: Mapping[str, Any]) -> Finding:
     """Return a finding of JSON.
 
-    Raises `KeyError`, `TypeError`, `ValueError` if it is none.
+    Raises `KeyError`, `TypeError`, `ValueError` if it is not one.
     """
     fields: dict[str, Any] = dict(entry)
     fields["evidence"] = tuple(_evidence_from_plain(one) for one in entry["evidence"])

@@ -96,7 +96,7 @@ def identify_flights(experiment: Experiment, *, progress: Progress | None = None
     # cost where another program uses the other cores.
     with threadpool_limits(limits=1, user_api="blas"):
         try:
-            return _identify(experiment, progress or _silent)
+            return _identify_checked(experiment, progress or _ignore_progress)
         except np.linalg.LinAlgError as error:
             raise EstimationError(
                 f"the equations of these flights have no solution ({error}): there is hardly any "
@@ -104,7 +104,7 @@ def identify_flights(experiment: Experiment, *, progress: Progress | None = None
             ) from error
 
 
-def _identify(experiment: Experiment, report: Progress) -> Identified:
+def _identify_checked(experiment: Experiment, report: Progress) -> Identified:
     method = resolved_method(experiment)
     dataset = TimedDataset.of(load_dataset(experiment, report))
     declared = experiment.motors
@@ -117,16 +117,16 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
         dataset = time_motors(dataset, lag=method != "tls", report=report)
         dataset = measure_bandwidths(dataset)
     report("fitting")
-    identified = _completed(ESTIMATORS[method](experiment, dataset), declared, report)
-    _warn(identified.result)
-    return _validated(identified, report)
+    identified = _complete_result(ESTIMATORS[method](experiment, dataset), declared, report)
+    _issue_warnings(identified.result)
+    return _validate_fit(identified, report)
 
 
 def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
     """Fit the joint likelihood of all bands, diagnose the fit, and tabulate it."""
     experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
     wanted = experiment.identification.terms
-    fit = _fitted(dataset, wanted)
+    fit = _fit_with_noise(dataset, wanted)
     fit = _with_law(fit, wanted)
     if fit.dataset.law_found:
         experiment = experiment.model_copy(update={"motors": fit.dataset.motors})
@@ -149,7 +149,11 @@ def _with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
     while not law.settled and fits < MOST_LAWS:
         tried, near = law, fit.dataset.motor_timing
         timed = time_motors(
-            with_found_law(dataset, tried), lag=True, report=_silent, near=near, terms=terms
+            with_found_law(dataset, tried),
+            lag=True,
+            report=_ignore_progress,
+            near=near,
+            terms=terms,
         )
         fit, fits = fit_flights(timed, terms), fits + 1
         law = find_again(tried, fit)
@@ -168,7 +172,7 @@ def _with_chosen_terms(fit: Fit, wanted: Sequence[str] | None) -> Fit:
     return fit_flights(fit.dataset, wanted) if levelled is fit else levelled
 
 
-def _fitted(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:
+def _fit_with_noise(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:
     return fit_by_noise(fit_flights(dataset, wanted), wanted)
 
 
@@ -191,7 +195,7 @@ ESTIMATORS: Final[dict[Method, Callable[[Experiment, TimedDataset], Identified]]
 }
 
 
-def _completed(identified: Identified, declared: MotorsEntry, report: Progress) -> Identified:
+def _complete_result(identified: Identified, declared: MotorsEntry, report: Progress) -> Identified:
     """Add the motors' law, the numbers of flight, the units and the assumptions to a result."""
     dataset, fit = identified.dataset, identified.fit
     result = in_command_units(identified.result, dataset)
@@ -219,14 +223,14 @@ def _describe_units(result: IdentificationResult, experiment: Experiment) -> Ide
     return dataclasses.replace(result, findings=(*kept, *added))
 
 
-def _warn(result: IdentificationResult) -> None:
+def _issue_warnings(result: IdentificationResult) -> None:
     """Issue the warnings of every flight."""
     for record in result.flights:
         for sentence in record.warnings:
             warnings.warn(f"{Path(record.file).name}: {sentence}", FlightWarning, stacklevel=3)
 
 
-def _validated(identified: Identified, report: Progress) -> Identified:
+def _validate_fit(identified: Identified, report: Progress) -> Identified:
     """Compare the model with flights that the fit has not seen."""
     result, configurations = identified.result, identified.experiment.configuration
     if not any(entry.validation for entry in configurations):
@@ -238,5 +242,5 @@ def _validated(identified: Identified, report: Progress) -> Identified:
     return dataclasses.replace(identified, result=dataclasses.replace(result, validation=rows))
 
 
-def _silent(words: str) -> None:
+def _ignore_progress(words: str) -> None:
     del words

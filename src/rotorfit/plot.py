@@ -36,18 +36,18 @@ def intervals(
     *,
     axes: Sequence[Axes] | None = None,
 ) -> list[Axes]:
-    """Draw values with their 95 % intervals, one axes a number, results beside one another.
+    """Draw values with 95 % intervals: one axes per number, results side by side.
 
     - `results`: one, or several to compare.
     - `names`: of parameters or derived numbers; what no result knows is left out.
     - `axes`: to draw on, one for each number that is known; made if None.
     """
     several = [results] if isinstance(results, IdentificationResult) else list(results)
-    shown = {name: _found(several, name) for name in names}
+    shown = {name: _find_entries(several, name) for name in names}
     shown = {name: entries for name, entries in shown.items() if entries}
     if not shown:
         raise OutputError(f"none of {', '.join(names)} has a value in what is to be drawn")
-    made = _made(len(shown), axes, size=(7.0, sum(0.7 + 0.3 * len(e) for e in shown.values())))
+    made = _make_axes(len(shown), axes, size=(7.0, sum(0.7 + 0.3 * len(e) for e in shown.values())))
     for axis, (name, entries) in zip(made, shown.items(), strict=False):
         for place, (label, entry, whose) in enumerate(entries):
             low, high = finite_interval(entry.interval) or (float(entry.value or 0.0),) * 2
@@ -62,14 +62,14 @@ def intervals(
 
 
 def wrenches(comparison: WrenchComparison, *, axes: Sequence[Axes] | None = None) -> list[Axes]:
-    """Draw what the motion needs against what the rotors produce, over time.
+    """Draw the wrench that the motion needs and the wrench that the rotors produce over time.
 
     - `comparison`: from `validate_file`, `validation_comparisons` or `fitted_comparisons`.
     - `axes`: four to draw on; made if None.
     """
     series = series_of(comparison)
     components = [name for name in SHOWN if f"{name} body" in series.values]
-    made = _made(len(components), axes, size=(9.0, 2.0 * len(components)))
+    made = _make_axes(len(components), axes, size=(9.0, 2.0 * len(components)))
     breaks = np.flatnonzero(np.diff(series.time) > series.gap) + 1
     time = np.insert(series.time, breaks, np.nan)
     for axis, name in zip(made, components, strict=False):
@@ -93,7 +93,7 @@ def correlations(result: IdentificationResult, *, axes: Axes | None = None) -> A
     """
     names = [name.replace("@", " ") for name in result.covariance_names]
     size = 1.5 + 0.27 * len(names)
-    axis = _made(1, None if axes is None else [axes], size=(size + 0.6, size))[0]
+    axis = _make_axes(1, None if axes is None else [axes], size=(size + 0.6, size))[0]
     image = axis.imshow(correlation(result.covariance), cmap="RdBu", vmin=-1.0, vmax=1.0)
     axis.set_xticks(range(len(names)), names, rotation=90)
     axis.set_yticks(range(len(names)), names)
@@ -132,7 +132,7 @@ def replay_axes(
     axes: Sequence[Axes] | None = None,
 ) -> list[Axes]:
     """Draw a replay that was made already; `replay` makes one and says what the arguments are."""
-    made = _made(len(AXES), axes, size=(9.0, 5.5))
+    made = _make_axes(len(AXES), axes, size=(9.0, 5.5))
     low, high = seconds or (-np.inf, np.inf)
     inside = (flown.time[:, 0] >= low) & (flown.time[:, -1] <= high)
     gap = np.full((int(inside.sum()), 1), np.nan)
@@ -153,7 +153,7 @@ def replay_axes(
     return made
 
 
-def _found(
+def _find_entries(
     results: Sequence[IdentificationResult], name: str
 ) -> list[tuple[str, Parameter | Derived, IdentificationResult]]:
     """Return every result's entries of a name that have a value, each with a label."""
@@ -172,7 +172,7 @@ def _legend_above(axis: Axes) -> None:
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
 
 
-def _made(count: int, axes: Sequence[Axes] | None, *, size: tuple[float, float]) -> list[Axes]:
+def _make_axes(count: int, axes: Sequence[Axes] | None, *, size: tuple[float, float]) -> list[Axes]:
     """Return the axes that were given, or new ones below each other."""
     if axes is not None:
         if len(axes) < count:

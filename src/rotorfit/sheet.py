@@ -64,14 +64,14 @@ def sheet_text(sheet: Sheet) -> str:
     """Format a sheet as text of one screen; rows that do not fit are counted."""
     head = textwrap.wrap(sheet.heading, WIDTH)
     tail = [line for text in (*sheet.remarks, sheet.more) for line in textwrap.wrap(text, WIDTH)]
-    table = _aligned([sheet.columns, *sheet.rows] if any(sheet.columns) else sheet.rows)
+    table = _align_rows([sheet.columns, *sheet.rows] if any(sheet.columns) else sheet.rows)
     room = max(LINES - len(head) - len(tail), 4)
     if len(table) > room:
         table = [*table[: room - 1], f"  ... and {len(table) - room + 1} more"]
     return "\n".join([*head, *table, *tail])
 
 
-def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+def _align_rows(rows: Sequence[tuple[str, ...]]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         "  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True))
@@ -92,20 +92,20 @@ def sheet_html(sheet: Sheet) -> str:
     hints = [*sheet.hints, *[""] * (len(sheet.rows) - len(sheet.hints))]
     body = "".join(
         f'<tr title="{escape(hint)}">'
-        + "".join(f"<td{s}>{_typeset(cell)}</td>" for s, cell in zip(styles, row, strict=True))
+        + "".join(f"<td{s}>{_typeset_html(cell)}</td>" for s, cell in zip(styles, row, strict=True))
         + "</tr>"
         for row, hint in zip(sheet.rows, hints, strict=True)
     )
     below = "".join(f"<li>{escape(text)}</li>" for text in sheet.remarks)
     return (
-        f"<p><strong>{_typeset(sheet.heading)}</strong></p>"
+        f"<p><strong>{_typeset_html(sheet.heading)}</strong></p>"
         f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
         + (f"<ul>{below}</ul>" if below else "")
         + (f"<p>{escape(sheet.more)}</p>" if sheet.more else "")
     )
 
 
-def _typeset(text: str) -> str:
+def _typeset_html(text: str) -> str:
     """Convert text of a terminal to HTML, with +-, powers of ten and exponents as in print."""
     html = escape(text).replace("+-", "±")
     html = re.sub(r"(?<=[\d)])e([+-]\d+)", lambda m: f" × 10<sup>{int(m[1])}</sup>", html)

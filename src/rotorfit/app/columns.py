@@ -88,15 +88,17 @@ def described_columns(
     except LogError as error:
         if len(names) < FEWEST:
             raise
-        return _table(names, given, rows=_unknown_rows(given), refused=on_page(path, error)), None
+        return _describe_table(
+            names, given, rows=_unknown_rows(given), refused=on_page(path, error)
+        ), None
     poles = given.get("poles")
     asks_poles = any(spec.unit == "erpm" for spec in proposal.columns.values())
     open_question = proposal.questions or (asks_poles and not isinstance(poles, int))
     options = ReadOptions(columns=proposal.columns, axes=proposal.axes, motor_poles=poles)
-    shown = _table(
+    shown = _describe_table(
         names,
         given,
-        rows=_rows(options, proposal.preview),
+        rows=_column_rows(options, proposal.preview),
         proposal=proposal,
         asks_poles=asks_poles,
         map=None if open_question else table_of_options(options),
@@ -135,17 +137,17 @@ def _by_map(
         doubts, preview = seen.doubts, seen.preview
     except LogError as error:
         doubts = (on_page(path, error),)
-    shown = _table(
+    shown = _describe_table(
         names,
         given,
-        rows=_rows(options, preview),
+        rows=_column_rows(options, preview),
         asks_poles=any(spec.unit == "erpm" for spec in specs.values()),
         map=table_of_options(options),
     )
     return {**shown, "reasons": ["as the experiment file names them"], "doubts": [*doubts]}, options
 
 
-def _table(
+def _describe_table(
     names: Sequence[str],
     given: Mapping[str, Any],
     *,
@@ -182,15 +184,19 @@ def channel_of(canonical: str) -> str:
     return CHANNELS.get(canonical) or canonical.partition("_")[0]
 
 
-def _rows(options: ReadOptions, preview: Mapping[str, Sequence[float]]) -> list[dict[str, Any]]:
+def _column_rows(
+    options: ReadOptions, preview: Mapping[str, Sequence[float]]
+) -> list[dict[str, Any]]:
     return [
-        _row(
+        _column_row(
             name,
             spec.name,
             unit_of(name, spec),
             scale=spec.scale,
             range=None if spec.range is None else list(spec.range),
-            preview=[_shown(value, 12 if name == TIME else 4) for value in preview.get(name, ())],
+            preview=[
+                _shown_value(value, 12 if name == TIME else 4) for value in preview.get(name, ())
+            ],
         )
         for name, spec in (options.columns or {}).items()
     ]
@@ -201,10 +207,10 @@ def _unknown_rows(given: Mapping[str, Any]) -> list[dict[str, Any]]:
     named = table(given.get("named"))
     wanted = [*NEEDED, *(name for name in named if name not in NEEDED and named[name])]
     units = table(given.get("units"))
-    return [_row(name, named.get(name), units.get(channel_of(name))) for name in wanted]
+    return [_column_row(name, named.get(name), units.get(channel_of(name))) for name in wanted]
 
 
-def _row(name: str, column: str | None, unit: str | None, **more: Any) -> dict[str, Any]:
+def _column_row(name: str, column: str | None, unit: str | None, **more: Any) -> dict[str, Any]:
     channel = channel_of(name)
     component = name.rpartition("_")[2] if "_" in name else ""
     component = name if channel == "angle" else component
@@ -223,5 +229,5 @@ def _row(name: str, column: str | None, unit: str | None, **more: Any) -> dict[s
     }
 
 
-def _shown(value: float, digits: int) -> str:
+def _shown_value(value: float, digits: int) -> str:
     return f"{value:.{digits}g}" if math.isfinite(value) else "none"

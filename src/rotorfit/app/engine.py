@@ -60,7 +60,7 @@ class Engine:
         try:
             return _CALLS[name](self, argument, progress)
         except RotorfitError as error:
-            return json_with_shown_names(self.folder, _refusal(error))
+            return json_with_shown_names(self.folder, _describe_refusal(error))
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
             problem = f"{name} was asked in a way that it does not understand ({error!r})"
             return {"refused": f"{problem}: reload the page"}
@@ -218,7 +218,7 @@ _CALLS: Final[Mapping[str, Callable[[Engine, Mapping[str, Any], Progress], JsonO
 CALLS: Final = tuple(_CALLS)
 
 
-def _refusal(error: RotorfitError) -> JsonObject:
+def _describe_refusal(error: RotorfitError) -> JsonObject:
     refusal: JsonObject = {"refused": " ".join(str(error).split())}
     if isinstance(error, ExperimentError) and error.problems:
         refusal["problems"] = [{"place": p, "words": text} for p, text in error.problems]
@@ -228,5 +228,5 @@ def _refusal(error: RotorfitError) -> JsonObject:
 
 
 def _saved_json(path: Path) -> Any:
-    """Read the JSON of a file; None where there is none."""
+    """Read the JSON of a file; None if there is none."""
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None

@@ -52,7 +52,7 @@ def receive(folder: Path, name: str) -> Dropped:
     taken = {one.name for one in before}
     if len(taken) >= MOST_FILES:
         raise OutputError(f"{len(taken)} files are on the page already: remove some first")
-    unique = _unique(_shown(name), taken)
+    unique = _make_unique(_shorten_name(name), taken)
     suffix = ".toml" if unique.lower().endswith(".toml") else ".log"
     path = place / f"{secrets.token_hex(8)}{suffix}"
     order = before[-1].order + 1 if before else 0
@@ -74,10 +74,10 @@ def save_description(one: Dropped, description: Mapping[str, Any]) -> None:
 
 def dropped(folder: Path) -> list[Dropped]:
     """List the files of a page, in the order in which they came."""
-    return sorted(_stored(folder), key=lambda one: one.order)
+    return sorted(_stored_files(folder), key=lambda one: one.order)
 
 
-def _stored(folder: Path) -> Iterator[Dropped]:
+def _stored_files(folder: Path) -> Iterator[Dropped]:
     for note in (folder / "files").glob("*.json"):
         try:
             entry = json.loads(note.read_text(encoding="utf-8"))
@@ -129,7 +129,7 @@ def json_with_shown_names(folder: Path, value: Any) -> Any:
             return value
 
 
-def _shown(name: str) -> str:
+def _shorten_name(name: str) -> str:
     """Reduce a name to its last part, in characters that can be seen."""
     last = _UNSEEN.sub("", file_name(name)).strip(" .") or NAMELESS
     stem, dot, suffix = last.rpartition(".")
@@ -138,7 +138,7 @@ def _shown(name: str) -> str:
     return f"{(stem if dot else last)[: LONGEST_NAME - 12]}{dot}{suffix[:8] if dot else ''}"
 
 
-def _unique(name: str, taken: set[str]) -> str:
+def _make_unique(name: str, taken: set[str]) -> str:
     """Append a number to a name that another file has."""
     stem, dot, suffix = name.rpartition(".") if "." in name else (name, "", "")
     names = (f"{stem}-{number}{dot}{suffix}" for number in range(2, MOST_FILES + 2))

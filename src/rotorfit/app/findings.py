@@ -45,7 +45,7 @@ def inspected(
         is_log = known_kind is None and one.path.suffix != ".toml"
         kind = "log" if is_log else KINDS.get(known_kind or "", "other")
         if kind == "log":
-            columns, options = _columns(one, replies, form or {})
+            columns, options = _describe_columns(one, replies, form or {})
             if columns is None:
                 description |= _of_log(one, ReadOptions(log_number=log_number))
             else:
@@ -63,7 +63,7 @@ def inspected(
     return json_with_shown_names(one.path.parent.parent, description)
 
 
-def _columns(
+def _describe_columns(
     one: Dropped, replies: Mapping[str, Any] | None, form: Mapping[str, Any]
 ) -> tuple[dict[str, Any] | None, ReadOptions | None]:
     """Describe the columns of an unknown table, and how it is read; None for every other log."""
@@ -116,7 +116,7 @@ def _of_log(one: Dropped, options: ReadOptions) -> dict[str, Any]:
     found = plain(report) | {
         "sections": [{"title": title, "words": words} for title, words in sections(report)],
         "usable": report.usable,
-        "verdict": _verdict(report),
+        "verdict": _summarise_verdict(report),
         "rotors": seen["rotors"],
         "guess": {
             **{key: seen[key] for key in ("speed", "layout", "order", "borne_out")},
@@ -149,7 +149,7 @@ def _logged_airframe(metadata: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def _verdict(report: LogReport) -> dict[str, str]:
+def _summarise_verdict(report: LogReport) -> dict[str, str]:
     """Summarise in one sentence what a flight can show, with a level."""
     found = report.prospects
     if not report.usable or found is None:

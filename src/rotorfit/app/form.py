@@ -34,16 +34,18 @@ def described(folder: Path, form: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "text": None if problems else text_of(form),
         "problems": [{"place": place, "words": words} for place, words in problems],
-        "rotors": _rotors(form),
+        "rotors": _list_rotors(form),
     }
 
 
 def text_of(form: Mapping[str, Any]) -> str:
     """Write the experiment file of a form that describes an experiment."""
-    return experiment_text({**form, "configuration": [_short(c) for c in form["configuration"]]})
+    return experiment_text(
+        {**form, "configuration": [_shorten_flights(c) for c in form["configuration"]]}
+    )
 
 
-def _short(entry: Mapping[str, Any]) -> dict[str, Any]:
+def _shorten_flights(entry: Mapping[str, Any]) -> dict[str, Any]:
     """Replace flights of a configuration by their names, where they are nothing but that."""
     short = dict(entry)
     for kind in FLIGHTS:
@@ -57,7 +59,7 @@ def experiment_of(folder: Path, form: Mapping[str, Any]) -> Experiment:
     """Check a form from the page, which may hold anything; its flights are files of the page."""
     refuse_too_many_values(form, SOURCE)
     files = {one.name: one for one in dropped(folder)}
-    missing = _missing(form, files)
+    missing = _list_missing_flights(form, files)
     tables = _with_known_motors(folder, form)
 
     def place(name: str) -> Path:
@@ -74,10 +76,10 @@ def experiment_of(folder: Path, form: Mapping[str, Any]) -> Experiment:
     return experiment
 
 
-def _missing(form: Mapping[str, Any], files: Mapping[str, Dropped]) -> list[Problem]:
+def _list_missing_flights(form: Mapping[str, Any], files: Mapping[str, Dropped]) -> list[Problem]:
     """List the flights that are no log of the page, or one of several without its number."""
     problems: list[Problem] = []
-    for place, flight in _flights(form):
+    for place, flight in _named_flights(form):
         name = flight.get("file")
         file = files.get(name) if isinstance(name, str) else None
         description: Mapping[str, Any] = {} if file is None else file.description
@@ -95,7 +97,7 @@ def _missing(form: Mapping[str, Any], files: Mapping[str, Dropped]) -> list[Prob
     return problems
 
 
-def _flights(form: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _named_flights(form: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield every flight that is well enough written to be looked up, with its place."""
     for number, entry in enumerate(rows(form.get("configuration"))):
         for kind in FLIGHTS:
@@ -106,12 +108,12 @@ def _flights(form: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]
 
 
 def rows(value: Any) -> Sequence[Any]:
-    """Return a list of the form; empty where it is none."""
+    """Return a list of the form; empty if it is not one."""
     return cast("list[Any]", value) if isinstance(value, list) else []
 
 
 def table(value: Any) -> Mapping[str, Any]:
-    """Return a table of the form; empty where it is none."""
+    """Return a table of the form; empty if it is not one."""
     return cast("Mapping[str, Any]", value) if isinstance(value, Mapping) else {}
 
 
@@ -129,7 +131,7 @@ def _with_known_motors(folder: Path, form: Mapping[str, Any]) -> dict[str, Any]:
         raise ExperimentError(str(error), problems=[("motors.result", str(error))]) from error
 
 
-def _rotors(form: Mapping[str, Any]) -> list[dict[str, Any]] | None:
+def _list_rotors(form: Mapping[str, Any]) -> list[dict[str, Any]] | None:
     """List the rotors of a form as soon as its airframe is whole, from the centre, FLU [m]."""
     try:
         known = airframe_of_tables({"airframe": form.get("airframe")}, source=SOURCE)
@@ -171,6 +173,6 @@ def _by_file_name(flight: dict[str, Any]) -> dict[str, Any]:
 
 def files_of(form: Mapping[str, Any]) -> list[str]:
     """List the names of all files that a form wants."""
-    names = [str(flight["file"]) for _, flight in _flights(form)]
-    poses = [str(f["mocap"]["file"]) for _, f in _flights(form) if "mocap" in f]
+    names = [str(flight["file"]) for _, flight in _named_flights(form)]
+    poses = [str(f["mocap"]["file"]) for _, f in _named_flights(form) if "mocap" in f]
     return list(dict.fromkeys([*names, *poses]))

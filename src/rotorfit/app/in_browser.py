@@ -39,10 +39,10 @@ def call(
     """
     folder.mkdir(exist_ok=True)
     engine = Engine(folder=folder, most_bytes=most_bytes)
-    return json.dumps(_response(engine, name, json.loads(argument), progress, sent))
+    return json.dumps(_respond_to_call(engine, name, json.loads(argument), progress, sent))
 
 
-def _response(
+def _respond_to_call(
     engine: Engine, name: str, argument: dict[str, Any], progress: Progress, sent: Bytes | None
 ) -> JsonObject:
     if name == "document":
@@ -55,13 +55,13 @@ def _response(
         return {"refused": f"no call {name!r} here"}
     if sent is not None:
         try:
-            argument = {"name": _received(engine, argument["name"], sent.to_bytes())}
+            argument = {"name": _store_file(engine, argument["name"], sent.to_bytes())}
         except RotorfitError as error:
             return {"refused": str(error)}
     return engine.call(name, argument, progress)
 
 
-def _received(engine: Engine, name: str, content: bytes) -> str:
+def _store_file(engine: Engine, name: str, content: bytes) -> str:
     """Store a file, and return the name under which it is kept."""
     if engine.bytes_held() + len(content) > engine.most_bytes:
         raise RotorfitError(

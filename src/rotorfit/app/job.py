@@ -19,10 +19,10 @@ def main() -> None:
     stream = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     Thread(target=_end_with_the_server, daemon=True).start()
-    _write_message(stream, {"answer": _response(request, stream)})
+    _write_message(stream, {"answer": _respond_to_request(request, stream)})
 
 
-def _response(request: dict[str, Any], stream: TextIO) -> dict[str, Any]:
+def _respond_to_request(request: dict[str, Any], stream: TextIO) -> dict[str, Any]:
     from rotorfit.app.engine import Engine
 
     def progress(step: str, share: float | None) -> None:

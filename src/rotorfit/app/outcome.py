@@ -125,10 +125,12 @@ def outcome_of(result: IdentificationResult) -> dict[str, Any]:
         "name": result.name,
         "seconds": sum(flight.seconds_used for flight in result.flights),
         "text": result_text(result),
-        "tables": [_table(one) for one in parameter_tables(result)],
-        "budgets": [_budget(result, n) for n in (*result.parameters, *result.derived) if n.std],
+        "tables": [_plain_table(one) for one in parameter_tables(result)],
+        "budgets": [
+            _plain_budget(result, n) for n in (*result.parameters, *result.derived) if n.std
+        ],
         "summary": [
-            {"title": title, "lines": [_line(one) for one in lines]}
+            {"title": title, "lines": [_plain_line(one) for one in lines]}
             for title, lines in summary.groups
         ],
         "in_short": [*summary.doubts, *summary.notes],
@@ -151,7 +153,7 @@ def outcome_of(result: IdentificationResult) -> dict[str, Any]:
     }
 
 
-def _budget(result: IdentificationResult, number: Parameter | Derived) -> dict[str, Any]:
+def _plain_budget(result: IdentificationResult, number: Parameter | Derived) -> dict[str, Any]:
     """Return the parts of an interval as the page stacks them."""
     budget = budget_of(result, number)
     return {
@@ -168,7 +170,7 @@ def _budget(result: IdentificationResult, number: Parameter | Derived) -> dict[s
     }
 
 
-def _line(line: Line) -> dict[str, Any]:
+def _plain_line(line: Line) -> dict[str, Any]:
     return {
         "title": line.heading,
         "parts": [
@@ -178,16 +180,16 @@ def _line(line: Line) -> dict[str, Any]:
     }
 
 
-def _table(parameters: ParameterTable) -> dict[str, Any]:
+def _plain_table(parameters: ParameterTable) -> dict[str, Any]:
     return {
         "title": parameters.title,
         "explanation": parameters.explanation,
-        "rows": [_row(row) for row in parameters.rows],
+        "rows": [_plain_row(row) for row in parameters.rows],
         "notes": [dataclasses.asdict(note) for note in parameters.notes],
     }
 
 
-def _row(row: Row) -> dict[str, Any]:
+def _plain_row(row: Row) -> dict[str, Any]:
     number = row.source
     return {
         "name": row.name,
@@ -235,7 +237,7 @@ def _plan_request(folder: Path, form: Mapping[str, Any], accuracy: str) -> PlanR
     return PlanRequest(
         name=str(form.get("name", "vehicle")),
         vehicle=vehicle,
-        mass=_mass(form) if after is None else result_mass(after, None)[1],
+        mass=_mass_of_form(form) if after is None else result_mass(after, None)[1],
         speed=motors.speed,
         timed=motors.delay is None and (motors.speed == "measured" or motors.lag is None),
         wanted=wanted_accuracy(accuracy),
@@ -243,7 +245,7 @@ def _plan_request(folder: Path, form: Mapping[str, Any], accuracy: str) -> PlanR
     )
 
 
-def _mass(form: Mapping[str, Any]) -> float:
+def _mass_of_form(form: Mapping[str, Any]) -> float:
     entry = next(iter(rows(form.get("configuration"))), None)
     mass = table(entry).get("mass")
     if not isinstance(mass, int | float):
@@ -264,7 +266,7 @@ def exported(folder: Path, argument: Mapping[str, Any]) -> dict[str, Any]:
     if not path.exists():
         raise OutputError("there is no result yet: identify first")
     result = load_sound(path)
-    assumed = _assumed(argument.get("assume") or {})
+    assumed = _parse_assumed(argument.get("assume") or {})
     configuration = argument.get("configuration")
     name = f"{target}{OFFERED[target].suffix}"
     if target in RANDOM_TARGETS:
@@ -294,7 +296,7 @@ def missing_numbers(error: MissingNumbersError) -> list[dict[str, str]]:
     return [{"name": name, "unit": unit_of(name)} for name in error.names]
 
 
-def _assumed(given: Mapping[str, Any]) -> dict[str, float]:
+def _parse_assumed(given: Mapping[str, Any]) -> dict[str, float]:
 
     from rotorfit.export.result_numbers import parse_assumptions
 

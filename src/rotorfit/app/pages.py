@@ -42,14 +42,14 @@ class Job:
     def report(self, progress: Mapping[str, Any]) -> None:
         """Set the progress, and wake those who wait for it."""
         self.progress = progress
-        self._wake()
+        self._wake_listeners()
 
     def end(self, response: JsonObject) -> None:
         """Set the response, and wake those who wait for it."""
         self.response = response
-        self._wake()
+        self._wake_listeners()
 
-    def _wake(self) -> None:
+    def _wake_listeners(self) -> None:
         self.changed.set()
         self.changed = asyncio.Event()
 
@@ -106,7 +106,7 @@ class Pages:
         self._slots = asyncio.Semaphore(AT_ONCE)
 
     def open(self, key: object) -> Page | None:
-        """Return the page of a key, or a new one; None where too many are open in browsers."""
+        """Return the page of a key, or a new one; None if too many are open in browsers."""
         page = self._pages.get(key) if isinstance(key, str) else None
         if page is not None:
             return page
@@ -114,13 +114,13 @@ class Pages:
             abandoned = next((one for one in self._pages.values() if not one.present), None)
             if abandoned is None:
                 return None
-            self._forget(abandoned)
+            self._forget_page(abandoned)
         folder = self.folder / secrets.token_hex(8)
         folder.mkdir(mode=0o700)
         key = secrets.token_urlsafe(16)
         page = Page(key=key, engine=Engine(folder=folder, most_bytes=self.most_bytes))
         self._pages[key] = page
-        self._leave(page)
+        self._schedule_leaving(page)
         return page
 
     def get(self, key: str) -> Page | None:
@@ -138,17 +138,17 @@ class Pages:
         finally:
             page.present -= 1
             if not page.present and not self.closing.is_set():
-                self._leave(page)
+                self._schedule_leaving(page)
 
-    def _leave(self, page: Page) -> None:
+    def _schedule_leaving(self, page: Page) -> None:
         loop = asyncio.get_running_loop()
         page.leaving = loop.call_later(self.grace, self._forget_if_left, page)
 
     def _forget_if_left(self, page: Page) -> None:
         if not page.present:
-            self._forget(page)
+            self._forget_page(page)
 
-    def _forget(self, page: Page) -> None:
+    def _forget_page(self, page: Page) -> None:
         self._pages.pop(page.key, None)
         if page.leaving is not None:
             page.leaving.cancel()
@@ -164,10 +164,10 @@ class Pages:
             job.end({"refused": f"{len(page.jobs)} calls of this page wait already: try later"})
             return job
         page.jobs.append(job)
-        job.task = asyncio.create_task(self._work(page, job))
+        job.task = asyncio.create_task(self._run_job(page, job))
         return job
 
-    async def _work(self, page: Page, job: Job) -> None:
+    async def _run_job(self, page: Page, job: Job) -> None:
         turn = page.looking if job.name in LOOKS else page.working
         if turn.locked():
             job.report({"step": "waiting for its turn", "share": None})
@@ -186,7 +186,7 @@ class Pages:
         self.closing.set()
         tasks = [job.task for page in self._pages.values() for job in page.jobs if job.task]
         for page in list(self._pages.values()):
-            self._forget(page)
+            self._forget_page(page)
         await asyncio.gather(*tasks, return_exceptions=True)
         self.clear()
 

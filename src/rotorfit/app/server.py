@@ -71,7 +71,7 @@ class Guard:
                     headers.setdefault(name, value)
             await send(message)
 
-        refusal = self._refusal(scope)
+        refusal = self._refusal_reason(scope)
         if refusal is not None:
             response = PlainTextResponse(f"{refusal}\n", status_code=403)
             await response(scope, receive, send_guarded)
@@ -80,8 +80,8 @@ class Guard:
         inner = {**scope, "path": path, "raw_path": path.encode(), "root_path": ""}
         await self._app(inner, receive, send_guarded)
 
-    def _refusal(self, scope: Scope) -> str | None:
-        """Return the reason to refuse a request; None where there is none."""
+    def _refusal_reason(self, scope: Scope) -> str | None:
+        """Return the reason to refuse a request; None if there is none."""
         headers: Iterable[tuple[bytes, bytes]] = scope["headers"]
         hosts = [value.decode("latin-1") for name, value in headers if name == b"host"]
         if len(hosts) != 1 or hosts[0] not in self._hosts:
@@ -149,7 +149,7 @@ def ready(*, port: int = 0, most_bytes: int = MOST_BYTES) -> Served:
     token = secrets.token_urlsafe(32)
     pages = Pages(most_bytes=most_bytes)
     config = uvicorn.Config(
-        Guard(_application(pages), token=token, port=port),
+        Guard(_build_application(pages), token=token, port=port),
         http="h11",
         loop="asyncio",
         ws="none",
@@ -181,39 +181,39 @@ def serve(served: Served) -> None:
         served.pages.clear()
 
 
-def _application(pages: Pages) -> Starlette:
+def _build_application(pages: Pages) -> Starlette:
     """Route the requests that the guard has let through."""
 
     async def open_page(request: Request) -> Response:
         argument = await _json_of(request)
         page = pages.open(argument.get("page"))
         if page is None:
-            return _refused("too many pages are open: close one of them", 429)
+            return _refused_response("too many pages are open: close one of them", 429)
         return JSONResponse({"page": page.key, "engine": "server"})
 
     async def call(request: Request) -> Response:
         page, name = pages.get(request.path_params["page"]), request.path_params["call"]
         if page is None:
-            return _refused(GONE, 404)
+            return _refused_response(GONE, 404)
         if name == "add_file":
-            return await _added(pages, page, request)
-        return _called(pages, page, name, await _json_of(request))
+            return await _add_file(pages, page, request)
+        return _respond_to_call(pages, page, name, await _json_of(request))
 
     async def present(request: Request) -> Response:
         page = pages.get(request.path_params["page"])
-        return _refused(GONE, 404) if page is None else _Presence(pages, page)
+        return _refused_response(GONE, 404) if page is None else _Presence(pages, page)
 
     async def document(request: Request) -> Response:
         page = pages.get(request.path_params["page"])
-        return _refused(GONE, 404) if page is None else _document(page, request)
+        return _refused_response(GONE, 404) if page is None else _serve_document(page, request)
 
     routes = [
-        Route("/", _static),
+        Route("/", _serve_static),
         Route("/open", open_page, methods=["POST"]),
         Route("/page/{page}/present", present),
         Route("/page/{page}/document/{kind}", document),
         Route("/page/{page}/{call}", call, methods=["POST"]),
-        Route("/{name}", _static),
+        Route("/{name}", _serve_static),
     ]
     handlers: dict[Any, Callable[..., Any]] = {RotorfitError: _refused_error}
     return Starlette(routes=routes, exception_handlers=handlers)
@@ -221,22 +221,22 @@ def _application(pages: Pages) -> Starlette:
 
 async def _refused_error(request: Request, error: Exception) -> Response:
     del request
-    return _refused(str(error), 400)
+    return _refused_response(str(error), 400)
 
 
-def _refused(message: str, status: int) -> Response:
+def _refused_response(message: str, status: int) -> Response:
     # What was not read of a request is not waited for.
     return JSONResponse({"refused": message}, status_code=status, headers={"connection": "close"})
 
 
-async def _static(request: Request) -> Response:
+async def _serve_static(request: Request) -> Response:
     """Serve a file of the page: one of those in its folder, whatever is asked for."""
     name = request.path_params.get("name", "index.html")
     if name == "engine.json":
         return JSONResponse({"engine": "server"})
     found = {path.name: path for path in STATIC.iterdir() if path.is_file()}.get(name)
     if found is None:
-        return _refused(f"no file {name!r} belongs to the page", 404)
+        return _refused_response(f"no file {name!r} belongs to the page", 404)
     kind = TYPES.get(found.suffix) or mimetypes.guess_type(name)[0]
     return Response(found.read_bytes(), media_type=kind)
 
@@ -244,7 +244,7 @@ async def _static(request: Request) -> Response:
 async def _json_of(request: Request) -> dict[str, Any]:
     """Read the table that was sent; raise OutputError if it is too long, too slow, or none."""
     sent = bytearray()
-    async for piece in _pieces(request):
+    async for piece in _receive_pieces(request):
         sent += piece
         if len(sent) > LONGEST_CALL:
             raise OutputError(f"a call of over {LONGEST_CALL} bytes: the form is too long")
@@ -261,7 +261,7 @@ def _no_number(word: str) -> float:
     raise ValueError(f"{word} is no number of JSON")
 
 
-async def _pieces(request: Request) -> AsyncGenerator[bytes]:
+async def _receive_pieces(request: Request) -> AsyncGenerator[bytes]:
     """Yield the pieces received; raise OutputError if nothing comes for too long."""
     pieces = aiter(request.stream())
     while True:
@@ -277,7 +277,7 @@ async def _pieces(request: Request) -> AsyncGenerator[bytes]:
         yield piece
 
 
-def _called(pages: Pages, page: Page, name: str, argument: dict[str, Any]) -> Response:
+def _respond_to_call(pages: Pages, page: Page, name: str, argument: dict[str, Any]) -> Response:
     """Respond to a call: at once, or line by line where it takes long."""
     if name == "stop":
         page.stop()
@@ -288,23 +288,23 @@ def _called(pages: Pages, page: Page, name: str, argument: dict[str, Any]) -> Re
     if name in LONG:
         return _Lines(pages.begin(page, name, argument), pages)
     if name not in CALLS:
-        return _refused(f"no call {name!r}", 404)
+        return _refused_response(f"no call {name!r}", 404)
     if name == "remove_file":
-        return JSONResponse(_removed(page, argument))
-    response = page.engine.call(name, argument, _silent)
+        return JSONResponse(_remove_file(page, argument))
+    response = page.engine.call(name, argument, _ignore_progress)
     if name == "restore":
         response["running"] = page.running("identify") is not None
     return JSONResponse(response)
 
 
-async def _added(pages: Pages, page: Page, request: Request) -> Response:
+async def _add_file(pages: Pages, page: Page, request: Request) -> Response:
     """Receive a file, then inspect it."""
     name, path = page.engine.receive(request.query_params.get("name", ""))
     try:
         await _write_sent(page, path, request)
     except (OutputError, OSError) as error:
-        page.engine.call("remove_file", {"name": name}, _silent)
-        return _refused(f"{name}: {error}", 413)
+        page.engine.call("remove_file", {"name": name}, _ignore_progress)
+        return _refused_response(f"{name}: {error}", 413)
     return _Lines(pages.begin(page, "add_file", {"name": name}), pages)
 
 
@@ -318,7 +318,7 @@ async def _write_sent(page: Page, path: Path, request: Request) -> None:
     received = 0
     try:
         with path.open("xb") as file:
-            async for piece in _pieces(request):
+            async for piece in _receive_pieces(request):
                 received += len(piece)
                 page.held += len(piece)
                 if page.held > most:
@@ -329,24 +329,24 @@ async def _write_sent(page: Page, path: Path, request: Request) -> None:
         raise
 
 
-def _removed(page: Page, argument: dict[str, Any]) -> JsonObject:
+def _remove_file(page: Page, argument: dict[str, Any]) -> JsonObject:
     """Remove a file, and end the inspections of it."""
     page.stop(str(argument.get("name")))
     before = page.engine.bytes_held()
-    response = page.engine.call("remove_file", argument, _silent)
+    response = page.engine.call("remove_file", argument, _ignore_progress)
     page.held += page.engine.bytes_held() - before
     return response
 
 
-def _silent(step: str, share: float | None) -> None:
+def _ignore_progress(step: str, share: float | None) -> None:
     del step, share
 
 
-def _document(page: Page, request: Request) -> Response:
+def _serve_document(page: Page, request: Request) -> Response:
     """Serve a report, a result or a page of findings, which may connect to nothing."""
     path = page.engine.document(request.path_params["kind"], request.query_params.get("name"))
     if path is None:
-        return _refused("there is no such document yet", 404)
+        return _refused_response("there is no such document yet", 404)
     kind = "text/html" if path.suffix == ".html" else "text/plain; charset=utf-8"
     return FileResponse(path, media_type=kind, headers={"content-security-policy": DOCUMENT_POLICY})
 
@@ -373,7 +373,7 @@ class _Lines(Response):
                 await send({"type": "http.response.body", "body": line, "more_body": True})
             await send(ENDED)
 
-        await _first_of(lines(), _disconnected(receive))
+        await _first_of(lines(), _wait_for_disconnect(receive))
 
 
 class _Presence(Response):
@@ -391,12 +391,12 @@ class _Presence(Response):
             start = {"type": "http.response.start", "status": 200, "headers": self.raw_headers}
             await send(start)
             await send({"type": "http.response.body", "body": b"\n", "more_body": True})
-            await _first_of(self._pages.closing.wait(), _disconnected(receive))
+            await _first_of(self._pages.closing.wait(), _wait_for_disconnect(receive))
         with suppress(OSError):
             await send(ENDED)
 
 
-async def _disconnected(receive: Receive) -> None:
+async def _wait_for_disconnect(receive: Receive) -> None:
     while (await receive())["type"] != "http.disconnect":
         pass
 

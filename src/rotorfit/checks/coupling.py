@@ -59,7 +59,7 @@ def drop_absent_coupling(fit: Fit) -> Fit:
     I_zz of a multirotor, they are there. (Other sides alone can always make a ball of a body.)
     """
     dataset, estimate = fit.dataset, fit.estimate
-    if not _suspicious(fit):
+    if not _has_suspicious_yaw_inertia(fit):
         return fit
     simulated = any(f.log.simulator == SITL for c in dataset.configurations for f in c.flights)
     other = dataclasses.replace(dataset, model=without_coupling(dataset.model))
@@ -85,7 +85,7 @@ def drop_absent_coupling(fit: Fit) -> Fit:
 def _hidden_by_sides(fit: Fit, uncoupled: Fit) -> bool:
     """Test whether other sides of the frame give back the coupling, and a multirotor's I_zz."""
     moved = likeliest_sides(fit)
-    if moved is None or _suspicious(moved):
+    if moved is None or _has_suspicious_yaw_inertia(moved):
         return False
     return gained(uncoupled.estimate, moved.estimate) > 0.0
 
@@ -103,7 +103,7 @@ def _absent_coupling(numbers: Numbers, gain: float, least: float) -> Finding:
     )
 
 
-def _suspicious(fit: Fit) -> bool:
+def _has_suspicious_yaw_inertia(fit: Fit) -> bool:
     """Test whether a configuration's I_zz is known, and too large or small for a multirotor."""
     return any(_no_multirotor(fit.numbers, c.name) for c in fit.configurations)
 

@@ -53,12 +53,13 @@ def odd_flight(fit: Fit) -> Iterator[Finding]:
     for configured, c in zip(fit.dataset.configurations, fit.configurations, strict=True):
         if len(configured.flights) < 2 or c.payload_of is not None:
             continue
-        alone = dict(_alone(c, fit.estimate, len(configured.flights)))
+        alone = dict(_fit_flights_alone(c, fit.estimate, len(configured.flights)))
         for k, own in alone.items():
             others = [numbers for other, numbers in alone.items() if other != k]
             file = Path(configured.flights[k].entry.file).name
             found += [
-                (size, f"{c.name}: {file}{words}") for size, words in _outlying(c, own, others)
+                (size, f"{c.name}: {file}{words}")
+                for size, words in _outlying_numbers(c, own, others)
             ]
     if found:
         size, words = max(found)
@@ -70,7 +71,7 @@ def odd_flight(fit: Fit) -> Iterator[Finding]:
         )
 
 
-def _alone(
+def _fit_flights_alone(
     c: JointConfiguration, fit: BandedEstimate, flights: int
 ) -> Iterator[tuple[int, Numbers]]:
     """Yield the numbers of each flight by itself, where they are identifiable."""
@@ -94,7 +95,7 @@ def _is_of(name: str, configuration: str) -> bool:
     return not name.startswith(TRIM) and owner in ("", configuration)
 
 
-def _outlying(
+def _outlying_numbers(
     c: JointConfiguration, own: Numbers, others: Sequence[Numbers]
 ) -> Iterator[tuple[float, str]]:
     """Yield the deviations by which a flight differs from the mean of the others, and a phrase."""
@@ -181,10 +182,10 @@ def payload_checks(
     free = [dataclasses.replace(c, payload=(), payload_of=None) for c in configurations]
     fit = joint_estimate(free, [fit_rows(c.factors, c.model, mass=c.mass) for c in free])
     numbers = joint_numbers(fit, free, mass_std)
-    return [_check(c, numbers) for c in configurations if c.payload_of is not None]
+    return [_check_payload(c, numbers) for c in configurations if c.payload_of is not None]
 
 
-def _check(configuration: JointConfiguration, numbers: Numbers) -> PayloadCheck:
+def _check_payload(configuration: JointConfiguration, numbers: Numbers) -> PayloadCheck:
     """Check one payload against freely fitted bodies."""
     loaded, bare = (
         [numbers.index(f"{name}@{owner}") for name in MOMENTS]
@@ -193,7 +194,7 @@ def _check(configuration: JointConfiguration, numbers: Numbers) -> PayloadCheck:
     added = added_moments(configuration.payload)
     declared = np.array([added[name] for name in MOMENTS])
     flown = numbers.values[loaded] - numbers.values[bare]
-    C = _covariance(configuration, numbers, (loaded, bare))
+    C = _payload_covariance(configuration, numbers, (loaded, bare))
     inverse = np.linalg.inv(C / np.outer(*[np.sqrt(np.diagonal(C))] * 2))
     std = np.sqrt(np.diagonal(C))
     c, d = declared / std, flown / std
@@ -215,7 +216,7 @@ def _check(configuration: JointConfiguration, numbers: Numbers) -> PayloadCheck:
     )
 
 
-def _covariance(
+def _payload_covariance(
     configuration: JointConfiguration, numbers: Numbers, places: tuple[list[int], list[int]]
 ) -> Float[np.ndarray, "9 9"]:
     """Compute the covariance of (B - A) - payload, in which the bodies share the rotors."""
@@ -233,7 +234,7 @@ def _covariance(
 
 
 def payload_sentence(check: PayloadCheck) -> str | None:
-    """Explain what disagrees; None where nothing does."""
+    """Explain what disagrees; None if nothing does."""
     if min(check.probability, check.arm_probability) > SUSPICIOUS:
         return None
     if check.arm_probability <= SUSPICIOUS and check.rest_probability > LIKELY:

@@ -455,7 +455,7 @@ def _yaw_trim(configured: ConfigurationData, vehicle: Vehicle) -> float:
 
 
 def _yaw_shift_without_mean(fit: Fit, c: JointConfiguration) -> Evidence | None:
-    """Measure the shift of k_d / Izz without the means, as a share; None where there are none.
+    """Measure the shift of k_d / Izz without the means, as a share; None if there are none.
 
     In one step of the joint fit, which allows for the autopilot's response: the yaw row alone calls
     37 to 46 % too little of short flights a torque. The limit is its interval, or chance.

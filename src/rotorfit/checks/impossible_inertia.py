@@ -72,11 +72,11 @@ def smallest_second_moment(numbers: Numbers, configuration: str) -> SecondMoment
     return SecondMoment(
         value=float(moments[0]),
         half_width=float(np.sqrt(max(variance, 0.0))),
-        share=_share(float(moments[0]), 0.5 * float(values[:3].sum())),
+        share=_moment_share(float(moments[0]), 0.5 * float(values[:3].sum())),
     )
 
 
-def _share(moment: float, total: float) -> float:
+def _moment_share(moment: float, total: float) -> float:
     """Return a second moment over their sum; infinitely impossible where no sum is positive."""
     return moment / total if total > 1e-9 * abs(moment) else float("-inf")
 
@@ -87,7 +87,7 @@ def moment_slopes() -> list[Float[np.ndarray, "3 3"]]:
 
 
 def possible_sentence(moment: SecondMoment, configuration: str) -> str | None:
-    """Describe an impossible body in words; None where it can exist."""
+    """Describe an impossible body in words; None if it can exist."""
     if moment.value >= 0.0:
         return None
     percent = 100.0 * abs(moment.share)
@@ -137,7 +137,7 @@ def negative_moment(
             severity="doubt",
             sentence=f"{configuration}: {axis} comes out negative, {with_half(value, half)} kg m^2:"
             f" the vehicle {motion} against the torque of the declared rotors; {DECLARE}",
-            numbers=tuple(name for name in numbers.names if _disproved(name, configuration)),
+            numbers=tuple(name for name in numbers.names if _is_disproved(name, configuration)),
             evidence=(
                 Evidence(
                     name=f"negative_inertia@{configuration}", value=value, interval=ends, limit=0.0
@@ -153,14 +153,14 @@ def body_finding(
     moment: SecondMoment, configuration: str, parameters: Sequence[Parameter], names: Sequence[str]
 ) -> Finding:
     """Judge one body by its smallest second moment; `names` are those of all numbers."""
-    disproved = tuple(name for name in names if _disproved(name, configuration))
+    disproved = tuple(name for name in names if _is_disproved(name, configuration))
     lost = {p.full_name for p in parameters if p.value is None}
     # What is not reported needs no doubt.
     shown = not lost & {f"{axis}@{configuration}" for axis in ("Ixx", "Iyy", "Izz")}
     sentence = possible_sentence(moment, configuration) if shown else None
     measured = {f"smallest_second_moment@{configuration}": moment.share}
     if moment.impossible:
-        measured |= _estimates([p for p in parameters if p.full_name in disproved])
+        measured |= _withheld_estimates([p for p in parameters if p.full_name in disproved])
     found = doubt_or_passed("impossible-inertia", sentence, measured, numbers=disproved)
     if not moment.impossible:
         # A number that is right within its interval is no reason to doubt it.
@@ -168,13 +168,13 @@ def body_finding(
     return dataclasses.replace(found, next_step=FLY, withheld_because=IMPOSSIBLE)
 
 
-def _disproved(full_name: str, configuration: str) -> bool:
+def _is_disproved(full_name: str, configuration: str) -> bool:
     """Return whether an impossible body of a configuration disproves a number."""
     name, _, owner = full_name.partition("@")
     return name in SCALED or (owner == configuration and name.startswith(INERTIA))
 
 
-def _estimates(withheld: Sequence[Parameter]) -> dict[str, float]:
+def _withheld_estimates(withheld: Sequence[Parameter]) -> dict[str, float]:
     """Return values and deviations of withheld moments, from which `project_to_physical` begins."""
     return {
         f"{ESTIMATE}{what}_{p.full_name}": float(number)

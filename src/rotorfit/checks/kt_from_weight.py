@@ -94,7 +94,7 @@ class Balance:
     Attributes
     ----------
     changes
-        By changes of thrust; None where they are not informative.
+        By changes of thrust; None if they are not informative.
     weight
         By what carries the weight.
     """
@@ -263,7 +263,7 @@ def velocity_std_of(data: FlightData, *, estimated: bool) -> float:
 
 
 def thrust_shares(numbers: Numbers, vehicle: Vehicle) -> ThrustShares | None:
-    """Return each rotor's share, by the fit; None where it has one k_t for all."""
+    """Return each rotor's share, by the fit; None if it has one k_t for all."""
     n = len(vehicle.rotors)
     names = [f"kt_{i + 1}" for i in range(n)]
     if not set(names) <= set(numbers.names):
@@ -310,7 +310,7 @@ def bias_at_rest(flight: FlightData) -> Measured:
 
 
 def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
-    """Say whether weight and changes of thrust agree."""
+    """State whether weight and changes of thrust agree."""
     kind, weight, changes = "thrust-against-weight", balance.weight, balance.changes
     if changes is None:
         return doubt_or_passed(kind, None, {"kt_of_weight": weight.value})

@@ -1,4 +1,4 @@
-"""Say where a log hovers on another thrust than in the part that is used."""
+"""State where a log hovers on another thrust than in the part that is used."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -124,7 +124,7 @@ class FrameSides:
         return self.declared * (1.0 + s) / (1.0 - s)
 
     @cached_property
-    def _parts(self) -> Float[np.ndarray, "2 n"]:
+    def _posterior_parts(self) -> Float[np.ndarray, "2 n"]:
         """The posterior of s over the grid: measured with a ruler, and mistaken."""
         seen = np.ones(len(_GRID))
         if np.isfinite(self.std):
@@ -139,12 +139,12 @@ class FrameSides:
     @property
     def measured(self) -> float:
         """Chance that the sides were measured, and not mistaken."""
-        return float(self._parts[0].sum())
+        return float(self._posterior_parts[0].sum())
 
     @property
     def half_widths(self) -> Float[np.ndarray, " q"]:
         """What holds 95 % of the posterior of each number about its value, for the sides alone."""
-        far, weights = np.abs(_GRID), self._parts.ravel()
+        far, weights = np.abs(_GRID), self._posterior_parts.ravel()
         out = np.zeros(len(self.slopes))
         for i, (slope, by_mistake) in enumerate(zip(self.slopes, self.by_mistake, strict=True)):
             off = np.concatenate([slope * far, by_mistake * far])
@@ -155,7 +155,7 @@ class FrameSides:
 
 
 def allow_for_sides(fit: Fit) -> Fit:
-    """Append what is open of the sides of the frame, and say what the flights show of them.
+    """Add the uncertainty of the frame's sides, and report which sides the flights show.
 
     A refusal waits for the checks: others look for its cause before (`refuse_wrong_sides`).
     """
@@ -172,7 +172,7 @@ def allow_for_sides(fit: Fit) -> Fit:
 
 
 def frame_sides(fit: Fit) -> FrameSides | None:
-    """Estimate the sides of the frame; None where it has no two sides.
+    """Estimate the sides of the frame; None if it has no two sides.
 
     Without gyroscopic terms, or where they are not determined, the flights tell nothing of them.
     With sides that are far off a fit may lose yaw, and with it what shows the sides: so where the
@@ -182,7 +182,7 @@ def frame_sides(fit: Fit) -> FrameSides | None:
     first = _frame_sides(fit)
     if first is None:
         return first
-    moved = _likeliest(fit, first)
+    moved = _find_likeliest_sides(fit, first)
     again = None if moved is None else _frame_sides(moved[1])
     if moved is None or again is None or not np.isfinite(again.std):
         return first
@@ -198,26 +198,26 @@ def frame_sides(fit: Fit) -> FrameSides | None:
 
 
 def likeliest_sides(fit: Fit) -> Fit | None:
-    """Fit with the sides of the frame that are likelier by far; None where the declared ones are.
+    """Fit with the sides of the frame that are likelier by far; None if the declared ones are.
 
     As far off as `frame_sides` looks.
     """
     first = _frame_sides(fit)
-    moved = None if first is None else _likeliest(fit, first)
+    moved = None if first is None else _find_likeliest_sides(fit, first)
     return None if moved is None else moved[1]
 
 
-def _likeliest(fit: Fit, first: FrameSides) -> tuple[float, Fit] | None:
-    """Return s of the likeliest fit about an estimate, with it; None where the fit's own is."""
+def _find_likeliest_sides(fit: Fit, first: FrameSides) -> tuple[float, Fit] | None:
+    """Return s of the likeliest fit about an estimate, with it; None if the fit's own is."""
     if not np.isfinite(first.std) or abs(first.value) + first.std < NEAR:
         return None
     open_by = [0.0] if first.std < NEAR else [-first.std, 0.0, first.std]
-    moved = [one for off in open_by for one in _moved(fit, first.value + off)]
+    moved = [one for off in open_by for one in _fit_with_sides_moved(fit, first.value + off)]
     best = max(moved, key=lambda one: gained(fit.estimate, one[1].estimate), default=None)
     return best if best and gained(fit.estimate, best[1].estimate) > 0.0 else None
 
 
-def _moved(fit: Fit, by: float) -> list[tuple[float, Fit]]:
+def _fit_with_sides_moved(fit: Fit, by: float) -> list[tuple[float, Fit]]:
     """Fit the flights with other sides, where that comes to an end; return s with the fit."""
     by = float(np.clip(by, -FARTHEST, FARTHEST))
     try:
@@ -256,23 +256,23 @@ def _frame_sides(fit: Fit) -> FrameSides | None:
         found = estimate_additional(fit.estimate, fit.configurations, [added])
     except EstimationError:
         return None
-    open_by_gusts = _attenuation(fit, found) if _is_coupled(fit) else np.inf
+    open_by_gusts = _std_by_gusts(fit, found) if _is_coupled(fit) else np.inf
     identifiable = bool(np.isfinite(open_by_gusts))
-    slopes = _slopes(fit, found)
+    slopes = _slopes_by_sides(fit, found)
     touched = touched_numbers(fit)
     by_arm = np.array([name in touched for name in fit.numbers.names])
     return FrameSides(
         declared=x / y,
         ruler=float(np.hypot(0.5 * RULER * np.hypot(1.0 / x, 1.0 / y), FLEXIBLE)),
         value=float(found.values[0]) if identifiable else 0.0,
-        std=float(np.hypot(_std(fit, found), open_by_gusts)) if identifiable else np.inf,
+        std=float(np.hypot(_std_of_sides(fit, found), open_by_gusts)) if identifiable else np.inf,
         blocks=found.blocks,
         slopes=slopes,
         by_mistake=slopes + by_arm * np.abs(fit.numbers.values),
     )
 
 
-def _std(fit: Fit, found: Additional) -> float:
+def _std_of_sides(fit: Fit, found: Additional) -> float:
     """Return the deviation of s; as large as its gain of likelihood leaves it, where that is more.
 
     Far off, where the likelihood is flat, its slopes there say nothing of what was declared.
@@ -281,8 +281,8 @@ def _std(fit: Fit, found: Additional) -> float:
     return max(float(found.std[0]), abs(float(found.values[0])) / float(np.sqrt(2.0 * gain + 1.0)))
 
 
-def _attenuation(fit: Fit, found: Additional) -> float:
-    """Return the deviation of s by gusts where an axis is hardly flown; infinite where not at all.
+def _std_by_gusts(fit: Fit, found: Additional) -> float:
+    """Return the deviation of s by gusts where an axis is hardly flown; infinite if not at all.
 
     Each axis may be as far off as its moment of inertia; s has half the difference of the two.
     Wrong sides leave motion unexplained that is no gust: the sides that were found count as well.
@@ -315,7 +315,7 @@ def sides_block(vehicle: Vehicle, layout: SignalLayout) -> Block:
     return out
 
 
-def _slopes(fit: Fit, found: Additional) -> Float[np.ndarray, " q"]:
+def _slopes_by_sides(fit: Fit, found: Additional) -> Float[np.ndarray, " q"]:
     """Return by how much each number moves with s, all others following.
 
     Moments of roll and pitch at least in proportion to their own arm: the coupling that holds them
@@ -365,12 +365,14 @@ def judge_sides(fit: Fit, sides: FrameSides) -> Finding:
         return found
     flown = [rho for name, rho in fit.numbers.excitation.items() if not name.startswith("yaw")]
     if sides.measured < REFUSED and min(flown, default=0.0) > LEAST_EXCITATION:
-        return replace(found, severity="refusal", sentence=f"{_sentence(sides)} and correct them")
+        return replace(
+            found, severity="refusal", sentence=f"{_explain_sides(sides)} and correct them"
+        )
     if sides.measured < DOUBTED:
         return replace(
             found,
             severity="doubt",
-            sentence=f"{_sentence(sides)}; until then do not trust inertia, kd and Jr",
+            sentence=f"{_explain_sides(sides)}; until then do not trust inertia, kd and Jr",
             doubtful_because="the flight shows other distances between the rotors",
             next_step="measure the rotors' distances, front to back and left to right, from motor "
             "to motor, and correct their positions under [airframe]",
@@ -378,7 +380,7 @@ def judge_sides(fit: Fit, sides: FrameSides) -> Finding:
     return found
 
 
-def _sentence(sides: FrameSides) -> str:
+def _explain_sides(sides: FrameSides) -> str:
     """Explain which ratio the flight shows, and why."""
     best, (low, high) = sides.ratio(sides.value), sides.interval
     cause = "the rotors' positions are wrong along one axis"

@@ -76,7 +76,7 @@ class Instrumented:
     of_blocks: float = 0.0
     degrees: float = np.inf
 
-    def _reach(self, unlikely: float) -> float:
+    def _reach_of_chance(self, unlikely: float) -> float:
         """Compute the deviations that chance reaches with this probability."""
         by_lines = -normal_quantile(0.5 * unlikely)
         by_blocks = -float(student_quantile(0.5 * unlikely, self.degrees))
@@ -90,7 +90,7 @@ class Instrumented:
     @property
     def half_width(self) -> float:
         """Of the ratio's 95 % interval."""
-        return float(np.hypot(self._reach(0.05) * self.std, self.passed_on))
+        return float(np.hypot(self._reach_of_chance(0.05) * self.std, self.passed_on))
 
     def contradicts(self, unlikely: float) -> bool:
         """Return whether the ratio differs from 1 beyond chance (Durbin, Wu, Hausman).
@@ -98,7 +98,7 @@ class Instrumented:
         `unlikely`: probability by chance, under which it does.
         """
         beyond = abs(self.ratio - 1.0) - self.passed_on
-        return beyond > self._reach(unlikely) * self.difference_std
+        return beyond > self._reach_of_chance(unlikely) * self.difference_std
 
 
 def instrumented(
@@ -108,23 +108,23 @@ def instrumented(
     *,
     block: Int[np.ndarray, " l"],
 ) -> Instrumented | None:
-    """Estimate the response by an instrument; None where the reference is too weak.
+    """Estimate the response by an instrument; None if the reference is too weak.
 
     `reference`: lines of the reference, in any unit; `predicted`, `error`: of the response that
     the model predicts and of the rest of what was measured [rad/s^2]; `block`: of each line.
     """
-    power = _sums(np.abs(reference) ** 2, block)
+    power = _sum_by_block(np.abs(reference) ** 2, block)
     h = np.abs(reference) ** 2 / np.maximum(power, _TINY)
     usable = (power > 0.0) & (h < MOST_LEVERAGE)
     reference, predicted, error, h = (x[usable] for x in (reference, predicted, error, h))
     block = block[usable]
     if len(block) < FEWEST_LINES:
         return None
-    c = _sums(reference.conj() * predicted, block) / power[usable]
+    c = _sum_by_block(reference.conj() * predicted, block) / power[usable]
     follows = (c * reference - h * predicted) / (1.0 - h)
-    count = _sums(np.ones(len(block)), block)
+    count = _sum_by_block(np.ones(len(block)), block)
     power = np.abs(error) ** 2 + EXACT * np.abs(predicted) ** 2
-    w = count / np.maximum(_sums(power, block), _TINY)
+    w = count / np.maximum(_sum_by_block(power, block), _TINY)
     informative_power = float(w @ np.real(follows.conj() * predicted))
     if not informative_power > 0.0:
         return None
@@ -142,17 +142,19 @@ def instrumented(
         std=variance**0.5,
         difference_std=left**0.5,
         of_blocks=float(np.sqrt(of_blocks / variance)) if variance > 0.0 else 0.0,
-        degrees=_effective(w * np.abs(follows) ** 2, block),
+        degrees=_count_effective_blocks(w * np.abs(follows) ** 2, block),
     )
 
 
-def _sums(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:
+def _sum_by_block(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:
     total = np.zeros(int(block.max(initial=-1)) + 1, dtype=values.dtype)
     np.add.at(total, block, values)
     return total[block]
 
 
-def _effective(information: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> float:
+def _count_effective_blocks(
+    information: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]
+) -> float:
     """Count the effective blocks, by the information of each line."""
     shares = np.bincount(block, weights=information)
     return float(shares.sum() ** 2 / (shares**2).sum())
@@ -184,7 +186,7 @@ class ReferenceLines:
 
 
 def reference_lines(fit: Fit) -> Iterator[tuple[str, ReferenceLines | None]]:
-    """Yield the lines of each configuration; None where its logs have no reference."""
+    """Yield the lines of each configuration; None if its logs have no reference."""
     dataset, estimate = fit.dataset, fit.estimate
     theta = theta_of(estimate.problem.map, estimate.estimate.values, fit.configurations)
     for k, (configured, c) in enumerate(
@@ -192,10 +194,10 @@ def reference_lines(fit: Fit) -> Iterator[tuple[str, ReferenceLines | None]]:
     ):
         G, _ = solved(c.model.tensor, theta[k], estimate.problem.noisy)
         turns = [NOISY.index(name) for name in TURN_ERRORS]
-        yield c.name, _lines(configured, c, dataset, G[turns])
+        yield c.name, _reference_lines(configured, c, dataset, G[turns])
 
 
-def _lines(
+def _reference_lines(
     configured: ConfigurationData,
     c: JointConfiguration,
     dataset: TimedDataset,
@@ -212,7 +214,7 @@ def _lines(
         data, plan = banded_data(flight.prepared, dataset.timing)
 
         def columns(start: int, stop: int, data: FlightData = data) -> Float[np.ndarray, "n 9"]:
-            return _columns(data, c, G, (start, stop))
+            return _reference_columns(data, c, G, (start, stop))
 
         for lines, bands, frequency in banded_lines(data, columns, plan=plan):
             lines[:, :3] *= 2j * np.pi * frequency[:, None]
@@ -231,13 +233,13 @@ def _lines(
     )
 
 
-def _columns(
+def _reference_columns(
     data: FlightData,
     c: JointConfiguration,
     G: Float[np.ndarray, "3 z"],
     rows: tuple[int, int],
 ) -> Float[np.ndarray, "n 9"]:
-    """Compute reference, prediction and error in some rows; zeros where there is no reference."""
+    """Compute reference, prediction and error in some rows; zeros if there is no reference."""
     Z = signal_matrix(data, c.vehicle, *rows, added=c.model.layout.added)
     made = np.array([name.startswith(("O2_", "dH")) for name in c.model.layout.names])
     asked = np.zeros((len(Z), 3))
@@ -271,10 +273,10 @@ def response_findings(
     for axis, one in found.items():
         number = f"{RESPONSES[axis]}@{configuration}"
         contradicts = axis in informative and one.contradicts(UNLIKELY)
-        sentence = _sentence(configuration, axis, one)
+        sentence = _explain_reference(configuration, axis, one)
         yield doubt_or_passed(
             "reference-response",
-            sentence if contradicts and _matters(one, numbers, number) else None,
+            sentence if contradicts and _matters_for(one, numbers, number) else None,
             {
                 f"reference_{axis}@{configuration}": one.ratio,
                 f"reference_{axis}_half_width@{configuration}": one.half_width,
@@ -299,13 +301,13 @@ def axis_responses(lines: ReferenceLines) -> dict[str, Instrumented]:
     return found
 
 
-def _matters(one: Instrumented, numbers: Numbers, name: str) -> bool:
+def _matters_for(one: Instrumented, numbers: Numbers, name: str) -> bool:
     """Return whether the number would move by more than half of its interval's half-width."""
     value, half = numbers.number(name)
     return 2.0 * abs(one.ratio - 1.0) * abs(value) > half
 
 
-def _sentence(name: str, axis: str, one: Instrumented) -> str:
+def _explain_reference(name: str, axis: str, one: Instrumented) -> str:
     numbers = "kd / Izz and Jr / Izz" if axis == "yaw" else f"kt / I{'xy'[axis == 'pitch'] * 2}"
     return (
         f"{name}: the response in {axis} ({numbers}), measured by the commanded rates alone, is "

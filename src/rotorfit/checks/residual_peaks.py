@@ -96,14 +96,14 @@ def highest_peaks(fit: Fit) -> list[Peak]:
     peaks: list[Peak] = []
     for configured, G in zip(dataset.configurations, each, strict=True):
         prepared = [flight.prepared for flight in configured.flights]
-        spectra = _binned(_errors(dataset, prepared, G))
-        peak = _highest(spectra, configured.entry.name)
+        spectra = _bin_spectra(_errors_of_stretches(dataset, prepared, G))
+        peak = _find_highest_bin(spectra, configured.entry.name)
         if peak is not None:
             peaks.append(peak)
     return peaks
 
 
-def _errors(
+def _errors_of_stretches(
     dataset: TimedDataset, flights: Sequence[PreparedFlight], G: Float[np.ndarray, "k z"]
 ) -> Iterator[tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"], float]]:
     """Yield the errors of every stretch, the rotors' push along the same axes, and the rate."""
@@ -121,7 +121,7 @@ def _errors(
                     yield Z @ G.T, push, data.sample_rate
 
 
-def _binned(
+def _bin_spectra(
     stretches: Iterator[tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"], float]],
 ) -> Spectra:
     """Sum the power per bin, every stretch over its own mean power, and count the lines per bin."""
@@ -134,7 +134,10 @@ def _binned(
         inside = (place > 0) & (place < count)
         if rate < 2.5 * EDGES[-1] or not inside.any():
             continue
-        one, other = _spectrum(left)[inside], _spectrum(pushed - pushed.mean(axis=0))[inside]
+        one, other = (
+            _normalised_spectrum(left)[inside],
+            _normalised_spectrum(pushed - pushed.mean(axis=0))[inside],
+        )
         one, other = (x / np.sqrt((np.abs(x) ** 2).mean(axis=0) + TINY) for x in (one, other))
         np.add.at(errors, place[inside], np.abs(one) ** 2)
         np.add.at(push, place[inside], np.abs(other) ** 2)
@@ -143,15 +146,15 @@ def _binned(
     return Spectra(errors=errors, push=push, cross=cross, lines=lines)
 
 
-def _spectrum(values: Float[np.ndarray, "n k"]) -> Complex[np.ndarray, "f k"]:
+def _normalised_spectrum(values: Float[np.ndarray, "n k"]) -> Complex[np.ndarray, "f k"]:
     """Compute the spectrum of a stretch, each axis over its own size."""
     size = np.abs(values).max(axis=0)
     window = tukey_window(len(values), 0.2)[:, None]
     return np.fft.rfft(values / np.where(size > 0.0, size, 1.0) * window, axis=0)
 
 
-def _highest(spectra: Spectra, configuration: str) -> Peak | None:
-    """Find the highest bin over its surroundings; None where there is nothing to compare."""
+def _find_highest_bin(spectra: Spectra, configuration: str) -> Peak | None:
+    """Find the highest bin over its surroundings; None if there is nothing to compare."""
     lines = spectra.lines
     bins = range(AROUND + 1, len(lines) - AROUND)
     best: Peak | None = None
@@ -195,7 +198,7 @@ def _over_surroundings(
 
 
 def peak_sentence(peak: Peak) -> str | None:
-    """Explain a peak; None where chance could make it, or it is not high."""
+    """Explain a peak; None if chance could make it, or it is not high."""
     if peak.ratio < HIGHEST_RATIO or peak.probability > UNLIKELY:
         return None
     seen = (

@@ -136,7 +136,7 @@ def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
     """Refuse declared spins that yaw contradicts, or doubt them."""
     if not fit.dataset.timing_identifiable:
         return  # nobody flies: what yaw does is the autopilot's response to gusts and noise
-    found = _contradiction(fit)
+    found = _contradict_spins(fit)
     if found.severity == "refusal":
         raise FrameError(found.sentence).about(kind=found.kind, evidence=found.evidence)
     sentence = negative_drag([c.name for c in fit.configurations], fit.numbers)
@@ -145,23 +145,23 @@ def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
     yield found
 
 
-def _contradiction(fit: Fit) -> Finding:
+def _contradict_spins(fit: Fit) -> Finding:
     """Compare the declared spins with the drag torques of single rotors."""
     declared = np.ones(len(fit.dataset.vehicle.rotors))
     drags = _drags_or_none(fit.estimate, fit.configurations)
-    seen = () if drags is None else _evidence(drags, declared)
+    seen = () if drags is None else _drag_evidence(drags, declared)
     passed = Finding(kind=KIND, severity="passed", evidence=seen)
-    if drags is not None and _surely(drags, declared):
+    if drags is not None and _declared_surely_right(drags, declared):
         return passed
-    found = _likeliest(fit, _suspects(fit, drags))
+    found = _find_likeliest_pattern(fit, _suspected_patterns(fit, drags))
     if found is None:
         return passed
     (gain, pattern, again), twins = found
     gain = log_likelihood_loss(2.0 * gain, again.blocks) - float(np.log(len(declared)))
     if gain < SUSPECTED:
         return passed
-    sentence = _sentence(fit.dataset.vehicle, pattern, again, twins)
-    evidence = _evidence(again, pattern)
+    sentence = _explain_spins(fit.dataset.vehicle, pattern, again, twins)
+    evidence = _drag_evidence(again, pattern)
     if gain > REFUSED:
         return Finding(kind=KIND, severity="refusal", sentence=sentence, evidence=evidence)
     numbers = tuple(n for n in fit.numbers.names if n.partition("@")[0] in SCALED)
@@ -179,7 +179,9 @@ Judged = tuple[float, Pattern, RotorDrags]
 """What other spins gain over the declared ones, and the drag torques with them."""
 
 
-def _likeliest(fit: Fit, suspects: Sequence[Pattern]) -> tuple[Judged, list[Pattern]] | None:
+def _find_likeliest_pattern(
+    fit: Fit, suspects: Sequence[Pattern]
+) -> tuple[Judged, list[Pattern]] | None:
     """Find the suspected spins that gain most over the declared ones, and hold; None if no such.
 
     With them all others of as many rotors that gain as much: of two on one axis at one speed no
@@ -246,7 +248,7 @@ def _drags_or_none(
         return None
 
 
-def _surely(drags: RotorDrags, declared: Pattern) -> bool:
+def _declared_surely_right(drags: RotorDrags, declared: Pattern) -> bool:
     """Test whether equal rotors that spin as declared are far likelier than any other pattern."""
     own = drags.against(declared)
     others = (drags.against(p) for p in other_patterns(len(declared)))
@@ -264,7 +266,7 @@ def other_patterns(rotors: int) -> list[Pattern]:
     return patterns
 
 
-def _suspects(fit: Fit, drags: RotorDrags | None) -> list[Pattern]:
+def _suspected_patterns(fit: Fit, drags: RotorDrags | None) -> list[Pattern]:
     """List patterns that may be the right one, each once, the likeliest first.
 
     Those that leave less of yaw by itself, and those that single drags do not speak against; every
@@ -292,7 +294,7 @@ class SpinFit:
 
 
 def _fitted_with(fit: Fit, pattern: Pattern) -> SpinFit | None:
-    """Fit the flights with other spins; None where that comes to no end."""
+    """Fit the flights with other spins; None if that comes to no end."""
     dataset = fit.dataset
     vehicle = with_spins(dataset.vehicle, pattern)
     model = regressor(vehicle, added=dataset.model.layout.added)
@@ -314,7 +316,7 @@ def _yaw_is_flown(fit: BandedEstimate, configurations: Sequence[JointConfigurati
     return any(rho[f"yaw@{c.name}"] > LEAST_EXCITATION for c in configurations)
 
 
-def _sentence(
+def _explain_spins(
     declared: Vehicle, pattern: Pattern, again: RotorDrags, twins: Sequence[Pattern]
 ) -> str:
     """Explain which spins yaw shows, by the drag of those that are declared wrong."""
@@ -341,7 +343,7 @@ def _reversed_words(declared: Vehicle, pattern: Pattern) -> str:
     return " and ".join(f"rotor {i + 1} {other.rotors[i].spin}" for i in wrong)
 
 
-def _evidence(drags: RotorDrags, pattern: Pattern) -> tuple[Evidence, ...]:
+def _drag_evidence(drags: RotorDrags, pattern: Pattern) -> tuple[Evidence, ...]:
     """Return the drag over that of the others of the rotor that contradicts its spin most.
 
     `pattern`: of the declared spins, as the drags see them.

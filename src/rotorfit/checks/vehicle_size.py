@@ -67,9 +67,9 @@ def largest_radius(vehicle: Vehicle) -> float:
 
 
 def impossible_rotors(dataset: Dataset, numbers: Numbers) -> str | None:
-    """Explain a load that no rotors fitting between one another can carry; None where they can."""
+    """Explain a load that no rotors fitting between one another can carry; None if they can."""
     R, vehicle = largest_radius(dataset.vehicle), dataset.vehicle
-    heaviest, loading = _heaviest(dataset)
+    heaviest, loading = _find_heaviest(dataset)
     fit = f"with rotors of {1e3 * R:.0f} mm radius, the largest that fit between one another,"
     remedy = (
         f"the mass ({heaviest:g} kg) is too large, the rotors' distances are too small "
@@ -85,7 +85,7 @@ def impossible_rotors(dataset: Dataset, numbers: Numbers) -> str | None:
     return _by_speed(numbers, R, fit, remedy)
 
 
-def _heaviest(dataset: Dataset) -> tuple[float, float]:
+def _find_heaviest(dataset: Dataset) -> tuple[float, float]:
     """Find the largest mass [kg], and its weight over the area of rotors that fit [N/m^2]."""
     places = dataset.vehicle.positions[:, :2].round(4).tolist()
     area = len({tuple(place) for place in places}) * np.pi * largest_radius(dataset.vehicle) ** 2
@@ -95,7 +95,7 @@ def _heaviest(dataset: Dataset) -> tuple[float, float]:
 
 def unusual_loading(dataset: Dataset) -> str | None:
     """Explain that the mass is large for rotors that fit between one another; None if it is not."""
-    heaviest, loading = _heaviest(dataset)
+    heaviest, loading = _find_heaviest(dataset)
     if loading < UNUSUAL_LOADING:
         return None
     return (
@@ -106,7 +106,7 @@ def unusual_loading(dataset: Dataset) -> str | None:
 
 
 def _by_speed(numbers: Numbers, R: float, fit: str, remedy: str) -> str | None:
-    """Explain what contradicts rotors of radius R [m] by thrust and torque; None where nothing."""
+    """Explain how thrust and torque contradict rotors of radius R [m]; None if they do not."""
     low, _ = numbers.interval("kt")
     thrust = low / (AIR * np.pi * R**4)
     if np.isfinite(thrust) and thrust > MOST_THRUST:
@@ -126,7 +126,7 @@ def _by_speed(numbers: Numbers, R: float, fit: str, remedy: str) -> str | None:
 
 
 def figure_of_merit(numbers: Numbers, radius: float) -> float | None:
-    """Compute the figure of merit of rotors of a radius [m]; None where k_t or k_d is unknown.
+    """Compute the figure of merit of rotors of a radius [m]; None if k_t or k_d is unknown.
 
     Of its interval the end nearest to usual rotors.
     """
@@ -159,7 +159,7 @@ def refuse_impossible_size(fit: Fit) -> Iterator[Finding]:
 
 
 def too_light(mass: float, arm: float) -> str | None:
-    """Explain what contradicts a mass [kg] on an arm [m]; None where nothing does."""
+    """Explain why a mass [kg] is implausible for an arm [m]; None if it is plausible."""
     if mass > LIGHTEST * arm**3:
         return None
     return (
@@ -187,7 +187,7 @@ def lightest_density(configuration: JointConfiguration, numbers: Numbers) -> flo
 
 
 def too_dense(mass: float, density: float | None) -> str | None:
-    """Explain what contradicts a mass [kg] of a density [kg/m^3]; None where nothing does."""
+    """Explain why a mass [kg] is implausible for a density [kg/m^3]; None if it is plausible."""
     if density is None or density <= DENSEST:
         return None
     return (
@@ -206,7 +206,7 @@ def unusual_size(fit: Fit) -> Iterator[Finding]:
 
 
 def unusual_density(joint: Sequence[JointConfiguration], numbers: Numbers) -> str | None:
-    """Explain that a body is denser than multirotors are; None where none is."""
+    """Explain that a body is denser than a multirotor; None if no body is."""
     for c in joint:
         density = lightest_density(c, numbers)
         if density is not None and density > UNUSUAL:
@@ -219,7 +219,7 @@ def unusual_density(joint: Sequence[JointConfiguration], numbers: Numbers) -> st
 
 
 def outside_rotors(configuration: JointConfiguration, numbers: Numbers) -> str | None:
-    """Explain that the whole interval of the CoM is outside the rotors; None where it is not."""
+    """Explain that the whole interval of the CoM is outside the rotors; None if it is not."""
     places = configuration.vehicle.positions[:, :2]
     at = f"@{configuration.name}"
     for k, axis in enumerate("xy"):
@@ -245,7 +245,7 @@ def outside_rotors(configuration: JointConfiguration, numbers: Numbers) -> str |
 def surest_gyration(configuration: JointConfiguration, numbers: Numbers) -> float | None:
     """Estimate the radius of gyration over the arm, at the end of its interval nearest to usual.
 
-    Of roll and pitch the one nearer to them; None where neither has a finite interval.
+    Of roll and pitch the one nearer to them; None if neither has a finite interval.
     """
     ratios: list[float] = []
     for name in ("Ixx_com", "Iyy_com"):

@@ -81,19 +81,19 @@ def weak_directions(fit: Fit) -> Iterator[Finding]:
 def body_directions(estimate: Estimate) -> tuple[WeakDirection, ...]:
     """List all combinations of rotor and body parameters, the weakest first."""
     places = [i for i, n in enumerate(estimate.names) if n.partition("@")[0] in ROTORS + MOMENTS]
-    information = _marginal(estimate.covariance[np.ix_(places, places)])
+    information = _invert_scaled(estimate.covariance[np.ix_(places, places)])
     length = np.sqrt(np.diagonal(information))
     values, vectors = np.linalg.eigh(information / np.outer(length, length))
     root = np.sqrt(np.maximum(values, 0.0))
     known = estimate.values[places]
     size = np.where(known == 0.0, 1.0, known)
     return tuple(
-        _direction(strength, v, v / length / size, [estimate.names[i] for i in places])
+        _weak_direction(strength, v, v / length / size, [estimate.names[i] for i in places])
         for strength, v in zip((root / root[-1]).tolist(), vectors.T, strict=True)
     )
 
 
-def _marginal(covariance: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
+def _invert_scaled(covariance: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
     """Return the inverse of a covariance, scaled on the way: its units are far apart."""
     std = np.sqrt(np.diagonal(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
@@ -102,7 +102,7 @@ def _marginal(covariance: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
     return (vectors / values) @ vectors.T / np.outer(std, std)
 
 
-def _direction(
+def _weak_direction(
     strength: float,
     v: Float[np.ndarray, " q"],
     change: Float[np.ndarray, " q"],
@@ -133,7 +133,7 @@ def weak_sentence(
     lost: Set[str] = frozenset(),
     several: bool = True,
 ) -> str | None:
-    """Explain which parameters the flights do not separate; None where they separate all.
+    """Explain which parameters the flights do not separate; None if they separate all.
 
     `directions`: of the estimate, the weakest first. `doubtful`: full names of parameters whose
     verdict is not ``identified``: a weak combination that harms no verdict needs no words. `lost`:

@@ -66,19 +66,22 @@ def smaller_yaw_residuals(declared: Vehicle, bands: Sequence[Factors]) -> list[P
     `bands`: factors of the signals of yaw (`model.signals.yaw_signals`) of each configuration.
     """
     ones = np.ones(len(declared.rotors))
-    plain = _fits(declared, bands)
+    plain = _fit_configurations(declared, bands)
     best, reached, suspects = ones, plain, list[Pattern]()
     for _ in range(len(ones) // 2):
-        tried = [(best * _flip(len(ones), i)) for i in range(len(ones))]
-        fits = [_fits(with_spins(declared, p), bands) for p in tried]
-        gains = [_gain(reached, one) for one in fits]
+        tried = [(best * _flip_spins(len(ones), i)) for i in range(len(ones))]
+        fits = [_fit_configurations(with_spins(declared, p), bands) for p in tried]
+        gains = [_pattern_gain(reached, one) for one in fits]
         most = int(np.argmax(gains))
         if gains[most] < WORTH:
             break
         best, reached = tried[most], fits[most]
         suspects.append(best)
     # An autopilot's response to gusts looks like a spin-up of reversed rotors, not like drag.
-    if _gain(plain, _fits(with_spins(declared, -ones), bands), by_drag=True) > WORTH:
+    if (
+        _pattern_gain(plain, _fit_configurations(with_spins(declared, -ones), bands), by_drag=True)
+        > WORTH
+    ):
         suspects.append(-ones)
     return suspects
 
@@ -90,30 +93,30 @@ def plausible_patterns(
 
     None where nobody yaws: the residual is the same with all.
     """
-    plain = _fits(declared, bands)
+    plain = _fit_configurations(declared, bands)
     kept: list[Pattern] = []
     for pattern in patterns:
-        other = _fits(with_spins(declared, pattern), bands)
+        other = _fit_configurations(with_spins(declared, pattern), bands)
         excited = any(
             (one.excited | two.excited).any() for one, two in zip(plain, other, strict=True)
         )
-        if excited and _gain(plain, other) > -HOPELESS:
+        if excited and _pattern_gain(plain, other) > -HOPELESS:
             kept.append(pattern)
     return kept
 
 
-def _flip(rotors: int, which: int) -> Pattern:
+def _flip_spins(rotors: int, which: int) -> Pattern:
     pattern = np.ones(rotors)
     pattern[which] = -1.0
     return pattern
 
 
-def _fits(vehicle: Vehicle, bands: Sequence[Factors]) -> list[_Fit]:
+def _fit_configurations(vehicle: Vehicle, bands: Sequence[Factors]) -> list[_Fit]:
     """Fit the yaw of every configuration with the spins of a vehicle."""
-    return [_fit(_yaw(factors, vehicle)) for factors in bands]
+    return [_fit_yaw(_select_yaw_row(factors, vehicle)) for factors in bands]
 
 
-def _yaw(factors: Factors, vehicle: Vehicle) -> _Yaw:
+def _select_yaw_row(factors: Factors, vehicle: Vehicle) -> _Yaw:
     """Select the yaw row in the band in which a vehicle responds to its rotors."""
     factors = factors.select((factors.band[:, 1] > BAND[0]) & (factors.band[:, 0] < BAND[1]))
     n, s = vehicle.axes, vehicle.spins
@@ -133,12 +136,14 @@ def _yaw(factors: Factors, vehicle: Vehicle) -> _Yaw:
     )
 
 
-def _fit(yaw: _Yaw) -> _Fit:
+def _fit_yaw(yaw: _Yaw) -> _Fit:
     """Fit yaw by drives with positive coefficients, each band weighted by its residual."""
-    left = _reweighted(yaw)
+    left = _reweighted_residual(yaw)
     total = (yaw.target**2).sum(axis=1)
     rows = yaw.factors.rows
-    drag = _reweighted(replace(yaw, drives=yaw.drives[:, :, [0, *range(2, yaw.drives.shape[2])]]))
+    drag = _reweighted_residual(
+        replace(yaw, drives=yaw.drives[:, :, [0, *range(2, yaw.drives.shape[2])]])
+    )
     return _Fit(
         log_left=np.log(_per_row(left, rows, yaw.band)),
         log_left_by_drag=np.log(_per_row(drag, rows, yaw.band)),
@@ -147,11 +152,11 @@ def _fit(yaw: _Yaw) -> _Fit:
     )
 
 
-def _reweighted(yaw: _Yaw) -> Float[np.ndarray, " b"]:
+def _reweighted_residual(yaw: _Yaw) -> Float[np.ndarray, " b"]:
     """Compute the residual power of each block, the bands weighted by it."""
     weight, left = np.ones(len(yaw.band)), (yaw.target**2).sum(axis=1)
     for _ in range(PASSES):
-        left = _left(yaw, weight)
+        left = _residual_power(yaw, weight)
         weight = 1.0 / _per_row(left, yaw.factors.rows, yaw.band)
     return left
 
@@ -163,7 +168,7 @@ def _per_row(
     return np.maximum(sums[band], _TINY)
 
 
-def _left(yaw: _Yaw, weight: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]:
+def _residual_power(yaw: _Yaw, weight: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]:
     """Compute the residual power of each block, without the part that varies with all thrust.
 
     Thrust acts on a centre of mass that is off the centre, and on motors that lean.
@@ -184,7 +189,7 @@ def _left(yaw: _Yaw, weight: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]
     return (errors.reshape(shape[:2]) ** 2).sum(axis=1) / weight
 
 
-def _gain(plain: Sequence[_Fit], other: Sequence[_Fit], *, by_drag: bool = False) -> float:
+def _pattern_gain(plain: Sequence[_Fit], other: Sequence[_Fit], *, by_drag: bool = False) -> float:
     """Compute the gain of log-likelihood of another pattern, over rows of excited bands.
 
     A band is excited where either pattern explains it.

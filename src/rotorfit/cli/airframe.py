@@ -179,7 +179,10 @@ def _table_of(
                 f"{log}: --column, --unit and --axes are for tables (CSV, Parquet)"
             )
         return None
-    named, units = _pairs(column, "--column gyro_x=COLUMN"), _pairs(unit, "--unit gyro=deg/s")
+    named, units = (
+        _split_pairs(column, "--column gyro_x=COLUMN"),
+        _split_pairs(unit, "--unit gyro=deg/s"),
+    )
     if not named and not units and axes is None and explains_itself(log):
         return None
     proposal = propose_columns(log, named=named, units=units, axes=axes)
@@ -192,14 +195,16 @@ def _table_of(
     if proposal.questions:
         proposal = propose_columns(log, named=named, units=units, axes=axes)
     if any(spec.unit == "erpm" for spec in proposal.columns.values()) and poles is None:
-        reply = _ask("Magnets of a motor's bell, as for erpm (often 14)", None, "--poles N")
+        reply = _ask_question(
+            "Magnets of a motor's bell, as for erpm (often 14)", None, "--poles N"
+        )
         if not reply.isdecimal():
             raise ExperimentError(f"{reply!r} magnets; expected an even number such as 14")
         poles = int(reply)
     return ReadOptions(columns=proposal.columns, axes=proposal.axes, motor_poles=poles)
 
 
-def _pairs(given: list[str] | None, example: str) -> dict[str, str]:
+def _split_pairs(given: list[str] | None, example: str) -> dict[str, str]:
     """Split NAME=VALUE of an option."""
     pairs = [one.partition("=") for one in given or []]
     if any(not (name and sign) for name, sign, _ in pairs):
@@ -254,7 +259,7 @@ def _named_text(
     """Write the airframe file of a named layout; ask for what is neither given nor seen."""
     from rotorfit.model.vehicle import LAYOUTS
 
-    layout = _layout_or_order("layout", layout, seen, _layouts(seen))
+    layout = _layout_or_order("layout", layout, seen, _list_layouts(seen))
     orders = [order for name, order in LAYOUTS if name == layout]
     order = _layout_or_order("order", order, seen, orders)
     spaces = _parse_spacing(spacing)
@@ -301,7 +306,7 @@ def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> S
 
 
 def _shown_by_flight(seen: SeenAirframe) -> str:
-    """Say which of layout, motor order and spins the flight shows."""
+    """State which of layout, motor order and spins the flight shows."""
     if not seen.borne_out:
         return "the flight shows neither layout nor motor order nor spins: look at the vehicle"
     found = f"the flight shows the layout ({seen.layout}), the motor order ({seen.order})"
@@ -311,7 +316,7 @@ def _shown_by_flight(seen: SeenAirframe) -> str:
     return f"{found} and the spins ({usual})"
 
 
-def _layouts(seen: SeenAirframe) -> list[str]:
+def _list_layouts(seen: SeenAirframe) -> list[str]:
     """List the layouts with the log's number of rotors."""
     from rotorfit.model.vehicle import LAYOUTS
 
@@ -389,7 +394,7 @@ def _parse_spacing(given: str | None) -> tuple[float, float]:
 def _ask_spacing(question: str, default: str | None) -> float:
     """Ask for a spacing in mm until it is one; return it in m."""
     while True:
-        reply = _ask(question, default, "--spacing X,Y")
+        reply = _ask_question(question, default, "--spacing X,Y")
         try:
             return _parse_millimetres(reply)
         except ExperimentError as error:
@@ -412,12 +417,12 @@ def _parse_millimetres(text: str) -> float:
 
 def _ask_choice(choices: list[str], question: str, default: str, option: str) -> str:
     """Ask a question until the reply is one of the choices."""
-    while (reply := _ask(question, default, option)) not in choices:
+    while (reply := _ask_question(question, default, option)) not in choices:
         print_status(f"{reply!r} is none of {', '.join(choices)}")
     return reply
 
 
-def _ask(question: str, default: str | None, option: str) -> str:
+def _ask_question(question: str, default: str | None, option: str) -> str:
     """Ask a question; an empty reply is its default."""
     shown = f" [{default}]" if default else ""
     line = read_reply(f"{question}{shown}: ")
@@ -436,7 +441,7 @@ def logged_text(rotors: Sequence[Mapping[str, Any]], *, speed: str) -> str:
     lines = [
         "# by CA_ROTOR* of the log, from the centre, forward, left, up [m]: compare it",
         experiment_text({"airframe": {"rotors": [dict(rotor) for rotor in rotors]}}).rstrip(),
-        *_rest(speed),
+        *_remaining_lines(speed),
     ]
     return "\n".join(lines) + "\n"
 
@@ -460,7 +465,7 @@ def listed_text(
         "rotors = [  # position from the centre, forward, left, up [m]",
         *rows,
         "]",
-        *_rest(speed),
+        *_remaining_lines(speed),
     ]
     return "\n".join(lines) + "\n"
 
@@ -490,10 +495,10 @@ def airframe_text(
             f'order = "{order}"  # whose motor numbering',
             f"spacing = {list(spacing)}  # between motor axes, front to back, left to right [m]",
         ]
-    return "\n".join([*lines, *_rest(speed)]) + "\n"
+    return "\n".join([*lines, *_remaining_lines(speed)]) + "\n"
 
 
-def _rest(speed: str) -> list[str]:
+def _remaining_lines(speed: str) -> list[str]:
     """Return the lines behind the rotors."""
     return [
         "# imu = { position = [0.0, 0.0, 0.0] }  # of the flight controller, forward, left, up [m]",

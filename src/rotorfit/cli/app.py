@@ -42,14 +42,14 @@ def page(
     print_result(served.address)
     print_status("rotorfit: the page is at this address, on this computer only; Ctrl-C ends it")
     if browser:
-        opening = Timer(BROWSER_DELAY, _open, (served.address,))
+        opening = Timer(BROWSER_DELAY, _open_browser, (served.address,))
         opening.daemon = True
         opening.start()
     serve(served)
     print_status("rotorfit: ended, and everything of the page is removed")
 
 
-def _open(address: str) -> None:
+def _open_browser(address: str) -> None:
     import webbrowser
 
     if not webbrowser.open(address):

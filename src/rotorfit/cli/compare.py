@@ -40,15 +40,15 @@ def compare(
     """
     from rotorfit.results.compare import compare_results
 
-    loaded = _load(results)
-    comparison = compare_results(loaded, _labels(results))
+    loaded = _load_results(results)
+    comparison = compare_results(loaded, _shorten_labels(results))
     if as_json:
         print_result(json.dumps(dataclasses.asdict(comparison), indent=1, allow_nan=False))
     else:
         print_result("\n".join([comparison_text(comparison), *_latency_note(loaded)]))
 
 
-def _load(paths: Sequence[Path]) -> list[IdentificationResult]:
+def _load_results(paths: Sequence[Path]) -> list[IdentificationResult]:
     """Load results and truths; a truth names its delay as the results do."""
     from rotorfit.logs.read import TRUTH_FILE, own_kind
     from rotorfit.results.sound_result import load_sound
@@ -147,11 +147,11 @@ def comparison_text(comparison: Comparison) -> str:
     several = len({n.configuration for n in comparison.numbers} - {None}) > 1
     first, *others = comparison.labels
     rows = [["", first, *(cell for label in others for cell in (label, "differs")), ""]]
-    rows += [_cells(number, several=several) for number in comparison.numbers]
+    rows += [_format_cells(number, several=several) for number in comparison.numbers]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = table_lines([_padded(row, widths) for row in rows], terminal_width())
+    lines = table_lines([_pad_cells(row, widths) for row in rows], terminal_width())
     disjoint = [
-        _name(number, several=several)
+        _number_name(number, several=several)
         for number in comparison.numbers
         if any(entry.overlap is False for entry in number.entries)
     ]
@@ -161,7 +161,7 @@ def comparison_text(comparison: Comparison) -> str:
             f"{', '.join(disjoint)}"
         )
         lines += ["", *textwrap.wrap(remark, terminal_width(), subsequent_indent="  ")]
-    for label, names in _doubtful(comparison, several=several).items():
+    for label, names in _list_doubtful(comparison, several=several).items():
         remark = f"doubtful in {label}, may be outside their intervals: {', '.join(names)}"
         lines += ["", *textwrap.wrap(remark, terminal_width(), subsequent_indent="  ")]
     remark = (
@@ -172,35 +172,35 @@ def comparison_text(comparison: Comparison) -> str:
     return "\n".join(lines)
 
 
-def _doubtful(comparison: Comparison, *, several: bool) -> dict[str, list[str]]:
+def _list_doubtful(comparison: Comparison, *, several: bool) -> dict[str, list[str]]:
     """List the numbers that a result calls doubtful, by its label."""
     found: dict[str, list[str]] = {}
     for number in comparison.numbers:
         for label, entry in zip(comparison.labels, number.entries, strict=True):
             if entry.verdict == "doubtful":
-                found.setdefault(label, []).append(_name(number, several=several))
+                found.setdefault(label, []).append(_number_name(number, several=several))
     return found
 
 
-def _padded(cells: Sequence[str], widths: Sequence[int]) -> list[str]:
+def _pad_cells(cells: Sequence[str], widths: Sequence[int]) -> list[str]:
     """Align name and unit to the left of their columns, numbers to the right."""
     name, *numbers, unit = cells
     shown = [f"{cell:>{width}}" for cell, width in zip(numbers, widths[1:-1], strict=True)]
     return [f"{name:<{widths[0]}}", *shown, unit]
 
 
-def _cells(number: ComparedNumber, *, several: bool) -> list[str]:
+def _format_cells(number: ComparedNumber, *, several: bool) -> list[str]:
     """Format name, value, then value and difference of every further result, unit."""
     from rotorfit.digits import with_interval
 
     first, *others = number.entries
-    cells = [_name(number, several=several), with_interval(first.value, first.interval)]
+    cells = [_number_name(number, several=several), with_interval(first.value, first.interval)]
     for entry in others:
-        cells += [with_interval(entry.value, entry.interval), _difference(entry, first)]
+        cells += [with_interval(entry.value, entry.interval), _format_difference(entry, first)]
     return [*cells, "" if number.unit == "1" else number.unit]
 
 
-def _difference(entry: Entry, first: Entry) -> str:
+def _format_difference(entry: Entry, first: Entry) -> str:
     """Format the difference in percent, if the first is not zero, and mark disjoint intervals."""
     mark = DISJOINT if entry.overlap is False else " "
     about_zero = first.interval is not None and first.interval[0] <= 0 <= first.interval[1]
@@ -211,14 +211,14 @@ def _difference(entry: Entry, first: Entry) -> str:
     return f"{percent:+.{decimals}f} %{mark}"
 
 
-def _name(number: ComparedNumber, *, several: bool) -> str:
+def _number_name(number: ComparedNumber, *, several: bool) -> str:
     """Append the configuration to a name where there are several."""
     if number.configuration is None or not several:
         return number.name
     return f"{number.name} {number.configuration}"
 
 
-def _labels(paths: Sequence[Path]) -> list[str]:
+def _shorten_labels(paths: Sequence[Path]) -> list[str]:
     """Select the shortest names that distinguish the files, no longer than a column."""
     stems = [path.stem for path in paths]
     names = stems if len(set(stems)) == len(stems) else [str(path) for path in paths]

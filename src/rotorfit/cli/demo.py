@@ -77,7 +77,7 @@ def demo(
     else:
         refuse_output_folder(output, [*file_names(plan), RESULT, PAPER, REPORT], force=force)
         results, experiment = _fly_and_identify(output, plan, force=force)
-        _save(output, results, experiment, force=force)
+        _save_results(output, results, experiment, force=force)
     print_result(results.default.to_json().rstrip() if as_json else demo_text(plan, results))
 
 
@@ -99,7 +99,7 @@ def _fly_and_identify(
     return results, experiment
 
 
-def _save(folder: Path, results: Results, experiment: Experiment, *, force: bool) -> None:
+def _save_results(folder: Path, results: Results, experiment: Experiment, *, force: bool) -> None:
     from rotorfit.report.result_page import write_report
     from rotorfit.results.validation.validate import validation_comparisons
     from rotorfit.simulation.experiment_files import EXPERIMENT_FILE
@@ -115,14 +115,14 @@ def demo_text(plan: ExperimentPlan, results: Results) -> str:
     """Format both estimates alongside the truth, and their errors on the validation flights."""
     from rotorfit.simulation.experiment_files import configuration_truth
 
-    lines = [INTRODUCTION, _row("", "truth", "rotorfit", "holds", PAPERS, "holds")]
+    lines = [INTRODUCTION, _table_row("", "truth", "rotorfit", "holds", PAPERS, "holds")]
     truths = {c.name: configuration_truth(plan, c) for c in plan.configurations}
     first = next(iter(truths.values()))
     lines += [_number_row(name, None, first, results) for name in SHARED]
     for configuration, truth in truths.items():
         lines += ["", f"Body, configuration {configuration}"]
         lines += [_number_row(name, configuration, truth, results) for name in BODY]
-    default, paper = (_coverage(result, truths) for result in results)
+    default, paper = (_count_coverage(result, truths) for result in results)
     lines += [
         "",
         f"Intervals that hold: rotorfit {default}, {PAPERS} {paper}; at 95 %",
@@ -139,7 +139,7 @@ def _number_row(
         for result in results
         for cell in _estimate_cells(result.parameter(name, configuration), truth[name])
     ]
-    return _row(name, f"{truth[name]:.4g}", *cells)
+    return _table_row(name, f"{truth[name]:.4g}", *cells)
 
 
 def _estimate_cells(estimate: Parameter, true: float) -> tuple[str, str]:
@@ -152,7 +152,7 @@ def _estimate_cells(estimate: Parameter, true: float) -> tuple[str, str]:
     return with_interval(estimate.value, estimate.interval), "yes" if low <= true <= high else "NO"
 
 
-def _coverage(result: IdentificationResult, truths: Mapping[str, Mapping[str, float]]) -> str:
+def _count_coverage(result: IdentificationResult, truths: Mapping[str, Mapping[str, float]]) -> str:
     """Count the shown intervals that hold the truth."""
     shared = [(name, None, next(iter(truths.values()))) for name in SHARED]
     bodies = [(name, owner, truth) for owner, truth in truths.items() for name in BODY]
@@ -163,7 +163,7 @@ def _coverage(result: IdentificationResult, truths: Mapping[str, Mapping[str, fl
     return f"{holds.count('yes')} of {len(holds) - holds.count('')}"
 
 
-def _row(name: str, truth: str, default: str, held: str, paper: str, paper_held: str) -> str:
+def _table_row(name: str, truth: str, default: str, held: str, paper: str, paper_held: str) -> str:
     line = f"  {name:<5}{truth:>10}{default:>24} {held:<5}{paper:>24} {paper_held}"
     return line.rstrip()
 

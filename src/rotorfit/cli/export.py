@@ -182,7 +182,7 @@ def _write_variants(
 
 
 def _report_drawn(files: list[Path], variants: Variants, written: _Written) -> None:
-    """Print what was written of drawn vehicles, and what share of the draws was rejected."""
+    """Print which drawn vehicles were written, and the share of rejected draws."""
     from rotorfit.export.result_numbers import number_warnings
     from rotorfit.export.write import drawn_sentence
 
@@ -197,7 +197,7 @@ def _report_drawn(files: list[Path], variants: Variants, written: _Written) -> N
             seed=samples.seed,
             rejected=samples.rejected,
             reasons=dict(samples.reasons),
-            numbers=[_plain(n) for n in model.numbers],
+            numbers=[_plain_number(n) for n in model.numbers],
             notes=list(model.notes),
         )
         return
@@ -224,7 +224,7 @@ def _write_vehicle(
             target=written.target,
             files=[str(written.output)],
             configuration=model.configuration,
-            numbers=[_plain(n) for n in model.numbers],
+            numbers=[_plain_number(n) for n in model.numbers],
             notes=list(model.notes),
             **({} if found is None else {"changed": [list(pair) for pair in changed]}),
         )
@@ -236,7 +236,7 @@ def _write_vehicle(
 
 
 def _put_into(text: str, written: _Written) -> Patched | None:
-    """Put an exported file into the user's own; None where there is none."""
+    """Put an exported file into the user's own; None if there is none."""
     from rotorfit.export.into import patched
     from rotorfit.logs.files import read_bytes
 
@@ -273,7 +273,7 @@ def _print_remarks(remarks: Iterable[str]) -> None:
         print_result(textwrap.fill(line, width, initial_indent="  ", subsequent_indent="    "))
 
 
-def _plain(number: Number) -> dict[str, Any]:
+def _plain_number(number: Number) -> dict[str, Any]:
     keys = ("name", "value", "unit", "origin", "interval", "remark")
     return {key: getattr(number, key) for key in keys}
 
@@ -281,7 +281,7 @@ def _plain(number: Number) -> dict[str, Any]:
 def _write_tables(
     result: IdentificationResult, configuration: str | None, source: Path, written: _Written
 ) -> None:
-    """Write the wrenches of each flight: one file, or one a flight, all or none."""
+    """Write the wrenches of all flights to one file or to one file per flight; all or nothing."""
     from rotorfit.export.write import flight_comparisons, table_files
     from rotorfit.logs.files import write_whole
 

@@ -107,7 +107,7 @@ def fleet(
     from rotorfit.tools.fleet.run import FAILURES, Workers, claim, cores, refusals_file
 
     defaults = Defaults(
-        vehicle_of=_compiled(vehicle_of),
+        vehicle_of=_compile_pattern(vehicle_of),
         mass=None if mass is None else mass_of(mass, "--mass"),
         airframe=airframe,
     )
@@ -116,9 +116,9 @@ def fleet(
     count = min(workers or cores(), len(logs))
     executor = Workers(count=count, scheduler=scheduler, time_limit=time_limit)
     cache = output / "cache"
-    identified = _identify(logs, cache, executor)
+    identified = _identify_logs(logs, cache, executor)
     if not identified.records:
-        _write(output, {FAILURES: refusals_file(identified)})
+        _write_files(output, {FAILURES: refusals_file(identified)})
         raise LogError(
             f"none of {len(logs)} logs could be used: {output / FAILURES} says why of each "
             "and what to do; the first: "
@@ -127,7 +127,7 @@ def fleet(
     _compare_and_write(identified, source, output, cache, executor, as_json=as_json)
 
 
-def _compiled(pattern: str | None) -> re.Pattern[str] | None:
+def _compile_pattern(pattern: str | None) -> re.Pattern[str] | None:
     try:
         return None if pattern is None else re.compile(pattern)
     except re.error as error:
@@ -137,7 +137,7 @@ def _compiled(pattern: str | None) -> re.Pattern[str] | None:
         ) from None
 
 
-def _identify(logs: Sequence[ListedLog], cache: Path, workers: Workers) -> Fleet:
+def _identify_logs(logs: Sequence[ListedLog], cache: Path, workers: Workers) -> Fleet:
     """Identify every log that is not in the cache; stopped, print how to go on."""
     from rotorfit.tools.fleet.run import Progress, read_fleet
 
@@ -174,17 +174,17 @@ def _compare_and_write(
         name, links = source.absolute().stem, links_to(output, source)
         files = fleet_files(fleet, types, cache, workers, name=name, links=links)
     make_folder(output / REPORTS)
-    _write(output, files)
+    _write_files(output, files)
     if not has_parquet():
         print_status("tables are CSV: pip install 'rotorfit[parquet]' writes them as Parquet")
     print_result(
-        json.dumps(_plain(fleet, types, files), indent=1)
+        json.dumps(_plain_fleet(fleet, types, files), indent=1)
         if as_json
-        else _text(fleet, types, output)
+        else _fleet_text(fleet, types, output)
     )
 
 
-def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
     from rotorfit.logs.files import write_all_whole
 
     write_all_whole({folder / name: content for name, content in files.items()}, force=True)
@@ -192,18 +192,18 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
         print_status(f"wrote {folder / name}")
 
 
-def _text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
+def _fleet_text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
     from rotorfit.tools.fleet.findings import nothing_found
     from rotorfit.tools.fleet.statistics import ALARM
 
     vehicles = sum(len(one.statistics.vehicles) for one in types)
-    flights = _count(_identified_count(fleet), "flight")
-    lines = [f"{flights} identified, of {_count(vehicles, 'vehicle')}"]
+    flights = _count_words(_identified_count(fleet), "flight")
+    lines = [f"{flights} identified, of {_count_words(vehicles, 'vehicle')}"]
     lines += _failures_line(fleet, folder)
     for one in types:
         found = [
             f"{one.statistics.vehicles[f.vehicle]}: {f.sentence} What to do: {f.next_step}."
-            for f in _findings(one)
+            for f in _fleet_findings(one)
         ]
         lines += ["", *([f"Type {one.name}:"] if len(types) > 1 else [])]
         for words in found or [nothing_found(one.statistics)]:
@@ -218,7 +218,7 @@ def _text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
     return "\n".join(lines)
 
 
-def _count(number: int, noun: str) -> str:
+def _count_words(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
@@ -240,7 +240,7 @@ def _failures_line(fleet: Fleet, folder: Path) -> list[str]:
     ]
 
 
-def _plain(
+def _plain_fleet(
     fleet: Fleet, types: Sequence[FleetType], files: Mapping[str, bytes]
 ) -> dict[str, object]:
     return {
@@ -248,12 +248,14 @@ def _plain(
         "flights": len(fleet.records),
         "identified": _identified_count(fleet),
         "failures": [_plain_refusal(log) for log in fleet.refused],
-        "findings": [_plain_finding(one, finding) for one in types for finding in _findings(one)],
+        "findings": [
+            _plain_finding(one, finding) for one in types for finding in _fleet_findings(one)
+        ],
         "files": list(files),
     }
 
 
-def _findings(one: FleetType) -> list[VehicleFinding]:
+def _fleet_findings(one: FleetType) -> list[VehicleFinding]:
     from rotorfit.tools.fleet.findings import findings
 
     return findings(one.statistics, one.fleet.records)

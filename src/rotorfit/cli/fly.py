@@ -73,7 +73,7 @@ Output = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Side:
-    """One set of parameters: what MuJoCo's autopilot is tuned to, and what the replay flies."""
+    """One set of parameters, for the tuning of MuJoCo's autopilot and for the replay."""
 
     model: VehicleModel
     timed: Timed
@@ -117,8 +117,8 @@ def fly(
     loaded = load_sound(result)
     with threadpool_limits(limits=1, user_api="blas"):
         owner = owner_of(loaded, configuration)
-        sides = _sides(loaded, owner, assumed, bench_numbers, against or [])
-        outcome = _outcome(loaded, owner, sides, bench_numbers, flight or [], log)
+        sides = _collect_sides(loaded, owner, assumed, bench_numbers, against or [])
+        outcome = _replay_sides(loaded, owner, sides, bench_numbers, flight or [], log)
     if output is not None:
         write_whole(output, outcome.to_json(), force=force)
         print_status(f"wrote {output}")
@@ -142,7 +142,7 @@ def _parse_numbers(texts: list[str], option: str) -> dict[str, float]:
         raise typer.BadParameter(str(error), param_hint=option) from error
 
 
-def _sides(
+def _collect_sides(
     result: IdentificationResult,
     owner: str,
     assumed: Mapping[str, float],
@@ -152,9 +152,9 @@ def _sides(
     """Collect the sets of parameters to compare, by label; raise if they are of other vehicles."""
     from rotorfit.results.validation.replay import IDENTIFIED
 
-    sides = {IDENTIFIED: _side(result, owner, assumed, draws=DRAWS)}
+    sides = {IDENTIFIED: _collect_side(result, owner, assumed, draws=DRAWS)}
     if bench:
-        sides[BENCH] = _side(result, owner, {**assumed, **bench})
+        sides[BENCH] = _collect_side(result, owner, {**assumed, **bench})
     for path in against:
         label = path.stem if path.stem not in sides else f"{path.stem} ({len(sides)})"
         sides[label] = _side_of_file(path, owner, assumed)
@@ -163,7 +163,7 @@ def _sides(
     return sides
 
 
-def _outcome(
+def _replay_sides(
     result: IdentificationResult,
     owner: str,
     sides: Mapping[str, _Side],
@@ -191,7 +191,7 @@ def _outcome(
         notes = [WITHOUT_MUJOCO]
         if has_mujoco():
             report_progress("flying the model")
-            manoeuvres, notes = _manoeuvres(sides)
+            manoeuvres, notes = _fly_manoeuvres(sides)
     return FlyOutcome(
         name=result.name,
         configuration=owner,
@@ -205,7 +205,7 @@ def _outcome(
     )
 
 
-def _manoeuvres(
+def _fly_manoeuvres(
     sides: Mapping[str, _Side],
 ) -> tuple[dict[str, tuple[ModelFlight, ...]], list[str]]:
     """Fly the identified model by autopilots tuned to each side; note the numbers supplied."""
@@ -223,7 +223,7 @@ def _manoeuvres(
     return flown, list(notes)
 
 
-def _side(
+def _collect_side(
     result: IdentificationResult, owner: str, assumed: Mapping[str, float], *, draws: int = 0
 ) -> _Side:
     """Collect a set of parameters, refused as an export would be."""
@@ -281,9 +281,9 @@ def _side_of_file(path: Path, owner: str, assumed: Mapping[str, float]) -> _Side
     try:
         configuration = owner_of(other, owner if owner in names else None)
         try:
-            return _side(other, configuration, {})
+            return _collect_side(other, configuration, {})
         except OutputError:
-            return _side(other, configuration, assumed)
+            return _collect_side(other, configuration, assumed)
     except RotorfitError as error:
         raise OutputError(f"{path.name}: {error}") from error
 
@@ -301,7 +301,7 @@ def _refuse_other_vehicle(identified: VehicleModel, other: VehicleModel, label: 
         )
 
 
-def _centred(result: IdentificationResult, model: VehicleModel) -> dict[str, float]:
+def _centred_places(result: IdentificationResult, model: VehicleModel) -> dict[str, float]:
     """Select the places that neither the result nor the user gave, with the values they have."""
     from rotorfit.results.validation.replay_vehicle import hover_centre
 
@@ -320,7 +320,7 @@ def replay_notes(
     from rotorfit.export.result_numbers import number_warnings
     from rotorfit.export.vehicle_model import terms_left_out
 
-    centred = _centred(result, model)
+    centred = _centred_places(result, model)
     notes = number_warnings(n for n in model.numbers if n.name not in centred)
     if centred:
         places = ", ".join(f"{name} = {1e3 * value:.2g} mm" for name, value in centred.items())

@@ -164,7 +164,7 @@ def _with_next_step(result: IdentificationResult) -> IdentificationResult:
 
 
 def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment:
-    """Load an experiment file; raise where options are given that belong to a single log."""
+    """Load an experiment file; raise an error if options are given that belong to a single log."""
     for option, value in log_options.items():
         if value is not None:
             raise typer.BadParameter(
@@ -284,25 +284,27 @@ def _with_options(
         unused = {"law": None, "lag": None} if speed == "measured" else {}
         motors = motors.model_copy(update={"speed": speed, **unused})
     configurations = [
-        entry.model_copy(update={"flights": tuple(_override(f, window) for f in entry.flights)})
+        entry.model_copy(
+            update={"flights": tuple(_override_fields(f, window) for f in entry.flights)}
+        )
         for entry in experiment.configuration
     ]
     return experiment.model_copy(
         update={
-            "identification": _override(experiment.identification, chosen),
+            "identification": _override_fields(experiment.identification, chosen),
             "motors": motors,
             "configuration": tuple(configurations),
         }
     )
 
 
-def _override(table: Table, options: Mapping[str, Any]) -> Table:
+def _override_fields(table: Table, options: Mapping[str, Any]) -> Table:
     """Replace the fields of a table for which an option is given."""
     return table.model_copy(update={key: v for key, v in options.items() if v is not None})
 
 
 def _flight_files(experiment: Experiment) -> list[Path]:
-    """List the logs that are read, none of which may be written over."""
+    """List the logs that are read and must not be overwritten."""
     return [
         Path(flight.file)
         for entry in experiment.configuration

@@ -78,14 +78,14 @@ def inspect(
     if report is not None:
         refuse_output_file(report, inputs=logs, force=force)
     paths, airframe = _logs_and_airframe(logs, airframe)
-    inspected, refusals = _listed(paths)
+    inspected, refusals = _list_logs(paths)
     for refusal in refusals:
         print_refusal(refusal)
     failed = bool(refusals)
     reports: list[LogReport | SeveralLogs] = []
     for one in inspected:
         try:
-            found = _inspect(one, log, airframe)
+            found = _inspect_one(one, log, airframe)
         except RotorfitError as error:
             failed = True
             print_refusal(error)
@@ -95,9 +95,9 @@ def inspect(
             print_status(f"rotorfit: {one.path}: no usable sample in it: copy the log again")
         reports.append(found)
         if not as_json:
-            print_result(coloured(_text(found)))
+            print_result(coloured(_report_text_of(found)))
     if as_json and reports:
-        print_result(json.dumps([_plain(one) for one in reports], indent=1, allow_nan=False))
+        print_result(json.dumps([_plain_report(one) for one in reports], indent=1, allow_nan=False))
     single = [one for one in reports if not isinstance(one, SeveralLogs)]
     if report is not None and single:
         from rotorfit.report.log_page import write_log_page
@@ -120,7 +120,7 @@ def _logs_and_airframe(paths: list[Path], airframe: Path | None) -> tuple[list[P
     return [path for path in paths if path != found[0]], found[0]
 
 
-def _listed(paths: list[Path]) -> tuple[list[InspectedLog], list[RotorfitError]]:
+def _list_logs(paths: list[Path]) -> tuple[list[InspectedLog], list[RotorfitError]]:
     """List the logs to inspect, those of experiment files among them, and the refusals."""
     from rotorfit.logs import ReadOptions
 
@@ -174,7 +174,7 @@ def logs_of_experiment(path: Path) -> list[InspectedLog]:
     ]
 
 
-def _inspect(
+def _inspect_one(
     one: InspectedLog, log_number: int | None, airframe: Path | None
 ) -> LogReport | SeveralLogs:
     """Inspect a log, or list the logs in its file where one must be chosen."""
@@ -205,13 +205,13 @@ def _inspect(
     return inspect_log(log, airframe=airframe, entry=one.entry)
 
 
-def _plain(report: LogReport | SeveralLogs) -> dict[str, Any]:
+def _plain_report(report: LogReport | SeveralLogs) -> dict[str, Any]:
     from rotorfit.report.log_report import plain
 
     return asdict(report) if isinstance(report, SeveralLogs) else plain(report)
 
 
-def _text(report: LogReport | SeveralLogs) -> str:
+def _report_text_of(report: LogReport | SeveralLogs) -> str:
     from rotorfit.report.log_report import report_text
 
     if not isinstance(report, SeveralLogs):

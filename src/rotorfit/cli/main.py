@@ -62,7 +62,7 @@ class Command(TyperCommand):
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return `[OPTIONS] LOG...`: an argument's name alone, where typer adds braces."""
         arguments = [p for p in self.get_params(ctx) if p.param_type_name == "argument"]
-        return [self.options_metavar or "", *map(_usage, arguments)]
+        return [self.options_metavar or "", *map(_argument_usage, arguments)]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments and options."""
@@ -86,7 +86,7 @@ class Program(TyperGroup):
         self.format_commands(ctx, formatter)
 
 
-def _usage(argument: Any) -> str:
+def _argument_usage(argument: Any) -> str:
     name = argument.metavar + ("" if argument.nargs == 1 else "...")
     return name if argument.required else f"[{name}]"
 
@@ -154,7 +154,7 @@ def main(arguments: list[str] | None = None) -> None:
         exit_internal_error(error)
 
 
-def _version(wanted: bool) -> bool:
+def _print_version(wanted: bool) -> bool:
     if wanted:
         print_result(f"rotorfit {version.__version__}")
         raise typer.Exit
@@ -162,9 +162,10 @@ def _version(wanted: bool) -> bool:
 
 
 @app.callback()
-def _options(
+def _take_options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version."),
     ] = False,
     color: Annotated[
         Colour,

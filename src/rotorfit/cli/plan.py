@@ -123,7 +123,7 @@ def plan(
             "a plan needs --mass KG, weighed as it flies (or --after RESULT.json, which has it)"
         )
     if airframe is not None:
-        name, (vehicle, motors) = airframe.name, _declared(airframe)
+        name, (vehicle, motors) = airframe.name, _declared_vehicle(airframe)
     elif result is not None:
         name, (vehicle, motors) = result.name, _declared_by(result)
     else:
@@ -132,7 +132,7 @@ def plan(
     request = PlanRequest(
         name=name,
         vehicle=vehicle,
-        mass=_mass(mass, vehicle, result),
+        mass=_select_mass(mass, vehicle, result),
         speed=speed,
         timed=motors.delay is None and (speed == "measured" or motors.lag is None),
         known=_parse_guesses(guess or []),
@@ -170,7 +170,7 @@ def _plan_and_write(
     print_result((flights.to_json() if as_json else text).rstrip())
 
 
-def _declared(airframe: Path) -> tuple[Vehicle, MotorsEntry]:
+def _declared_vehicle(airframe: Path) -> tuple[Vehicle, MotorsEntry]:
     """Read vehicle and motors from an airframe file, as identify will read it."""
     from rotorfit.fit.experiment.declared_vehicle import vehicle_of
     from rotorfit.fit.experiment.experiment import single_flight_experiment
@@ -188,7 +188,7 @@ def _declared_by(result: IdentificationResult) -> tuple[Vehicle, MotorsEntry]:
     return vehicle_of(experiment.airframe), experiment.motors
 
 
-def _mass(mass: float | None, vehicle: Vehicle, after: IdentificationResult | None) -> float:
+def _select_mass(mass: float | None, vehicle: Vehicle, after: IdentificationResult | None) -> float:
     """Select the mass, given or of an earlier result, which must be of this vehicle [kg]."""
     from rotorfit.tools.planning.after import check_same_vehicle, result_mass
 

@@ -48,13 +48,13 @@ def settings(
 
     if output is not None:
         refuse_output_file(output, inputs=[log_file], force=force)
-    report = _advised(log_file, log)
+    report = _read_advised_settings(log_file, log)
     if file_of(report) is None:
         raise LogError(
             f"{log_file}: rotorfit knows no settings of what wrote this {report.format}: "
             "PX4, ArduPilot, Betaflight, INAV and Crazyflie have some"
         )
-    print_result(_json(report) if as_json else _text(report))
+    print_result(_settings_json(report) if as_json else _settings_text(report))
     if output is None:
         return
     if to_write(report):
@@ -64,7 +64,7 @@ def settings(
         print_status(f"rotorfit: {output} not written: nothing to change")
 
 
-def _advised(path: Path, number: int | None) -> AdvisedSettings:
+def _read_advised_settings(path: Path, number: int | None) -> AdvisedSettings:
     from rotorfit.logs import ReadOptions, read_log
     from rotorfit.tools.inspection.advised_settings import advised_settings
 
@@ -74,7 +74,7 @@ def _advised(path: Path, number: int | None) -> AdvisedSettings:
     return advised_settings(log)
 
 
-def _json(report: AdvisedSettings) -> str:
+def _settings_json(report: AdvisedSettings) -> str:
     plain = [
         {"name": s.name, "old": s.old, "new": s.new, "value": s.value, "why": s.why}
         for s in report.settings
@@ -82,7 +82,7 @@ def _json(report: AdvisedSettings) -> str:
     return json.dumps({"file": report.file, "settings": plain}, indent=1, allow_nan=False)
 
 
-def _text(report: AdvisedSettings) -> str:
+def _settings_text(report: AdvisedSettings) -> str:
     from rotorfit.tools.inspection.settings_to_change import (
         decision_lines,
         diff_lines,

@@ -114,7 +114,7 @@ def print_status(line: str) -> None:
 
 
 def read_reply(question: str) -> str | None:
-    """Ask on stderr and read a line from stdin; None where nobody answers."""
+    """Ask on stderr and read a line from stdin; None if nobody answers."""
     with suppress(OSError):
         sys.stderr.write(question)
         sys.stderr.flush()
@@ -277,7 +277,7 @@ def exit_refused(error: Exception) -> NoReturn:
 
 
 def exit_internal_error(error: Exception) -> NoReturn:
-    """End with exit code 1 and one line instead of a traceback, unless one is asked for."""
+    """Exit with code 1 and one line; print a traceback only if the user asked for it."""
     if os.environ.get(DEBUG):
         raise error
     parts = (type(error).__name__, one_line(str(error)))
@@ -370,7 +370,7 @@ def steps(*, every: float = EVERY) -> Generator[Callable[[str], None]]:
         else:
             status.step, status.share = f"reading {path.name}", done
 
-    with _shown(status, every), watched(report_reading):
+    with _show_status(status, every), watched(report_reading):
         yield report
 
 
@@ -390,7 +390,7 @@ def counted(step: str) -> Generator[Callable[[int, int], None]]:
     def report(done: int, total: int) -> None:
         status.step, status.share = f"{step}, {done} of {total}", done / total
 
-    with _shown(status):
+    with _show_status(status):
         yield report
 
 
@@ -410,7 +410,7 @@ def paced(
         if rate <= 0.0:
             return ""
         speed = f"{rate:.1f} a second" if rate >= 0.5 else f"{60 * rate:.1f} a minute"
-        return f", {speed}, {_remaining(left / rate)}"
+        return f", {speed}, {_remaining_text(left / rate)}"
 
     status = _Status(step, pace, clock)
 
@@ -422,11 +422,11 @@ def paced(
         left = total - done
         status.step, status.share = f"{step}, {done} of {total}", done / total
 
-    with _shown(status, every):
+    with _show_status(status, every):
         yield report
 
 
-def _remaining(seconds: float) -> str:
+def _remaining_text(seconds: float) -> str:
     """Format roughly how long it still takes."""
     if seconds < 90.0:
         return f"about {seconds:.0f} s left"
@@ -436,7 +436,7 @@ def _remaining(seconds: float) -> str:
 
 
 @contextmanager
-def _shown(status: _Status, every: float = EVERY) -> Generator[None]:
+def _show_status(status: _Status, every: float = EVERY) -> Generator[None]:
     """Show the status meanwhile: on a terminal with rich, elsewhere as plain lines."""
     if sys.stderr.isatty():
         from rich.console import Console

@@ -22,7 +22,7 @@ def why(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say what makes up an interval, and what would shrink it.
+    """State what makes up an interval, and what would shrink it.
 
     Prints the uncertainty budget: every contribution to the 95 % interval, the largest first.
     """

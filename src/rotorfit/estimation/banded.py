@@ -74,7 +74,7 @@ class BandedEstimate:
     - `estimate`: free parameters with the covariance of the fit.
     - `influence`: first-order change of each parameter if a block were counted twice; blocks of all
       configurations, one after the other.
-    - `variance`: of each noisy signal's error in each block, infinite where it does not count.
+    - `variance`: of each noisy signal's error in each block, infinite if it does not count.
     - `signal_power`, `residual_power`: sums of squares of noisy signals and their errors, by block.
     - `log_likelihood`: up to a constant; for comparing models and delays on the same flights.
     - `iterations`: until the steps were small.
@@ -126,7 +126,7 @@ def banded(
             reached=dict(zip(problem.map.names, start.tolist(), strict=True)),
         )
     if any(factors.noise is not None for factors in problem.factors):
-        return _finished(problem, *_settled_with_noise(problem, state, close))
+        return _complete_estimate(problem, *_settled_with_noise(problem, state, close))
     damping, rise, costs = 1e-3, 2.0, [state.cost]
     path: tuple[Float[np.ndarray, " f"], ...] = ()
     rounds = FixedPointRounds()
@@ -155,11 +155,11 @@ def banded(
                 damping, rise = damping * rise, rise * 2.0
         costs.append(state.cost)
         if len(costs) > FEW_STEPS and iteration % 3 == 0 and leap is None:
-            state = _leapt(problem, state, path, damped.std)
+            state = _leap_ahead(problem, state, path, damped.std)
         path = (*path[-1:], state.phi)
         stalled = iteration > 2 * PATIENCE and min(costs[:-PATIENCE]) - min(costs) < LEAST_WIN
         if size <= close or stalled or damping > LARGEST_DAMPING:
-            return _finished(problem, state, iteration)
+            return _complete_estimate(problem, state, iteration)
     raise UnsettledError(
         f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
         "remove a term, or fly more motion",
@@ -167,7 +167,7 @@ def banded(
     )
 
 
-def _leapt(
+def _leap_ahead(
     problem: BandedProblem,
     state: Evaluated,
     path: Sequence[Float[np.ndarray, " f"]],
@@ -226,7 +226,7 @@ def _corrected_step(
     damped: Float[np.ndarray, "f f"],
     score: Float[np.ndarray, " f"],
 ) -> Float[np.ndarray, " f"]:
-    """Solve (information - noise) step = score, zero where the information is mostly noise."""
+    """Solve (information - noise) step = score, zero if the information is mostly noise."""
     scale = 1.0 / np.sqrt(np.diagonal(plain))
     strength, Q = np.linalg.eigh(plain * np.outer(scale, scale))
     strength = np.maximum(strength, np.finfo(float).eps * strength[-1])
@@ -236,7 +236,7 @@ def _corrected_step(
     return root @ (V @ (gain * (V.T @ (root.T @ score))))
 
 
-def _finished(problem: BandedProblem, state: Evaluated, iterations: int) -> BandedEstimate:
+def _complete_estimate(problem: BandedProblem, state: Evaluated, iterations: int) -> BandedEstimate:
     """Complete the estimate at the minimum by covariance and influences."""
     equations = corrected_equations(problem, state)
     svd = scaled_singular(root_of(problem, state, equations.information), problem.map.names)
@@ -406,16 +406,22 @@ def shift_without(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Shift:
     whole = normal_equations(fit, np.ones_like(blocks))
     rest = normal_equations(fit, ~blocks)
     scale = parameter_scale(whole.information)
-    inverse, inverse_rest = _inverse(whole.information, scale), _inverse(rest.information, scale)
+    inverse, inverse_rest = (
+        _invert_information(whole.information, scale),
+        _invert_information(rest.information, scale),
+    )
     influence = (rest.scores @ inverse_rest - whole.scores @ inverse)[:-1]
     formal = inverse_rest - inverse
     return Shift(
         values=rest.scores.sum(axis=0) @ inverse_rest,
-        covariance=raised_to(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal),
+        covariance=raised_to(
+            _scatter_of_influences(influence[blocks]) + _scatter_of_influences(influence[~blocks]),
+            formal,
+        ),
     )
 
 
-def _scatter(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:
+def _scatter_of_influences(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:
     """Estimate the covariance from the scatter within a group of blocks (jackknife).
 
     About their mean: the difference between the groups is the shift, not chance.
@@ -425,7 +431,7 @@ def _scatter(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:
     return scatter_covariance(influence)
 
 
-def _inverse(
+def _invert_information(
     H: Float[np.ndarray, "f f"], scale: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, "f f"]:
     """Invert; directions that the equations lost become infinitely uncertain."""

@@ -44,7 +44,7 @@ class State:
     """Where the equations are linearised.
 
     - `residual`: error of the noisy signals in the rows of every block's factor.
-    - `variance`: of each noisy signal's error in each block, infinite where it does not count.
+    - `variance`: of each noisy signal's error in each block, infinite if it does not count.
     """
 
     phi: Float[np.ndarray, " f"]
@@ -101,7 +101,7 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
     rest = prior_cost(problem, phi) - 2.0 * response
     cost = rest
     decorrelated = [problem.decorrelated(c, G) for c, G in enumerate(found)]
-    residual = _errors(problem, phi, decorrelated)
+    residual = _block_errors(problem, phi, decorrelated)
     powers = split_blocks(power_of(residual), problem.factors)
     variances: list[Float[np.ndarray, "b k"]] = []
     squares: list[Float[np.ndarray, "b k"]] = []
@@ -117,7 +117,7 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
         cost += float(np.sum(spare, where=counted & floored))
         variances.append(np.where(counted, v, np.inf))
         squares.append(power - rows * known_noise_variance(problem, c, G))
-    if not np.isfinite(cost) or response > MOST_RESPONSE * _rows(problem):
+    if not np.isfinite(cost) or response > MOST_RESPONSE * _count_rows(problem):
         raise EstimationError("the likelihood is not finite here")
     return Evaluated(
         phi=phi,
@@ -129,11 +129,11 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
     )
 
 
-def _rows(problem: BandedProblem) -> int:
+def _count_rows(problem: BandedProblem) -> int:
     return sum(int(factors.rows.sum()) for factors in problem.factors)
 
 
-def _errors(
+def _block_errors(
     problem: BandedProblem,
     phi: Float[np.ndarray, " f"],
     found: Sequence[Float[np.ndarray, "_ k z"]],
@@ -162,7 +162,7 @@ def known_noise_variance(
 
 
 def evaluated_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated | None:
-    """Evaluate at `phi`; None where nothing solves the equations."""
+    """Evaluate at `phi`; None if nothing solves the equations."""
     try:
         return evaluated(problem, phi)
     except EstimationError:
@@ -252,7 +252,7 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
     for number, (part, dU) in enumerate(zip(problem.every_part, slopes, strict=True)):
         factors, w = problem.factors[part.configuration], 1.0 / state.variance[part.blocks]
         square = np.ix_(part.moved, part.moved)
-        information[square] += _information(factors.gram[part.local], w, dU)
+        information[square] += _block_information(factors.gram[part.local], w, dU)
         asked = (state.residual[part.blocks] * w[:, None, :]).transpose(0, 2, 1)
         by = dU.reshape(-1, len(part.moved))
         own = -(asked @ factors.columns[part.local]).reshape(-1, len(by)) @ by
@@ -295,7 +295,7 @@ def part_information(
             own = np.flatnonzero(blocks[part.blocks])
             if not len(own):
                 continue
-            out[p][square] += _information(factors.gram[part.local][own], w[own], dU)
+            out[p][square] += _block_information(factors.gram[part.local][own], w[own], dU)
             if factors.noise is not None and corrected:
                 dG, rows = found[part.configuration][1], factors.rows[part.local, None]
                 noise = factors.noise[part.local][own]
@@ -314,7 +314,7 @@ def _noise_information(
     return found
 
 
-def _information(
+def _block_information(
     gram: Float[np.ndarray, "b a a"],
     weight: Float[np.ndarray, "b k"],
     dU: Float[np.ndarray, "k a q"],

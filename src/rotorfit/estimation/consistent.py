@@ -47,11 +47,11 @@ def nearest_consistent(
     if np.linalg.eigvalsh(at)[0] >= 0.0:
         return Nearest(values=values, distance=0.0)
     information = np.linalg.inv(covariance / np.outer(std, std))
-    step = _solved(information, at, slopes / unit * std[:, None, None])
+    step = _solve_semidefinite(information, at, slopes / unit * std[:, None, None])
     return Nearest(values=values + std * step, distance=float(np.sqrt(step @ information @ step)))
 
 
-def _solved(
+def _solve_semidefinite(
     information: Float[np.ndarray, "q q"],
     at: Float[np.ndarray, "n n"],
     slopes: Float[np.ndarray, "q n n"],
@@ -70,8 +70,8 @@ def _solved(
     solver = clarabel.DefaultSolver(
         sparse.csc_matrix(np.triu(information)),
         np.zeros(len(information)),
-        sparse.csc_matrix(-np.array([_triangle(m) for m in slopes]).T),
-        _triangle(at),
+        sparse.csc_matrix(-np.array([_stack_triangle(m) for m in slopes]).T),
+        _stack_triangle(at),
         [clarabel.PSDTriangleConeT(len(at))],
         settings,
     )
@@ -81,7 +81,7 @@ def _solved(
     return np.array(solution.x)
 
 
-def _triangle(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, " t"]:
+def _stack_triangle(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, " t"]:
     """Stack the upper triangle column by column, off-diagonals times sqrt(2)."""
     n = len(matrix)
     return np.array(

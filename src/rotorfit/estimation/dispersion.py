@@ -41,7 +41,7 @@ class Dispersion:
     """Variances between parts of a fit over the formal ones, and their degrees of freedom.
 
     - `ratio`: one where the parts scatter as stated.
-    - `degrees`: of freedom; 0 where no part can differ from another.
+    - `degrees`: of freedom; 0 if no part can differ from another.
     """
 
     ratio: float
@@ -139,7 +139,7 @@ class CommonMean:
     def drawn(self, value: float, variance: float) -> tuple[float, float]:
         """Draw the value of one group to the mean; return it, and its variance.
 
-        `variance`: of the value by chance; infinite where the group shows nothing.
+        `variance`: of the value by chance; infinite if the group shows nothing.
         """
         kept = self.between / (self.between + variance)
         lost = 1.0 - kept
@@ -183,11 +183,11 @@ def dispersion_of_parts(
     spread = float((own**2).sum()) + max(across, 0.0)
     if not stated > LEAST * float(np.trace(Y, axis1=1, axis2=2).sum()):
         return Dispersion(ratio=1.0, degrees=0.0)
-    shown = float((_whitened(influences, root) ** 2).sum())
+    shown = float((_whiten_influences(influences, root) ** 2).sum())
     return Dispersion(ratio=shown / stated, degrees=stated**2 / spread)
 
 
-def _whitened(
+def _whiten_influences(
     influences: Float[np.ndarray, "p f"], root: Float[np.ndarray, "f f"]
 ) -> Float[np.ndarray, "p f"]:
     """Express moves of the parameters in deviations of independent directions."""

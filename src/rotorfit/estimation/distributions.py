@@ -12,7 +12,7 @@ from scipy import special
 
 
 def student_quantile(probability: float | int, degrees: Any) -> Any:
-    """Compute the quantile of Student's t for degrees of freedom; NaN where there are none."""
+    """Compute the quantile of Student's t for degrees of freedom; NaN if there are none."""
     nu: Float[np.ndarray, ...] = np.asarray(degrees, dtype=float)
     finite = np.where(np.isinf(nu), 1.0, np.where(nu > 0.0, nu, np.nan))
     quantile: Any = special.stdtrit(finite, probability)

@@ -31,7 +31,7 @@ def error_correlation_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:
         slopes = lifted_slopes(problem, fit.estimate.values, found)
         for c, shares in enumerate(problem.error_correlation):
             for t in np.flatnonzero(shares.any(axis=1)).tolist():
-                between, own = _information(fit, slopes, c, t)
+                between, own = _share_information(fit, slopes, c, t)
                 own += np.eye(len(own)) / problem.error_correlation_std[c] ** 2
                 moved = between @ covariance
                 values, vectors = np.linalg.eigh(own - moved @ between.T)
@@ -41,7 +41,7 @@ def error_correlation_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:
     return np.concatenate(shifts)
 
 
-def _information(
+def _share_information(
     fit: BandedEstimate, slopes: Sequence[Float[np.ndarray, "k a _"]], c: int, t: int
 ) -> tuple[Float[np.ndarray, "s f"], Float[np.ndarray, "s s"]]:
     """Compute the information between error t's shares and the parameters, and of the shares."""

@@ -134,7 +134,7 @@ def scaled_singular(rows: Float[np.ndarray, "m f"], names: tuple[str, ...]) -> S
 
 
 def refuse_free_direction(svd: ScaledSingular, names: tuple[str, ...]) -> None:
-    """Raise where a direction of the parameters is known to no more than rounding."""
+    """Raise an error if a direction of the parameters is known to no more than rounding."""
     if svd.s[-1] > svd.s[0] * 1e-13:
         return
     worst = names[int(np.argmax(np.abs(svd.Vt[-1])))]

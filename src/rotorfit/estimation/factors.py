@@ -71,7 +71,7 @@ class Factors:
 
     @property
     def known_noise(self) -> Float[np.ndarray, "b z"]:
-        """The known variances per row; zeros where nothing is known."""
+        """The known variances per row; zeros if nothing is known."""
         return np.zeros((len(self), self.R.shape[2])) if self.noise is None else self.noise
 
     def select(self, keep: Bool[np.ndarray, " b"]) -> "Factors":
@@ -99,8 +99,10 @@ class Factors:
         b, t, m, z = self.slopes.shape
         signals = np.zeros((b, m, z))
         signals[:, : self.R.shape[1]] = self.R
-        slopes = self.slopes[..., self._moving].transpose(0, 2, 1, 3)
-        return np.concatenate([signals, slopes.reshape(b, m, t * len(self._moving))], axis=2)
+        slopes = self.slopes[..., self._signals_with_slopes].transpose(0, 2, 1, 3)
+        return np.concatenate(
+            [signals, slopes.reshape(b, m, t * len(self._signals_with_slopes))], axis=2
+        )
 
     @cached_property
     def gram(self) -> Float[np.ndarray, "b a a"]:
@@ -108,7 +110,7 @@ class Factors:
         return self.columns.transpose(0, 2, 1) @ self.columns
 
     @cached_property
-    def _moving(self) -> Int[np.ndarray, " s"]:
+    def _signals_with_slopes(self) -> Int[np.ndarray, " s"]:
         """Which signals have a slope."""
         assert self.slopes is not None
         return np.flatnonzero(self.slopes.any(axis=(0, 1, 2)))
@@ -119,7 +121,7 @@ class Factors:
         z = self.R.shape[2]
         if self.slopes is None:
             return np.zeros((0, z, z))
-        count, moving = self.slopes.shape[1], self._moving
+        count, moving = self.slopes.shape[1], self._signals_with_slopes
         lifts = np.zeros((count, self.columns.shape[2], z))
         for t in range(count):
             lifts[t, z + t * len(moving) + np.arange(len(moving)), moving] = 1.0
@@ -172,7 +174,7 @@ def stack_factors(parts: Sequence[Factors]) -> Factors:
 def _all_or_none(
     parts: Sequence[Float[np.ndarray, "_ t m z"] | None],
 ) -> Float[np.ndarray, "b t m z"] | None:
-    """Stack the slopes of all parts, None where any has none."""
+    """Stack the slopes of all parts, None if any has none."""
     there = [part for part in parts if part is not None]
     return np.concatenate(there) if len(there) == len(parts) else None
 
@@ -256,14 +258,14 @@ def triangular_factors(
     safe = np.where(scale > 0, scale, 1.0)
     gram /= safe[:, :, None] * safe[:, None, :]
     R, accurate = np.zeros_like(gram), np.zeros(len(gram), dtype=bool)
-    R[many], accurate[many] = _cholesky(gram[many])
+    R[many], accurate[many] = _cholesky_factors(gram[many])
     R *= safe[:, None, :]
     for i in np.flatnonzero(~accurate).tolist():
-        R[i] = _householder(blocks[i][None])[0]
+        R[i] = _householder_factors(blocks[i][None])[0]
     return R
 
 
-def _cholesky(
+def _cholesky_factors(
     gram: Float[np.ndarray, "b z z"],
 ) -> tuple[Float[np.ndarray, "b z z"], Bool[np.ndarray, " b"]]:
     """Factor unit-diagonal Gram matrices, and mark the factors that rounding leaves valid."""
@@ -278,7 +280,7 @@ def _cholesky(
 def _cholesky_one_by_one(
     gram: Float[np.ndarray, "b z z"],
 ) -> tuple[Float[np.ndarray, "b z z"], Bool[np.ndarray, " b"]]:
-    """Factor the Gram matrices one by one, where a singular block makes the whole batch fail."""
+    """Factor the Gram matrices one by one: a single singular block fails a whole batch."""
     # The smallest eigenvalue is below every squared pivot: what passes here cannot fail.
     accurate = np.linalg.eigvalsh(gram)[:, 0] > SMALLEST_PIVOT**2
     R = np.zeros_like(gram)
@@ -286,7 +288,7 @@ def _cholesky_one_by_one(
     return R, accurate
 
 
-def _householder(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, "b z z"]:
+def _householder_factors(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, "b z z"]:
     """Compute R of each block by Householder QR, square, with a non-negative diagonal."""
     R = np.asarray(np.linalg.qr(blocks, mode="r"))
     missing = R.shape[2] - R.shape[1]
@@ -303,6 +305,8 @@ def merge_triangular(R: Float[np.ndarray, "b z z"]) -> Float[np.ndarray, "z z"]:
     while len(R) > 1:
         group = min(len(R), 16)
         whole = len(R) // group * group
-        head = _householder(R[:whole].reshape(whole // group, group * R.shape[1], R.shape[2]))
+        head = _householder_factors(
+            R[:whole].reshape(whole // group, group * R.shape[1], R.shape[2])
+        )
         R = np.concatenate([head, R[whole:]])
     return R[0]

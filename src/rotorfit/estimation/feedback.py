@@ -86,7 +86,7 @@ class Feedback:
     def gain(self, c: int, G: Float[np.ndarray, "k z"]) -> float:
         """Compute the share of part `c` in the log-likelihood, up to a constant."""
         response = self.responses[c]
-        effect = self._effect(response, G)
+        effect = self._effect_of_response(response, G)
         effect = np.where(np.real(effect) < 0, -effect, effect)  # away from the logarithm's cut
         logarithm = np.log(np.where(effect == 0, np.finfo(float).tiny, effect))
         return float(
@@ -99,7 +99,7 @@ class Feedback:
         """Return the derivative of `gain` along dG, block by block and error by error."""
         response = self.responses[c]
         moved = dG[:, list(self.errors)][:, :, list(self.inputs)]
-        effect = self._effect(response, G)
+        effect = self._effect_of_response(response, G)
         effect = np.where(effect == 0, np.inf, effect)  # no input to respond with
         by = np.flatnonzero(moved.any(axis=(1, 2)))
         along = response.moves.transpose(1, 0, 2) @ moved[by].transpose(1, 2, 0)
@@ -109,7 +109,7 @@ class Feedback:
         every[:, :, by] = np.real(slope)
         return every
 
-    def _effect(
+    def _effect_of_response(
         self, response: ClosedLoopResponses, G: Float[np.ndarray, "k z"]
     ) -> Complex[np.ndarray, "b e"]:
         return np.einsum("ei,bei->be", G[np.ix_(self.errors, self.inputs)], response.moves)

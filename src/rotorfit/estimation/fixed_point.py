@@ -39,7 +39,7 @@ class FixedPointRounds:
         step: Float[np.ndarray, " f"],
         std: Float[np.ndarray, " f"],
     ) -> Float[np.ndarray, " f"] | None:
-        """Return the step that leads near the fixed point; None where a plain one is better."""
+        """Return the step that leads near the fixed point; None if a plain one is better."""
         size = float(np.abs(step / std).max())
         if size > LARGEST_STEP or size > SHRINKS * self.before_leap:
             self.points, self.steps, self.before_leap = [], [], np.inf

@@ -76,16 +76,16 @@ def total(problem: LinearProblem) -> Estimate:
             "total least squares has no solution here: the flattest direction has no part along "
             "the weighed mass; remove the parameters that the flight does not excite"
         )
-    chi = _refined(Wt, svd, v[:-1] / v[-1])
+    chi = _refine_solution(Wt, svd, v[:-1] / v[-1])
     return Estimate(
         names=names,
         values=chi,
-        covariance=_covariance(problem.rows, chi, (U, s, Vt)),
+        covariance=_solution_covariance(problem.rows, chi, (U, s, Vt)),
         condition_number=svd.condition_number,
     )
 
 
-def _refined(
+def _refine_solution(
     Wt: Float[np.ndarray, "m g"], svd: ScaledSingular, chi: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, " f"]:
     r"""Refine a solution by the digits that columns of very different size have cost.
@@ -106,7 +106,7 @@ def _refined(
     return chi
 
 
-def _covariance(
+def _solution_covariance(
     rows: int,
     chi: Float[np.ndarray, " f"],
     svd: tuple[Float[np.ndarray, "m g"], Float[np.ndarray, " g"], Float[np.ndarray, "g g"]],

@@ -80,7 +80,7 @@ class ParameterMap:
 
     def fixed(self, name: str, value: float) -> "ParameterMap":
         """Return the map with the free parameter `name` held at `value`."""
-        column = self._column(name)
+        column = self._column_of(name)
         keep = [i for i in range(len(self.names)) if i != column]
         place = {old: new for new, old in enumerate(keep)}
         constant = self.constant + self.matrix[:, :, column] * value
@@ -102,7 +102,7 @@ class ParameterMap:
             products=tuple(products),
         )
 
-    def _column(self, name: str) -> int:
+    def _column_of(self, name: str) -> int:
         if name not in self.names:
             raise EstimationError(
                 f"no free parameter {name!r}; the map has {', '.join(self.names)}"
@@ -143,17 +143,17 @@ def parameter_map(
     constant = np.zeros((configurations, len(index)))
     matrix = np.zeros((configurations, len(index), len(free)))
     for (c, name), value in given.items():
-        constant[c, _entry(index, name)] = value
+        constant[c, _entry_of(index, name)] = value
     for f, moves in enumerate(free.values()):
         for (c, name), factor in moves.items():
-            matrix[c, _entry(index, name), f] = factor
+            matrix[c, _entry_of(index, name), f] = factor
     place = {name: i for i, name in enumerate(free)}
     terms = [
         Product(
             configuration=c,
-            entry=_entry(index, name),
-            first=_entry(place, first),
-            second=_entry(place, second),
+            entry=_entry_of(index, name),
+            first=_entry_of(place, first),
+            second=_entry_of(place, second),
             factor=factor,
         )
         for (c, name), parts in (products or {}).items()
@@ -162,7 +162,7 @@ def parameter_map(
     return ParameterMap(names=tuple(free), constant=constant, matrix=matrix, products=tuple(terms))
 
 
-def _entry(index: Mapping[str, int], name: str) -> int:
+def _entry_of(index: Mapping[str, int], name: str) -> int:
     if name not in index:
         raise EstimationError(f"the model has no parameter {name!r}; it has {', '.join(index)}")
     return index[name]

@@ -126,7 +126,7 @@ def _quick_covariance(
     variance: Float[np.ndarray, " b"],
     information: Float[np.ndarray, " f"],
 ) -> Float[np.ndarray, "f f"] | None:
-    """Compute the covariance from the blocks' Gram matrices; None where that would cost digits."""
+    """Compute the covariance from the blocks' Gram matrices; None if that would cost digits."""
     whole = np.tensordot(1.0 / variance, gram, axes=1) + np.diag(information)
     lengths = np.sqrt(np.diagonal(whole))
     if not (lengths > 0.0).all():

@@ -55,7 +55,7 @@ FRAME_ANGLE: Final = 20.0
 
 def write_ardupilot(model: VehicleModel, head: Sequence[str]) -> str:
     """Write a parameter file, as ground stations, MAVProxy and the simulator load it."""
-    curve = _curve(required_law(model, "ardupilot"))
+    curve = _law_curve(required_law(model, "ardupilot"))
     remarks = [
         "MOT_THST_EXPO is fitted to the law from MOT_SPIN_MIN to MOT_SPIN_MAX, within "
         f"{100 * curve.error:.2g} % of full thrust: they belong together",
@@ -121,9 +121,9 @@ def write_ardupilot_sitl(model: VehicleModel, head: Sequence[str]) -> str:
     }
     for i, arm in enumerate(model.arms, start=1):
         fields[f"motor{i}_position"] = listed(frd(arm).tolist())
-    fields |= _thrust(model, diagonal)
+    fields |= _thrust_fields(model, diagonal)
     body = ",\n".join(f"    {json.dumps(name)}: {value}" for name, value in fields.items())
-    comment = hash_comment(with_notes(head, *_remarks(model, frame)))
+    comment = hash_comment(with_notes(head, *_model_remarks(model, frame)))
     comment = comment.translate(str.maketrans("{}", "()"))
     return comment + f"\n{{\n{body}\n}}\n"
 
@@ -133,7 +133,7 @@ def _frame_numbers(model: VehicleModel) -> tuple[int, int] | None:
     for kind in CLASSES:
         for number in TYPES:
             frame = numbered_frame(kind, number)
-            if model.vertical and frame is not None and _fits(model, frame):
+            if model.vertical and frame is not None and _fits_frame(model, frame):
                 return kind, number
     return None
 
@@ -151,7 +151,7 @@ def _frame_of(model: VehicleModel) -> str:
     )
 
 
-def _fits(model: VehicleModel, frame: Frame) -> bool:
+def _fits_frame(model: VehicleModel, frame: Frame) -> bool:
     if frame.angles_deg is None or len(frame.spins) != len(model.rotors):
         return False
     for arm, rotor, angle_deg, spin in zip(
@@ -164,12 +164,12 @@ def _fits(model: VehicleModel, frame: Frame) -> bool:
     return True
 
 
-def _thrust(model: VehicleModel, diagonal: float) -> dict[str, str]:
+def _thrust_fields(model: VehicleModel, diagonal: float) -> dict[str, str]:
     """Write the thrust curve, hover throttle and yaw torque, where the law is known."""
     if model.law is None:
         return {}
     start, end = command_range(model.law)
-    curve = _curve(model.law)
+    curve = _law_curve(model.law)
     hover = model.hover_thrust
     scale = YAW_SCALE * diagonal * curve.command(hover)
     yaw = {
@@ -180,12 +180,12 @@ def _thrust(model: VehicleModel, diagonal: float) -> dict[str, str]:
     return {"propExpo": text(curve.factor), "hoverThrOut": text(hover), **spin, **yaw}
 
 
-def _curve(law: SpeedLaw) -> ThrustCurve:
+def _law_curve(law: SpeedLaw) -> ThrustCurve:
     start, end = command_range(law)
     return thrust_curve(law, start=start, end=end)
 
 
-def _remarks(model: VehicleModel, frame: str) -> list[str]:
+def _model_remarks(model: VehicleModel, frame: str) -> list[str]:
     remarks = [
         f"start with  --model {frame}:THIS_FILE.json ; motors in the order of that frame; the "
         "firmware needs the parameters of  rotorfit export --to ardupilot",
@@ -200,7 +200,7 @@ def _remarks(model: VehicleModel, frame: str) -> list[str]:
         ]
     return [
         *remarks,
-        f"propExpo is fitted to the law, within {100 * _curve(model.law).error:.2g} % of full "
+        f"propExpo is fitted to the law, within {100 * _law_curve(model.law).error:.2g} % of full "
         "thrust; spin_min to spin_max is the law's range of the output (PWM 1000 to 2000)",
         "yaw torque, in proportion to command times thrust there, is right in hover",
     ]

@@ -58,19 +58,19 @@ def write_indiflight(
         "paste into the CLI tab under the INDI profile that it is for (indiprofile 0), then  save",
         "actuators in the order of the log's motors; body axes FRD; g1 is at full thrust, the "
         "thrust at act_max_rpm",
-        *_remarks(model),
+        *_model_remarks(model),
     )
     lines = [f"set indi_act_num = {len(model.rotors)}\n"]
     lines += _motor_lines(model)
-    found = spread(_effects, model, drawn)
+    found = spread(_effectiveness_rows, model, drawn)
     for i, (name, kind, unit) in enumerate(_ROWS):
         if np.isfinite(found.value[i]).all():
             lines.append(f"\n# {kind}: {found.row_text(i)}\n")
-            lines.append(_setting(name, found.value[i] / unit))
+            lines.append(_setting_line(name, found.value[i] / unit))
     return hash_comment(comment) + "\n" + "".join(lines)
 
 
-def _effects(model: VehicleModel) -> Float[np.ndarray, "9 N"]:
+def _effectiveness_rows(model: VehicleModel) -> Float[np.ndarray, "9 N"]:
     """Compute the rows of G1 at full thrust, and of G2, which are NaN where Jr is not known."""
     found = effectiveness(model)
     full = model.max_speed**2
@@ -81,20 +81,20 @@ def _effects(model: VehicleModel) -> Float[np.ndarray, "9 N"]:
 def _motor_lines(model: VehicleModel) -> list[str]:
     rotors = len(model.rotors)
     lines = [
-        _repeated("max_rpm", model.max_speed / RPM, rotors),
-        _repeated("hover_rpm", model.hover_speed / RPM, rotors),
+        _repeated_setting("max_rpm", model.max_speed / RPM, rotors),
+        _repeated_setting("hover_rpm", model.hover_speed / RPM, rotors),
     ]
     lag = 1e3 * model.mean_lag
     if 0.5 <= lag < LONGEST_LAG:
-        lines.append(_repeated("time_constant_ms", lag, rotors))
+        lines.append(_repeated_setting("time_constant_ms", lag, rotors))
     if model.law is not None:
         low, high = NONLINEARITY
         factor = min(max(thrust_curve(model.law).factor, low), high)
-        lines.append(_repeated("nonlinearity", 100.0 * factor, rotors))
+        lines.append(_repeated_setting("nonlinearity", 100.0 * factor, rotors))
     return lines
 
 
-def _remarks(model: VehicleModel) -> list[str]:
+def _model_remarks(model: VehicleModel) -> list[str]:
     remarks: list[str] = []
     if model.law is None:
         remarks.append(
@@ -122,11 +122,11 @@ def _remarks(model: VehicleModel) -> list[str]:
     return remarks
 
 
-def _repeated(name: str, value: float, rotors: int) -> str:
+def _repeated_setting(name: str, value: float, rotors: int) -> str:
     return f"set indi_act_{name} = {','.join([str(round(value))] * rotors)}\n"
 
 
-def _setting(name: str, values: Float[np.ndarray, " N"]) -> str:
+def _setting_line(name: str, values: Float[np.ndarray, " N"]) -> str:
     numbers: list[int] = np.rint(values).astype(int).tolist()
     most = max(numbers, key=abs)
     if abs(most) > LARGEST:

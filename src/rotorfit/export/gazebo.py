@@ -112,8 +112,8 @@ def _body_part(model: VehicleModel, rotors: Sequence[Part]) -> Part:
     com = np.asarray(moment / mass)
     origin = inertia_at_origin(model)
     for part in rotors:
-        origin = origin - part.inertia - _steiner(part.mass, part.com)
-    inertia = origin - _steiner(mass, com)
+        origin = origin - part.inertia - _steiner_shift(part.mass, part.com)
+    inertia = origin - _steiner_shift(mass, com)
     if float(np.linalg.eigvalsh(second_moments(inertia))[0]) <= 0.0:
         raise OutputError(
             "the body without its rotors would have an inertia that no body has: Jr is too large "
@@ -122,11 +122,11 @@ def _body_part(model: VehicleModel, rotors: Sequence[Part]) -> Part:
     return Part(mass=mass, com=com, inertia=inertia)
 
 
-def _steiner(mass: float, com: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+def _steiner_shift(mass: float, com: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
     return mass * (float(com @ com) * np.eye(3) - np.outer(com, com))
 
 
-def _inertial(part: Part) -> str:
+def _inertial_element(part: Part) -> str:
     inertia = "".join(
         f"          <{name}>{value}</{name}>\n"
         for name, value in xml_elements(part.inertia).items()
@@ -146,7 +146,7 @@ def _base_link(base: Part, model: VehicleModel) -> str:
     shape = f"<pose>{texts(base.com)} 0 0 0</pose><geometry>{box}</geometry>"
     return (
         '    <link name="base_link">\n'
-        + _inertial(base)
+        + _inertial_element(base)
         + f'      <visual name="body_visual">{shape}</visual>\n'
         + f'      <collision name="body_collision">{shape}</collision>\n'
         + '      <sensor name="imu_sensor" type="imu">\n'
@@ -164,7 +164,7 @@ def _rotor_link(i: int, rotor: ExportedRotor, part: Part) -> str:
     return (
         f'    <link name="rotor_{i}">\n'
         f"      <pose>{texts(rotor.position)} {roll_pitch}</pose>\n"
-        + _inertial(disc)
+        + _inertial_element(disc)
         + f'      <visual name="disc"><geometry>{shape}</geometry></visual>\n'
         + "    </link>\n"
         + f'    <joint name="rotor_{i}_joint" type="revolute">\n'
@@ -176,10 +176,10 @@ def _rotor_link(i: int, rotor: ExportedRotor, part: Part) -> str:
 
 
 def _motor_plugins(model: VehicleModel) -> str:
-    return "".join(_plugin(i, rotor, model) for i, rotor in enumerate(model.rotors))
+    return "".join(_motor_plugin(i, rotor, model) for i, rotor in enumerate(model.rotors))
 
 
-def _plugin(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
+def _motor_plugin(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
     fields = (
         ("jointName", f"rotor_{i}_joint"),
         ("linkName", f"rotor_{i}"),

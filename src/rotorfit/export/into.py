@@ -48,7 +48,7 @@ class Element:
             yield from child.every(name)
 
     def child(self, name: str) -> "Element | None":
-        """Find a direct child; None where there is none."""
+        """Find a direct child; None if there is none."""
         return next((child for child in self.children if child.name == name), None)
 
 
@@ -107,19 +107,19 @@ def with_numbers(data: bytes, numbers: Sequence[Number]) -> bytes:
 
 def new_numbers(own: bytes, exported: bytes) -> list[Number]:
     """List all numbers of the user's model that an exported one has, with both values."""
-    mine, theirs = _model(own), _model(exported)
-    pairs, shift = _matched(mine, theirs)
+    mine, theirs = _find_model(own), _find_model(exported)
+    pairs, shift = _match_rotors(mine, theirs)
     numbers = _body_numbers(mine, theirs, shift)
     for rotor, new in pairs:
         name = rotor.link.attributes.get("name", "")
         for key in MOTOR:
             place, value = rotor.plugin.child(key), theirs.text(new.plugin.child(key))
-            numbers.append(_number(f"{name} {key}", mine, place, value))
+            numbers.append(_replace_number(f"{name} {key}", mine, place, value))
         numbers += _inertial_numbers(name, mine, rotor.link, theirs, new.link)
     return numbers
 
 
-def _parsed(data: bytes) -> Element:
+def _parse_xml(data: bytes) -> Element:
     """Parse XML into elements with the places of their contents."""
     root = Element(name="", attributes={}, start=0)
     stack = [root]
@@ -146,9 +146,9 @@ def _parsed(data: bytes) -> Element:
     return root
 
 
-def _model(data: bytes) -> _Model:
+def _find_model(data: bytes) -> _Model:
     """Find body and rotors of a model by its motor plugins."""
-    root = _parsed(data)
+    root = _parse_xml(data)
     links = {link.attributes.get("name", ""): link for link in root.every("link")}
     model = _Model(data=data, body=root, rotors=())
     rotors: list[_Rotor] = []
@@ -159,7 +159,7 @@ def _model(data: bytes) -> _Model:
         name = model.text(plugin.child("linkName"))
         if name not in links:
             raise OutputError(f"a motor's plugin turns link {name!r}, which the model has not")
-        place = _pose(model, links[name])[:3]
+        place = _element_pose(model, links[name])[:3]
         turns = model.text(plugin.child("turningDirection"))
         rotors.append(_Rotor(plugin=plugin, link=links[name], place=place, turns=turns))
         parents |= {
@@ -176,8 +176,8 @@ def _model(data: bytes) -> _Model:
     return _Model(data=data, body=bodies[0], rotors=tuple(rotors))
 
 
-def _pose(model: _Model, element: Element) -> Float[np.ndarray, " 6"]:
-    """Return x, y, z, roll, pitch, yaw of an element; zeros where it has none."""
+def _element_pose(model: _Model, element: Element) -> Float[np.ndarray, " 6"]:
+    """Return x, y, z, roll, pitch, yaw of an element; zeros if it has none."""
     pose = element.child("pose")
     if pose is None:
         return np.zeros(6)
@@ -190,7 +190,7 @@ def _pose(model: _Model, element: Element) -> Float[np.ndarray, " 6"]:
     return np.array(values)
 
 
-def _matched(mine: _Model, theirs: _Model) -> tuple[list[tuple[_Rotor, _Rotor]], np.ndarray]:
+def _match_rotors(mine: _Model, theirs: _Model) -> tuple[list[tuple[_Rotor, _Rotor]], np.ndarray]:
     """Match rotors by place and turning; return the shift of the origin [m], too."""
     if len(mine.rotors) != len(theirs.rotors):
         raise OutputError(
@@ -218,20 +218,20 @@ def _matched(mine: _Model, theirs: _Model) -> tuple[list[tuple[_Rotor, _Rotor]],
 def _body_numbers(mine: _Model, theirs: _Model, shift: np.ndarray) -> list[Number]:
     """Return mass, CoM and inertia of the body, in the axes of its link."""
     name = mine.body.attributes.get("name", "")
-    link = _pose(mine, mine.body)
+    link = _element_pose(mine, mine.body)
     inertial, new = mine.body.child("inertial"), theirs.body.child("inertial")
     if inertial is None or new is None or np.abs(link[3:]).max() > 0:
         raise OutputError(f"link {name!r} has no <inertial>, or is turned: expected an upright one")
-    com = _pose(theirs, new)[:3] + shift - link[:3]
+    com = _element_pose(theirs, new)[:3] + shift - link[:3]
     pose = inertial.child("pose")
-    if np.abs(_pose(mine, inertial)[3:]).max() > 0:
+    if np.abs(_element_pose(mine, inertial)[3:]).max() > 0:
         raise OutputError(f"the inertia of {name!r} is in turned axes: expected none of a turn")
     words = " ".join(f"{value:.12g}" for value in (*com, 0.0, 0.0, 0.0))
     if pose is None:
         at = inertial.start
         placed = Number(what=f"{name} CoM", start=at, end=at, old="", new=f"<pose>{words}</pose>")
     else:
-        placed = _number(f"{name} CoM", mine, pose, words)
+        placed = _replace_number(f"{name} CoM", mine, pose, words)
     return [placed, *_inertial_numbers(name, mine, mine.body, theirs, theirs.body)]
 
 
@@ -245,16 +245,18 @@ def _inertial_numbers(
     inertia, values = own.child("inertia"), other.child("inertia")
     if inertia is None or values is None:
         raise OutputError(f"link {name!r} has no <inertia>: add one")
-    found = [_number(f"{name} mass", mine, own.child("mass"), theirs.text(other.child("mass")))]
+    found = [
+        _replace_number(f"{name} mass", mine, own.child("mass"), theirs.text(other.child("mass")))
+    ]
     for key in INERTIA:
         value, place = theirs.text(values.child(key)) or "0", inertia.child(key)
         # SDF takes a product that is not written as 0.
         if place is not None or float(value) != 0.0:
-            found.append(_number(f"{name} {key}", mine, place, value))
+            found.append(_replace_number(f"{name} {key}", mine, place, value))
     return found
 
 
-def _number(what: str, mine: _Model, place: Element | None, value: str) -> Number:
+def _replace_number(what: str, mine: _Model, place: Element | None, value: str) -> Number:
     if place is None:
         raise OutputError(f"{what} is not in the file: add the element, with any number")
     content = mine.data[place.start : place.end]
@@ -313,12 +315,12 @@ def patched(own: str, exported: str, target: str) -> Patched:
         wanted = form.match(new)
         if wanted is None:
             continue
-        first, last = _section(lines) if form is BETAFLIGHT else (0, len(lines))
+        first, last = _profile_section(lines) if form is BETAFLIGHT else (0, len(lines))
         at = _line_of(lines[first:last], wanted["name"], form)
         if at is None:
             lines.insert(last, new)
             changed.append(("", new))
-        elif _differs(lines[first + at], wanted["value"], form):
+        elif _has_other_value(lines[first + at], wanted["value"], form):
             old = lines[first + at]
             lines[first + at] = _with_value(old, wanted["value"], form)
             changed.append((old, lines[first + at]))
@@ -344,7 +346,7 @@ def _line_of(lines: list[str], name: str, form: re.Pattern[str]) -> int | None:
     return found[-1] if found else None
 
 
-def _differs(line: str, value: str, form: re.Pattern[str]) -> bool:
+def _has_other_value(line: str, value: str, form: re.Pattern[str]) -> bool:
     """Test whether a line has another value, compared as numbers where both are."""
     found = form.match(line)
     old = "" if found is None else found["value"]
@@ -360,7 +362,7 @@ def _with_value(line: str, value: str, form: re.Pattern[str]) -> str:
     return line[: found.start("value")] + value + line[found.end("value") :]
 
 
-def _section(lines: list[str]) -> tuple[int, int]:
+def _profile_section(lines: list[str]) -> tuple[int, int]:
     """Find the lines of the profile that a dump restores at its end; all where it names none."""
     named = [i for i, line in enumerate(lines) if PROFILE.fullmatch(line.strip())]
     if not named:

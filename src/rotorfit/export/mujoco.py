@@ -47,7 +47,7 @@ def write_mujoco(model: VehicleModel, head: Sequence[str]) -> str:
     name = identifier(f"{model.name}_{model.configuration}")
     rotors = list(enumerate(model.rotors, start=1))
     return (
-        xml_comment(with_notes(head, *_remarks(model)))
+        xml_comment(with_notes(head, *_model_remarks(model)))
         + f'<mujoco model="{name}">\n'
         + '  <compiler angle="radian" autolimits="true" inertiafromgeom="false"/>\n'
         + f'  <option timestep="{TIMESTEP:g}" gravity="0 0 {-GRAVITY:g}"/>\n'
@@ -57,20 +57,20 @@ def write_mujoco(model: VehicleModel, head: Sequence[str]) -> str:
         + '    <body name="vehicle" pos="0 0 1">\n      <freejoint name="free"/>\n'
         + f'      <inertial pos="{texts(model.com)}" mass="{text(model.mass)}"\n'
         + f'                fullinertia="{texts(elements(model.inertia_com))}"/>\n'
-        + _collision(model)
+        + _collision_hull(model)
         + f'      <site name="imu" pos="{texts(model.imu)}"/>\n'
-        + "".join(_site(i, rotor, model) for i, rotor in rotors)
+        + "".join(_rotor_site(i, rotor, model) for i, rotor in rotors)
         + "    </body>\n  </worldbody>\n  <actuator>\n"
-        + "".join(_actuator(i, rotor, model) for i, rotor in rotors)
+        + "".join(_rotor_actuator(i, rotor, model) for i, rotor in rotors)
         + "  </actuator>\n"
         + '  <sensor>\n    <gyro name="gyro" site="imu"/>\n'
         + '    <accelerometer name="accelerometer" site="imu"/>\n  </sensor>\n'
-        + _hover(model)
+        + _hover_keyframe(model)
         + "</mujoco>\n"
     )
 
 
-def _remarks(model: VehicleModel) -> list[str]:
+def _model_remarks(model: VehicleModel) -> list[str]:
     remarks = [
         "control rotor_N is the thrust of rotor N of the log [N], kt times its speed squared; its "
         "torque about z is -kd/kt of it for ccw, and +kd/kt for cw",
@@ -92,7 +92,7 @@ def _remarks(model: VehicleModel) -> list[str]:
     return remarks
 
 
-def _collision(model: VehicleModel) -> str:
+def _collision_hull(model: VehicleModel) -> str:
     """Write the body that touches the floor: a flat cylinder about the CoM, without mass."""
     arm = model.mean_arm
     return (
@@ -101,7 +101,7 @@ def _collision(model: VehicleModel) -> str:
     )
 
 
-def _site(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
+def _rotor_site(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
     quat = texts(quaternion_wxyz(rotor.axis))
     arm = text(0.35 * float(np.linalg.norm(rotor.position - model.com)) + 1e-3)
     return (
@@ -112,7 +112,7 @@ def _site(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
     )
 
 
-def _actuator(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
+def _rotor_actuator(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
     lag = model.mean_lag
     dynamics = f' dyntype="filterexact" dynprm="{text(lag)}"' if lag > 0 else ""
     return (
@@ -122,7 +122,7 @@ def _actuator(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
     )
 
 
-def _hover(model: VehicleModel) -> str:
+def _hover_keyframe(model: VehicleModel) -> str:
     thrusts = texts(tuple(rotor.kt * model.hover_speed**2 for rotor in model.rotors))
     act = f' act="{thrusts}"' if model.mean_lag > 0 else ""
     return (
@@ -144,7 +144,7 @@ FREE: Final = Gains(position=0.0, velocity=0.0)
 
 
 def flyable(model: VehicleModel) -> tuple[VehicleModel, tuple[str, ...]]:
-    """Give the vehicle stock motors where its own are not known; with notes on what was taken."""
+    """Give the vehicle stock motors if its own are unknown, with notes on the substitution."""
     notes: list[str] = []
     if not (np.isfinite(model.lag_up) and np.isfinite(model.lag_down)):
         model = replace(model, lag_up=STOCK_LAG, lag_down=STOCK_LAG)
@@ -173,10 +173,10 @@ def fly_manoeuvre(
     default for what it is; its stock gains hold the place in hover alone.
     """
     mujoco = require_mujoco()
-    world = _loaded(mujoco, model)
+    world = _load_model(mujoco, model)
     data = mujoco.MjData(world)
     mujoco.mj_resetDataKeyframe(world, data, 0)
-    belief, vehicle = _belief(believed or model)
+    belief, vehicle = _simulated_vehicle(believed or model)
     period = STEPS_PER_COMMAND * float(world.opt.timestep)
     pilot = autopilot_of(
         belief,
@@ -185,13 +185,13 @@ def fly_manoeuvre(
         period=period,
         gains=Gains() if manoeuvre == "hover" else FREE,
     )
-    memory, rows = _trimmed(model, pilot), list[list[float]]()
+    memory, rows = _trim_autopilot(model, pilot), list[list[float]]()
     kt = np.array([rotor.kt for rotor in model.rotors])
     for k in range(round((HOVER_SECONDS if manoeuvre == "hover" else STEP_SECONDS) / period)):
-        state = _state(mujoco, data)
-        reference, target = _reference(manoeuvre, k * period)
+        state = _autopilot_state(mujoco, data)
+        reference, target = _pilot_reference(manoeuvre, k * period)
         speeds, memory = control(pilot, memory, state, reference, grounded=False)
-        rows.append([k * period, target, *_response(manoeuvre, state)])
+        rows.append([k * period, target, *_observed_response(manoeuvre, state)])
         data.ctrl[:] = kt * speeds**2
         mujoco.mj_step(world, data, STEPS_PER_COMMAND)
     time, asked, flown, tilt = np.array(rows).T
@@ -219,7 +219,7 @@ def require_mujoco() -> Any:
         raise OutputError(f"MuJoCo is installed, but cannot be imported: {error}") from error
 
 
-def _loaded(mujoco: Any, model: VehicleModel) -> Any:
+def _load_model(mujoco: Any, model: VehicleModel) -> Any:
     try:
         return mujoco.MjModel.from_xml_string(write_mujoco(model, ()))
     except ValueError as error:
@@ -229,7 +229,7 @@ def _loaded(mujoco: Any, model: VehicleModel) -> Any:
         ) from error
 
 
-def _belief(model: VehicleModel) -> tuple[Truth, Vehicle]:
+def _simulated_vehicle(model: VehicleModel) -> tuple[Truth, Vehicle]:
     """Describe the vehicle as the simulated flights do."""
     x, y, z = (model.mass * model.com).tolist()
     kt = model.kt
@@ -241,16 +241,16 @@ def _belief(model: VehicleModel) -> tuple[Truth, Vehicle]:
         kd=model.kd,
         kt_spread=tuple(rotor.kt / kt for rotor in model.rotors),
     )
-    return truth, Vehicle(rotors=tuple(map(_rotor, model.rotors)))
+    return truth, Vehicle(rotors=tuple(map(_simulated_rotor, model.rotors)))
 
 
-def _trimmed(model: VehicleModel, pilot: Autopilot) -> Memory:
+def _trim_autopilot(model: VehicleModel, pilot: Autopilot) -> Memory:
     """Set the autopilot's integrators to the trim of hover.
 
     Its mixer, made for equal rotors, is asked for what makes the rotors as they are give the
     weight, and its torque about the origin.
     """
-    _, vehicle = _belief(model)
+    _, vehicle = _simulated_vehicle(model)
     kt = np.array([rotor.kt for rotor in model.rotors])
     given = allocation(vehicle, kt=kt, kd=model.kd)[2:] @ pilot.mixer
     weight = model.mass * GRAVITY
@@ -259,13 +259,13 @@ def _trimmed(model: VehicleModel, pilot: Autopilot) -> Memory:
     return Memory(0.0, (x, y, z), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def _rotor(rotor: ExportedRotor) -> Rotor:
+def _simulated_rotor(rotor: ExportedRotor) -> Rotor:
     (px, py, pz), (nx, ny, nz) = rotor.position.tolist(), rotor.axis.tolist()
     spin = "ccw" if rotor.spin > 0 else "cw"
     return Rotor(position=(px, py, pz), axis=(nx, ny, nz), spin=spin)
 
 
-def _state(mujoco: Any, data: Any) -> tuple[float, ...]:
+def _autopilot_state(mujoco: Any, data: Any) -> tuple[float, ...]:
     """Collect what the autopilot sees: rates, attitude, velocity in body axes, place."""
     turned, velocity = np.empty(4), np.empty(3)
     mujoco.mju_negQuat(turned, data.qpos[3:7])
@@ -274,7 +274,7 @@ def _state(mujoco: Any, data: Any) -> tuple[float, ...]:
     return tuple(np.concatenate([data.qvel[3:6], data.qpos[3:7], velocity, place]).tolist())
 
 
-def _reference(manoeuvre: Manoeuvre, time: float) -> tuple[Reference, float]:
+def _pilot_reference(manoeuvre: Manoeuvre, time: float) -> tuple[Reference, float]:
     """Build the pilot's request, with the one number of it that is looked at."""
     size = float(STEP.get(manoeuvre, 0.0)) if time >= BEFORE else 0.0
     reference = Reference(
@@ -290,7 +290,7 @@ def _reference(manoeuvre: Manoeuvre, time: float) -> tuple[Reference, float]:
     return reference, size
 
 
-def _response(manoeuvre: Manoeuvre, state: tuple[float, ...]) -> tuple[float, float]:
+def _observed_response(manoeuvre: Manoeuvre, state: tuple[float, ...]) -> tuple[float, float]:
     """Compute the number that is looked at, and the tilt [rad]."""
     w, x, y, z = state[3:7]
     tilt = float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))

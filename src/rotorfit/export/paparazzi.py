@@ -38,16 +38,16 @@ def write_paparazzi(
         head,
         "actuators in the order of the log's motors; body axes FRD; one unit of an actuator is "
         f"1/{FULL:g} of full command, at hover ({_speed_per_unit(model):.4g} rad/s of the rotor)",
-        *_remarks(model),
+        *_model_remarks(model),
     )
-    found = spread(_effects, model, drawn)
+    found = spread(_effectiveness_rows, model, drawn)
     lines = "".join(
-        xml_comment([f"{name}: {found.row_text(i)}"]) + _define(name, found.value[i].tolist())
+        xml_comment([f"{name}: {found.row_text(i)}"]) + _define_line(name, found.value[i].tolist())
         for i, name in enumerate(ROWS)
         if np.isfinite(found.value[i]).all()
     )
     if model.mean_lag > 0.0:
-        lines += _define("ACT_FREQ", [1.0 / model.mean_lag] * len(model.rotors))
+        lines += _define_line("ACT_FREQ", [1.0 / model.mean_lag] * len(model.rotors))
     return (
         xml_comment(comment)
         + '<section name="STABILIZATION_ATTITUDE_INDI" prefix="STABILIZATION_INDI_">\n'
@@ -74,7 +74,7 @@ def _speed_per_unit(model: VehicleModel) -> float:
     return (excess(at + STEP) - excess(at - STEP)) / (2.0 * STEP) / FULL
 
 
-def _effects(model: VehicleModel) -> Float[np.ndarray, "5 N"]:
+def _effectiveness_rows(model: VehicleModel) -> Float[np.ndarray, "5 N"]:
     """Compute the rows of G1, and G2, which is NaN where Jr is not known."""
     found = effectiveness(model)
     unit = SCALING * _speed_per_unit(model)
@@ -87,12 +87,12 @@ def _effects(model: VehicleModel) -> Float[np.ndarray, "5 N"]:
     )
 
 
-def _define(name: str, values: Sequence[float]) -> str:
+def _define_line(name: str, values: Sequence[float]) -> str:
     listed = ", ".join(text(float(f"{value:.5g}")) for value in values)
     return f'  <define name="{name}" value="{{{listed}}}"/>\n'
 
 
-def _remarks(model: VehicleModel) -> list[str]:
+def _model_remarks(model: VehicleModel) -> list[str]:
     remarks = [f"G2 is for PERIODIC_FREQUENCY {FREQUENCY:g} Hz, with which it goes in proportion"]
     if model.Jr is None:
         remarks = ["G2 is left out: Jr is not known"]

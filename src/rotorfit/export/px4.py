@@ -72,7 +72,7 @@ def write_px4(model: VehicleModel, head: Sequence[str]) -> str:
         *_coefficient_remarks(model),
         *_thrust_remarks(model),
     )
-    return params_file(comment, [*_geometry(model), *_thrust(model)])
+    return params_file(comment, [*_rotor_geometry(model), *_thrust_parameters(model)])
 
 
 def params_file(comment: Sequence[str], parameters: Sequence[Parameter]) -> str:
@@ -81,7 +81,7 @@ def params_file(comment: Sequence[str], parameters: Sequence[Parameter]) -> str:
     return hash_comment([*comment, "", "Vehicle-Id Component-Id Name Value Type"]) + "".join(lines)
 
 
-def _geometry(model: VehicleModel) -> list[Parameter]:
+def _rotor_geometry(model: VehicleModel) -> list[Parameter]:
     out: list[Parameter] = [
         ("CA_AIRFRAME", 0.0, INTEGER),
         ("CA_ROTOR_COUNT", float(len(model.rotors)), INTEGER),
@@ -113,12 +113,12 @@ def _coefficient_remarks(model: VehicleModel) -> list[str]:
     return [f"CT is left out, and rotors stay as PX4 has them, equal: {why}"]
 
 
-def _curve(model: VehicleModel) -> ThrustCurve | None:
+def _thrust_curve_of(model: VehicleModel) -> ThrustCurve | None:
     return None if model.law is None else thrust_curve(model.law)
 
 
-def _thrust(model: VehicleModel) -> list[Parameter]:
-    curve = _curve(model)
+def _thrust_parameters(model: VehicleModel) -> list[Parameter]:
+    curve = _thrust_curve_of(model)
     if curve is None:
         return []
     return [("THR_MDL_FAC", curve.factor, FLOAT), *hover_parameter(model)]
@@ -132,7 +132,7 @@ def hover_parameter(model: VehicleModel) -> list[Parameter]:
 
 
 def _thrust_remarks(model: VehicleModel) -> list[str]:
-    curve = _curve(model)
+    curve = _thrust_curve_of(model)
     if curve is None:
         return [
             "THR_MDL_FAC and MPC_THR_HOVER are left out: no law from command to rotor speed is "
@@ -155,7 +155,7 @@ def write_px4_gazebo(model: VehicleModel, head: Sequence[str]) -> str:
 
     There the speed is linear in the output, whatever the vehicle's ESCs make of theirs.
     """
-    count, idle, full = len(model.rotors), _idle(model), model.max_speed
+    count, idle, full = len(model.rotors), _idle_speed(model), model.max_speed
     if count > SIM_CHANNELS:
         raise OutputError(
             f"{count} rotors, but PX4 has {SIM_CHANNELS} outputs to Gazebo (SIM_GZ_EC_*); fly it "
@@ -183,7 +183,7 @@ def write_px4_gazebo(model: VehicleModel, head: Sequence[str]) -> str:
     )
 
 
-def _idle(model: VehicleModel) -> float:
+def _idle_speed(model: VehicleModel) -> float:
     """Return the rotor speed at no command [rad/s]; a law may be of shares of full speed."""
     if model.law is None:
         return 0.0
@@ -221,19 +221,19 @@ def write_px4_setpoints(
     )
     plain: dict[str, Any] = {
         "about": about,
-        **{name: _entry(found, i, unit) for i, (name, unit) in enumerate(ROWS.items())},
+        **{name: _number_entry(found, i, unit) for i, (name, unit) in enumerate(ROWS.items())},
         "thr_mdl_fac": 1.0 if curve is None else round(curve.factor, 6),
     }
     return json.dumps(plain, indent=1, allow_nan=False) + "\n"
 
 
-def _entry(found: Spread, i: int, unit: str) -> dict[str, Any]:
+def _number_entry(found: Spread, i: int, unit: str) -> dict[str, Any]:
     ends = (found.low, found.high)
-    interval = [_digits(end[i, 0]) for end in ends if end is not None]
-    return {"value": _digits(found.value[i, 0]), "interval": interval or None, "unit": unit}
+    interval = [_round_digits(end[i, 0]) for end in ends if end is not None]
+    return {"value": _round_digits(found.value[i, 0]), "interval": interval or None, "unit": unit}
 
 
-def _digits(value: float) -> float:
+def _round_digits(value: float) -> float:
     return float(f"{value:.6g}")
 
 
@@ -309,11 +309,11 @@ def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
         ("SIH_L_PITCH", pitch, FLOAT),
         ("SIH_T_TAU", model.mean_lag, FLOAT),
         ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG_NAMES])), FLOAT),
-        ("SIH_KDW", float(np.mean(_damping(model))), FLOAT),
+        ("SIH_KDW", float(np.mean(_turn_damping(model))), FLOAT),
         ("THR_MDL_FAC", 0.0, FLOAT),
         *hover_parameter(model),
     ]
-    return params_file(with_notes(head, *_remarks(model, kind)), parameters)
+    return params_file(with_notes(head, *_model_remarks(model, kind)), parameters)
 
 
 Seats = Sequence[tuple[float, float, float]]
@@ -353,7 +353,7 @@ def _is_seated(model: VehicleModel, seats: Seats) -> bool:
     )
 
 
-def _damping(model: VehicleModel) -> list[float]:
+def _turn_damping(model: VehicleModel) -> list[float]:
     """Collect the damping of roll, pitch and yaw [N m s], the last from the rotors in hover."""
     carried = model.hover_speed * float((model.arms_from_middle[:, :2] ** 2).sum())
     return [
@@ -362,7 +362,7 @@ def _damping(model: VehicleModel) -> list[float]:
     ]
 
 
-def _remarks(model: VehicleModel, kind: int) -> list[str]:
+def _model_remarks(model: VehicleModel, kind: int) -> list[str]:
     off = 1e3 * (np.array([r.position for r in model.rotors]).mean(axis=0) - model.com)
     middle = "SIH puts the CoM in the middle of the rotors"
     if np.isfinite(off[:2]).all():

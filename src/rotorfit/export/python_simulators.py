@@ -77,11 +77,11 @@ def write_crazyflow(model: VehicleModel, head: Sequence[str]) -> str:
             "rpm2thrust is the mean of the rotors; what each differs by is in the rows of x and y "
             "of mixing_matrix, so that torques are those of the numbers above",
         )
-    lines = "".join(f"{name} = {value}\n" for name, value in _entries(model))
+    lines = "".join(f"{name} = {value}\n" for name, value in _scalar_entries(model))
     return hash_comment(comment) + f"\n[{identifier(model.name)}]\n{lines}"
 
 
-def _entries(model: VehicleModel) -> list[tuple[str, str]]:
+def _scalar_entries(model: VehicleModel) -> list[tuple[str, str]]:
     arm = float(np.abs(model.arms[:, :2]).mean())
     share = np.array([rotor.kt for rotor in model.rotors]) / model.kt
     mixing = np.array(
@@ -92,32 +92,32 @@ def _entries(model: VehicleModel) -> list[tuple[str, str]]:
         ]
     )
     return [
-        ("mass", _real(model.mass)),
-        ("J", _matrix(model.inertia_com)),
+        ("mass", _toml_float(model.mass)),
+        ("J", _toml_matrix(model.inertia_com)),
         ("thrust_min", "0.0"),
-        ("thrust_max", _real(model.kt * model.max_speed**2)),
-        ("L", _real(arm)),
-        ("prop_inertia", _real(model.Jr or 0.0)),
-        ("rpm2thrust", _row([0.0, 0.0, per_squared_rpm(model.kt)])),
-        ("rpm2torque", _row([0.0, 0.0, per_squared_rpm(model.kd)])),
-        ("rotor_dyn_coef", _row([1.0 / model.lag_up, 0.0, 1.0 / model.lag_down, 0.0])),
-        ("mixing_matrix", _matrix(mixing)),
-        ("drag_matrix", _matrix(np.zeros((3, 3)))),
+        ("thrust_max", _toml_float(model.kt * model.max_speed**2)),
+        ("L", _toml_float(arm)),
+        ("prop_inertia", _toml_float(model.Jr or 0.0)),
+        ("rpm2thrust", _toml_row([0.0, 0.0, per_squared_rpm(model.kt)])),
+        ("rpm2torque", _toml_row([0.0, 0.0, per_squared_rpm(model.kd)])),
+        ("rotor_dyn_coef", _toml_row([1.0 / model.lag_up, 0.0, 1.0 / model.lag_down, 0.0])),
+        ("mixing_matrix", _toml_matrix(mixing)),
+        ("drag_matrix", _toml_matrix(np.zeros((3, 3)))),
     ]
 
 
-def _real(value: float) -> str:
+def _toml_float(value: float) -> str:
     """Write a TOML float, which has a point or an exponent."""
     shown = text(value)
     return shown if set(".e") & set(shown) else f"{shown}.0"
 
 
-def _row(values: Sequence[float]) -> str:
-    return f"[{', '.join(_real(value) for value in values)}]"
+def _toml_row(values: Sequence[float]) -> str:
+    return f"[{', '.join(_toml_float(value) for value in values)}]"
 
 
-def _matrix(values: np.ndarray) -> str:
-    rows = ",\n".join(f"    {_row(row)}" for row in values.tolist())
+def _toml_matrix(values: np.ndarray) -> str:
+    rows = ",\n".join(f"    {_toml_row(row)}" for row in values.tolist())
     return f"[\n{rows}\n]"
 
 
@@ -125,12 +125,12 @@ def write_crazyflow_worlds(found: Variants, head: Sequence[str]) -> bytes:
     """Write the arrays as npz: one world a vehicle, one drone in each."""
     refuse_no_lag(found.nominal, "Crazyflow")
     refuse_no_upright_quad(found.nominal, "Crazyflow")
-    worlds = [_params(model) for model in found.models]
+    worlds = [_drone_params(model) for model in found.models]
     arrays = {name: np.array([world[name] for world in worlds])[:, None] for name in worlds[0]}
     return npz({"about": np.array("\n".join(head)), **arrays})
 
 
-def _params(model: VehicleModel) -> dict[str, np.ndarray]:
+def _drone_params(model: VehicleModel) -> dict[str, np.ndarray]:
     """Collect the parameters of one drone, in the shapes that Crazyflow has per motor."""
     arms = model.arms[:, :2]
     length = float(np.abs(arms).mean())
@@ -170,14 +170,16 @@ def write_rotorpy(model: VehicleModel, head: Sequence[str]) -> str:
 
 
 def _quad_params(model: VehicleModel) -> list[tuple[str, str]]:
-    places = ", ".join(f"'r{i}': {_array(arm)}" for i, arm in enumerate(model.arms.tolist(), 1))
+    places = ", ".join(
+        f"'r{i}': {_array_text(arm)}" for i, arm in enumerate(model.arms.tolist(), 1)
+    )
     return [
         ("mass", text(model.mass)),
         *zip(INERTIA, map(text, elements(model.inertia_com)), strict=True),
         ("num_rotors", str(len(model.rotors))),
         ("rotor_pos", f"{{{places}}}"),
-        ("rotor_directions", _array([-rotor.spin for rotor in model.rotors])),
-        ("rI", _array((model.imu - model.com).tolist())),
+        ("rotor_directions", _array_text([-rotor.spin for rotor in model.rotors])),
+        ("rI", _array_text((model.imu - model.com).tolist())),
         ("k_eta", text(model.kt)),
         ("k_m", text(model.kd)),
         ("tau_m", text(model.mean_lag)),
@@ -187,7 +189,7 @@ def _quad_params(model: VehicleModel) -> list[tuple[str, str]]:
     ]
 
 
-def _array(values: Sequence[float]) -> str:
+def _array_text(values: Sequence[float]) -> str:
     return f"np.array([{', '.join(text(value) for value in values)}])"
 
 
@@ -201,14 +203,14 @@ def write_casadi(model: VehicleModel, head: Sequence[str]) -> str:
     constants = (
         ("MASS", text(model.mass)),
         ("GRAVITY", text(GRAVITY)),
-        ("INERTIA", _rows(model.inertia_com.tolist())),
+        ("INERTIA", _rows_text(model.inertia_com.tolist())),
         ("KT", listed([rotor.kt for rotor in model.rotors])),
         ("KD", text(model.kd)),
         ("JR", text(model.Jr or 0.0)),
         ("LAG_UP", text(model.lag_up)),
         ("LAG_DOWN", text(model.lag_down)),
-        ("ARMS", _rows(model.arms.tolist())),
-        ("AXES", _rows([rotor.axis.tolist() for rotor in model.rotors])),
+        ("ARMS", _rows_text(model.arms.tolist())),
+        ("AXES", _rows_text([rotor.axis.tolist() for rotor in model.rotors])),
         ("SPINS", listed([rotor.spin for rotor in model.rotors])),
     )
     lines = "".join(f"{name} = {value}\n" for name, value in constants)
@@ -216,7 +218,7 @@ def write_casadi(model: VehicleModel, head: Sequence[str]) -> str:
     return begin + template_text("casadi_dynamics.py.txt")
 
 
-def _rows(values: Sequence[Sequence[float]]) -> str:
+def _rows_text(values: Sequence[Sequence[float]]) -> str:
     return f"[{', '.join(listed(row) for row in values)}]"
 
 
@@ -234,21 +236,22 @@ def write_isaac_lab(found: Variants, head: Sequence[str]) -> bytes:
         "the thrust at the start alone",
         "the inertia term needs an Isaac Lab with randomize_rigid_body_inertia (2.3 has none)",
     )
-    body = f"\nEVENTS = {_written(_events(found))}\n\nTHRUSTER = {_written(_thruster(found))}\n"
+    events, thruster = _table_text(_event_table(found)), _table_text(_thruster_table(found))
+    body = f"\nEVENTS = {events}\n\nTHRUSTER = {thruster}\n"
     return (hash_comment(remarks) + body + template_text("isaac_lab_events.py.txt")).encode()
 
 
-def _events(found: Variants) -> dict[str, Any]:
+def _event_table(found: Variants) -> dict[str, Any]:
     nominal = found.nominal
     com = np.array([m.com - nominal.com for m in found.models])
     moments = np.diag(nominal.inertia_com)
     relative = np.array([np.diag(m.inertia_com) / moments for m in found.models])
-    ends = np.array([_ends(column) for column in relative.T])
+    ends = np.array([_ends_of_draws(column) for column in relative.T])
     widest = int(np.argmax(ends[:, 1] - ends[:, 0]))
     return {
         "com": {
             "func": "randomize_rigid_body_com",
-            "params": {"com_range": {a: _ends(com[:, i]) for i, a in enumerate("xyz")}},
+            "params": {"com_range": {a: _ends_of_draws(com[:, i]) for i, a in enumerate("xyz")}},
         },
         "inertia": {
             "func": "randomize_rigid_body_inertia",
@@ -262,27 +265,27 @@ def _events(found: Variants) -> dict[str, Any]:
     }
 
 
-def _thruster(found: Variants) -> dict[str, Any]:
+def _thruster_table(found: Variants) -> dict[str, Any]:
     models = found.models
     per_turn = (2.0 * np.pi) ** 2  # from squared rad/s to squared revolutions per second
     kt = per_turn * np.array([[rotor.kt for rotor in m.rotors] for m in models])
     full = found.nominal.kt * found.nominal.max_speed**2
     return {
         "thrust_range": (0.0, full),
-        "thrust_const_range": _ends(kt.ravel()),
-        "tau_inc_range": _ends(np.array([m.lag_up for m in models])),
-        "tau_dec_range": _ends(np.array([m.lag_down for m in models])),
+        "thrust_const_range": _ends_of_draws(kt.ravel()),
+        "tau_inc_range": _ends_of_draws(np.array([m.lag_up for m in models])),
+        "tau_dec_range": _ends_of_draws(np.array([m.lag_down for m in models])),
         "torque_to_thrust_ratio": found.nominal.kd / found.nominal.kt,
     }
 
 
-def _ends(values: np.ndarray) -> tuple[float, float]:
+def _ends_of_draws(values: np.ndarray) -> tuple[float, float]:
     """Compute the ends between which 95 % of the draws are."""
     low, high = np.quantile(values, [0.025, 0.975])
     return float(low), float(high)
 
 
-def _written(table: dict[str, Any]) -> str:
+def _table_text(table: dict[str, Any]) -> str:
     rows = "".join(f"    {name!r}: {value!r},\n" for name, value in table.items())
     return f"{{\n{rows}}}"
 
@@ -296,11 +299,11 @@ def write_pegasus(found: Variants, head: Sequence[str]) -> bytes:
         "mass, centre of mass (from the origin, FLU) and inertia (about it, tensor) are for the "
         "body's UsdPhysics.MassAPI, which takes principal moments and their axes",
     )
-    rows = "".join(f"    {_vehicle(model)!r},\n" for model in found.models)
+    rows = "".join(f"    {_vehicle_table(model)!r},\n" for model in found.models)
     return f"{hash_comment(remarks)}\nVEHICLES = [\n{rows}]\n".encode()
 
 
-def _vehicle(model: VehicleModel) -> dict[str, Any]:
+def _vehicle_table(model: VehicleModel) -> dict[str, Any]:
     count = len(model.rotors)
     return {
         "mass": model.mass,

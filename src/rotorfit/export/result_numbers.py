@@ -58,7 +58,7 @@ MAY_BE_ASSUMED: Final = (
 class Number:
     """One number as it is exported.
 
-    - `value`, `interval`: SI; the interval is 95 %, None where there is none.
+    - `value`, `interval`: SI; the interval is 95 %, None if there is none.
     - `origin`: ``identified`` or ``weak`` from the flights, ``given`` in the experiment,
       ``removed`` from the model (zero), ``assumed`` by the user, ``from-ratio`` to an assumed
       number, ``law`` of the motors.
@@ -90,7 +90,7 @@ def numbers_of(
     assumed: Mapping[str, float],
     full_speed: Number | None,
 ) -> dict[str, Number | Missing]:
-    """Collect every number of one configuration by name [SI]; assumed ones replace found ones.
+    """Collect the numbers of a configuration by name [SI]; assumed values replace estimates.
 
     `full_speed` is the rotor speed at full command, from the law of the motors; its unit is rad/s,
     or `FULL_COMMAND` where only thrust at full command matters: numbers per command then stay so.
@@ -125,7 +125,7 @@ def unit_of(name: str) -> str:
 
 
 def parse_assumptions(assignments: Sequence[str]) -> dict[str, float]:
-    """Parse assumed numbers such as ``kd=3.7e-9`` [SI]; ValueError with what is wrong of one."""
+    """Parse assumed numbers such as ``kd=3.7e-9`` [SI]; ValueError names the wrong one."""
     assumed: dict[str, float] = {}
     for assignment in assignments:
         name, sign, text = (part.strip() for part in assignment.partition("="))
@@ -140,12 +140,12 @@ def parse_assumptions(assignments: Sequence[str]) -> dict[str, float]:
             raise ValueError(f"nothing named {name!r} can be assumed{hint} (known: {names})")
         if name in assumed:
             raise ValueError(f"{name} is assumed twice")
-        assumed[name] = _physical(name, text)
+        assumed[name] = _parse_physical(name, text)
     return assumed
 
 
-def _physical(name: str, text: str) -> float:
-    """Parse a value, refused where nature has none such."""
+def _parse_physical(name: str, text: str) -> float:
+    """Parse a value; refuse one that is physically impossible."""
     try:
         value = float(text)
     except ValueError as error:
@@ -188,7 +188,7 @@ def _of_parameter(p: Parameter) -> Number | Missing:
             name=p.name, value=0.0, unit=p.unit, origin="removed", remark="unessential: left out"
         )
     if p.value is None or p.verdict in ("ratio-only", "not-identified", "removed"):
-        return Missing(name=p.name, verdict=p.verdict, reason=_why(p))
+        return Missing(name=p.name, verdict=p.verdict, reason=_explain_absence(p))
     origin: Origin = p.verdict
     return Number(
         name=p.name,
@@ -196,16 +196,16 @@ def _of_parameter(p: Parameter) -> Number | Missing:
         unit=p.unit,
         origin=origin,
         interval=p.interval,
-        remark=_remark(p) if origin in ("weak", "doubtful") else None,
+        remark=_number_remark(p) if origin in ("weak", "doubtful") else None,
     )
 
 
-def _remark(p: Parameter) -> str | None:
-    """Say why a number is weak or doubtful, where its interval does not."""
+def _number_remark(p: Parameter) -> str | None:
+    """Explain why a number is weak or doubtful, where its interval does not."""
     return None if p.interval is not None and is_width(p.reason) else p.reason
 
 
-def _why(p: Parameter) -> str:
+def _explain_absence(p: Parameter) -> str:
     if p.verdict == "ratio-only":
         return f"known only together with {p.partner}"
     if p.verdict == "removed":
@@ -233,13 +233,13 @@ def _about_com(
             number = _of_derived(derived[name], why)
             if isinstance(number, Missing) and isinstance(twin, Missing):
                 number = replace(number, verdict=twin.verdict)
-            out[name] = _marked(number, derived[name], twins.get(twin_of(name)), derived)
+            out[name] = _mark_twin(number, derived[name], twins.get(twin_of(name)), derived)
         else:
-            out[name] = _computed(name, parameters)
+            out[name] = _compute_about_com(name, parameters)
     return out
 
 
-def _marked(
+def _mark_twin(
     number: Number | Missing, of: Derived, twin: Parameter | None, kin: Mapping[str, Derived]
 ) -> Number | Missing:
     """Mark a number about the CoM as weak or doubtful where the report has it so."""
@@ -252,10 +252,10 @@ def _marked(
         return number
     if twin is None or relative_width(of, kin) is not None:
         return replace(number, origin="weak", remark=None)
-    return replace(number, origin="weak", remark=_remark(twin))
+    return replace(number, origin="weak", remark=_number_remark(twin))
 
 
-def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number | Missing:
+def _compute_about_com(name: str, parameters: Mapping[str, Number | Missing]) -> Number | Missing:
     """Compute a number about the CoM from parameters at the origin: c = ms/m, Steiner."""
     mass = parameters.get("mass")
     m = mass.value if isinstance(mass, Number) else 1.0
@@ -378,12 +378,14 @@ def _with_ratios(found: Mapping[str, Number | Missing]) -> dict[str, Number | Mi
             and isinstance(Izz, Number)
             and Izz.origin != "identified"
         ):
-            out[name] = _half(name, share.value * Izz.value, f"{ratio} times Izz_com, {Izz.origin}")
+            out[name] = _half_of_ratio(
+                name, share.value * Izz.value, f"{ratio} times Izz_com, {Izz.origin}"
+            )
         if name == "kd" and isinstance(number, Number) and not isinstance(Izz, Number):
             remark = f"kd, {number.origin}, over {ratio}"
-            out["Izz_com"] = _half("Izz_com", number.value / share.value, remark)
+            out["Izz_com"] = _half_of_ratio("Izz_com", number.value / share.value, remark)
     return out
 
 
-def _half(name: str, value: float, remark: str) -> Number:
+def _half_of_ratio(name: str, value: float, remark: str) -> Number:
     return Number(name=name, value=value, unit=unit_of(name), origin="from-ratio", remark=remark)

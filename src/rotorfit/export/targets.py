@@ -83,7 +83,7 @@ class Target:
     tilted_needs: tuple[str, ...] = ()
 
 
-def _targets(kind: str) -> dict[Any, Target]:
+def _read_targets(kind: str) -> dict[Any, Target]:
     """Read the targets of vehicles or of random ones, their groups of needs written out."""
     rows = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))[kind]
     for row in rows.values():
@@ -92,8 +92,8 @@ def _targets(kind: str) -> dict[Any, Target]:
     return {name: Target(**row) for name, row in rows.items()}
 
 
-TARGETS: Final[Mapping[TargetName, Target]] = _targets("vehicle")
-RANDOM_TARGETS: Final[Mapping[RandomTargetName, Target]] = _targets("random")
+TARGETS: Final[Mapping[TargetName, Target]] = _read_targets("vehicle")
+RANDOM_TARGETS: Final[Mapping[RandomTargetName, Target]] = _read_targets("random")
 OFFERED: Final[Mapping[str, Target]] = {**TARGETS, **RANDOM_TARGETS}
 """What can be made of a result alone, without its flights."""
 

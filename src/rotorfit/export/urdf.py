@@ -46,7 +46,7 @@ def write_urdf(model: VehicleModel, head: Sequence[str]) -> str:
         "getDynamicsInfo(body, -1)[4]; take the inverse of that turn off, or export to "
         "gym-pybullet-drones, without products",
     )
-    return _robot(model, with_notes(head, *remarks), model.rotors)
+    return _robot_element(model, with_notes(head, *remarks), model.rotors)
 
 
 def write_gym_pybullet_drones(model: VehicleModel, head: Sequence[str]) -> str:
@@ -71,7 +71,7 @@ def write_gym_pybullet_drones(model: VehicleModel, head: Sequence[str]) -> str:
         f"max_speed_kmh is {GYM_SPEED:g}",
     )
     diagonal = replace(model, inertia_com=np.diag(np.diag(model.inertia_com)))
-    return _robot(diagonal, with_notes(head, *remarks), rotors, _properties(model))
+    return _robot_element(diagonal, with_notes(head, *remarks), rotors, _properties_element(model))
 
 
 REMARKS: Final = (
@@ -80,7 +80,7 @@ REMARKS: Final = (
 )
 
 
-def _robot(
+def _robot_element(
     model: VehicleModel, head: Sequence[str], rotors: Sequence[ExportedRotor], properties: str = ""
 ) -> str:
     return (
@@ -112,7 +112,7 @@ def _gym_order(model: VehicleModel) -> list[int]:
     return [seats.index(seat) for seat in GYM_SEATS]
 
 
-def _properties(model: VehicleModel) -> str:
+def _properties_element(model: VehicleModel) -> str:
     full = len(model.rotors) * model.kt * model.max_speed**2
     values = {
         "arm": model.mean_arm,

@@ -41,9 +41,9 @@ def variants(
     unknown or hardly a draw can exist.
     """
     samples = result.samples(count, seed, configuration=nominal.configuration)
-    factors = _factors(nominal, samples, result)
+    factors = _unit_factors(nominal, samples, result)
     models = tuple(
-        _variant(
+        _make_variant(
             nominal,
             {name: factor * float(samples.values[name][i]) for name, factor in factors.items()},
         )
@@ -59,7 +59,7 @@ def variants(
     return Variants(nominal=nominal, models=tuple(map(thickened, models)), samples=samples)
 
 
-def _factors(
+def _unit_factors(
     nominal: VehicleModel, samples: Samples, result: IdentificationResult
 ) -> dict[str, float]:
     """Compute by name what turns a draw into SI: 1, or the conversion of a unit per command."""
@@ -75,7 +75,7 @@ def _factors(
     return factors
 
 
-def _variant(nominal: VehicleModel, drawn: Mapping[str, float]) -> VehicleModel:
+def _make_variant(nominal: VehicleModel, drawn: Mapping[str, float]) -> VehicleModel:
     """Replace the numbers of the nominal vehicle by those of one draw."""
     old = {n.name: n.value for n in nominal.numbers}
     new = {**old, **drawn}
@@ -136,15 +136,17 @@ def refuse_suffix(suffix: str) -> None:
 
 def write_samples(found: Variants, result: IdentificationResult, *, suffix: str) -> bytes:
     """Write drawn vehicles of a result as the suffix asks: ``.npz`` or ``.json``."""
-    arrays = _arrays(found)
-    about = _about(found, result, tuple(arrays))
+    arrays = _stack_arrays(found)
+    about = _describe_arrays(found, result, tuple(arrays))
     if suffix == ".json":
         values = {name: array.tolist() for name, array in arrays.items()}
         return (json.dumps({**about, "values": values}, allow_nan=False) + "\n").encode()
     return npz({"about": np.array(json.dumps(about)), **arrays})
 
 
-def _about(found: Variants, result: IdentificationResult, names: tuple[str, ...]) -> dict[str, Any]:
+def _describe_arrays(
+    found: Variants, result: IdentificationResult, names: tuple[str, ...]
+) -> dict[str, Any]:
     """Describe the arrays of these names, and where they are from."""
     samples = found.samples
     return {
@@ -165,7 +167,7 @@ def _about(found: Variants, result: IdentificationResult, names: tuple[str, ...]
     }
 
 
-def _arrays(found: Variants) -> dict[str, np.ndarray]:
+def _stack_arrays(found: Variants) -> dict[str, np.ndarray]:
     """Stack the vehicles as arrays, without what is not known of any."""
     models = found.models
     arrays = {

@@ -59,11 +59,11 @@ class VehicleModel:
 
     - `inertia_com`: about the CoM, FLU [kg m^2].
     - `kd`: drag torque over speed squared [N m s^2/rad^2].
-    - `Jr`: spin inertia of a rotor [kg m^2]; None where it is not known.
-    - `lag_up`, `lag_down`: time constants of the motors [s]; NaN where not asked for and not known.
-    - `max_speed`: of a rotor [rad/s]; NaN where not asked for and not known. 1 with `in_commands`.
+    - `Jr`: spin inertia of a rotor [kg m^2]; None if it is not known.
+    - `lag_up`, `lag_down`: time constants of the motors [s]; NaN if not asked for and not known.
+    - `max_speed`: of a rotor [rad/s]; NaN if not asked for and not known. 1 with `in_commands`.
     - `in_commands`: whether kt, kd and Jr are per (squared) command: kt is thrust at full command.
-    - `law`: from command to speed; None where there is none.
+    - `law`: from command to speed; None if there is none.
     - `imu`: of the accelerometer.
     - `numbers`: all of the above as they are known, for the head of the file.
     - `notes`: what a reader of the file has to know beyond them.
@@ -96,7 +96,7 @@ class VehicleModel:
 
     @property
     def mean_lag(self) -> float:
-        """Of rising and falling speed [s]; NaN where it is not known."""
+        """Of rising and falling speed [s]; NaN if it is not known."""
         return 0.5 * (self.lag_up + self.lag_down)
 
     @property
@@ -132,7 +132,7 @@ class VehicleModel:
 
     @property
     def hover_thrust(self) -> float:
-        """Thrust in hover as a fraction of full; NaN where full speed is not known."""
+        """Thrust in hover as a fraction of full; NaN if full speed is not known."""
         return self.mass * GRAVITY / (self.lift * self.max_speed**2)
 
 
@@ -254,7 +254,7 @@ def projected(model: VehicleModel, result: IdentificationResult) -> VehicleModel
         model,
         com=com,
         inertia_com=inertia_matrix(np.array(list(about.values()))),
-        numbers=tuple(_moved(n, moved) for n in model.numbers),
+        numbers=tuple(_move_number(n, moved) for n in model.numbers),
         notes=(
             *model.notes,
             "inertia and CoM PROJECTED to the nearest that a body can have, "
@@ -263,7 +263,7 @@ def projected(model: VehicleModel, result: IdentificationResult) -> VehicleModel
     )
 
 
-def _moved(number: Number, moved: Mapping[str, float]) -> Number:
+def _move_number(number: Number, moved: Mapping[str, float]) -> Number:
     """Put a number where the projection has it."""
     if number.name not in moved:
         return number
@@ -281,7 +281,7 @@ class Effectiveness:
 
     - `force`: specific force over squared speed [m/s^2 per (rad/s)^2].
     - `turn`: angular acceleration over squared speed [rad/s^2 per (rad/s)^2].
-    - `spin_up`: angular acceleration over that of the rotor [1]; None where Jr is not known.
+    - `spin_up`: angular acceleration over that of the rotor [1]; None if Jr is not known.
     """
 
     force: Float[np.ndarray, "3 N"]

@@ -63,7 +63,7 @@ def vehicle_model(
     refuse_unsound(result)
     owner = owner_of(result, configuration)
     experiment = _experiment_of(result)
-    law = _law(result, experiment)
+    law = _select_law(result, experiment)
     given = dict(assumed or {})
     _refuse_other_mass(result, owner, given)
     full = _full_speed(result, law, speed)
@@ -71,8 +71,8 @@ def vehicle_model(
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     if any(rotor.axis[2] != 1.0 for rotor in vehicle.rotors):
         needs = (*needs, *tilted_needs)
-    _refuse_missing(numbers, _needed(needs, numbers, vehicle), result=result)
-    model = _assembled(result, owner, numbers=numbers, vehicle=vehicle, law=law)
+    _refuse_missing(numbers, _list_needed(needs, numbers, vehicle), result=result)
+    model = _assemble_model(result, owner, numbers=numbers, vehicle=vehicle, law=law)
     refuse_signs(model)
     if not is_possible(model):
         if not project:
@@ -85,7 +85,7 @@ NOMINAL_SPEED: Final = 1000.0
 """Speed at full command, where any will do [rad/s]: the largest that PX4's Gazebo takes."""
 
 
-def _law(result: IdentificationResult, experiment: Experiment) -> SpeedLaw | None:
+def _select_law(result: IdentificationResult, experiment: Experiment) -> SpeedLaw | None:
     """Select the law of the motors: declared, or found between commands and measured speeds."""
     if experiment.motors.law is not None:
         return speed_law_of(experiment.motors.law)
@@ -139,7 +139,7 @@ def _refuse_other_mass(
         )
 
 
-def _needed(
+def _list_needed(
     needs: Sequence[str], numbers: Mapping[str, Number | Missing], vehicle: Vehicle
 ) -> list[str]:
     """Add to the needs of a target those of the geometry of this result."""
@@ -162,7 +162,7 @@ def _refuse_missing(
     gaps = [
         gap
         for name in needed
-        if isinstance(gap := numbers.get(name) or _absent(name, result), Missing)
+        if isinstance(gap := numbers.get(name) or _absent_number(name, result), Missing)
     ]
     if not gaps:
         return
@@ -180,7 +180,7 @@ def _refuse_missing(
     steps += ["identify with the weighed mass (--mass KG)"] * ("mass" in cures)
     advice = f"{', then '.join(steps)}; or " if steps else ""
     needed = "and is needed" if len(gaps) == 1 else "and all of these are needed"
-    message = f"{explained}, {needed}: {advice}{_supply(cures)}"
+    message = f"{explained}, {needed}: {advice}{_explain_supply(cures)}"
     raise MissingNumbersError(" ".join(message.split()), names=cures)
 
 
@@ -188,8 +188,8 @@ FEW: Final = 3
 """Numbers to supply up to which each is written out as an option."""
 
 
-def _supply(names: Sequence[str]) -> str:
-    """Say how to supply numbers with options of the command line."""
+def _explain_supply(names: Sequence[str]) -> str:
+    """State how to supply numbers with options of the command line."""
     if len(names) > FEW:
         return f"supply {', '.join(names)}, each with --assume NAME=VALUE in SI units"
     flags = " ".join(f"--assume {name}=VALUE" for name in names)
@@ -204,13 +204,13 @@ _WHY_ABSENT: Final = {
 }
 
 
-def _absent(name: str, result: IdentificationResult) -> Missing:
+def _absent_number(name: str, result: IdentificationResult) -> Missing:
     measured = experiment_of_settings(result.settings).motors.speed == "measured"
     reason = _WHY_ABSENT.get(name) if measured or name == "max_speed" else None
     return Missing(name=name, verdict=ABSENT, reason=reason or "the flights do not show it")
 
 
-def _assembled(
+def _assemble_model(
     result: IdentificationResult,
     owner: str,
     *,
@@ -229,7 +229,7 @@ def _assembled(
         mass=value("mass"),
         com=np.array([value(name) for name in COM]),
         inertia_com=inertia_matrix(np.array([value(name) for name in INERTIA_COM])),
-        rotors=_rotors(vehicle, numbers),
+        rotors=_place_rotors(vehicle, numbers),
         kd=value("kd"),
         Jr=Jr.value if isinstance(Jr, Number) and not _is_no_inertia(Jr) else None,
         lag_up=value("motor_lag_up", lag),
@@ -239,7 +239,7 @@ def _assembled(
         law=law,
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
         numbers=tuple(n for name in _SHOWN if isinstance(n := numbers.get(name), Number)),
-        notes=_notes(numbers, vehicle, law),
+        notes=_list_notes(numbers, vehicle, law),
         air={
             p.name: p.value
             for p in result.parameters
@@ -262,7 +262,9 @@ _SHOWN: Final = (
 )
 
 
-def _rotors(vehicle: Vehicle, numbers: Mapping[str, Number | Missing]) -> tuple[ExportedRotor, ...]:
+def _place_rotors(
+    vehicle: Vehicle, numbers: Mapping[str, Number | Missing]
+) -> tuple[ExportedRotor, ...]:
     """Place the rotors; where the origin is the IMU, moved together to the centre found.
 
     A rotor declared at p sits at p + rotor_center from the IMU (`model.regressor.rotor_center`:
@@ -314,7 +316,7 @@ def terms_left_out(
     ]
 
 
-def _notes(
+def _list_notes(
     numbers: Mapping[str, Number | Missing], vehicle: Vehicle, law: SpeedLaw | None
 ) -> tuple[str, ...]:
     """List what a reader of the file has to know beyond the numbers."""

@@ -210,7 +210,7 @@ def export(
     return Export(
         text=writer_of(target)(*arguments),
         model=model,
-        unsure=_unsure(result, model, target, assumed=given, project=project),
+        unsure=_unsure_numbers(result, model, target, assumed=given, project=project),
     )
 
 
@@ -218,7 +218,7 @@ MOVED: Final = 0.05
 """Share of itself by which a number is moved to see whether a file holds it."""
 
 
-def _unsure(
+def _unsure_numbers(
     result: IdentificationResult,
     model: VehicleModel,
     target: TargetName,

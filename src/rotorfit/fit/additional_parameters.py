@@ -91,7 +91,7 @@ def estimate_additional(
     chosen = np.eye(len(added), len(start), k=len(start) - len(added))
     return Additional(
         values=found.estimate.values[-len(added) :],
-        covariance=_covariance(found, configurations, chosen),
+        covariance=_additional_covariance(found, configurations, chosen),
         blocks=_effective_blocks(found.influence @ chosen.T),
         estimate=found,
     )
@@ -135,7 +135,7 @@ def _with_added(
     )
 
 
-def _covariance(
+def _additional_covariance(
     fit: BandedEstimate,
     configurations: Sequence[JointConfiguration],
     chosen: Float[np.ndarray, "a f"],

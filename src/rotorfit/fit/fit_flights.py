@@ -131,7 +131,7 @@ def fit_flights(
     `begin`: values of free parameters to begin with; None: where the timing of the motors ended.
     """
     begin = dataset.reached if begin is None else begin
-    estimate, joint, present, unsettled = _settled(dataset, wanted, begin)
+    estimate, joint, present, unsettled = _fit_with_most_terms(dataset, wanted, begin)
 
     def refit(terms: Sequence[str], at: BandedEstimate) -> BandedEstimate:
         return joint_estimate(joint, [], terms=terms, begin=at.estimate.by_name)
@@ -155,7 +155,7 @@ def fit_flights(
     )
 
 
-def _settled(
+def _fit_with_most_terms(
     dataset: TimedDataset, wanted: Sequence[str] | None, begin: Mapping[str, float] | None
 ) -> tuple[BandedEstimate, list[JointConfiguration], tuple[str, ...], tuple[Finding, ...]]:
     """Fit with all default terms, or the most of them with which the fit settles.

@@ -34,7 +34,7 @@ Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
 def estimate_imu_tilt(
     dataset: TimedDataset, fitted: Callable[[TimedDataset], Fitted]
 ) -> ImuTilt | None:
-    """Estimate the tilt of the IMU; None where the flights are not far likelier with it.
+    """Estimate the tilt of the IMU; None if the flights are not far likelier with it.
 
     `fitted` fits a dataset, and gives its configurations with their informative bands.
     """
@@ -71,7 +71,7 @@ def correct_imu_tilt(
     tilt, lean = estimate_imu_tilt(dataset, joint_fit), lean_evidence(dataset)
     if tilt is None:
         sentence = lean_sentence(dataset)
-        leans = () if sentence is None else (_leans(sentence, lean),)
+        leans = () if sentence is None else (_doubt_lean(sentence, lean),)
         return experiment, dataset, leans
     dataset = tilt_corrected_flights(dataset, tilt).reduced()
     if dataset.motor_timing is not None:
@@ -135,7 +135,7 @@ def lean_sentence(dataset: TimedDataset) -> str | None:
     )
 
 
-def _leans(sentence: str, lean: tuple[Evidence, ...]) -> Finding:
+def _doubt_lean(sentence: str, lean: tuple[Evidence, ...]) -> Finding:
     """Doubt the numbers that depend on the rotors' axis where the thrust leans."""
     return doubt(
         "imu-leans",

@@ -90,7 +90,7 @@ def allow_for_noise_levels(fit: Fit) -> Fit:
 
 
 def _with_even_noise(fit: Fit) -> TimedDataset | None:
-    """Return the flights of a fit with rows of even noise; None where they have no others."""
+    """Return the flights of a fit with rows of even noise; None if they have no others."""
     flights = [f for c in fit.dataset.configurations for f in c.flights]
     if all(f.prepared.data.noise_level is None for f in flights):
         return None
@@ -102,11 +102,11 @@ def _with_even_noise(fit: Fit) -> TimedDataset | None:
 
 
 def with_noise_levels(fit: Fit) -> TimedDataset | None:
-    """Weight the rows of a fit's flights by their noise; None where the noise is steady."""
+    """Weight the rows of a fit's flights by their noise; None if the noise is steady."""
     theta = theta_of(fit.estimate.problem.map, fit.estimate.estimate.values, fit.configurations)
     each = solved(fit.dataset.model.tensor, theta, fit.estimate.problem.noisy)[0]
     configurations = tuple(
-        _levelled(fit, configured, G)
+        _set_levels(fit, configured, G)
         for configured, G in zip(fit.dataset.configurations, each, strict=True)
     )
     if not any(_is_unsteady(f) for c in configurations for f in c.flights):
@@ -122,7 +122,7 @@ def _is_unsteady(flight: LoadedFlight) -> bool:
     return any(float(np.log(level[p.start : p.stop]).std()) > LEAST_SPREAD for p in phases)
 
 
-def _levelled(
+def _set_levels(
     fit: Fit, configured: ConfigurationData, G: Float[np.ndarray, "k z"]
 ) -> ConfigurationData:
     """Return a configuration with the levels of its flights; `G` makes errors of signals."""
@@ -140,7 +140,7 @@ def _flight_levels(
     data, plan = banded_data(flight.prepared, fit.dataset.timing)
     levels = np.ones(len(data.time))
     places = [NOISY.index(name) for name in RESPONSE_ERRORS]
-    for stretch in _stretches(data, plan.longest):
+    for stretch in _split_stretches(data, plan.longest):
         Z = signal_matrix(
             data,
             fit.dataset.vehicle,
@@ -153,7 +153,7 @@ def _flight_levels(
     return levels
 
 
-def _stretches(data: FlightData, longest: float) -> Iterator[Segment]:
+def _split_stretches(data: FlightData, longest: float) -> Iterator[Segment]:
     for phase in data.segments:
         yield from split_segment(phase, longest * data.sample_rate)
 
@@ -163,7 +163,7 @@ def noise_levels(errors: Float[np.ndarray, "n k"], sample_rate: float) -> Float[
 
     One where the stretch is too short to show it, or without errors.
     """
-    white = _whitened(errors, sample_rate)
+    white = _whiten_errors(errors, sample_rate)
     if white is None:
         return np.ones(len(errors))
     power = ndimage.gaussian_filter1d((white**2).mean(axis=1), WINDOW * sample_rate, mode="nearest")
@@ -172,7 +172,7 @@ def noise_levels(errors: Float[np.ndarray, "n k"], sample_rate: float) -> Float[
     return found
 
 
-def _whitened(
+def _whiten_errors(
     errors: Float[np.ndarray, "n k"], sample_rate: float
 ) -> Float[np.ndarray, "n k"] | None:
     """Whiten the errors of the motion: flat spectra, equal sizes; None of too few lines."""

@@ -226,7 +226,7 @@ def _force_prior(mass: float) -> dict[str, float]:
 
 
 def _moment_map(model: Regressor, row: str, own_rotors: tuple[str, ...] = ()) -> ParameterMap:
-    """Return the map of one moment row about the CoM, its own inertia taken as one."""
+    """Return the map of a moment row about the CoM with its own inertia set to 1."""
     own = OWN_INERTIA[row]
     # The two other diagonal elements enter one row only by their difference.
     first = {"roll": "Iyy", "pitch": "Izz", "yaw": "Ixx"}[row]
@@ -255,12 +255,12 @@ def _without_dead(
             mapped = mapped.without(name)
     weaker = "kt" if weights[5] else "kd"
     for one, other, less in (("kt", "kd", weaker), ("kd", "kt_twist", "kt_twist")):
-        if {one, other} <= set(mapped.names) and _parallel(flat[one], flat[other]):
+        if {one, other} <= set(mapped.names) and _is_parallel(flat[one], flat[other]):
             mapped = mapped.without(less)
     return mapped
 
 
-def _parallel(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " n"]) -> bool:
+def _is_parallel(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " n"]) -> bool:
     return bool(abs(one @ other) > (1.0 - 1e-6) * np.linalg.norm(one) * np.linalg.norm(other))
 
 
@@ -328,10 +328,10 @@ def row_numbers(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: float
     IMU. `mass`, `mass_std`: [kg].
     """
     at = fits.values
-    names, values = _physical(at, fits.names, vehicle, mass)
+    names, values = _physical_numbers(at, fits.names, vehicle, mass)
     formal = np.sqrt(np.diagonal(fits.formal))
     jacobian = numerical_jacobian(
-        lambda phi: _physical(phi, fits.names, vehicle, mass)[1], at, formal
+        lambda phi: _physical_numbers(phi, fits.names, vehicle, mass)[1], at, formal
     )
     scatter, degrees = _small_sample(fits)
     formal_cov = jacobian @ fits.formal @ jacobian.T
@@ -355,7 +355,7 @@ def row_numbers(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: float
     )
 
 
-def _physical(
+def _physical_numbers(
     phi: Float[np.ndarray, " f"], phi_names: tuple[str, ...], vehicle: Vehicle, mass: float
 ) -> tuple[tuple[str, ...], Float[np.ndarray, " q"]]:
     """Compute names and values of the physical numbers at fit parameters `phi`."""

@@ -91,7 +91,7 @@ class _Features:
 
 
 def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
-    """Find start and stop (exclusive) of every airborne stretch; raise where there is none.
+    """Find start and stop (exclusive) of every airborne stretch; raise an error if there is none.
 
     Touches shorter than 0.15 s that look like a gust or a motor step are bridged; harder and
     longer ones are cut out. Standing with motors that already push is not flight.
@@ -102,8 +102,8 @@ def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
     found: list[tuple[int, int]] = []
     for start, stop in motion.stretches:
         if stop - start >= shortest:
-            features = _features(motion, c * thrust[start:stop], start)
-            explained = true_runs(_bridged(features.excess, motion.sample_rate))
+            features = _stretch_features(motion, c * thrust[start:stop], start)
+            explained = true_runs(_bridge_violations(features.excess, motion.sample_rate))
             runs = [_without_ground(features, run, motion.sample_rate) for run in explained]
             found += [(start + a, start + b) for a, b in runs if b - a >= shortest]
     if not found:
@@ -147,7 +147,7 @@ def misfit(motion: Motion) -> float:
     return float(np.abs(motion.specific_force[fast, 2] - c * thrust[fast]).mean())
 
 
-def _features(motion: Motion, thrust: Float[np.ndarray, " m"], start: int) -> _Features:
+def _stretch_features(motion: Motion, thrust: Float[np.ndarray, " m"], start: int) -> _Features:
     """Compute the features of a stretch that begins at `start`; thrust in m/s^2."""
     rate = motion.sample_rate
     rows = slice(start, start + len(thrust))
@@ -159,13 +159,13 @@ def _features(motion: Motion, thrust: Float[np.ndarray, " m"], start: int) -> _F
     for piece in pieces(len(thrust)):
         x, y, z = force[piece].T
         upward[piece] = z - push[piece]
-        up, side = _allowed(push[piece], np.maximum(spin[piece], 0.0), motion.arm)
+        up, side = _bound_differences(push[piece], np.maximum(spin[piece], 0.0), motion.arm)
         excess[piece] = np.hypot(np.hypot(x, y) / side, upward[piece] / up)
     del force, push, spin, squares
     return _Features(excess=excess, upward=upward, rates=smooth(rates, rate, LOOK_CUTOFF))
 
 
-def _allowed(
+def _bound_differences(
     push: Float[np.ndarray, " m"], spin: Float[np.ndarray, " m"], arm: float
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """Bound the difference between force and thrust in flight, along z and sideways [m/s^2].
@@ -180,7 +180,9 @@ def _allowed(
     return up, side
 
 
-def _bridged(excess: Float[np.ndarray, " n"], sample_rate: float) -> Bool[np.ndarray, " n"]:
+def _bridge_violations(
+    excess: Float[np.ndarray, " n"], sample_rate: float
+) -> Bool[np.ndarray, " n"]:
     """Mark where the thrust explains the force, short soft violations in flight included."""
     flags = excess < 1.0
     for a, b in true_runs(~flags):
@@ -198,15 +200,15 @@ def _without_ground(
     a, b = run
     n, guard = len(features.excess), whole_samples(GUARD * sample_rate + 0.5)
     if a > 0:
-        stood = _standing(features, slice(a + guard, b))
+        stood = _count_standing(features, slice(a + guard, b))
         # Of the push-off the last is not seen, when the ground carries next to nothing.
         a += guard + stood + (2 * guard if stood > 2 * guard else 0)
     if b < n:
-        b -= guard + _standing(features, slice(b - guard - 1, a, -1))
+        b -= guard + _count_standing(features, slice(b - guard - 1, a, -1))
     return a, b
 
 
-def _standing(features: _Features, rows: slice) -> int:
+def _count_standing(features: _Features, rows: slice) -> int:
     """Count the rows, from the first on, in which the vehicle still stands.
 
     While motors spool up on the ground, the ground carries the rest of the weight and nothing
@@ -259,7 +261,7 @@ def _refuse_grounded(
 
 
 def take_drift_out(values: Float[np.ndarray, " m"], width: int) -> Float[np.ndarray, " m"]:
-    """Take from values what is slower than a running mean over so many of them."""
+    """Subtract a running mean of this width from the values."""
     return values - ndimage.uniform_filter1d(values, width, mode="nearest")
 
 
@@ -323,13 +325,15 @@ def phase_edges(
     stride = max(whole_samples(LEVEL_STEP * sample_rate), 1)
     rates = smooth(angular_velocity, sample_rate, MOTION_CUTOFF)
     parts = [rates, angular_velocity - rates]
-    level = np.column_stack([_level(part, sample_rate, stride) for part in parts])
+    level = np.column_stack(
+        [_log_angular_acceleration(part, sample_rate, stride) for part in parts]
+    )
     shortest = int(np.ceil(SHORTEST_PHASE * sample_rate / stride))
-    cuts = _unlike(level, _level_cuts(level, max(shortest, 1)))
+    cuts = _drop_alike_cuts(level, _level_cuts(level, max(shortest, 1)))
     return list(pairwise([0, *(stride * cut for cut in cuts), n]))
 
 
-def _level(
+def _log_angular_acceleration(
     rates: Float[np.ndarray, "n 3"], sample_rate: float, stride: int
 ) -> Float[np.ndarray, " m"]:
     """Compute the logarithm of the angular acceleration's rms, once in a stride."""
@@ -366,7 +370,7 @@ def _level_cuts(level: Float[np.ndarray, "m k"], shortest: int) -> list[int]:
     return cuts[-2::-1]
 
 
-def _unlike(level: Float[np.ndarray, "m k"], cuts: list[int]) -> list[int]:
+def _drop_alike_cuts(level: Float[np.ndarray, "m k"], cuts: list[int]) -> list[int]:
     """Drop cuts between parts whose levels differ by less than the ratio, the least first."""
     while cuts:
         means = [level[a:b].mean(axis=0) for a, b in pairwise([0, *cuts, len(level)])]

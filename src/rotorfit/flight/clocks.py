@@ -107,8 +107,8 @@ def uniform_channels(
         if name == clock:
             time, sample_rate = _uniform_clock(t, steps[name])
             valid = np.ones(len(time), dtype=bool)
-        covered = _covered(time, t, longest)
-        values[name] = _resample(time, t, channel.values, 1.0 / sample_rate)
+        covered = _mark_covered(time, t, longest)
+        values[name] = _resample_at(time, t, channel.values, 1.0 / sample_rate)
         del channel, given
         if name in optional:
             values[name] = np.where(covered[:, None], values[name], np.nan)
@@ -149,7 +149,7 @@ def _uniform_clock(
     return parts[0] if len(parts) == 1 else np.concatenate(parts), 1.0 / dt
 
 
-def _resample(
+def _resample_at(
     time: Float[np.ndarray, " m"],
     t: Float[np.ndarray, " n"],
     x: Float[np.ndarray, "n k"],
@@ -184,7 +184,7 @@ def _resample_piece(
     return values
 
 
-def _covered(
+def _mark_covered(
     time: Float[np.ndarray, " m"], t: Float[np.ndarray, " n"], longest: float
 ) -> Bool[np.ndarray, " m"]:
     """Mark times with recorded samples on both sides, no further apart than `longest`."""

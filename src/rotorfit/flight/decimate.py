@@ -63,13 +63,13 @@ def as_recorded(prepared: PreparedFlight) -> AsRecorded:
             (float(data.time[s.start]), float(data.time[s.stop - 1])) for s in data.segments
         ),
         saturation={
-            "gyro": saturation(_used(data, data.angular_velocity), "gyro"),
-            "accel": saturation(_used(data, data.specific_force), "accel"),
+            "gyro": saturation(_used_rows(data, data.angular_velocity), "gyro"),
+            "accel": saturation(_used_rows(data, data.specific_force), "accel"),
         },
     )
 
 
-def _used(data: FlightData, values: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "u 3"]:
+def _used_rows(data: FlightData, values: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "u 3"]:
     """Return the rows of all segments; of one they are not copied."""
     parts = [values[s.start : s.stop] for s in data.segments]
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
@@ -86,7 +86,7 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
     step = whole_samples(data.sample_rate / (FEWEST_PER_PERIOD * top))
     if step < 2:
         return prepared
-    thinned, held = _thinning(data, step, top), None
+    thinned, held = _design_thinning(data, step, top), None
     gyro, rate = thinned(data.angular_velocity), data.sample_rate / step
     if motors.speed == "measured":
         speed = thinned(prepared.motor_channel)
@@ -112,7 +112,7 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
         angular_acceleration=central_difference(gyro, rate),
         rotor_speed=speed,
         rotor_acceleration=speed,
-        segments=_placed(data.segments, thinned.within),
+        segments=_map_segments(data.segments, thinned.within),
         rotor_speed_std=data.rotor_speed_std / float(np.sqrt(step)),
         velocity=None if data.velocity is None else thinned(data.velocity),
         carried=None if data.carried is None else thinned(data.carried),
@@ -124,12 +124,12 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
     return dataclasses.replace(
         prepared,
         data=with_motors(fewer, speed, motors.response),
-        phases=_placed(prepared.phases, thinned.within),
+        phases=_map_segments(prepared.phases, thinned.within),
         motor_channel=speed,
     )
 
 
-def _thinning(data: FlightData, step: int, top: float) -> Thinning:
+def _design_thinning(data: FlightData, step: int, top: float) -> Thinning:
     """Design the filter for lines up to `top` [Hz] that keeps every `step`-th row."""
     weights = thinning_low_pass(data.sample_rate, step, top)
     within = stretches(
@@ -142,7 +142,7 @@ def _thinning(data: FlightData, step: int, top: float) -> Thinning:
     return Thinning(within=within, weights=weights, before=len(weights) // 2)
 
 
-def _placed(parts: Sequence[Segment], within: Sequence[Stretch]) -> tuple[Segment, ...]:
+def _map_segments(parts: Sequence[Segment], within: Sequence[Stretch]) -> tuple[Segment, ...]:
     """Map segments of recorded rows to kept rows."""
     rows = [kept_rows(within, part.start, part.stop) for part in parts]
     return tuple(Segment(start=a, stop=b) for a, b in rows)

@@ -31,10 +31,10 @@ def butterworth(
         analog, zeros = np.concatenate([half + root, half - root]), (1.0, -1.0)
         center = np.sqrt(warped[0] * warped[1])
         middle = complex((2.0 + 1j * center) / (2.0 - 1j * center))
-    return _sections((2.0 + analog) / (2.0 - analog), zeros, middle)
+    return _pair_sections((2.0 + analog) / (2.0 - analog), zeros, middle)
 
 
-def _sections(
+def _pair_sections(
     poles: Complex[np.ndarray, " p"], zeros: tuple[float, float], middle: complex
 ) -> Float[np.ndarray, "s 6"]:
     """Pair the poles with their conjugates; every section has gain 1 in size at `middle`."""

@@ -55,7 +55,7 @@ def frozen_channels(
 ) -> tuple[FrozenChannel, ...]:
     """Find motor channels that stay constant while the others move, as with a dead wire.
 
-    `step`: smallest step of the channel, 0 where unknown. Commands (not `measured`) rest at their
+    `step`: smallest step of the channel, 0 if unknown. Commands (not `measured`) rest at their
     ends for as long as the pilot wants, and count only between them.
     """
     if values.shape[1] < 3 or not stretches:
@@ -70,9 +70,9 @@ def frozen_channels(
         if usual[i] < FLAT * float(np.median(others)) and usual[i] > 0.0:
             runs = list(stretches)
         else:
-            runs = _runs(values, stretches, i, longest=longest, least=least)
+            runs = _constant_runs(values, stretches, i, longest=longest, least=least)
         if not measured:
-            runs = _inside(runs, values, flown, i)
+            runs = _unsaturated_runs(runs, values, flown, i)
         if runs:
             a, b = max(runs, key=lambda run: run[1] - run[0])
             share = sum(stop - start for start, stop in runs) / len(flown)
@@ -81,7 +81,7 @@ def frozen_channels(
     return tuple(found)
 
 
-def _runs(
+def _constant_runs(
     values: Float[np.ndarray, "n N"],
     stretches: Sequence[tuple[int, int]],
     i: int,
@@ -102,7 +102,7 @@ def _runs(
     ]
 
 
-def _inside(
+def _unsaturated_runs(
     runs: list[tuple[int, int]],
     values: Float[np.ndarray, "n N"],
     flown: Float[np.ndarray, "m N"],
@@ -149,7 +149,7 @@ LEAST_FROZEN = 0.02
 
 
 def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -> None:
-    """Raise where a channel that the model needs is not in the log, or has other rotors."""
+    """Raise an error if a channel that the model needs is not in the log, or has other rotors."""
     has = ", ".join(log.channels) or "none"
     for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
         if name not in log.channels:
@@ -165,7 +165,7 @@ def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -
 
 
 def refuse_missing_motors(log: FlightLog, motor_name: str, rotor_count: int) -> None:
-    """Raise where the log has no motor channel, or one of other rotors."""
+    """Raise an error if the log has no motor channel, or one of other rotors."""
     if motor_name not in log.channels:
         raise LogError(_no_motors(log, motor_name, ", ".join(log.channels) or "none"))
     columns = log.channels[motor_name].values.shape[1]
@@ -213,7 +213,7 @@ def takes_battery(log: FlightLog, law: SpeedLaw | None) -> bool:
 
 
 def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:
-    """Raise where a sensor never moves or reads what no vehicle can do."""
+    """Raise an error if a sensor never moves or reads what no vehicle can do."""
     for name in ("gyro", "accel"):
         values = uniform.values[name]
         if float(np.ptp(values, axis=0).max()) == 0.0:
@@ -235,7 +235,7 @@ def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:
 
 
 def refuse_blows(uniform: UniformChannels, flights: list[tuple[int, int]]) -> None:
-    """Raise where the flight holds a crash: turns that no multirotor flies."""
+    """Raise an error if the flight holds a crash: turns that no multirotor flies."""
     turns = np.abs(uniform.values["gyro"]).max(axis=1)
     inside = np.zeros(len(turns), dtype=bool)
     for start, stop in flights:
@@ -273,7 +273,7 @@ def refuse_empty_window(
 
 
 def refuse_torn_log(uniform: UniformChannels, flights: list[tuple[int, int]]) -> None:
-    """Raise where so many rows are missing that no stretch of the flight is long enough."""
+    """Raise an error if so many rows are missing that no stretch of the flight is long enough."""
     seconds = float(uniform.time[-1] - uniform.time[0])
     gaps = len({start for start, _, _ in uniform.gaps})
     longest = max(stop - start for start, stop in flights) / uniform.sample_rate
@@ -298,7 +298,7 @@ def refuse_idle_motors(motion: Motion) -> None:
 
 
 def refuse_interpolated_speeds(speed: Float[np.ndarray, "n N"], sample_rate: float) -> None:
-    """Raise where lines were drawn between measured rotor speeds that came too slowly.
+    """Raise an error if lines were drawn between measured rotor speeds that came too slowly.
 
     Lines pass by the peaks: at a third of the source's rate a third of the motion is missing.
     """
@@ -316,7 +316,7 @@ def refuse_interpolated_speeds(speed: Float[np.ndarray, "n N"], sample_rate: flo
 def refuse_interpolated_commands(
     command: Float[np.ndarray, "n N"], sample_rate: float, motor_rate: float
 ) -> None:
-    """Raise where a recorder drew lines between commands; `motor_rate`: of its rows [Hz].
+    """Raise an error if a recorder drew lines between commands; `motor_rate`: of its rows [Hz].
 
     Where the rows themselves come so slowly, the lines are those of `on_one_clock`; commands in
     steps may be what the motors were told.
@@ -376,7 +376,7 @@ def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:
 def frozen_channel_doubts(
     frozen: tuple[FrozenChannel, ...], time: Float[np.ndarray, " n"], *, measured: bool
 ) -> tuple[Finding, ...]:
-    """Find each motor channel that freezes for a moment; raise where one does for long."""
+    """Find each motor channel that freezes for a moment; raise an error if one does for long."""
     if any(rotor.share > MOST_FROZEN for rotor in frozen):
         worst = max(frozen, key=lambda rotor: rotor.share)
         raise FlightError(_frozen_message(worst, time, measured=measured))

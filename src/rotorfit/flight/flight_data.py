@@ -80,7 +80,7 @@ class FlightData:
         Of the body relative to the ground, body axes [m/s], where the log has it.
     carried
         Velocity by positions, with the accelerometer between them (`carried_velocity`), body
-        axes [m/s], where the log has them; NaN where they are far.
+        axes [m/s], where the log has them; NaN if they are far.
     climb
         Velocity along the body's z axis as accelerometer and gyro feel it, without what is slow
         (`climb_velocity`) [m/s]; where nothing else gives a velocity.
@@ -128,7 +128,7 @@ class FlightData:
 
     @property
     def any_velocity(self) -> Float[np.ndarray, "n 3"] | None:
-        """The velocity [m/s], else that by positions; None where the log has neither."""
+        """The velocity [m/s], else that by positions; None if the log has neither."""
         return self.carried if self.velocity is None else self.velocity
 
     @property

@@ -72,7 +72,7 @@ def source_rate(values: Float[np.ndarray, "n k"], sample_rate: float) -> float |
 
 
 def likeliest_source(values: Float[np.ndarray, "n k"], sample_rate: float) -> BendSource | None:
-    """Find the rate at which a signal bends with least chance; None where it is too short."""
+    """Find the rate at which a signal bends with least chance; None if it is too short."""
     every = [_of_span(values, sample_rate, span) for span in SPANS]
     return min((one for one in every if one is not None), key=lambda one: one.chance, default=None)
 
@@ -82,49 +82,49 @@ def _of_span(
 ) -> BendSource | None:
     """Find the rate at which bends over a span come with least chance."""
     rows = min(round(WINDOW * sample_rate), len(values) - 1)
-    bend = _bend(values, max(round(span * sample_rate), 1))
+    bend = _bend_of_samples(values, max(round(span * sample_rate), 1))
     if len(bend) < rows or sample_rate < 4.0 * LOWEST or rows < 2 * AROUND:
         return None
     frequency = np.fft.rfftfreq(rows, 1.0 / sample_rate)
     top = min(HIGHEST, 0.25 * sample_rate, 0.5 / span)
     bend /= np.maximum(ndimage.uniform_filter1d(bend, round(LEVEL * sample_rate)), 1e-9)
     windows = 1.0 + OVERLAP * ((len(bend) - rows) // max(rows // 2, 1))
-    power = _power(bend, rows)
-    chance = _chance(power, windows)
+    power = _mean_power(bend, rows)
+    chance = _chance_of_lines(power, windows)
     looked = np.flatnonzero((frequency >= LOWEST) & (frequency <= top)).tolist()
     clear = [i for i in looked if chance[i] < CLEAR]
     if not clear:
         return None
-    own = sum((_power(column, rows) for column in values.T), np.zeros(rows // 2 + 1))
-    own_line = own > OWN_LINE * _levels(own)
-    swings = [i for i in clear if _swings(own_line, i)]
+    own = sum((_mean_power(column, rows) for column in values.T), np.zeros(rows // 2 + 1))
+    own_line = own > OWN_LINE * _median_levels(own)
+    swings = [i for i in clear if _has_line_in_signal(own_line, i)]
     drawn = [i for i in clear if not any(_is_multiple(i, k) for k in swings)]
     last = int(np.searchsorted(frequency, top, "right")) - 1
-    best = min(((_together(chance, i, last), i) for i in drawn), default=None)
+    best = min(((_chance_of_harmonics(chance, i, last), i) for i in drawn), default=None)
     if best is None:
         return None
     rate = float(frequency[best[1]])
-    share = _share(power, best[1], rows) / float(bend.mean())
+    share = _line_share(power, best[1], rows) / float(bend.mean())
     lines = 2.0 * float(np.sinc(rate * max(round(span * sample_rate), 1) / sample_rate)) ** 2
     return BendSource(rate=rate, chance=best[0], share=share / lines)
 
 
-def _share(power: Float[np.ndarray, " f"], i: int, rows: int) -> float:
+def _line_share(power: Float[np.ndarray, " f"], i: int, rows: int) -> float:
     """Compute the amplitude of a line over that of those around it."""
     level = float(np.median(power[max(i - AROUND, 1) : i + AROUND]))
     above = max(float(power[i - 1 : i + 2].max()) - level, 0.0)
     return 2.0 * above**0.5 / float(np.hanning(rows).sum())
 
 
-def _chance(power: Float[np.ndarray, " f"], windows: float) -> Float[np.ndarray, " f"]:
+def _chance_of_lines(power: Float[np.ndarray, " f"], windows: float) -> Float[np.ndarray, " f"]:
     """Compute the log of the chance of each line among those around it (a chi-square)."""
-    ratio = power / _levels(power)
+    ratio = power / _median_levels(power)
     size: Float[np.ndarray, " f"] = np.log(2.0) * windows * ratio
     tail = np.asarray(special.gammaincc(windows, size))
     return np.log(np.maximum(tail, TINY))
 
 
-def _together(chance: Float[np.ndarray, " f"], i: int, last: int) -> float:
+def _chance_of_harmonics(chance: Float[np.ndarray, " f"], i: int, last: int) -> float:
     """Compute the log of the chance that a line and its harmonics all stand out so far."""
     count = int(np.clip(last // i, 1, HARMONICS))
     each = [
@@ -134,7 +134,7 @@ def _together(chance: Float[np.ndarray, " f"], i: int, last: int) -> float:
     return count * max(each)
 
 
-def _swings(line: Bool[np.ndarray, " f"], i: int) -> bool:
+def _has_line_in_signal(line: Bool[np.ndarray, " f"], i: int) -> bool:
     """Return whether signals themselves have a line at a rate or at half of it."""
     return bool(line[[i - 1, i, i + 1, i // 2, (i + 1) // 2]].any())
 
@@ -145,7 +145,7 @@ def _is_multiple(i: int, of: int) -> bool:
     return abs(i - times * of) <= times + 1
 
 
-def _bend(values: Float[np.ndarray, "n k"], m: int) -> Float[np.ndarray, " b"]:
+def _bend_of_samples(values: Float[np.ndarray, "n k"], m: int) -> Float[np.ndarray, " b"]:
     """Compute by how much each sample is off the line through those `m` before and after."""
     off: Float[np.ndarray, " b"] = np.zeros(max(len(values) - 2 * m, 0))
     for column in values.T:
@@ -153,7 +153,7 @@ def _bend(values: Float[np.ndarray, "n k"], m: int) -> Float[np.ndarray, " b"]:
     return off
 
 
-def _power(bend: Float[np.ndarray, " b"], rows: int) -> Float[np.ndarray, " f"]:
+def _mean_power(bend: Float[np.ndarray, " b"], rows: int) -> Float[np.ndarray, " f"]:
     """Average the power spectrum of windows that overlap by half."""
     window = np.hanning(rows)
     firsts = range(0, len(bend) - rows + 1, max(rows // 2, 1))
@@ -164,7 +164,7 @@ def _power(bend: Float[np.ndarray, " b"], rows: int) -> Float[np.ndarray, " f"]:
     return sum(spectra, np.zeros(rows // 2 + 1)) / len(firsts)
 
 
-def _levels(power: Float[np.ndarray, " f"]) -> Float[np.ndarray, " f"]:
+def _median_levels(power: Float[np.ndarray, " f"]) -> Float[np.ndarray, " f"]:
     """Compute the median of the lines around each, but for the nearest and the mean's."""
     padded = np.pad(power, AROUND, constant_values=np.nan)
     padded[AROUND] = np.nan

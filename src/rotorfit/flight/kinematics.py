@@ -48,8 +48,8 @@ def running_product(q: Quaternions) -> Quaternions:
 
 def rotated(q: Quaternions, v: Vectors) -> Vectors:
     """Rotate vectors from body axes to the axes that q refers to."""
-    across = _cross(q[..., 1:], v)
-    return v + 2.0 * (q[..., :1] * across + _cross(q[..., 1:], across))
+    across = _cross_product(q[..., 1:], v)
+    return v + 2.0 * (q[..., :1] * across + _cross_product(q[..., 1:], across))
 
 
 def rotated_back(q: Quaternions, v: Vectors) -> Vectors:
@@ -61,11 +61,11 @@ def product(p: Quaternions, q: Quaternions) -> Quaternions:
     """Return the turn q followed by p."""
     a, b = p[..., 1:], q[..., 1:]
     scalar = p[..., :1] * q[..., :1] - (a * b).sum(axis=-1, keepdims=True)
-    vector = p[..., :1] * b + q[..., :1] * a + _cross(a, b)
+    vector = p[..., :1] * b + q[..., :1] * a + _cross_product(a, b)
     return np.concatenate([scalar, vector], axis=-1)
 
 
-def _cross(a: Vectors, b: Vectors) -> Vectors:
+def _cross_product(a: Vectors, b: Vectors) -> Vectors:
     """Return a x b; NumPy's own takes four times as long."""
     (x, y, z), (u, v, w) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)

@@ -64,15 +64,15 @@ def passed_through(
     *,
     jumps: Int[np.ndarray, " j"],
 ) -> Float[np.ndarray, "n N"]:
-    """Pass motor data through the gyro's filters, anew after every gap (`jumps`: first rows)."""
+    """Pass motor data through the gyro's filters, again after every gap (`jumps`: first rows)."""
     own = [one for one in filters if one.channel == "gyro"]
     if not own:
         return values
-    parts = [_filtered(part, sample_rate, own) for part in np.split(values, jumps)]
+    parts = [_filter_stretch(part, sample_rate, own) for part in np.split(values, jumps)]
     return np.maximum(np.concatenate(parts), 0.0)
 
 
-def _filtered(
+def _filter_stretch(
     values: Float[np.ndarray, "n N"], sample_rate: float, filters: Iterable[Filter]
 ) -> Float[np.ndarray, "n N"]:
     """Filter a stretch as if its first and last rows had stood before and after it."""

@@ -95,9 +95,9 @@ class PreparedFlight:
     phases
         The same stretches, cut where the flight's character changes.
     motor_channel
-        Speed before lag and delay, on the uniform clock, from which both can be tried anew.
+        Speed before lag and delay, on the uniform clock, from which both can be tried again.
     gyro_bias
-        Taken off the rates [rad/s]; None where no rest was found and it was left in.
+        Taken off the rates [rad/s]; None if no rest was found and it was left in.
     spikes
         Samples replaced, by channel.
     slowest_rate, motor_rate
@@ -133,7 +133,7 @@ class OneClock:
 
     - `uniform`: gyro, accelerometer, motors and what else is used, despiked.
     - `spikes`: samples replaced, by channel.
-    - `speed_step`: smallest step of measured rotor speed [rad/s]; 0 where unknown.
+    - `speed_step`: smallest step of measured rotor speed [rad/s]; 0 if unknown.
     - `takes_columns`: whether units and axes of the log can be declared.
     - `said`: kinds of what the log's reader doubts already.
     - `filters`: on board, that its samples passed.
@@ -194,7 +194,7 @@ def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> One
 
     A long log can be released before the second half, to save memory.
     """
-    uniform, spikes = _uniform(log, rotor_count, motors)
+    uniform, spikes = _make_uniform(log, rotor_count, motors)
     refuse_absurd_sensors(log, uniform)
     step = log.channels["rotor_speed"].resolution if motors.speed == "measured" else None
     return OneClock(
@@ -219,7 +219,7 @@ def prepared_from(
     jumps = clock_jumps(uniform.time, uniform.sample_rate)
     recorded_speed = speed
     speed = passed_through(speed, uniform.sample_rate, recorded.filters, jumps=jumps)
-    motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)
+    motion = _collect_motion(uniform, _turn_rotors(uniform, speed, motors), arm=arm, window=window)
     refuse_idle_motors(motion)
     refuse_wrong_gravity(motion, takes_columns=recorded.takes_columns)
     flights, standing = list(motion.stretches), []
@@ -247,14 +247,16 @@ def prepared_from(
     data = dataclasses.replace(
         with_motors(
             dataclasses.replace(
-                _differentiated(uniform, speed, bias),
+                _collect_flight_data(uniform, speed, bias),
                 lag_on=motors.lag_on,
                 filters=recorded.filters,
             ),
             speed,
             motors.response,
         ),
-        segments=_inner_segments(flights if measured else _settled(flights, uniform), uniform),
+        segments=_inner_segments(
+            flights if measured else _drop_unsettled(flights, uniform), uniform
+        ),
         rotor_speed_std=speed_std,
     )
     data = dataclasses.replace(data, climb=climb_velocity(data))
@@ -266,7 +268,7 @@ def prepared_from(
         spikes=recorded.spikes,
         slowest_rate=min(uniform.rates[name] for name in ("gyro", "accel", "motor")),
         motor_rate=uniform.rates["motor"],
-        cuts=_cuts(data, uniform, window, standing),
+        cuts=_list_cuts(data, uniform, window, standing),
         findings=(
             *ground_doubts(uniform.time, standing),
             *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
@@ -288,7 +290,7 @@ def refuse_interpolated(uniform: UniformChannels, *, measured: bool) -> None:
         refuse_interpolated_commands(motor, uniform.sample_rate, uniform.rates["motor"])
 
 
-def _turned(
+def _turn_rotors(
     uniform: UniformChannels, speed: Float[np.ndarray, "n N"], motors: MotorModel
 ) -> Float[np.ndarray, "n N"]:
     """Compute the rotor speed by the motor model as declared."""
@@ -301,7 +303,7 @@ def _turned(
     )
 
 
-def _uniform(
+def _make_uniform(
     log: FlightLog, rotor_count: int, motors: MotorModel
 ) -> tuple[UniformChannels, dict[str, int]]:
     """Despike and resample the needed channels; count the replaced samples of each."""
@@ -332,13 +334,13 @@ def _uniform(
     carried = carried_velocity(log)
     if carried is not None:
         makers["carried"] = carried
-    reference = _reference(log)
+    reference = _usable_reference(log)
     if reference is not None:
         makers["reference"] = reference
     return uniform_channels(makers, clock="gyro", optional=OPTIONAL), counts
 
 
-def _reference(log: FlightLog) -> Channel | None:
+def _usable_reference(log: FlightLog) -> Channel | None:
     """Return the reference rates if usable: their lack is no reason to refuse a flight."""
     if "reference" not in log.channels:
         return None
@@ -348,7 +350,7 @@ def _reference(log: FlightLog) -> Channel | None:
         return None
 
 
-def _differentiated(
+def _collect_flight_data(
     uniform: UniformChannels,
     speed: Float[np.ndarray, "n N"],
     bias: tuple[float, float, float] | None,
@@ -371,7 +373,7 @@ def _differentiated(
     )
 
 
-def _motion(
+def _collect_motion(
     uniform: UniformChannels,
     rotor_speed: Float[np.ndarray, "n N"],
     *,
@@ -385,7 +387,7 @@ def _motion(
         angular_velocity=uniform.values["gyro"],
         rotor_speed=rotor_speed,
         arm=arm,
-        stretches=_windowed(uniform, window),
+        stretches=_window_runs(uniform, window),
     )
 
 
@@ -405,7 +407,7 @@ def with_likely_lag(motion: Motion, motors: MotorModel) -> Motion:
     return min(tried, key=misfit)
 
 
-def _windowed(uniform: UniformChannels, window: Window) -> tuple[tuple[int, int], ...]:
+def _window_runs(uniform: UniformChannels, window: Window) -> tuple[tuple[int, int], ...]:
     """Cut the stretches without gaps to the start and end that the user gives."""
     if window == (None, None):
         return uniform.stretches
@@ -433,7 +435,9 @@ def window_rows(
     return first, stop
 
 
-def _settled(flights: list[tuple[int, int]], uniform: UniformChannels) -> list[tuple[int, int]]:
+def _drop_unsettled(
+    flights: list[tuple[int, int]], uniform: UniformChannels
+) -> list[tuple[int, int]]:
     """Drop the beginnings of flights that depend on unlogged commands, if anything is left."""
     begins = np.array([start for start, _ in uniform.stretches])
     known = begins + whole_samples(SETTLING * uniform.sample_rate)
@@ -461,7 +465,7 @@ def phases_of(data: FlightData) -> tuple[Segment, ...]:
     return tuple(phases)
 
 
-def _cuts(
+def _list_cuts(
     data: FlightData, uniform: UniformChannels, window: Window, standing: list[tuple[int, int]]
 ) -> tuple[Cut, ...]:
     """List the unused stretches, with the reason."""

@@ -32,15 +32,15 @@ def quintic_spline(
     evaluated: list[Float[np.ndarray, "m k"]] = []
     for order in range(derivatives + 1):
         if order:
-            coefficients = _differentiate(knots, coefficients, DEGREE - order + 1)
+            coefficients = _differentiate_spline(knots, coefficients, DEGREE - order + 1)
         made = np.empty((len(at), *values.shape[1:]))
         for part in pieces(len(at)):
-            made[part] = _evaluate(knots, coefficients, at[part], DEGREE - order)
+            made[part] = _evaluate_spline(knots, coefficients, at[part], DEGREE - order)
         evaluated.append(made)
     return tuple(evaluated)
 
 
-def _evaluate(
+def _evaluate_spline(
     knots: Float[np.ndarray, " t"],
     coefficients: Float[np.ndarray, "n k"],
     at: Float[np.ndarray, " m"],
@@ -88,7 +88,7 @@ def _compute_basis(
     return basis
 
 
-def _differentiate(
+def _differentiate_spline(
     knots: Float[np.ndarray, " t"], coefficients: Float[np.ndarray, "c k"], degree: int
 ) -> Float[np.ndarray, "c k"]:
     """Compute the coefficients of the derivative, one degree lower; each keeps its number."""
@@ -101,7 +101,7 @@ def _differentiate(
 
 
 @lru_cache(maxsize=4)
-def _factorize(n: int) -> tuple[Any, Any]:
+def _factorize_spline(n: int) -> tuple[Any, Any]:
     """Factorize the matrix of the B-splines at the rows, kept for signals of one length."""
     at, knots = np.arange(float(n)), _place_knots(n)
     span = _find_spans(knots, at)
@@ -117,7 +117,7 @@ def _factorize(n: int) -> tuple[Any, Any]:
 
 def _solve_coefficients(n: int, values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
     """Solve for the coefficients of the spline that goes through the values."""
-    lu, pivots = _factorize(n)
+    lu, pivots = _factorize_spline(n)
     solve: Any = lapack.dgbtrs
     found: Float[np.ndarray, "n k"] = solve(lu, DEGREE, DEGREE, values, pivots)[0]
     return np.ascontiguousarray(found)

@@ -76,7 +76,7 @@ def hampel(
         for rows in pieces(len(x)):
             local = _running_median(deviation, SCALE_WIDTH, rows)
             far[rows] = deviation[rows] > SPIKE_THRESHOLD * 1.4826 * np.maximum(local, floor)
-        bad = _sudden(x, far)
+        bad = _keep_sudden(x, far)
         if not bad.any():
             continue
         clean = values.copy() if clean is values else clean
@@ -86,7 +86,7 @@ def hampel(
     return clean, spikes
 
 
-def _sudden(x: Float[np.ndarray, " n"], far: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+def _keep_sudden(x: Float[np.ndarray, " n"], far: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Keep of runs of samples those that come or go by a larger step than those beside them."""
     kept = far.copy()
     for a, b in true_runs(far):
@@ -141,7 +141,7 @@ def smooth(
     values: Float[np.ndarray, "n k"], sample_rate: float, cutoff: float
 ) -> Float[np.ndarray, "n k"]:
     """Filter by a zero-phase second-order low-pass (for looking, not fitting)."""
-    sos = _butterworth(sample_rate, cutoff)
+    sos = _design_butterworth(sample_rate, cutoff)
     if len(values) < LONG:
         return filter_both_ways(sos, values)
     result = np.empty(values.shape)
@@ -159,7 +159,7 @@ def fading_rows(sos: Float[np.ndarray, "s 6"]) -> int:
 
 
 @cache
-def _butterworth(sample_rate: float, cutoff: float) -> Float[np.ndarray, "1 6"]:
+def _design_butterworth(sample_rate: float, cutoff: float) -> Float[np.ndarray, "1 6"]:
     """Design a second-order Butterworth filter (cached: logs with many gaps ask for it often)."""
     return butterworth(2, min(cutoff, 0.45 * sample_rate), sample_rate)
 
@@ -284,13 +284,13 @@ def smooth_motors(
 ) -> tuple[Float[np.ndarray, "n N"], Float[np.ndarray, "n N"]]:
     """Delay and lag low-passed rotor speed without gaps; return speed and acceleration."""
     if lag > 0:
-        speed = _lagged(speed, 1.0 / (sample_rate * lag))
+        speed = _lag_signal(speed, 1.0 / (sample_rate * lag))
     rows = np.arange(len(speed)) - delay * sample_rate
     value, slope = spline_at(speed, rows)
     return value, slope * sample_rate
 
 
-def _lagged(speed: Float[np.ndarray, "n N"], step: float) -> Float[np.ndarray, "n N"]:
+def _lag_signal(speed: Float[np.ndarray, "n N"], step: float) -> Float[np.ndarray, "n N"]:
     """Filter a smooth signal by a lag; `step` is the sample period over the time constant.
 
     Exact for what is linear between samples, where a held command would come half a sample later.

@@ -170,7 +170,7 @@ def _without_index(words: tuple[str, ...]) -> tuple[tuple[str, ...], int | None]
 
 
 def _without_corner(words: tuple[str, ...]) -> tuple[tuple[str, ...], int] | None:
-    """Split off the corner of a motor at the end or at the beginning; None where there is none."""
+    """Split off the corner of a motor at the end or at the beginning; None if there is none."""
     for corner, index in _CORNERS.items():
         size = len(corner)
         if words[-size:] == corner:
@@ -194,8 +194,8 @@ _GLUED: Final = frozenset(
 )
 
 
-def _kind(words: tuple[str, ...], index: int | None) -> str | None:
-    """Tell what a column may hold by the words of its name; None if they say nothing."""
+def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
+    """Return what a column may hold by the words of its name; None if they say nothing."""
     joined = "".join(words)
     bare = tuple(word for word in words if not word.isdecimal() and word not in _FRAMES)
     # "offset" is a fault of a sensor, but the time since a log began, too.
@@ -256,9 +256,9 @@ def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candid
     """
     groups: dict[tuple[str, str], dict[int, str]] = {}
     units: dict[tuple[str, str], str | None] = {}
-    left_out = {_place(canonical)[0] for canonical, name in named.items() if not name}
+    left_out = {_place_of_name(canonical)[0] for canonical, name in named.items() if not name}
     for canonical, name in named.items():
-        kind, index = _place(canonical)
+        kind, index = _place_of_name(canonical)
         if not name:
             continue
         groups.setdefault((kind, ""), {})[index] = name
@@ -267,7 +267,7 @@ def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candid
     for name in names:
         is_rate = has_pqr and name.strip().lower() in _BODY_RATES
         words, index, unit = parts_of(f"rate_{name}" if is_rate else name)
-        kind = _kind(words, index)
+        kind = _kind_of_words(words, index)
         if kind is None or name in named.values():
             continue
         # Which wheel of letters counts is the same for q0..q3 and qw..qz only by their values.
@@ -284,7 +284,7 @@ def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candid
     ]
 
 
-def _place(canonical: str) -> tuple[str, int]:
+def _place_of_name(canonical: str) -> tuple[str, int]:
     """Return kind and index of a canonical name."""
     if canonical == TIME:
         return "time", 0

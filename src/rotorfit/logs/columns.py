@@ -212,7 +212,7 @@ def _check_map(mapped: Mapping[str, ColumnSpec], in_file: Sequence[str]) -> None
         if spec.name not in in_file:
             raise LogError(
                 f"no column {spec.name!r}, which the columns map gives for {canonical!r}"
-                f"{_did_you_mean(spec.name, in_file)}; the file has {_listed(in_file)}"
+                f"{_did_you_mean(spec.name, in_file)}; the file has {_list_columns(in_file)}"
             )
         if spec.name in users:
             raise LogError(
@@ -228,10 +228,10 @@ def _did_you_mean(name: str, known: Sequence[str]) -> str:
 
 
 def _what_is_there(in_file: Sequence[str], path: Path) -> str:
-    return f"the file has {_listed(in_file)}; {_suggestion(in_file, path)}"
+    return f"the file has {_list_columns(in_file)}; {_suggest_map(in_file, path)}"
 
 
-def _listed(names: Sequence[str]) -> str:
+def _list_columns(names: Sequence[str]) -> str:
     named = (name or "(a column without a name)" for name in names)
     clean = (name if name.isprintable() else ascii(name) for name in named)
     shown = ", ".join(name[:40] for name in islice(clean, _LISTED_COLUMNS))
@@ -239,10 +239,12 @@ def _listed(names: Sequence[str]) -> str:
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def _suggestion(in_file: Sequence[str], path: Path) -> str:
+def _suggest_map(in_file: Sequence[str], path: Path) -> str:
     """Return the advice to write a columns map, begun with the nearest names of the file."""
     wanted = (TIME, "gyro_x", "accel_x", "rotor_1", "command_1", "pos_x", "quat_w")
-    pairs = [(name, near) for name in wanted if (near := _nearest(name, in_file)) is not None]
+    pairs = [
+        (name, near) for name in wanted if (near := _nearest_column(name, in_file)) is not None
+    ]
     entries = [f'{name} = {{ name = "{near}" }}' for name, near in pairs[:4]]
     start = ", ".join(entries) or f'{TIME} = {{ name = "NAME IN THE FILE", unit = "s" }}'
     return (
@@ -251,7 +253,7 @@ def _suggestion(in_file: Sequence[str], path: Path) -> str:
     )
 
 
-def _nearest(canonical: str, in_file: Sequence[str]) -> str | None:
+def _nearest_column(canonical: str, in_file: Sequence[str]) -> str | None:
     """Find the file's column that most likely holds a canonical quantity."""
     lowered = {name.lower(): name for name in reversed(in_file)}
     for candidate in (canonical, *_OTHER_NAMES.get(canonical, ())):

@@ -21,7 +21,7 @@ TURNED: Final = np.array([1.0, -1.0, -1.0])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerLog:
-    """The rate controller of one flight, one row a run of it, body axes FLU.
+    """Signals of the rate controller in one flight, a row per run, body axes FLU.
 
     - `autopilot`, `firmware`: whose controller it is, and its version in the log's words.
     - `parameters`: by their names, as the log left them.
@@ -78,13 +78,13 @@ def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
 
 
 def knows_controller(path: Path) -> bool:
-    """Tell whether rotorfit knows rate controllers of a log's format."""
+    """Return whether rotorfit knows rate controllers of a log's format."""
     form = format_of(path)
     return form is None or bool(form.with_controller)
 
 
 def why_unknown(path: Path, form: Format) -> str:
-    """Say what is missing to judge the loop of a log whose controller rotorfit does not know."""
+    """State what is missing to judge the loop of a log whose controller rotorfit does not know."""
     if form.name == "crazyflie":
         return MISSING["crazyflie"]
     found = FIRMWARE.search(read_head(path, HEADER)) if form.name == "blackbox" else None

@@ -112,7 +112,7 @@ _IMU: Final = frozenset(f"{name}.{axis}" for name in ("gyro", "acc") for axis in
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Found:
-    """A channel, the variables it was made of, and what to say of it."""
+    """A channel, the variables it was made of, with notes on it."""
 
     channel: Channel
     used: tuple[str, ...]
@@ -120,7 +120,7 @@ class _Found:
 
 
 def is_crazyflie(head: bytes) -> bool:
-    """Tell whether bytes from the beginning of a file are a Crazyflie micro-SD log."""
+    """Return whether bytes from the beginning of a file are a Crazyflie micro-SD log."""
     # The version is a uint16 after the magic byte; none above 255 will ever be.
     return head[:1] == bytes([MAGIC]) and head[2:3] == b"\0"
 
@@ -142,8 +142,8 @@ def read_crazyflie(
     try:
         records = find_records(data)
         chosen = _chosen_event(records, event, log_number)
-        recording, unordered = _recording(data, records, chosen)
-        found = _channels(recording)
+        recording, unordered = _order_recording(data, records, chosen)
+        found = _make_channels(recording)
         if not found:
             raise LogError(_no_channels(recording, chosen))
     except LogError as error:
@@ -159,9 +159,9 @@ def read_crazyflie(
             "event": ascii(chosen.name)[1:-1],
             "events recorded": _event_counts(records),
         },
-        notes=_notes(recording, found),
-        findings=tuple(doubts("damaged-log", _damage(records, unordered))),
-        circumstances=_circumstances(recording),
+        notes=_list_notes(recording, found),
+        findings=tuple(doubts("damaged-log", _describe_damage(records, unordered))),
+        circumstances=_read_circumstances(recording),
     )
 
 
@@ -171,7 +171,7 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
 
 
 def list_events(path: Path) -> tuple[LogEntry, ...]:
-    """List the recorded events of which one must be chosen; none where the choice is clear."""
+    """List the recorded events if the user must choose one; empty if the choice is clear."""
     data = open_mapped(path)
     try:
         records = find_records(data)
@@ -195,7 +195,7 @@ def _recorded_events(records: Records) -> list[Event]:
 
 
 def _usual_event(records: Records) -> Event | None:
-    """Return the event to read unless another one is asked for; None where that is open."""
+    """Return the event to read unless another one is asked for; None if that is open."""
     recorded = _recorded_events(records)
     fixed = [event for event in recorded if event.name == FIXED_FREQUENCY]
     with_imu = [e for e in recorded if {v.name for v in e.variables}.issuperset(_IMU)]
@@ -211,7 +211,7 @@ def _chosen_event(records: Records, name: str | None, number: int | None) -> Eve
             raise LogError(f"a Crazyflie file is one log, there is no log {number}")
         numbered = recorded if usual is None else [usual]
         if number > len(numbered):
-            raise LogError(f"no log {number}: the file has {_numbered(numbered)}")
+            raise LogError(f"no log {number}: the file has {_numbered_events(numbered)}")
         return numbered[number - 1]
     if name is None and usual is not None:
         return usual
@@ -223,12 +223,12 @@ def _chosen_event(records: Records, name: str | None, number: int | None) -> Eve
     if name is None:
         raise LogError(
             f"several events were recorded ({counts}): choose one with --log N, of "
-            f"{_numbered(recorded)}"
+            f"{_numbered_events(recorded)}"
         )
     raise LogError(f"no records of the event {name!r}: the log has {counts}")
 
 
-def _numbered(events: Sequence[Event]) -> str:
+def _numbered_events(events: Sequence[Event]) -> str:
     return ", ".join(f"{n}: {event.name!a}" for n, event in enumerate(events[:_LISTED], start=1))
 
 
@@ -238,7 +238,7 @@ def _event_counts(records: Records) -> str:
     return ", ".join(shown) or "no event is declared"
 
 
-def _recording(data: Content, records: Records, event: Event) -> tuple[_Recording, int]:
+def _order_recording(data: Content, records: Records, event: Event) -> tuple[_Recording, int]:
     """Order the records of an event by time; also count those left out for that."""
     time, starts = record_times(data, records, event), records.starts[event.number]
     kept = in_order(time)
@@ -249,18 +249,18 @@ def _recording(data: Content, records: Records, event: Event) -> tuple[_Recordin
     return recording, int(np.count_nonzero(~kept))
 
 
-def _channels(recording: _Recording) -> dict[str, _Found]:
+def _make_channels(recording: _Recording) -> dict[str, _Found]:
     """Make the channels that the variables allow."""
     makers: dict[str, Callable[[_Recording], _Found | None]] = {
-        "gyro": _gyro,
-        "accel": _accel,
+        "gyro": _read_gyro,
+        "accel": _read_accel,
         "rotor_speed": _rotor_speed,
-        "command": _command,
-        "battery": _battery,
-        "position": _position,
-        "attitude": _attitude,
-        "velocity": _velocity,
-        "reference": _reference,
+        "command": _read_command,
+        "battery": _read_battery,
+        "position": _read_position,
+        "attitude": _read_attitude,
+        "velocity": _read_velocity,
+        "reference": _read_reference,
     }
     made = {name: maker(recording) for name, maker in makers.items()}
     return {
@@ -270,7 +270,7 @@ def _channels(recording: _Recording) -> dict[str, _Found]:
     }
 
 
-def _found(
+def _found_channel(
     recording: _Recording,
     names: tuple[str, ...],
     values: Float[np.ndarray, "n k"],
@@ -283,27 +283,29 @@ def _found(
     return _Found(channel=channel, used=names, note=note)
 
 
-def _gyro(recording: _Recording) -> _Found | None:
+def _read_gyro(recording: _Recording) -> _Found | None:
     """Read the angular velocity: the gyro's, else what the controller had of it."""
     if recording.has(*_GYRO):
         values = recording.stack(_GYRO)
         values *= _DEGREE
-        return _found(recording, _GYRO, values, f"{', '.join(_GYRO)} [deg/s]")
+        return _found_channel(recording, _GYRO, values, f"{', '.join(_GYRO)} [deg/s]")
     if recording.has(*_CONTROLLER_GYRO):
         # The firmware writes r_pitch = -gyro.y: positive nose up.
         values = recording.stack(_CONTROLLER_GYRO)
         values *= np.array([1.0, -1.0, 1.0])
         roll, pitch, yaw = _CONTROLLER_GYRO
-        return _found(recording, _CONTROLLER_GYRO, values, f"{roll}, -{pitch}, {yaw} [rad/s]")
+        return _found_channel(
+            recording, _CONTROLLER_GYRO, values, f"{roll}, -{pitch}, {yaw} [rad/s]"
+        )
     return None
 
 
-def _accel(recording: _Recording) -> _Found | None:
+def _read_accel(recording: _Recording) -> _Found | None:
     if not recording.has(*_ACCEL):
         return None
     values = recording.stack(_ACCEL)
     values *= STANDARD_GRAVITY
-    return _found(recording, _ACCEL, values, f"{', '.join(_ACCEL)} [g]")
+    return _found_channel(recording, _ACCEL, values, f"{', '.join(_ACCEL)} [g]")
 
 
 def _rotor_speed(recording: _Recording) -> _Found | None:
@@ -313,17 +315,17 @@ def _rotor_speed(recording: _Recording) -> _Found | None:
             np.abs(values, out=values)
             values *= _RPM
             source = f"{', '.join(names)} [rpm]"
-            return _found(recording, names, values, source, resolution=_RPM)
+            return _found_channel(recording, names, values, source, resolution=_RPM)
     return None
 
 
-def _command(recording: _Recording) -> _Found | None:
+def _read_command(recording: _Recording) -> _Found | None:
     """Read the motor commands: as demanded, else as put out, else from the mixer's inputs."""
     for names in (_MOTOR, _PWM):
         if recording.has(*names):
             values = recording.stack(names)
             values /= FULL_COMMAND
-            return _counted(recording, names, values, f"{', '.join(names)} / 65535")
+            return _count_commands(recording, names, values, f"{', '.join(names)} / 65535")
     if not recording.has(*_MIXER_INPUTS):
         return None
     inputs = recording.stack(_MIXER_INPUTS)
@@ -335,10 +337,10 @@ def _command(recording: _Recording) -> _Found | None:
         "The log has no motor commands: they were mixed anew from the controller's outputs by "
         "the legacy mixer (m1 = T - R/2 + P/2 + Y and so on), limited to 0 and 65535."
     )
-    return _found(recording, _MIXER_INPUTS, values, source, note=note)
+    return _found_channel(recording, _MIXER_INPUTS, values, source, note=note)
 
 
-def _counted(
+def _count_commands(
     recording: _Recording, names: tuple[str, ...], values: Float[np.ndarray, "n k"], source: str
 ) -> _Found:
     """Return commands of 16 bits; what is no such number becomes NaN."""
@@ -347,26 +349,30 @@ def _counted(
     if wrong.any():
         note = f"{int(wrong.any(axis=1).sum())} motor commands are outside 0 to 65535: set to NaN."
         values[wrong] = np.nan
-    return _found(recording, names, values, source, resolution=1.0 / FULL_COMMAND, note=note)
+    return _found_channel(
+        recording, names, values, source, resolution=1.0 / FULL_COMMAND, note=note
+    )
 
 
-def _battery(recording: _Recording) -> _Found | None:
+def _read_battery(recording: _Recording) -> _Found | None:
     for name, unit, scale in (("pm.vbat", "V", 1.0), ("pm.vbatMV", "mV", 1e-3)):
         if recording.has(name):
             values = recording.stack((name,)) * scale
             resolution = scale if unit == "mV" else None
-            return _found(recording, (name,), values, f"{name} [{unit}]", resolution=resolution)
+            return _found_channel(
+                recording, (name,), values, f"{name} [{unit}]", resolution=resolution
+            )
     return None
 
 
-def _position(recording: _Recording) -> _Found | None:
+def _read_position(recording: _Recording) -> _Found | None:
     if not recording.has(*_POSITION):
         return None
     source = f"{', '.join(_POSITION)} [m], the vehicle's own estimate"
-    return _found(recording, _POSITION, recording.stack(_POSITION), source)
+    return _found_channel(recording, _POSITION, recording.stack(_POSITION), source)
 
 
-def _attitude(recording: _Recording) -> _Found | None:
+def _read_attitude(recording: _Recording) -> _Found | None:
     if not recording.has(*_ATTITUDE):
         return None
     quaternion = recording.stack(_ATTITUDE)
@@ -374,16 +380,16 @@ def _attitude(recording: _Recording) -> _Found | None:
     good = np.abs(length - 1.0) < 0.05
     values = quaternion / np.where(good, length, np.nan)
     source = f"{', '.join(_ATTITUDE)}, the vehicle's own estimate"
-    return _found(recording, _ATTITUDE, values, source)
+    return _found_channel(recording, _ATTITUDE, values, source)
 
 
-def _velocity(recording: _Recording) -> _Found | None:
+def _read_velocity(recording: _Recording) -> _Found | None:
     """Read the estimated velocity, turned from the world into the body's axes."""
     from scipy.spatial.transform import Rotation
 
     if not recording.has(*_VELOCITY):
         return None
-    turned = _turned(recording)
+    turned = _turned_attitude(recording)
     if turned is None:
         return None
     names, attitude = turned
@@ -392,22 +398,24 @@ def _velocity(recording: _Recording) -> _Found | None:
     body_to_world = Rotation.from_quat(attitude[known][:, [1, 2, 3, 0]])
     values[known] = body_to_world.apply(recording.stack(_VELOCITY)[known], inverse=True)
     source = f"{', '.join(_VELOCITY)} [m/s] turned by {names[0]} and so on, the vehicle's estimate"
-    return _found(recording, (*_VELOCITY, *names), values, source)
+    return _found_channel(recording, (*_VELOCITY, *names), values, source)
 
 
-def _reference(recording: _Recording) -> _Found | None:
+def _read_reference(recording: _Recording) -> _Found | None:
     """Read the rates that the rate controllers were asked for."""
     if not recording.has(*_REFERENCE):
         return None
     # Positive nose up, as all of pitch in the controller.
     values = recording.stack(_REFERENCE) * np.array([1.0, -1.0, 1.0]) * _DEGREE
     roll, pitch, yaw = _REFERENCE
-    return _found(recording, _REFERENCE, values, f"{roll}, -{pitch}, {yaw} [deg/s]")
+    return _found_channel(recording, _REFERENCE, values, f"{roll}, -{pitch}, {yaw} [deg/s]")
 
 
-def _turned(recording: _Recording) -> tuple[tuple[str, ...], Float[np.ndarray, "n 4"]] | None:
+def _turned_attitude(
+    recording: _Recording,
+) -> tuple[tuple[str, ...], Float[np.ndarray, "n 4"]] | None:
     """Read the estimated attitude w, x, y, z, and the variables that it is of."""
-    found = _attitude(recording)
+    found = _read_attitude(recording)
     if found is not None:
         return found.used, found.channel.values
     if not recording.has(*_EULER):
@@ -420,16 +428,16 @@ def _turned(recording: _Recording) -> tuple[tuple[str, ...], Float[np.ndarray, "
 def _no_channels(recording: _Recording, event: Event) -> str:
     return (
         f"none of the {len(recording.variables)} variables of {event.name!a} is known "
-        f"({_listed(list(recording.variables))}): log {', '.join((*_ACCEL, *_GYRO, *_MOTOR))}"
+        f"({_list_names(list(recording.variables))}): log {', '.join((*_ACCEL, *_GYRO, *_MOTOR))}"
     )
 
 
-def _listed(names: list[str]) -> str:
+def _list_names(names: list[str]) -> str:
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     return ", ".join(names[:_LISTED]) + more
 
 
-def _circumstances(recording: _Recording) -> Circumstances:
+def _read_circumstances(recording: _Recording) -> Circumstances:
     """Read the air by the barometer [mbar, degC]; the vehicle has neither number nor clock."""
     if not recording.has(*_AIR):
         return Circumstances()
@@ -438,8 +446,8 @@ def _circumstances(recording: _Recording) -> Circumstances:
     return Circumstances(air_pressure=pressure, air_temperature=temperature)
 
 
-def _notes(recording: _Recording, found: dict[str, _Found]) -> tuple[str, ...]:
-    """Say what was taken, what is missing, and what was left out."""
+def _list_notes(recording: _Recording, found: dict[str, _Found]) -> tuple[str, ...]:
+    """List the variables that were used, missing and left out."""
     notes = [one.note for one in found.values() if one.note]
     if "accel" not in found:
         half = f" ({_ACCEL_Z} alone is no specific force)" if recording.has(_ACCEL_Z) else ""
@@ -452,11 +460,11 @@ def _notes(recording: _Recording, found: dict[str, _Found]) -> tuple[str, ...]:
     used = {name for one in found.values() for name in one.used}
     left = [name for name in recording.variables if name not in used]
     if left:
-        notes.append(f"Left out: {_listed(left)}.")
+        notes.append(f"Left out: {_list_names(left)}.")
     return tuple(notes)
 
 
-def _damage(records: Records, unordered: int) -> tuple[str, ...]:
+def _describe_damage(records: Records, unordered: int) -> tuple[str, ...]:
     damage: list[str] = []
     if not records.checksum:
         damage.append(

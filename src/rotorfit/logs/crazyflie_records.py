@@ -182,7 +182,7 @@ def find_records(data: Content) -> Records:
     position, last = header.start, None
     places = skipped = dropped = 0
     while position < walk.stop:
-        count, time = _run(walk, position, last)
+        count, time = _count_run(walk, position, last)
         if count > 0:
             runs.append((walk.number(position), position, count))
             position += count * walk.sizes[walk.number(position)]
@@ -203,7 +203,7 @@ def find_records(data: Content) -> Records:
     trailing = walk.stop - position
     return Records(
         header=header,
-        starts=_starts(walk, runs),
+        starts=_record_starts(walk, runs),
         damaged_places=places,
         skipped_bytes=skipped,
         dropped_records=dropped,
@@ -241,7 +241,7 @@ class _Walk:
         return np.ascontiguousarray(heads[:, 2 : 2 + width]).view(kind)[:, 0] * unit
 
 
-def _run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | None]:
+def _count_run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | None]:
     """Count the records of one event that follow each other from a position; and the last time."""
     number = walk.number(position)
     size = walk.sizes.get(number)
@@ -252,7 +252,7 @@ def _run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | N
         first = position + found * size
         count = min(block, (walk.stop - first) // size)
         rows = walk.bytes[first : first + count * size].reshape(count, size)
-        good, times = _credible(walk, rows, number, last)
+        good, times = _credible_records(walk, rows, number, last)
         n = count if good.all() else int(np.argmin(good))
         found += n
         if count == LARGEST_BLOCK:
@@ -264,7 +264,7 @@ def _run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | N
         block = min(8 * block, LARGEST_BLOCK)
 
 
-def _credible(
+def _credible_records(
     walk: _Walk, rows: UInt8[np.ndarray, "n k"], number: int, last: float | None
 ) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Select which rows are records of an event whose time can follow the one before; times."""
@@ -287,20 +287,20 @@ def _next_place(walk: _Walk, position: int, last: float | None) -> int | None:
         earliest = 0.0 if last is None else last - LARGEST_STEP_BACK
         latest = LATEST_TIME if last is None else last + LARGEST_STEP
         for candidate in known[(times >= earliest) & (times <= latest)].tolist():
-            if _chained(walk, position + candidate, last):
+            if _is_chained(walk, position + candidate, last):
                 return position + candidate
         position += len(heads)
     return None
 
 
-def _chained(walk: _Walk, position: int, last: float | None) -> bool:
-    """Tell whether `CHAIN` records follow each other, or fewer up to the very end."""
+def _is_chained(walk: _Walk, position: int, last: float | None) -> bool:
+    """Return whether `CHAIN` records follow each other, or fewer up to the very end."""
     for _ in range(CHAIN):
         size = walk.sizes.get(walk.number(position))
         if size is None or position + size > walk.stop:
             return False
         rows = walk.bytes[position : position + size].reshape(1, size)
-        good, times = _credible(walk, rows, walk.number(position), last)
+        good, times = _credible_records(walk, rows, walk.number(position), last)
         if not good[0]:
             return False
         last = float(times[0])
@@ -310,7 +310,9 @@ def _chained(walk: _Walk, position: int, last: float | None) -> bool:
     return True
 
 
-def _starts(walk: _Walk, runs: list[tuple[int, int, int]]) -> dict[int, Int[np.ndarray, " n"]]:
+def _record_starts(
+    walk: _Walk, runs: list[tuple[int, int, int]]
+) -> dict[int, Int[np.ndarray, " n"]]:
     """Find the position of every record, by number of the event."""
     found: dict[int, list[Int[np.ndarray, " n"]]] = {number: [] for number in walk.sizes}
     for number, first, count in runs:
@@ -325,7 +327,7 @@ def record_times(data: Content, records: Records, event: Event) -> Float[np.ndar
     starts = records.starts[event.number]
     times = np.empty(len(starts))
     for rows in pieces(len(starts)):
-        times[rows] = _values(data, starts[rows] + 2, kind)
+        times[rows] = _read_values(data, starts[rows] + 2, kind)
         let_go(data)
     times *= unit
     return times
@@ -346,13 +348,15 @@ def variables_at(
     for rows in pieces(len(starts)):
         some = values[rows]
         for column, variable in enumerate(variables):
-            some[:, column] = _values(data, starts[rows] + variable.offset, variable.type)
+            some[:, column] = _read_values(data, starts[rows] + variable.offset, variable.type)
         some[~np.isfinite(some)] = np.nan
         let_go(data)
     return values
 
 
-def _values(data: Content, positions: Int[np.ndarray, " n"], kind: str) -> Float[np.ndarray, " n"]:
+def _read_values(
+    data: Content, positions: Int[np.ndarray, " n"], kind: str
+) -> Float[np.ndarray, " n"]:
     """Read numbers of one type at positions in the file."""
     width = np.dtype(kind).itemsize
     windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), width)

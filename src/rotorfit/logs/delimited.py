@@ -44,7 +44,7 @@ class DelimitedText:
     first_line: int
 
     def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]:
-        """Read columns as numbers, NaN where a cell is empty."""
+        """Read columns as numbers, NaN if a cell is empty."""
         # Looked up one by one, a header of 100 000 names takes minutes.
         places = {name: place for place, name in reversed([*enumerate(self.names)])}
         columns = [places[name] for name in names]
@@ -53,7 +53,7 @@ class DelimitedText:
 
     def place(self, row: int) -> str:
         """Return the words for one row, counted from 0: its line in the file."""
-        line, _ = next(islice(_rows(self), row, None))
+        line, _ = next(islice(_table_rows(self), row, None))
         return f"line {line}"
 
 
@@ -65,7 +65,7 @@ def open_delimited(data: Content) -> DelimitedText:
     while start < len(text):
         end = text.find(_NEWLINE, start)
         end = len(text) if end < 0 else end
-        line = _decoded(text[start:end])
+        line = _decode_line(text[start:end])
         if line.strip() and not line.lstrip().startswith(_COMMENTS):
             return _table_from(text, start, end, line_number, comment)
         comment = line.strip().lstrip("#%") if line.strip() else comment
@@ -84,7 +84,7 @@ def _after_settings(text: Content) -> int:
 
 
 def _is_plain(text: mmap.mmap) -> bool:
-    """Tell whether a mapped text needs no change before it is looked at line by line."""
+    """Return whether a mapped text needs no change before it is looked at line by line."""
     if text[:3] == b"\xef\xbb\xbf" or text[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return False
     for start in range(0, len(text), PIECE_BYTES):
@@ -98,7 +98,7 @@ def _table_from(
     text: Content, start: int, end: int, line_number: int, comment: str
 ) -> DelimitedText:
     """Return the table whose first line that is no comment lies between start and end."""
-    first = _decoded(text[start:end])
+    first = _decode_line(text[start:end])
     names, delimiter = _cells_of_header(first)
     if not all(_is_number(name) for name in names):
         return DelimitedText(
@@ -134,7 +134,7 @@ def with_line_feeds(data: bytes) -> bytes:
     return data.rstrip(_NEWLINE) if data.endswith(b"\n\n") else data
 
 
-def _decoded(line: bytes) -> str:
+def _decode_line(line: bytes) -> str:
     try:
         return line.decode()
     except UnicodeDecodeError:
@@ -143,14 +143,14 @@ def _decoded(line: bytes) -> str:
 
 def _cells_of_header(line: str) -> tuple[tuple[str, ...], str | None]:
     """Split a line by the delimiter that makes most cells."""
-    delimiter = max(_DELIMITERS, key=lambda candidate: len(_split(line, candidate)))
-    cells = _split(line, delimiter)
+    delimiter = max(_DELIMITERS, key=lambda candidate: len(_split_line(line, candidate)))
+    cells = _split_line(line, delimiter)
     if len(cells) < 2 and '"' not in line and len(line.split()) > 1:
         return tuple(line.split()), None
     return tuple(cell.strip().strip("\"'") for cell in cells), delimiter
 
 
-def _split(line: str, delimiter: str) -> list[str]:
+def _split_line(line: str, delimiter: str) -> list[str]:
     try:
         return [
             cell
@@ -170,9 +170,9 @@ def _is_number(cell: str) -> bool:
 
 
 def fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"] | None:
-    """Read the columns piece by piece; None where the text is not plain enough."""
+    """Read the columns piece by piece; None if the text is not plain enough."""
     numbers = np.empty((0, len(columns)))
-    for piece, end in _pieces(table):
+    for piece, end in _whole_lines(table):
         found = _fast_piece(replace(table, text=piece, start=0), columns)
         if found is None:
             return None
@@ -183,7 +183,7 @@ def fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarr
     return numbers if len(numbers) else None
 
 
-def _pieces(table: DelimitedText) -> Iterator[tuple[bytes, int]]:
+def _whole_lines(table: DelimitedText) -> Iterator[tuple[bytes, int]]:
     """Yield whole lines of the rows of numbers, and where in the text they end."""
     start, size = table.start, len(table.text)
     while start < size:
@@ -198,7 +198,7 @@ def _pieces(table: DelimitedText) -> Iterator[tuple[bytes, int]]:
 
 
 def _fast_piece(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"] | None:
-    """Return the columns by numpy's parser in C; None where the text is not plain enough."""
+    """Return the columns by numpy's parser in C; None if the text is not plain enough."""
     if table.delimiter is None or table.text.find(b'"', table.start) >= 0:
         return None
     gaps = _gaps_in_even_rows(table)
@@ -255,17 +255,17 @@ def _with_nan_in_gaps(table: DelimitedText, gaps: Int[np.ndarray, " g"]) -> byte
 def careful_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"]:
     """Read the columns cell by cell, with the line in every complaint."""
     values: list[list[float]] = []
-    for line, cells in _rows(table):
+    for line, cells in _table_rows(table):
         if len(cells) != len(table.names):
             raise LogError(
                 f"line {line} has {len(cells)} cells, the header has {len(table.names)}: "
                 "complete or remove the line"
             )
-        values.append([_number(cells[i], line, table.names[i]) for i in columns])
+        values.append([_parse_number(cells[i], line, table.names[i]) for i in columns])
     return np.array(values, dtype=np.float64).reshape(len(values), len(columns))
 
 
-def _number(cell: str, line: int, column: str) -> float:
+def _parse_number(cell: str, line: int, column: str) -> float:
     try:
         return float(cell)
     except ValueError:
@@ -276,9 +276,9 @@ def _number(cell: str, line: int, column: str) -> float:
     raise LogError(f"line {line}, column {column!r}: {text[:40]!r} is not a number{comma}")
 
 
-def _rows(table: DelimitedText) -> Iterator[tuple[int, list[str]]]:
+def _table_rows(table: DelimitedText) -> Iterator[tuple[int, list[str]]]:
     """Yield line number and cells of every line that is neither blank nor a comment."""
-    lines = _decoded(table.text[table.start :]).split("\n")
+    lines = _decode_line(table.text[table.start :]).split("\n")
     if table.delimiter is None:
         split = ((number, line.split()) for number, line in enumerate(lines, table.first_line))
     else:

@@ -124,7 +124,7 @@ EXPORTERS: Final = (
 
 
 def exporter_of(names: Sequence[str]) -> Exporter | None:
-    """Return the program whose column names a table has; None where it is none of `EXPORTERS`."""
+    """Return the program whose column names a table has; None if it is not one of `EXPORTERS`."""
     clean = [name.strip() for name in names]
     return next((one for one in EXPORTERS if _has_marks(one, clean)), None)
 
@@ -147,7 +147,7 @@ def _is_met(mark: str, names: Sequence[str]) -> bool:
 
 
 def refuse_export(names: Sequence[str]) -> None:
-    """Raise where a table is of a kind that never holds what rotorfit needs."""
+    """Raise an error if a table is of a kind that never holds what rotorfit needs."""
     found = exporter_of(names)
     if found is not None and found.refused:
         raise LogError(f"this is {found.title}: {found.original}")

@@ -161,7 +161,7 @@ def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> Non
 
 
 def write_all_whole(files: Mapping[Path, str | bytes], *, force: bool = False) -> None:
-    """Write several files whole or none of them: moved into place when the last one is complete."""
+    """Write all of several files or none: move them into place once the last is complete."""
     for path in files:
         refuse_special_file(path)
         if path.exists() and not force:

@@ -44,8 +44,8 @@ class Setting:
     """One setting of a firmware, what it is for, and what in a log asks for it.
 
     - `value`: what it is to be, in words.
-    - `old`, `new`: as the log has it, None where that is not known; and exactly as it is to be
-      written, None where only the owner of the vehicle knows it.
+    - `old`, `new`: as the log has it, None if that is not known; and exactly as it is to be
+      written, None if only the owner of the vehicle knows it.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Advice:
 
 
 def advice_for(log_format: str, lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice | None:
-    """Advise settings by what a log lacks and has set; None where its firmware has no settings."""
+    """Advise settings by what a log lacks and has set; None if its firmware has no settings."""
     form = BY_NAME.get(log_format)
     if "Simulator" in metadata:  # no wire to send the speed over
         lacks = lacks - NO_SPEED
@@ -75,12 +75,12 @@ def advice_for(log_format: str, lacks: Set[Lack], metadata: Mapping[str, str]) -
 def settings_of(*rows: tuple[str, str, str, frozenset[Lack]]) -> tuple[Setting, ...]:
     """Make the table of a firmware's settings from rows of name, value, reason and lacks."""
     return tuple(
-        Setting(name=name, value=value, why=why, asked_by=asked_by, new=_exact(name, value))
+        Setting(name=name, value=value, why=why, asked_by=asked_by, new=_exact_value(name, value))
         for name, value, why, asked_by in rows
     )
 
 
-def _exact(name: str, value: str) -> str | None:
+def _exact_value(name: str, value: str) -> str | None:
     """Return a value that can be written as it stands: one word, or a line for a file or a CLI."""
     return value if name.endswith(":") or re.fullmatch(r"[\w/.]+", value) else None
 
@@ -91,7 +91,7 @@ def asked_for(settings: Iterable[Setting], lacks: Set[Lack]) -> tuple[Setting, .
 
 
 def with_value(setting: Setting, value: str | None) -> tuple[Setting, ...]:
-    """Give a setting its value for this log; none where the log has it already.
+    """Give a setting its value for this log; empty if the log has it already.
 
     The number stands first in the words, where it is known.
     """
@@ -109,13 +109,13 @@ def needing_change(settings: Iterable[Setting], logged: Mapping[str, str]) -> tu
 
 
 def logged_integer(metadata: Mapping[str, str], name: str) -> int | None:
-    """Read a parameter of bits from a log's metadata; None where it is not known."""
+    """Read a parameter of bits from a log's metadata; None if it is not known."""
     text = metadata.get(name, "")
     return int(text) if text.removeprefix("-").isdecimal() else None
 
 
 def bits_set(current: int | None, bits: Mapping[int, str]) -> str | None:
-    """Say which value sets some bits and keeps those of `current`; None where all are set.
+    """Return the value that sets some bits and keeps those of `current`; None if all are set.
 
     Such as ``"917503, which adds raw IMU (bit 19)"``. Never "add so much": a bit that is set
     already would carry over and clear others. Negative values are two's complements.
@@ -150,7 +150,7 @@ class Filter:
     - `harmonics`: multiples of the rotors' frequency that it follows.
     - `setting`: its name in the log's settings.
     - `passed`: whether the samples of this log went through it.
-    - `shape`: of a low-pass; None where the log does not say.
+    - `shape`: of a low-pass; None if the log does not say.
     """
 
     channel: str
@@ -198,18 +198,18 @@ class Filter:
 
 
 def filters_on_board(log: FlightLog) -> tuple[Filter, ...]:
-    """Find the filters that a log's settings name; none where its firmware is unknown."""
+    """Find the filters that a log's settings name; empty if its firmware is unknown."""
     form = BY_NAME.get(log.format)
     return tuple(load(form.filters)(log)) if form is not None and form.filters else ()
 
 
 def sensor_sources(log: FlightLog) -> dict[str, str]:
-    """Find where the samples of gyro and accelerometer come from; empty where there are none."""
+    """Find the sources of the gyro and accelerometer samples; empty if there are none."""
     return {name: log.channels[name].source if name in log.channels else "" for name in SENSORS}
 
 
 def logged_numbers(metadata: Mapping[str, str], name: str) -> tuple[float, ...]:
-    """Read the numbers of a setting; none where it is missing or something else."""
+    """Read the numbers of a setting; empty if it is missing or something else."""
     try:
         return tuple(float(part) for part in metadata.get(name, "").split(","))
     except ValueError:

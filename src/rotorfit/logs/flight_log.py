@@ -91,7 +91,7 @@ class Channel:
     source
         Where it came from, in the log's own words: field names, units, scale.
     resolution
-        Smallest step the log can express, in the channel's unit; None where unknown.
+        Smallest step the log can express, in the channel's unit; None if unknown.
     """
 
     time: Float[np.ndarray, " n"]
@@ -123,7 +123,7 @@ AIR_CONSTANT: Final = 287.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circumstances:
-    """Whose log it is, when it began, and in what air; what the log does not say is None.
+    """Vehicle, start time and air of a log; None for what the log does not have.
 
     - `hardware`: the autopilot's own number; empty where the log has none.
     - `started`: when the log began, seconds since 1970 (UTC).
@@ -187,9 +187,9 @@ class FlightLog:
     simulator
         Which simulator flew, of `LEAVES_OUT`; empty for a vehicle, or where unknown.
     motors
-        What its parameters say of the motors; None where they say nothing that can be relied on.
+        What its parameters say of the motors; None if they say nothing that can be relied on.
     gyro_lowpass
-        Cut-off of the low-pass on board that the samples of the gyro went through [Hz]; None where
+        Cut-off of the low-pass on board that the samples of the gyro went through [Hz]; None if
         there is none, or it is not known.
     circumstances
         Whose log it is, when it began, in what air.
@@ -234,7 +234,7 @@ class FlightLog:
         ----------
         channel
             One of `channels`; all of them if None. Each has its own clock: a row stands for every
-            instant of any of them, NaN where a channel has no sample there.
+            instant of any of them, NaN if a channel has no sample there.
 
         Raises
         ------
@@ -249,7 +249,7 @@ class FlightLog:
             )
         wanted = self.channels if channel is None else {channel: self.channels[channel]}
         frames = [
-            frame(dict(zip(_columns(name, c), c.values.T.tolist(), strict=True)))
+            frame(dict(zip(_column_names(name, c), c.values.T.tolist(), strict=True)))
             .assign(time=c.time)
             .groupby("time")
             .first()
@@ -258,13 +258,13 @@ class FlightLog:
         return pandas().concat(frames, axis=1).sort_index()
 
     def __str__(self) -> str:
-        return sheet_text(_sheet(self))
+        return sheet_text(_tabulate_log(self))
 
     def _repr_html_(self) -> str:
-        return sheet_html(_sheet(self))
+        return sheet_html(_tabulate_log(self))
 
 
-def _columns(name: str, channel: Channel) -> list[str]:
+def _column_names(name: str, channel: Channel) -> list[str]:
     """Name a channel's columns as the flight table does."""
     count = channel.values.shape[1]
     if count == 1:
@@ -273,14 +273,14 @@ def _columns(name: str, channel: Channel) -> list[str]:
     return [f"{name}_{end}" for end in ends]
 
 
-def _sheet(log: FlightLog) -> Sheet:
+def _tabulate_log(log: FlightLog) -> Sheet:
     """Tabulate a log: its channels and how often each was sampled."""
     which = f", log {log.log_number} of {log.logs_in_file}" if log.logs_in_file > 1 else ""
     return Sheet(
         heading=f"{log.path.name}{which}: {log.format}, {log.seconds:.1f} s",
         columns=("channel", "samples", "rate", "unit", "from"),
         rows=[
-            (name, str(len(c.time)), _rate(c), CHANNELS[name][1].removeprefix("1"), c.source)
+            (name, str(len(c.time)), _rate_words(c), CHANNELS[name][1].removeprefix("1"), c.source)
             for name, c in log.channels.items()
         ],
         remarks=log.warnings[:5],
@@ -289,7 +289,7 @@ def _sheet(log: FlightLog) -> Sheet:
     )
 
 
-def _rate(channel: Channel) -> str:
+def _rate_words(channel: Channel) -> str:
     """Return the samples per second in words, from the middle step."""
     steps = np.diff(channel.time[np.isfinite(channel.time)])
     middle = float(np.median(steps)) if len(steps) else 0.0
@@ -315,5 +315,5 @@ LEAVES_OUT: Final[dict[str, str]] = {
 
 
 def simulated_sentence(simulator: str) -> str:
-    """State that a flight is none of a real vehicle, and what its simulator leaves out."""
+    """State that a flight is simulated, and what its simulator leaves out."""
     return f"flown in {simulator}, a simulator: {LEAVES_OUT[simulator]}"

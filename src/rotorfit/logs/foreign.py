@@ -21,7 +21,7 @@ _LEAST_NUMBERS: Final = 0.25
 """Share of the words of a line without commas, tabs or the like that must be numbers."""
 
 
-def _begins(*magic: bytes) -> Callable[[bytes], bool]:
+def _begins_with(*magic: bytes) -> Callable[[bytes], bool]:
     return lambda head: head.startswith(magic)
 
 
@@ -87,22 +87,28 @@ def _is_number(cell: str) -> bool:
 FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
     ("a NumPy archive (.npz): save its arrays as the columns of a CSV or Parquet file", _is_npz),
     ("a spreadsheet: save the sheet as CSV", _is_workbook),
-    ("a zip archive: unpack it first", _begins(b"PK\x03\x04", b"PK\x05\x06")),
-    ("a gzip archive: unpack it first", _begins(b"\x1f\x8b")),
-    ("a zstd archive: unpack it first", _begins(b"\x28\xb5\x2f\xfd")),
-    ("an xz, bzip2 or 7z archive: unpack it first", _begins(b"\xfd7zXZ", b"BZh", b"7z\xbc\xaf")),
-    ("a PDF document", _begins(b"%PDF")),
-    ("an image", _begins(b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"II*\x00", b"MM\x00*")),
+    ("a zip archive: unpack it first", _begins_with(b"PK\x03\x04", b"PK\x05\x06")),
+    ("a gzip archive: unpack it first", _begins_with(b"\x1f\x8b")),
+    ("a zstd archive: unpack it first", _begins_with(b"\x28\xb5\x2f\xfd")),
+    (
+        "an xz, bzip2 or 7z archive: unpack it first",
+        _begins_with(b"\xfd7zXZ", b"BZh", b"7z\xbc\xaf"),
+    ),
+    ("a PDF document", _begins_with(b"%PDF")),
+    ("an image", _begins_with(b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"II*\x00", b"MM\x00*")),
     (
         "a MATLAB file: give the log from which it was made (.bin of ArduPilot), or save its "
         "signals with writetable as CSV",
-        _begins(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"),
+        _begins_with(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"),
     ),
     (
         "an HDF5 file: save its signals as the columns of a CSV or Parquet file",
-        _begins(b"\x89HDF\r\n"),
+        _begins_with(b"\x89HDF\r\n"),
     ),
-    ("a NumPy array (.npy): save it as CSV, with the names of the columns", _begins(b"\x93NUMPY")),
+    (
+        "a NumPy array (.npy): save it as CSV, with the names of the columns",
+        _begins_with(b"\x93NUMPY"),
+    ),
     ("a Python pickle: save the table as CSV or Parquet", _is_pickle),
     (
         "a telemetry log of a ground station (.tlog), too slow for an identification: download "
@@ -124,16 +130,16 @@ FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
     ),
     (
         "settings of Betaflight or INAV (diff, dump): give the Blackbox log",
-        _begins(b"# version", b"# dump", b"# diff", b"# Betaflight", b"# INAV"),
+        _begins_with(b"# version", b"# dump", b"# diff", b"# Betaflight", b"# INAV"),
     ),
-    ("a mission of a ground station: give a flight log", _begins(b"QGC WPL")),
+    ("a mission of a ground station: give a flight log", _begins_with(b"QGC WPL")),
     (
         "a pointer of Git LFS, not the file itself: fetch it with git lfs pull",
-        _begins(b"version https://git-lfs"),
+        _begins_with(b"version https://git-lfs"),
     ),
     ("a TOML file: name the log itself, and an airframe file with --airframe", _is_toml),
-    ("JSON", _begins(b"{", b"[")),
-    ("a web page or other XML", _begins(b"<")),
+    ("JSON", _begins_with(b"{", b"[")),
+    ("a web page or other XML", _begins_with(b"<")),
     ("text without rows of numbers: give a flight log, or a table of numbers", _is_prose),
 )
 """What a file is and, behind a colon, what to do, how to recognise it; the first counts."""

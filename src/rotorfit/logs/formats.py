@@ -57,7 +57,7 @@ class LogEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Format:
-    """A format that rotorfit reads; functions are places for `load`, empty where it has none.
+    """A format that rotorfit reads; functions are places for `load`, empty if it has none.
 
     - `name`: as in `ReadOptions` and `FlightLog`.
     - `title`: for people.
@@ -68,7 +68,7 @@ class Format:
     - `suffixes`: of files that are logs of this format by their names.
     - `certain`: whether the first bytes identify this format for sure.
     - `names_fields`: whether the file names its fields, units and axes: no map of units is taken.
-    - `map_refusal`: why a columns map or axes are refused; empty where the reader takes them.
+    - `map_refusal`: why a columns map or axes are refused; empty if the reader takes them.
     - `map_format`: name of the format that the file is read as where a columns map is given.
     - `single`: what to call a file that holds one log only.
     - `advice`: from what a log lacks and its metadata to the `firmware.Advice` for the next log.
@@ -100,7 +100,7 @@ class Format:
     with_controller: str = ""
 
 
-def _formats() -> Iterator[Format]:
+def _read_formats() -> Iterator[Format]:
     """Read the table beside this module."""
     text = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
     for name, row in tomllib.loads(text).items():
@@ -108,7 +108,7 @@ def _formats() -> Iterator[Format]:
         yield Format(name=name, **row | lists)
 
 
-FORMATS: Final = tuple(_formats())
+FORMATS: Final = tuple(_read_formats())
 """What rotorfit reads, tried in this order."""
 
 BY_NAME: Final[Mapping[str, Format]] = {form.name: form for form in FORMATS}
@@ -131,7 +131,7 @@ _PRINTABLE: Final = bytes(range(32, 256)) + b"\t\n\r\f"
 
 
 def is_table(head: bytes) -> bool:
-    """Tell whether the bytes are Parquet or text that may begin with a row of names."""
+    """Return whether the bytes are Parquet or text that may begin with a row of names."""
     if head.startswith((b"PAR1", b"\xff\xfe", b"\xfe\xff")):
         return True
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()

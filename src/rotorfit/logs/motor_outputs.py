@@ -22,7 +22,7 @@ _BY_CHANCE: Final = 0.25
 
 
 def motor_outputs(command: Channel, gyro: Channel, accel: Channel) -> Bool[np.ndarray, " k"] | None:
-    """Select the outputs that drive motors; None where the flight does not show it.
+    """Select the outputs that drive motors; None if the flight does not show it.
 
     Thrust and angular accelerations follow each motor by itself, through the loop that flies the
     vehicle; a servo, a gimbal or a pilot's channel moves by itself. An output is left out where
@@ -38,11 +38,13 @@ def motor_outputs(command: Channel, gyro: Channel, accel: Channel) -> Bool[np.nd
     if len(even) < _FEWEST:
         return None
     width = 2 * max(round(0.5 * _SLOWEST / step), 1) + 1
-    turns = np.gradient(_sampled(gyro, even), step, axis=0)
-    motion = _quick(np.column_stack([turns, _sampled(accel, even)[:, 2]]), width)
+    turns = np.gradient(_sample_evenly(gyro, even), step, axis=0)
+    motion = _remove_moving_mean(np.column_stack([turns, _sample_evenly(accel, even)[:, 2]]), width)
     share = np.array(
         [
-            _explained(motion, _quick(_delayed(command, even, i), width))
+            _explained_share(
+                motion, _remove_moving_mean(_delayed_commands(command, even, i), width)
+            )
             for i in range(command.values.shape[1])
         ]
     )
@@ -57,18 +59,20 @@ def motor_outputs(command: Channel, gyro: Channel, accel: Channel) -> Bool[np.nd
     return None
 
 
-def _sampled(channel: Channel, even: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n k"]:
+def _sample_evenly(channel: Channel, even: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n k"]:
     values = np.nan_to_num(channel.values)
     columns = [np.interp(even, channel.time, values[:, i]) for i in range(values.shape[1])]
     return np.stack(columns, axis=1)
 
 
-def _delayed(command: Channel, even: Float[np.ndarray, " n"], i: int) -> Float[np.ndarray, "n d"]:
+def _delayed_commands(
+    command: Channel, even: Float[np.ndarray, " n"], i: int
+) -> Float[np.ndarray, "n d"]:
     values = np.nan_to_num(command.values[:, i])
     return np.stack([np.interp(even - delay, command.time, values) for delay in _DELAYS], axis=1)
 
 
-def _quick(values: Float[np.ndarray, "n k"], width: int) -> Float[np.ndarray, "m k"]:
+def _remove_moving_mean(values: Float[np.ndarray, "n k"], width: int) -> Float[np.ndarray, "m k"]:
     """Take the moving mean off."""
     box = np.full(width, 1.0 / width)
     means = np.stack([np.convolve(column, box, mode="valid") for column in values.T], axis=1)
@@ -76,7 +80,7 @@ def _quick(values: Float[np.ndarray, "n k"], width: int) -> Float[np.ndarray, "m
     return values[half : half + len(means)] - means
 
 
-def _explained(motion: Float[np.ndarray, "n 4"], drives: Float[np.ndarray, "n d"]) -> float:
+def _explained_share(motion: Float[np.ndarray, "n 4"], drives: Float[np.ndarray, "n d"]) -> float:
     """Return the largest share of one motion that an output explains at some delays."""
     response = np.linalg.lstsq(drives, motion, rcond=None)[0]
     left = ((motion - drives @ response) ** 2).sum(axis=0)

@@ -91,13 +91,13 @@ def propose_columns(
         If the file is no table with a clock, or no gyro, accelerometer or motors are found in it.
     """
     try:
-        return _proposal(open_table(path), named or {}, units or {}, axes)
+        return _make_proposal(open_table(path), named or {}, units or {}, axes)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
 
 
 def explains_itself(path: Path) -> bool:
-    """Tell whether the columns of a table carry rotorfit's own names, for all that it needs."""
+    """Return whether the columns of a table carry rotorfit's own names, for all that it needs."""
     try:
         names = set(open_table(path).names)
     except LogError as error:
@@ -107,7 +107,7 @@ def explains_itself(path: Path) -> bool:
     return is_flight or names.issuperset({TIME, *NAMES["position"]})
 
 
-def _proposal(
+def _make_proposal(
     source: Source, named: Mapping[str, str], units: Mapping[str, str], axes: Axes | None
 ) -> Proposal:
     if len(source.names) == 1:
@@ -119,7 +119,7 @@ def _proposal(
     exporter = exporter_of(source.names)
     _check_given(source, named, units)
     candidates = candidates_of(source.names, named)
-    numbers, texts = _numbers(source, candidates)
+    numbers, texts = _read_numbers(source, candidates)
     founds = [clock_found(source, candidates, numbers, units)]
     chosen = {kind: chosen_of(kind, candidates, numbers) for kind in NAMES}
     motors = motors_found(candidates, numbers, units, exporter)
@@ -131,7 +131,7 @@ def _proposal(
         words = _lacking_words(lacking, candidates, source)
         raise LogError(with_original(words, source.names))
     clock = founds[0].columns[TIME]
-    found_by = _poses if by_pose else _sensors
+    found_by = _propose_poses if by_pose else _propose_sensors
     moving, others, axes = found_by(
         chosen, numbers, attitude=attitude, clock=clock, units=units, axes=axes, exporter=exporter
     )
@@ -155,7 +155,7 @@ def _proposal(
     )
 
 
-def _sensors(
+def _propose_sensors(
     chosen: Mapping[str, Candidate | None],
     numbers: Numbers,
     *,
@@ -175,7 +175,7 @@ def _sensors(
     return [gyro, accel], others, axes
 
 
-def _poses(
+def _propose_poses(
     chosen: Mapping[str, Candidate | None],
     numbers: Numbers,
     *,
@@ -194,7 +194,7 @@ def _poses(
 
 
 def _check_given(source: Source, named: Mapping[str, str], units: Mapping[str, str]) -> None:
-    """Raise where a reply names no column of the table, or no channel or unit."""
+    """Raise an error if a reply names no column of the table, or no channel or unit."""
     for canonical, name in named.items():
         if quantity_of(canonical) is None:
             raise LogError(f"{canonical!r} is no name of rotorfit: gyro_x, accel_x, rotor_1, ...")
@@ -220,7 +220,7 @@ def units_to_state() -> dict[str, tuple[str, ...]]:
 
 
 def _lacking_words(lacking: Sequence[str], candidates: Sequence[Candidate], source: Source) -> str:
-    """Say which columns are wanted, and whether some are named so but hold no numbers."""
+    """State which columns are wanted, and whether some are named so but hold no numbers."""
     words = {"gyro": "gyro", "accel": "accelerometer", "motors": "motor speeds or commands"}
     names = [
         name
@@ -244,7 +244,7 @@ def _lacking_words(lacking: Sequence[str], candidates: Sequence[Candidate], sour
     )
 
 
-def _numbers(
+def _read_numbers(
     source: Source, candidates: Sequence[Candidate]
 ) -> tuple[dict[str, Float[np.ndarray, " n"]], list[str]]:
     """Read the columns that may be wanted, and list those that hold text."""
@@ -266,11 +266,11 @@ def _numbers(
                 texts.append(name)
         if not columns:
             raise first
-        return _thinned(columns), texts
-    return _thinned(dict(zip(wanted, block.T, strict=True))), texts
+        return _thin_columns(columns), texts
+    return _thin_columns(dict(zip(wanted, block.T, strict=True))), texts
 
 
-def _thinned(
+def _thin_columns(
     columns: dict[str, Float[np.ndarray, " n"]],
 ) -> dict[str, Float[np.ndarray, " n"]]:
     rows = len(next(iter(columns.values()), ()))

@@ -82,7 +82,7 @@ def chosen_of(kind: str, candidates: Sequence[Candidate], numbers: Numbers) -> C
     return None
 
 
-def _specs(
+def _column_specs(
     kind: str, chosen: Candidate, unit: str | None, *, scale: Sequence[float] | float = 1.0
 ) -> dict[str, ColumnSpec]:
     factors = np.broadcast_to(np.asarray(scale, float), len(NAMES[kind])).tolist()
@@ -120,7 +120,7 @@ def accelerometer_found(
         if chosen.unit in UNITS["acceleration"] and chosen.unit != unit
         else ()
     )
-    columns = _specs("accel", chosen, unit, scale=factor)
+    columns = _column_specs("accel", chosen, unit, scale=factor)
     return Found(columns=columns, reasons=(words,), doubts=doubts), axes
 
 
@@ -145,7 +145,7 @@ def _set_accelerometer(
         )
     words = f"accelerometer: {felt:.4g} m/s^2 in the median, axes {axes or seen}"
     found = Found(
-        columns=_specs("accel", chosen, unit, scale=factor),
+        columns=_column_specs("accel", chosen, unit, scale=factor),
         reasons=() if doubts else (words,),
         doubts=tuple(doubts),
     )
@@ -174,16 +174,18 @@ def attitude_found(
     if quaternion is not None:
         values = known_rows(stacked(quaternion.by_index.values(), numbers))
         if abs(np.median(np.linalg.norm(values, axis=1)) - 1.0) < 0.05:
-            return Found(columns=_specs("quaternion", _ordered(quaternion, values), None))
+            return Found(
+                columns=_column_specs("quaternion", _order_quaternion(quaternion, values), None)
+            )
     if angles is None:
         return Found(columns={})
     values = known_rows(stacked(angles.by_index.values(), numbers))
     by_value = "deg" if float(np.abs(values).max()) > 2 * np.pi else "rad"
     unit = stated or (angles.unit if angles.unit in UNITS["angle"] else by_value)
-    return Found(columns=_specs("angle", angles, unit))
+    return Found(columns=_column_specs("angle", angles, unit))
 
 
-def _ordered(chosen: Candidate, values: Float[np.ndarray, "n 4"]) -> Candidate:
+def _order_quaternion(chosen: Candidate, values: Float[np.ndarray, "n 4"]) -> Candidate:
     """Put numbered quaternions into the order w, x, y, z: a flight tilts little about x and y."""
     if "lettered" in chosen.stem or chosen.stem == "":
         return chosen
@@ -196,7 +198,7 @@ def _ordered(chosen: Candidate, values: Float[np.ndarray, "n 4"]) -> Candidate:
 def attitude_rate(
     attitude: Found, clock: ColumnSpec, numbers: Numbers
 ) -> Float[np.ndarray, "n 3"] | None:
-    """Differentiate the attitude: body rates in its own axes [rad/s]; None where there is none."""
+    """Differentiate the attitude: body rates in its own axes [rad/s]; None if there is none."""
     if not attitude.columns:
         return None
     values = stacked((spec.name for spec in attitude.columns.values()), numbers)
@@ -229,7 +231,7 @@ def gyro_found(
     # "gyro_rad" is what PX4 calls it: of a turn that is rad/s.
     unit = f"{chosen.unit}/s" if chosen.unit in UNITS["angle"] else chosen.unit
     named = unit if unit in UNITS["angular velocity"] else usual
-    slopes = None if rate is None else _slopes(values, rate)
+    slopes = None if rate is None else _fit_slopes(values, rate)
     found = slopes if slopes is not None and np.isfinite(slopes).any() else None
     if stated is not None:
         return _with_unit(chosen, stated, f"gyro: {stated}, as stated")
@@ -257,13 +259,13 @@ def gyro_found(
 
 
 def _with_unit(chosen: Candidate, unit: str, words: str) -> Found:
-    return Found(columns=_specs("gyro", chosen, unit), reasons=(words,))
+    return Found(columns=_column_specs("gyro", chosen, unit), reasons=(words,))
 
 
-def _slopes(
+def _fit_slopes(
     values: Float[np.ndarray, "n 3"], rate: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, " 3"]:
-    """Fit gyro = slope * rate of the attitude, an axis each; NaN where they do not go together."""
+    """Fit gyro = slope * rate of the attitude, an axis each; NaN if they do not go together."""
     slopes = np.full(3, np.nan)
     good = np.isfinite(values).all(axis=1) & np.isfinite(rate).all(axis=1)
     for i in range(3):
@@ -272,7 +274,7 @@ def _slopes(
         if len(x) == 0:
             continue
         kept = np.abs(x) < 20.0 * float(np.median(np.abs(x))) + 1e-9
-        x, y = _smoothed(x[kept]), _smoothed(y[kept])
+        x, y = _smooth_values(x[kept]), _smooth_values(y[kept])
         if len(x) < 10 or np.std(x) == 0.0 or np.std(y) == 0.0:
             continue
         if abs(float(np.corrcoef(x, y)[0, 1])) > _LEAST_RATES:
@@ -280,7 +282,7 @@ def _slopes(
     return slopes
 
 
-def _smoothed(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
+def _smooth_values(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
     return np.convolve(values, np.full(9, 1 / 9), mode="valid") if len(values) > 9 else values
 
 
@@ -291,7 +293,7 @@ def attitude_signed(
     if rate is None:
         return attitude
     values = stacked((spec.name for spec in gyro.columns.values()), numbers)
-    signs = np.nan_to_num(np.sign(_slopes(values, rate)))
+    signs = np.nan_to_num(np.sign(_fit_slopes(values, rate)))
     seen = signs != 0
     if not seen.any():
         words = "the gyro does not follow the attitude on any axis: look at both"
@@ -322,7 +324,7 @@ def battery_found(chosen: Mapping[str, Candidate | None], numbers: Numbers) -> F
     if not 2.5 < high * scale < 100:
         return Found(columns={})
     words = f"battery: {high * scale:.3g} V in the median"
-    return Found(columns=_specs("battery", battery, "V", scale=scale), reasons=(words,))
+    return Found(columns=_column_specs("battery", battery, "V", scale=scale), reasons=(words,))
 
 
 def others_found(
@@ -336,14 +338,14 @@ def others_found(
     if reference is not None:
         unit = reference.unit if reference.unit in UNITS["angular velocity"] else None
         unit = units.get("reference") or unit or gyro.columns["gyro_x"].unit
-        columns |= _specs("reference", reference, unit)
+        columns |= _column_specs("reference", reference, unit)
         reasons.append(f"set point of the rates: in {unit}")
     position = chosen["position"]
     if position is not None:
         unit = units.get("position") or (
             position.unit if position.unit in UNITS["position"] else "m"
         )
-        columns |= _specs("position", position, unit)
+        columns |= _column_specs("position", position, unit)
         reasons.append(f"position: in {unit}")
     velocity = chosen["velocity"]
     if velocity is not None:
@@ -351,7 +353,7 @@ def others_found(
             unit = units.get("velocity") or (
                 velocity.unit if velocity.unit in UNITS["velocity"] else "m/s"
             )
-            columns |= _specs("velocity", velocity, unit)
+            columns |= _column_specs("velocity", velocity, unit)
         else:
             shown = ", ".join(velocity.by_index.values())
             doubts.append(f"{shown}: a velocity is left out unless its name says body axes")

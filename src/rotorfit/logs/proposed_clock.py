@@ -64,16 +64,16 @@ def clock_found(
     # One whose name says its unit comes first, a counter last.
     ranked = sorted(found, key=lambda one: (one.is_counter, _unit_by_name(one) is None))
     chosen = (by_hand or ranked)[0]
-    clock = _clock(chosen.name, chosen.unit, chosen.step, units.get(TIME))
+    clock = _choose_clock_unit(chosen.name, chosen.unit, chosen.step, units.get(TIME))
     if by_hand or chosen.is_counter:
         return clock
     seconds = chosen.duration * UNITS["time"][str(clock.columns[TIME].unit)]
     others = [one for one in ranked[1:] if not one.is_counter and not _may_last(one, seconds)]
-    return replace(clock, questions=_asked(chosen, seconds, others)) if others else clock
+    return replace(clock, questions=_ask_clock(chosen, seconds, others)) if others else clock
 
 
 def _rising_clock(one: Candidate, numbers: Numbers, *, is_named: bool) -> _Clock | None:
-    """Return a column as a clock; None where it does not rise from row to row."""
+    """Return a column as a clock; None if it does not rise from row to row."""
     name = one.by_index[0]
     if name not in numbers:
         return None
@@ -102,7 +102,7 @@ def _may_last(clock: _Clock, seconds: float) -> bool:
     )
 
 
-def _asked(chosen: _Clock, seconds: float, others: Sequence[_Clock]) -> tuple[Question, ...]:
+def _ask_clock(chosen: _Clock, seconds: float, others: Sequence[_Clock]) -> tuple[Question, ...]:
     """Ask which of some clocks that contradict each other is right."""
     names = [chosen.name, *(one.name for one in others)]
     words = (
@@ -121,7 +121,7 @@ def _no_clock_words(named: Sequence[Candidate], numbers: Numbers) -> str:
     return f"no time: {what}; record one, or name it as --column time=NAME"
 
 
-def _clock(name: str, unit: str | None, step: float, stated: str | None) -> Found:
+def _choose_clock_unit(name: str, unit: str | None, step: float, stated: str | None) -> Found:
     """Choose the unit of a clock: as stated, else by its name where rows are then close enough."""
     if stated is not None:
         return _set_clock(name, stated, step)

@@ -44,9 +44,9 @@ def motors_found(
             if unit is None:
                 questions.append(Question(channel="motors", words=asked, choices=choices))
                 unit, why = choices[0], "(a guess, asked below: names and values do not tell)"
-        if _stem(unit) in units:
-            unit, why = units[_stem(unit)], "as stated"
-        stem = _stem(unit)
+        if _column_stem(unit) in units:
+            unit, why = units[_column_stem(unit)], "as stated"
+        stem = _column_stem(unit)
         if f"{stem}_1" in columns:
             reasons.append(f"{held[0]} ...: left out, {stem}_1 is {columns[f'{stem}_1'].name}")
             continue
@@ -91,7 +91,7 @@ def _spec_of(
 def _unit_by_exporter(
     one: Candidate, values: Float[np.ndarray, "n k"], exporter: Exporter | None
 ) -> tuple[str, str, tuple[str, ...]] | None:
-    """Find the unit that a program's motor columns have; None where its names do not say."""
+    """Find the unit that a program's motor columns have; None if its names do not say."""
     if exporter is None or one.unit is not None:
         return None
     why = "as such tables have it"
@@ -104,8 +104,8 @@ def _unit_by_exporter(
     return None if unit is None else (unit, why, ())
 
 
-def _stem(unit: str) -> str:
-    """Tell what motor columns of a unit are: ``rotor`` (speeds) or ``command``."""
+def _column_stem(unit: str) -> str:
+    """Return what motor columns of a unit are: ``rotor`` (speeds) or ``command``."""
     return "rotor" if unit in ("rad/s", "rpm", "erpm", "Hz") else "command"
 
 

@@ -47,7 +47,9 @@ def pose_found(
 ) -> tuple[Found, Axes]:
     """Find the position's unit and the axes by gravity; both may be stated."""
     places = stacked(position.by_index.values(), numbers)
-    lean = _lean(places, attitude, numbers, time=numbers[clock.name] * _si(TIME, clock))
+    lean = _compare_lean(
+        places, attitude, numbers, time=numbers[clock.name] * _si_factor(TIME, clock)
+    )
     clear = lean is not None and abs(lean.alike) > _LEAST_ALIKE
     named = position.unit if position.unit in UNITS["position"] else None
     seen = _unit_by_gravity(lean.slope) if lean is not None and clear else None
@@ -65,17 +67,17 @@ def pose_found(
             f"{'' if lean is None else f' (correlation {lean.alike:.2f})'}, so neither is confirmed"
         )
         return Found(columns=columns, reasons=(WITHOUT_IMU,), doubts=(words,)), chosen
-    doubts = _contradictions(lean, unit, named, chosen=chosen, up=up)
+    doubts = _list_contradictions(lean, unit, named, chosen=chosen, up=up)
     words = f"position: accelerates to where the attitude leans, in {unit}, axes {chosen}"
     return Found(
         columns=columns, reasons=(WITHOUT_IMU, *(() if doubts else (words,))), doubts=doubts
     ), chosen
 
 
-def _contradictions(
+def _list_contradictions(
     lean: Lean, unit: str, named: str | None, *, chosen: Axes, up: Axes
 ) -> tuple[str, ...]:
-    """Say where unit and axes go against gravity, or against a name."""
+    """State where unit and axes go against gravity, or against a name."""
     felt = abs(lean.slope) * UNITS["position"][unit]
     doubts: list[str] = []
     if not 0.5 < felt / STANDARD_GRAVITY < 2.0:
@@ -97,7 +99,7 @@ def _unit_by_gravity(slope: float) -> str | None:
     return next((u for u, share in felt.items() if 0.5 < share < 2.0), None)
 
 
-def _lean(
+def _compare_lean(
     places: Float[np.ndarray, "n 3"],
     attitude: Found,
     numbers: Numbers,
@@ -108,10 +110,10 @@ def _lean(
     specs = list(attitude.columns.items())
     values = stacked((spec.name for _, spec in specs), numbers)
     if specs[0][0] == "roll":
-        values = attitude_from_euler(values * _si(*specs[0]))
+        values = attitude_from_euler(values * _si_factor(*specs[0]))
     w, x, y, z = unit_or_nan(values).T
     leans = np.stack([2.0 * (x * z + w * y), 2.0 * (y * z - w * x)], axis=1)
-    known = _rising(np.column_stack([time, places[:, :2], leans]))
+    known = _rising_rows(np.column_stack([time, places[:, :2], leans]))
     step = float(np.median(np.diff(known[:, 0]))) if len(known) > 1 else 0.0
     half = round(_SPAN / step) if step > 0 else 0
     if half < 1 or len(known) < 8 * half:
@@ -119,10 +121,12 @@ def _lean(
     even = np.arange(known[0, 0], known[-1, 0], step)
     at = [np.asarray(np.interp(even, known[:, 0], known[:, i]), float) for i in range(1, 5)]
     accelerations = [_second_difference(one, half, step) for one in at[:2]]
-    return _line(np.concatenate(accelerations), np.concatenate([_mean(t, half) for t in at[2:]]))
+    return _fit_line(
+        np.concatenate(accelerations), np.concatenate([_mean_around(t, half) for t in at[2:]])
+    )
 
 
-def _rising(rows: Float[np.ndarray, "n c"]) -> Float[np.ndarray, "m c"]:
+def _rising_rows(rows: Float[np.ndarray, "n c"]) -> Float[np.ndarray, "m c"]:
     """Select the rows that hold numbers, at times that rise."""
     rows = rows[np.isfinite(rows).all(axis=1)]
     return rows[np.diff(rows[:, 0], prepend=-np.inf) > 0] if len(rows) else rows
@@ -136,18 +140,18 @@ def _second_difference(
     return (later - 2.0 * place[half:-half] + earlier) / (half * step) ** 2
 
 
-def _mean(values: Float[np.ndarray, " n"], half: int) -> Float[np.ndarray, " m"]:
+def _mean_around(values: Float[np.ndarray, " n"], half: int) -> Float[np.ndarray, " m"]:
     """Compute the mean around the same instants, with the same weights."""
     triangle = 1.0 - np.abs(np.arange(1 - half, half)) / half
     return np.convolve(values, triangle / triangle.sum(), mode="valid")[1:-1]
 
 
-def _line(y: Float[np.ndarray, " n"], x: Float[np.ndarray, " n"]) -> Lean | None:
+def _fit_line(y: Float[np.ndarray, " n"], x: Float[np.ndarray, " n"]) -> Lean | None:
     if np.std(x) == 0.0 or np.std(y) == 0.0:
         return None
     slope = float(np.cov(x, y)[0, 1] / np.var(x, ddof=1))
     return Lean(slope=slope, alike=float(np.corrcoef(x, y)[0, 1]))
 
 
-def _si(name: str, spec: ColumnSpec) -> float:
+def _si_factor(name: str, spec: ColumnSpec) -> float:
     return UNITS["time" if name == TIME else "angle"][unit_of(name, spec)]

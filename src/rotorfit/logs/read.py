@@ -63,10 +63,10 @@ def read_log(
         If the format is not read by rotorfit, or the file is damaged.
     """
     with read_for(path, progress):
-        return _read(path, options or ReadOptions())
+        return _read_by_format(path, options or ReadOptions())
 
 
-def _read(path: Path, chosen: ReadOptions) -> FlightLog:
+def _read_by_format(path: Path, chosen: ReadOptions) -> FlightLog:
     """Read a file by the row of its format, refusing options that the format does not take."""
     form = _format_named(chosen.format) if chosen.format is not None else _recognised_format(path)
     if form.map_format and chosen.columns:
@@ -135,7 +135,7 @@ def _what_it_is(head: bytes) -> str:
 
 
 def format_of(path: Path) -> Format | None:
-    """Find a log's format by its first bytes; None where it is none. Never raises.
+    """Find a log's format by its first bytes; None if it is not one. Never raises.
 
     Nearly any text may be a table: see `Format.certain`.
     """
@@ -169,7 +169,7 @@ def kind_of(path: Path) -> str | None:
 
 
 def own_kind(path: Path) -> str | None:
-    """Name which of rotorfit's own files a file is; None where it is none. Never raises."""
+    """Name which of rotorfit's own files a file is; None if it is not one. Never raises."""
     try:
         if path.stat().st_size > _LARGEST_TEXT:
             return None

@@ -69,12 +69,12 @@ class ParquetTable:
     names: tuple[str, ...]
 
     def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]:
-        """Read columns as numbers, NaN where the file has none.
+        """Read columns as numbers, NaN if the file has none.
 
         Durations and dates become seconds.
         """
         try:
-            file = _opened(self.data)
+            file = _open_parquet(self.data)
             rows = file.metadata.num_rows
             _check_size(rows, 8 * rows * len(names), len(self.data))
             pages = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
@@ -90,7 +90,7 @@ class ParquetTable:
         except LogError:
             raise
         except Exception as error:
-            raise _damaged(error) from error
+            raise _damaged_parquet(error) from error
 
     def place(self, row: int) -> str:
         """Return the words for one row, counted from 0, as a person counts it."""
@@ -108,12 +108,12 @@ def open_parquet(data: bytes) -> ParquetTable:
             "reading Parquet needs pyarrow: pip install 'rotorfit[parquet]', or save as CSV"
         ) from error
     try:
-        return ParquetTable(data=data, names=tuple(_opened(data).schema_arrow.names))
+        return ParquetTable(data=data, names=tuple(_open_parquet(data).schema_arrow.names))
     except Exception as error:
-        raise _damaged(error) from error
+        raise _damaged_parquet(error) from error
 
 
-def _opened(data: bytes) -> Any:  # pyarrow has no types
+def _open_parquet(data: bytes) -> Any:  # pyarrow has no types
     buffer = import_module("pyarrow").BufferReader(data)
     footer = min(int.from_bytes(data[-8:-4], "little"), len(data))
     return import_module("pyarrow.parquet").ParquetFile(
@@ -121,7 +121,7 @@ def _opened(data: bytes) -> Any:  # pyarrow has no types
     )
 
 
-def _damaged(error: Exception) -> LogError:
+def _damaged_parquet(error: Exception) -> LogError:
     """Return the refusal of a file that pyarrow cannot read, with its reason on one line."""
     text = str(error).partition("\n")[0][:200]
     reason = "".join(letter if letter.isprintable() else "\ufffd" for letter in text)
@@ -176,7 +176,7 @@ def read_table(
     """Read the flight in a table."""
     try:
         source = open_table(path)
-        channels, notes, time = _channels(source, columns or {}, axes, motor_poles, path=path)
+        channels, notes, time = _make_channels(source, columns or {}, axes, motor_poles, path=path)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
     return FlightLog(
@@ -197,7 +197,7 @@ def open_table(path: Path) -> Source:
     return open_delimited(open_mapped(path))
 
 
-def _channels(
+def _make_channels(
     source: Source,
     columns: Mapping[str, ColumnSpec],
     axes: Axes,
@@ -223,7 +223,7 @@ def _channels(
             block[:, column] = values[name][timed]
         _check_values(group, block, specs)
         if np.isfinite(block).any(axis=0).all():
-            channels[group.channel] = _channel(group, time, block, specs, axes, notes)
+            channels[group.channel] = _make_channel(group, time, block, specs, axes, notes)
         elif group.channel in _NOT_TO_BE_EMPTY:
             raise LogError(_empty_column(group, block, specs))
         else:
@@ -239,7 +239,7 @@ def _si_values(
 ) -> dict[str, Float[np.ndarray, " n"]]:
     """Read every column that is needed, by canonical name, in SI units; NaN for no number."""
     wanted = [TIME, *(name for group in groups for name in group.names)]
-    to_si = {name: _conversion(name, specs[name], motor_poles) for name in wanted}
+    to_si = {name: _column_conversion(name, specs[name], motor_poles) for name in wanted}
     recorded = source.numbers([specs[name].name for name in wanted])
     for name, column in zip(wanted, recorded.T, strict=True):
         spec = specs[name]
@@ -249,7 +249,7 @@ def _si_values(
     return dict(zip(wanted, recorded.T, strict=True))
 
 
-def _conversion(name: str, spec: ColumnSpec, motor_poles: int | None) -> Conversion:
+def _column_conversion(name: str, spec: ColumnSpec, motor_poles: int | None) -> Conversion:
     quantity = quantity_of(name)
     assert quantity is not None  # resolve() let only canonical names pass
     if not (np.isfinite([spec.scale, spec.offset]).all() and spec.scale != 0):
@@ -317,7 +317,7 @@ def _check_time_unit(step: float, spec: ColumnSpec) -> None:
 def _check_values(
     group: Group, block: Float[np.ndarray, "n k"], specs: Mapping[str, ColumnSpec]
 ) -> None:
-    """Raise where the numbers are certainly not in the stated unit."""
+    """Raise an error if the numbers are certainly not in the stated unit."""
     for name, column in zip(group.names, block.T, strict=True):
         value = float(np.abs(np.nan_to_num(column)).max())
         spec = specs[name]
@@ -343,7 +343,7 @@ def _empty_column(
     return f"column {specs[name].name!r} for {name!r} holds no number"
 
 
-def _channel(
+def _make_channel(
     group: Group,
     time: Float[np.ndarray, " n"],
     block: Float[np.ndarray, "n k"],
@@ -358,14 +358,20 @@ def _channel(
         time, values = time[recorded], block[recorded]
     resolution = None if group is EULER else resolution_of(values)
     if group.channel == "attitude":
-        quaternion = attitude_from_euler(values) if group is EULER else _unit(values, notes)
+        quaternion = (
+            attitude_from_euler(values) if group is EULER else _normalise_quaternions(values, notes)
+        )
         values = attitude_to_flu(quaternion, axes)
     elif group.channel in _VECTORS:
         values = vectors_to_flu(values, axes)
-    return Channel(time=time, values=values, source=_source(group, specs), resolution=resolution)
+    return Channel(
+        time=time, values=values, source=_source_words(group, specs), resolution=resolution
+    )
 
 
-def _unit(quaternion: Float[np.ndarray, "n 4"], notes: list[str]) -> Float[np.ndarray, "n 4"]:
+def _normalise_quaternions(
+    quaternion: Float[np.ndarray, "n 4"], notes: list[str]
+) -> Float[np.ndarray, "n 4"]:
     """Bring quaternions to length 1; those that cannot be rounding of such become NaN."""
     with np.errstate(over="ignore"):
         length = np.linalg.norm(quaternion, axis=1)
@@ -381,7 +387,7 @@ def _unit(quaternion: Float[np.ndarray, "n 4"], notes: list[str]) -> Float[np.nd
     return quaternion / np.where(good, length, np.nan)[:, np.newaxis]
 
 
-def _source(group: Group, specs: Mapping[str, ColumnSpec]) -> str:
+def _source_words(group: Group, specs: Mapping[str, ColumnSpec]) -> str:
     """Name the columns, scales and units that a channel comes from."""
     used = [specs[name] for name in group.names]
     scales = {
@@ -434,12 +440,12 @@ def format_table(columns: Mapping[str, Float[np.ndarray, " n"]]) -> str:
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise OutputError(f"the columns of a flight table differ in length: {listed}")
-    cells = [[_cell(value) for value in column.tolist()] for column in columns.values()]
+    cells = [[_cell_text(value) for value in column.tolist()] for column in columns.values()]
     rows = [",".join(columns), *(",".join(row) for row in zip(*cells, strict=True))]
     return "\n".join(rows) + "\n"
 
 
-def _cell(value: float) -> str:
+def _cell_text(value: float) -> str:
     return repr(value) if value == value else ""  # NaN alone differs from itself
 
 

@@ -88,7 +88,7 @@ def _about_com(name: str, title: str) -> ParameterInfo:
     )
 
 
-def _com(axis: str, title: str) -> ParameterInfo:
+def _com_parameter(axis: str, title: str) -> ParameterInfo:
     return ParameterInfo(
         "m",
         0,
@@ -113,9 +113,9 @@ def _over_kt(name: str, axis: str) -> ParameterInfo:
 
 
 DERIVED: Final[dict[str, ParameterInfo]] = {
-    "com_x": _com("x", "forward"),
-    "com_y": _com("y", "to the left"),
-    "com_z": _com("z", "up"),
+    "com_x": _com_parameter("x", "forward"),
+    "com_y": _com_parameter("y", "to the left"),
+    "com_z": _com_parameter("z", "up"),
     "Ixx_com": _about_com("Ixx", "Roll inertia about the CoM"),
     "Iyy_com": _about_com("Iyy", "Pitch inertia about the CoM"),
     "Izz_com": _about_com("Izz", "Yaw inertia about the CoM"),

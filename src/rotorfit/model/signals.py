@@ -155,7 +155,7 @@ def body_signals(
     if more:
         Z[:, 15:-1] = np.concatenate(more, axis=1)
     Z[:, -1] = 1.0
-    return Z if exact else _averaged(Z, [3 <= i < 6 for i in range(Z.shape[1])])
+    return Z if exact else _average_rows(Z, [3 <= i < 6 for i in range(Z.shape[1])])
 
 
 def rotor_signals(
@@ -170,14 +170,14 @@ def rotor_signals(
     rows, exact = _with_margin(flight, start, stop)
     layout = signal_layout(vehicle, added)
     w, O = flight.angular_velocity[rows], flight.rotor_speed[rows]
-    parts = [O * O, _spin(layout, vehicle, (w, O, flight.rotor_acceleration[rows]))]
+    parts = [O * O, _spin_components(layout, vehicle, (w, O, flight.rotor_acceleration[rows]))]
     parts.append((w[:, 2] * (O @ vehicle.squared_arms))[:, None])
     parts += [s.of_rotors(flight, rows, vehicle) for s in added if s.of_rotors is not None]
     Z = np.concatenate(parts, axis=1)
     return (
         Z
         if exact
-        else _averaged(Z, [layout.names[i] in DERIVATIVES for i in rotor_columns(layout)])
+        else _average_rows(Z, [layout.names[i] in DERIVATIVES for i in rotor_columns(layout)])
     )
 
 
@@ -204,10 +204,12 @@ def yaw_signals(
         ]
     )
     exempt = [True] + [False] * rotor_count + [True] * rotor_count
-    return Z if exact else _averaged(Z, exempt)
+    return Z if exact else _average_rows(Z, exempt)
 
 
-def _averaged(wide: Float[np.ndarray, "w z"], exempt: Sequence[bool]) -> Float[np.ndarray, "n z"]:
+def _average_rows(
+    wide: Float[np.ndarray, "w z"], exempt: Sequence[bool]
+) -> Float[np.ndarray, "n z"]:
     """Return the inner rows averaged with [1 4 1]/6, but for the columns that are exempt."""
     Z = wide[:-2] + wide[2:]
     Z += 4.0 * wide[1:-1]
@@ -217,7 +219,7 @@ def _averaged(wide: Float[np.ndarray, "w z"], exempt: Sequence[bool]) -> Float[n
     return Z
 
 
-def _spin(
+def _spin_components(
     layout: SignalLayout,
     vehicle: Vehicle,
     motion: tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n N"], Float[np.ndarray, "n N"]],

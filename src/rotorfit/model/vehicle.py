@@ -72,7 +72,7 @@ class Vehicle:
     rotors
         In the order of the log's motors.
     imu_position
-        Of the accelerometer from the body origin [m]; None where unknown, and then the
+        Of the accelerometer from the body origin [m]; None if unknown, and then the
         accelerometer is the origin.
     imu_position_std
         Standard deviation of each of its components [m].
@@ -186,7 +186,7 @@ def layout_rotors(layout: str, *, arm: float, order: str = "px4") -> tuple[Rotor
             f"no layout {layout!r} in the motor order {order!r}; known: {known}; "
             "or list the rotors with position and spin"
         )
-    return tuple(_rotor(float(angle), spin, arm) for angle, spin in seats)
+    return tuple(_layout_rotor(float(angle), spin, arm) for angle, spin in seats)
 
 
 def spaced_rotors(
@@ -209,7 +209,7 @@ def spaced_rotors(
     )
 
 
-def _rotor(angle_deg: float, spin: Spin, arm: float) -> Rotor:
+def _layout_rotor(angle_deg: float, spin: Spin, arm: float) -> Rotor:
     angle = np.radians(angle_deg)
     x, y = arm * np.cos(angle), -arm * np.sin(angle)
     # Rounded to a nanometre, so that a rotor on an axis is on it.

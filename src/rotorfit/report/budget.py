@@ -40,7 +40,7 @@ def size_words(half: float, budget: Budget) -> str:
 
 def budget_text(budgets: Sequence[Budget], *, width: int = 100) -> str:
     """Write the budgets of some numbers, one paragraph each."""
-    return "\n\n".join("\n".join(_paragraph(one, width)) for one in budgets)
+    return "\n\n".join("\n".join(_budget_paragraph(one, width)) for one in budgets)
 
 
 def budgets_in_short(result: IdentificationResult, *, width: int = 100) -> str:
@@ -58,10 +58,10 @@ def in_short(budget: Budget) -> str:
         for line in budget.lines[:IN_SHORT]
         if line.share >= LEAST_SHARE
     ]
-    return f"{_number(budget)}: {', '.join(parts) or NO_TERMS}"
+    return f"{_budget_number(budget)}: {', '.join(parts) or NO_TERMS}"
 
 
-def _number(budget: Budget) -> str:
+def _budget_number(budget: Budget) -> str:
     assert budget.value is not None
     unit = "" if budget.unit == "1" else f" {budget.unit}"
     half = budget.half_width
@@ -72,26 +72,26 @@ def _number(budget: Budget) -> str:
     return f"{budget.full_name} {with_half(budget.value, half)}{unit}{shown}"
 
 
-def _paragraph(budget: Budget, width: int) -> list[str]:
+def _budget_paragraph(budget: Budget, width: int) -> list[str]:
     """Write a number, a line for each contribution, what shrinks them, and what that gives."""
     if budget.value is None or budget.half_width is None:
         return _without_interval(budget, width)
-    lines = [f"{_number(budget)}" + (f" ({budget.verdict})" if budget.verdict else "")]
+    lines = [f"{_budget_number(budget)}" + (f" ({budget.verdict})" if budget.verdict else "")]
     if not budget.lines:
         return [*lines, f"  {NO_TERMS}"]
     shown = [line for line in budget.lines if line.share >= LEAST_SHARE]
     for line in shown:
         size = size_words(line.half_width, budget)
-        lines.append(f"  {line.name:<{TERM_WIDTH}}{size:>9}  {_bar(line.share)}")
+        lines.append(f"  {line.name:<{TERM_WIDTH}}{size:>9}  {_share_bar(line.share)}")
     rest = budget.lines[len(shown) :]
     if rest:
         half = sqrt(sum(max(line.share, 0.0) for line in rest)) * budget.half_width
         words = f"{len(rest)} smaller"
         lines.append(f"  {words:<{TERM_WIDTH}}{size_words(half, budget):>9}")
-    return [*lines, *_remedies(shown, width), *textwrap.wrap(_gain(budget), width)]
+    return [*lines, *_list_remedies(shown, width), *textwrap.wrap(_gain_sentence(budget), width)]
 
 
-def _remedies(lines: Sequence[BudgetLine], width: int) -> list[str]:
+def _list_remedies(lines: Sequence[BudgetLine], width: int) -> list[str]:
     """Write what shrinks the contributions, each action once, the largest contribution first."""
     actions: dict[str, list[str]] = {}
     for line in lines:
@@ -103,12 +103,12 @@ def _remedies(lines: Sequence[BudgetLine], width: int) -> list[str]:
     return out
 
 
-def _bar(share: float) -> str:
+def _share_bar(share: float) -> str:
     return "#" * max(1, round(BAR * share))
 
 
-def _gain(budget: Budget) -> str:
-    """Say how wide the interval would be with half of its largest contribution."""
+def _gain_sentence(budget: Budget) -> str:
+    """State how wide the interval would be with half of its largest contribution."""
     assert budget.half_width is not None
     largest = budget.lines[0]
     left = budget.half_width * sqrt(max(1.0 - 0.75 * largest.share, 0.0))
@@ -116,7 +116,7 @@ def _gain(budget: Budget) -> str:
 
 
 def _without_interval(budget: Budget, width: int) -> list[str]:
-    """Say why a number has no interval, and what to do."""
+    """Explain why a number has no interval, and what to do."""
     if budget.value is not None:
         unit = "" if budget.unit == "1" else f" {budget.unit}"
         return [f"{budget.full_name} {budget.value:.6g}{unit}: given without a tolerance"]
@@ -144,10 +144,10 @@ class BudgetRow:
 def budget_rows(result: IdentificationResult) -> tuple[BudgetRow, ...]:
     """Tabulate the budgets of the main numbers, for the page."""
     found = (budget_of(result, n) for n in (*result.parameters, *result.derived))
-    return tuple(_row(one) for one in found if one.name in SHOWN and one.lines)
+    return tuple(_budget_row(one) for one in found if one.name in SHOWN and one.lines)
 
 
-def _row(budget: Budget) -> BudgetRow:
+def _budget_row(budget: Budget) -> BudgetRow:
     shown = [line for line in budget.lines if line.share >= LEAST_SHARE]
     return BudgetRow(
         name=budget.full_name,

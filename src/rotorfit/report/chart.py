@@ -173,7 +173,7 @@ def chart_svg(chart: Chart) -> str:
     parts: list[str] = []
     top = 0.0
     for i, panel in enumerate(chart.panels):
-        parts.append(_panel(panel, chart.axis, top))
+        parts.append(_draw_panel(panel, chart.axis, top))
         top += panel.above + (MISSING if panel.missing else panel.height)
         last = i + 1 == len(chart.panels)
         top += BELOW if last or chart.panels[i + 1].title else 0.0
@@ -188,7 +188,7 @@ def chart_svg(chart: Chart) -> str:
     return drawing(WIDTH, height, attributes, *parts, _x_axis(chart.axis, height))
 
 
-def _panel(panel: Panel, axis: Axis, top: float) -> str:
+def _draw_panel(panel: Panel, axis: Axis, top: float) -> str:
     """Draw one pair of axes with its curves, in a clipping frame of its own."""
     head = [label(panel.title, {"class": "panel-title", "x": LEFT, "y": top + 16})]
     if panel.note:
@@ -200,10 +200,10 @@ def _panel(panel: Panel, axis: Axis, top: float) -> str:
         return tag("g", {"class": "component"}, *head, words)
     frame: dict[str, str | float] = {"x": LEFT, "y": start, "width": PLOT, "height": panel.height}
     inside = [
-        *(_span(span, panel, axis) for span in panel.spans),
-        *(_area(area, panel, axis) for area in panel.areas),
-        *(_curve(curve, panel, axis) for curve in panel.curves if not panel.rows),
-        *_lines(panel, axis),
+        *(_draw_span(span, panel, axis) for span in panel.spans),
+        *(_draw_area(area, panel, axis) for area in panel.areas),
+        *(_draw_curve(curve, panel, axis) for curve in panel.curves if not panel.rows),
+        *_draw_lines(panel, axis),
     ]
     attributes: dict[str, str | float] = {
         "class": "panel",
@@ -239,23 +239,23 @@ def span_of(panel: Panel) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _x(value: float, axis: Axis) -> float:
+def _x_of(value: float, axis: Axis) -> float:
     low, high = axis.ends
     return (value - low) / max(high - low, 1e-9) * PLOT
 
 
-def _curve(curve: Curve, panel: Panel, axis: Axis) -> str:
+def _draw_curve(curve: Curve, panel: Panel, axis: Axis) -> str:
     size = (PLOT, panel.height)
     d = path_of(curve.series, curve.key, size=size, span=span_of(panel), ends=axis.ends)
     return tag("path", {"class": f"curve {curve.style}", "data-key": curve.key, "d": d})
 
 
-def _area(area: Area, panel: Panel, axis: Axis) -> str:
+def _draw_area(area: Area, panel: Panel, axis: Axis) -> str:
     low, high = span_of(panel)
 
     def place(at: float, value: float) -> str:
         y = (high - min(max(value, low), high)) / max(high - low, 1e-12) * panel.height
-        return f"{_x(at, axis):.1f} {y:.1f}"
+        return f"{_x_of(at, axis):.1f} {y:.1f}"
 
     there = [place(*point) for point in zip(area.at.tolist(), area.high.tolist(), strict=True)]
     back = [place(*point) for point in zip(area.at.tolist(), area.low.tolist(), strict=True)]
@@ -263,9 +263,9 @@ def _area(area: Area, panel: Panel, axis: Axis) -> str:
     return tag("path", {"class": f"area {area.style}", "d": d})
 
 
-def _span(span: Span, panel: Panel, axis: Axis) -> str:
-    x = _x(span.start, axis)
-    width = max(_x(span.end, axis) - x, 1.5)
+def _draw_span(span: Span, panel: Panel, axis: Axis) -> str:
+    x = _x_of(span.start, axis)
+    width = max(_x_of(span.end, axis) - x, 1.5)
     rows = max(len(panel.rows), 1)
     height = panel.height / rows if span.row is not None else panel.height
     y = (span.row or 0) * height
@@ -279,13 +279,13 @@ def _span(span: Span, panel: Panel, axis: Axis) -> str:
     return tag("g", {**place, "data-to": f"{span.end:.6g}"}, box)
 
 
-def _lines(panel: Panel, axis: Axis) -> list[str]:
+def _draw_lines(panel: Panel, axis: Axis) -> list[str]:
     """Draw lines, and the labels of lines and spans in rows that do not overlap."""
     named = [Line(at=s.start, style=s.style, label=s.label) for s in panel.spans if s.label]
     parts: list[str] = []
     free: list[float] = []
     for line in sorted([*panel.lines, *named], key=lambda one: one.at):
-        x = _x(line.at, axis)
+        x = _x_of(line.at, axis)
         wide = LETTER * len(line.label) + 10.0
         left = min(x, PLOT - wide)
         row = next((i for i, end in enumerate(free) if end <= left), len(free))
@@ -310,7 +310,7 @@ def _y_ticks(panel: Panel, top: float) -> list[str]:
     span = span_of(panel)
     few = np.floor(span[1]) - np.ceil(span[0]) < 1
     marks = (
-        _decades(span, (1, 2, 5) if few else (1,))
+        _choose_decades(span, (1, 2, 5) if few else (1,))
         if panel.log
         else labelled_ticks(*span, panel.count)
     )
@@ -322,7 +322,7 @@ def _y_ticks(panel: Panel, top: float) -> list[str]:
     return parts
 
 
-def _decades(ends: tuple[float, float], factors: Sequence[int]) -> list[tuple[float, str]]:
+def _choose_decades(ends: tuple[float, float], factors: Sequence[int]) -> list[tuple[float, str]]:
     """Choose multiples of the powers of ten between two ends, which are logarithms."""
     marks = [
         (power + float(np.log10(factor)), power_label(factor, power))
@@ -343,13 +343,13 @@ def power_label(factor: int, power: int) -> str:
 def _x_axis(axis: Axis, height: float) -> str:
     low, high = axis.ends
     if axis.log:
-        marks = _decades(axis.ends, (1, 2, 5))
+        marks = _choose_decades(axis.ends, (1, 2, 5))
     else:
         step = nice_step(high - low, 8)
         marks = [(v, tick_label(v, step)) for v in ticks(low, high, 8)]
     top = height - AXIS + 4
     words = [
-        label(w, {"class": "tick middle", "x": LEFT + _x(v, axis), "y": top}) for v, w in marks
+        label(w, {"class": "tick middle", "x": LEFT + _x_of(v, axis), "y": top}) for v, w in marks
     ]
     name = label(
         axis.name,

@@ -63,8 +63,8 @@ def correlation_section(result: IdentificationResult) -> CorrelationSection:
     matrix = correlation(result.covariance)
     return CorrelationSection(
         heat_map=heat_map(names, matrix) if 1 < len(names) <= MOST else None,
-        pairs=_pairs(names, matrix),
-        directions=_directions(names, matrix),
+        pairs=_strong_pairs(names, matrix),
+        directions=_weak_combinations(names, matrix),
         excitations=tuple(
             Excitation(
                 axis=name.removeprefix("excitation_").replace("@", " "),
@@ -74,12 +74,12 @@ def correlation_section(result: IdentificationResult) -> CorrelationSection:
             for name, value in result.diagnostics.items()
             if name.startswith("excitation_") and math.isfinite(value)
         ),
-        conditions=_conditions(result),
+        conditions=_list_conditions(result),
     )
 
 
 def correlation(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Normalise a covariance; 0 where there is no variance to speak of."""
+    """Normalise a covariance; 0 if there is no variance to speak of."""
     with np.errstate(invalid="ignore", divide="ignore"):
         std = np.sqrt(np.diag(covariance))
         scaled = covariance / np.outer(std, std)
@@ -88,7 +88,7 @@ def correlation(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"
     return scaled
 
 
-def _pairs(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Pair, ...]:
+def _strong_pairs(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Pair, ...]:
     found = [
         Pair(first=a, second=b, value=float(matrix[i, j]), words=_pair_phrase(float(matrix[i, j])))
         for i, a in enumerate(names)
@@ -104,7 +104,7 @@ def _pair_phrase(value: float) -> str:
     return f"{left:.0f} %"
 
 
-def _directions(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Direction, ...]:
+def _weak_combinations(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Direction, ...]:
     """Find combinations in which the scaled uncertainty gathers: twice their share or more."""
     if len(names) < 3:
         return ()
@@ -121,7 +121,7 @@ def _directions(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Dir
     return tuple(out)
 
 
-def _conditions(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
+def _list_conditions(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
     """List the condition numbers, and how good that of rotors and bodies is."""
     found: list[tuple[str, str]] = []
     for name, value in result.diagnostics.items():
@@ -141,7 +141,7 @@ def heat_map(names: list[str], matrix: Float[np.ndarray, "p p"]) -> str:
         y = TOP + i * CELL
         words = {"class": "right", "x": LEFT - 8, "y": y + CELL / 2 + 4}
         cells.append(label(names[i], words))
-        cells += [_cell(names, matrix, i, j) for j in range(i)]
+        cells += [_draw_cell(names, matrix, i, j) for j in range(i)]
         x = LEFT + i * CELL
         cells.append(tag("rect", {"class": "self", "x": x, "y": y, "width": CELL, "height": CELL}))
         below = TOP + n * CELL + 8
@@ -151,13 +151,13 @@ def heat_map(names: list[str], matrix: Float[np.ndarray, "p p"]) -> str:
     return drawing(LEFT + n * CELL + 10, TOP + n * CELL + 104, attributes, *cells)
 
 
-def _cell(names: list[str], matrix: Float[np.ndarray, "p p"], i: int, j: int) -> str:
+def _draw_cell(names: list[str], matrix: Float[np.ndarray, "p p"], i: int, j: int) -> str:
     value = float(matrix[i, j])
     x, y = LEFT + j * CELL, TOP + i * CELL
     square = {"x": x + 0.5, "y": y + 0.5, "width": CELL - 1, "height": CELL - 1}
     parts = [
         tag("title", {}, text(f"{names[i]} and {names[j]}: {value:+.2f}")),
-        tag("rect", {"fill": _colour(value), **square}),
+        tag("rect", {"fill": _blend_colour(value), **square}),
     ]
     if abs(value) >= 0.3:
         shade = "light" if abs(value) > 0.65 else "dark"
@@ -168,7 +168,7 @@ def _cell(names: list[str], matrix: Float[np.ndarray, "p p"], i: int, j: int) ->
     return tag("g", {}, *parts)
 
 
-def _colour(value: float) -> str:
+def _blend_colour(value: float) -> str:
     """Blend white at 0 towards blue for +1 and orange for -1."""
     end = BLUE if value > 0 else ORANGE
     share = abs(value)

@@ -84,7 +84,12 @@ def scale_of(number: NumberStatistics, places: Sequence[int] | None = None) -> S
 def small_svg(number: NumberStatistics, place: int, scale: Scale, name: str) -> str:
     """Draw a number over a vehicle's flights, small, as one of many."""
     plot = _Plot(
-        left=2.0, top=2.0, width=196.0, height=66.0, flights=_flights(number, place), scale=scale
+        left=2.0,
+        top=2.0,
+        width=196.0,
+        height=66.0,
+        flights=_count_flights(number, place),
+        scale=scale,
     )
     changed = " changed" if number.changes[place] else ""
     kind = f"series small{changed}{' apart' if number.outlying[place] else ''}"
@@ -92,7 +97,7 @@ def small_svg(number: NumberStatistics, place: int, scale: Scale, name: str) -> 
     frame = tag(
         "rect", {"class": "frame", "x": 2, "y": 2, "width": plot.width, "height": plot.height}
     )
-    inside = [_type_band(number, plot), frame, *_series(number, place, plot)]
+    inside = [_type_band(number, plot), frame, *_draw_series(number, place, plot)]
     return drawing(200.0, 70.0, {"class": kind, "role": "img", "aria-label": title}, *inside)
 
 
@@ -104,7 +109,7 @@ def mark_class(number: NumberStatistics, place: int) -> str:
 def large_svg(number: NumberStatistics, place: int, name: str, dates: Sequence[str]) -> str:
     """Draw a number over a vehicle's flights with its axes.
 
-    `dates` are those of its first and last flight; empty where they are not known.
+    `dates` are those of its first and last flight; empty if they are not known.
     """
     scale = scale_of(number, [place])
     low, high = min(scale.low, 0.0), max(scale.high, 0.0)
@@ -113,15 +118,15 @@ def large_svg(number: NumberStatistics, place: int, name: str, dates: Sequence[s
         top=8.0,
         width=348.0,
         height=150.0,
-        flights=_flights(number, place),
+        flights=_count_flights(number, place),
         scale=Scale(zero=scale.zero, per_unit=scale.per_unit, unit=scale.unit, low=low, high=high),
     )
     title = f"{number.name} of {name} over its flights, {scale.unit} from the type's mean"
     inside = [
         _type_band(number, plot),
-        *_grid(plot),
+        *_draw_grid(plot),
         tag("rect", {"class": "frame", "x": 44, "y": 8, "width": 348, "height": 150}),
-        *_series(number, place, plot),
+        *_draw_series(number, place, plot),
         *_flight_axis(plot, dates),
     ]
     attributes = {"class": "series large", "role": "img", "aria-label": title}
@@ -143,7 +148,7 @@ def strip_svg(number: NumberStatistics, names: Sequence[str]) -> str:
     inside.append(tag("path", {"class": "mean", "d": f"M{decimal(x(number.mean))} 3V37"}))
     known = np.flatnonzero(np.isfinite(number.now))
     if len(known) > MOST_DOTS:
-        inside += _bars(number.now[known], low, high, width)
+        inside += _draw_bars(number.now[known], low, high, width)
         known = np.array([i for i in known.tolist() if mark_class(number, i) != "like"], dtype=int)
     for place in known.tolist():
         value, half = float(number.now[place]), NORMAL_95 * float(number.now_std[place])
@@ -176,7 +181,7 @@ def _strip_ends(number: NumberStatistics) -> tuple[float, float]:
     return (low, high) if high > low else (low - 1.0, high + 1.0)
 
 
-def _bars(values: Float[np.ndarray, " v"], low: float, high: float, width: float) -> list[str]:
+def _draw_bars(values: Float[np.ndarray, " v"], low: float, high: float, width: float) -> list[str]:
     counts, _ = np.histogram(np.clip(values, low, high), bins=BARS, range=(low, high))
     step = (width - 16.0) / BARS
     out: list[str] = []
@@ -188,11 +193,11 @@ def _bars(values: Float[np.ndarray, " v"], low: float, high: float, width: float
     return out
 
 
-def _flights(number: NumberStatistics, place: int) -> int:
+def _count_flights(number: NumberStatistics, place: int) -> int:
     return int((number.vehicle_of_row == place).sum())
 
 
-def _points(number: NumberStatistics, place: int) -> _Points:
+def _points_of_vehicle(number: NumberStatistics, place: int) -> _Points:
     """Return a vehicle's estimates, neighbours averaged by their weights where there are many."""
     mine = number.vehicle_of_row == place
     scatter = number.within if np.isfinite(number.within) else 0.0
@@ -210,8 +215,8 @@ def _points(number: NumberStatistics, place: int) -> _Points:
     )
 
 
-def _series(number: NumberStatistics, place: int, plot: _Plot) -> list[str]:
-    points = _points(number, place)
+def _draw_series(number: NumberStatistics, place: int, plot: _Plot) -> list[str]:
+    points = _points_of_vehicle(number, place)
     y = plot.scale.of(points.value)
     half = NORMAL_95 * points.std / plot.scale.per_unit
     bars = "".join(
@@ -223,9 +228,9 @@ def _series(number: NumberStatistics, place: int, plot: _Plot) -> list[str]:
         for f, v in zip(points.flight, y, strict=True)
     )
     out = [tag("path", {"class": "bars", "d": bars}), tag("path", {"class": "dots", "d": dots})]
-    level = _level(number, place)
+    level = _level_of_flights(number, place)
     if np.isfinite(level).all() and len(level) > 1:
-        out.append(tag("path", {"class": "level", "d": _line(plot, level)}))
+        out.append(tag("path", {"class": "level", "d": _level_path(plot, level)}))
     for change in number.changes[place]:
         x = decimal(plot.x(change.first + 0.5))
         mark = f"M{x} {decimal(plot.top)}v{decimal(plot.height)}"
@@ -233,16 +238,16 @@ def _series(number: NumberStatistics, place: int, plot: _Plot) -> list[str]:
     return out
 
 
-def _level(number: NumberStatistics, place: int) -> Float[np.ndarray, " n"]:
+def _level_of_flights(number: NumberStatistics, place: int) -> Float[np.ndarray, " n"]:
     """Return the level about which a vehicle's flights scatter, changes included."""
-    n = _flights(number, place)
+    n = _count_flights(number, place)
     level = np.full(n, number.level[place])
     for change in number.changes[place]:
         level += change.size * change.shape
     return level
 
 
-def _line(plot: _Plot, level: Float[np.ndarray, " n"]) -> str:
+def _level_path(plot: _Plot, level: Float[np.ndarray, " n"]) -> str:
     """Draw a path through the level at each flight, without points on straight lines."""
     units = plot.scale.of(level)
     bend = np.abs(np.diff(units, 2)) > 1e-9
@@ -263,7 +268,7 @@ def _type_band(number: NumberStatistics, plot: _Plot) -> str:
     return tag("rect", {"class": "type", **place}) + mean
 
 
-def _grid(plot: _Plot) -> list[str]:
+def _draw_grid(plot: _Plot) -> list[str]:
     marks = ticks(plot.scale.low, plot.scale.high, 5)
     step = marks[1] - marks[0] if len(marks) > 1 else 1.0
     out: list[str] = []

@@ -39,11 +39,11 @@ def fleet_files(
 
     `links` gives, for each type, how its page leads to the flights' own reports (`links_to`).
     """
-    tables = [_vehicles(one, cache, workers) for one in types]
+    tables = [_tabulate_vehicles(one, cache, workers) for one in types]
     pages = [
-        (PAGE, _page(one, name, links(one)))
+        (PAGE, _fleet_page(one, name, links(one)))
         if len(types) == 1
-        else (f"fleet-{one.name}.html", _page(one, one.name, links(one)))
+        else (f"fleet-{one.name}.html", _fleet_page(one, one.name, links(one)))
         for one in types
     ]
     return dict(
@@ -56,7 +56,7 @@ def fleet_files(
     )
 
 
-def _vehicles(one: FleetType, cache: Path, workers: Workers) -> Columns:
+def _tabulate_vehicles(one: FleetType, cache: Path, workers: Workers) -> Columns:
     """Fit each vehicle's flights together and tabulate the vehicles of a type."""
     records = one.fleet.records
     tasks = join_tasks(records, one.fleet.cached, cache)
@@ -74,7 +74,7 @@ def _flight_parts(records: Sequence[FlightRecord]) -> Iterator[Columns]:
         yield flight_columns(records[first : first + ROWS], numbers)
 
 
-def _page(one: FleetType, name: str, links: Links) -> bytes:
+def _fleet_page(one: FleetType, name: str, links: Links) -> bytes:
     fleet = one.fleet
     html = fleet_html(one.statistics, fleet.records, fleet.refused, name=name, links=links)
     return html.encode()

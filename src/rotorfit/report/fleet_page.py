@@ -98,22 +98,22 @@ def fleet_html(
         statistics=statistics,
         records=records,
         refused=refused,
-        found=[_finding(f, statistics, records) for f in found[:MOST_FINDINGS]],
+        found=[_render_finding(f, statistics, records) for f in found[:MOST_FINDINGS]],
         more_found=max(len(found) - MOST_FINDINGS, 0),
         type_rows=type_rows,
         type_columns=[key for key in SPREADS if any(row[key] != UNKNOWN for row in type_rows)],
         weather=sorted({n.weather for n in statistics.numbers} - {"none"}),
         least_vehicles=LEAST_GROUPS,
         none_found=nothing_found(statistics),
-        sections=_sections(statistics, found),
-        table=_table(statistics, records, found),
+        sections=_select_sections(statistics, found),
+        table=_render_table(statistics, records, found),
         flights=_flight_lists(statistics, records, found, links),
-        reasons=_reasons(refused),
+        reasons=_group_reasons(refused),
         most_rows=MOST_ROWS,
     )
 
 
-def _finding(
+def _render_finding(
     finding: VehicleFinding, statistics: FleetStatistics, records: Sequence[FlightRecord]
 ) -> Rendered:
     """Return a finding with its drawing, as the page has it."""
@@ -127,11 +127,11 @@ def _finding(
         "vehicle": name,
         "finding": finding,
         "drawing": large_svg(number, place, name, dates),
-        "caption": _title(number),
+        "caption": _number_title(number),
     }
 
 
-def _title(number: NumberStatistics) -> str:
+def _number_title(number: NumberStatistics) -> str:
     phrase = number_phrase(number.name)
     of = f", {number.configuration}" if number.configuration else ""
     return f"{phrase[0].upper()}{phrase[1:]}{of}"
@@ -143,18 +143,18 @@ def _type_row(number: NumberStatistics, names: Sequence[str]) -> Rendered:
     mean = number_of(number.mean, (number.mean - half, number.mean + half))
     estimated = np.isfinite(number.between)
     return {
-        "title": _title(number),
+        "title": _number_title(number),
         "name": number.name,
         "mean": str(mean) if estimated and mean is not None else UNKNOWN,
         "unit": unit_words(unit_of(number.name)),
-        "between": _spread(number.between, number),
-        "within": _spread(number.within, number),
+        "between": _format_spread(number.between, number),
+        "within": _format_spread(number.within, number),
         "vehicles": len(number.vehicles),
         "strip": strip_svg(number, names),
     }
 
 
-def _spread(std: float, number: NumberStatistics) -> str:
+def _format_spread(std: float, number: NumberStatistics) -> str:
     """Format a standard deviation in percent of the mean, or in millimetres."""
     if not np.isfinite(std):
         return UNKNOWN
@@ -163,7 +163,9 @@ def _spread(std: float, number: NumberStatistics) -> str:
     return f"{short(100.0 * std / abs(number.mean))} %"
 
 
-def _sections(statistics: FleetStatistics, found: Sequence[VehicleFinding]) -> list[Rendered]:
+def _select_sections(
+    statistics: FleetStatistics, found: Sequence[VehicleFinding]
+) -> list[Rendered]:
     """Select the numbers that are drawn vehicle by vehicle, those with findings first."""
     leads = [lead_number(statistics, finding) for finding in found]
     counts = Counter((number.name, number.configuration) for number in leads)
@@ -172,10 +174,12 @@ def _sections(statistics: FleetStatistics, found: Sequence[VehicleFinding]) -> l
     keys += [key for name in SHOWN for key in by_name if key[0] == name and key not in keys]
     chosen = [by_name[key] for key in keys[:MOST_NUMBERS]]
     first = list(dict.fromkeys(f.vehicle for f in found))
-    return [_section(n, statistics.vehicles, first, MOST_SMALL // len(chosen)) for n in chosen]
+    return [
+        _render_section(n, statistics.vehicles, first, MOST_SMALL // len(chosen)) for n in chosen
+    ]
 
 
-def _section(
+def _render_section(
     number: NumberStatistics, names: Sequence[str], first: Sequence[int], most: int
 ) -> Rendered:
     """Draw small charts of one number, one a vehicle."""
@@ -184,7 +188,7 @@ def _section(
     order.sort()
     places = [number.vehicles.index(v) for v in order]
     return {
-        "title": _title(number),
+        "title": _number_title(number),
         "name": number.name,
         "unit": scale.unit,
         "low": f"{scale.low:+.3g}".replace("-", "−"),
@@ -200,14 +204,14 @@ def _section(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Cell:
-    """A cell: what is read, what it is sorted by, and what a pointer over it says."""
+    """A cell: its text, its sort key, and its tooltip."""
 
     text: str
     key: float | int | str
     hint: str = ""
 
 
-def _table(
+def _render_table(
     statistics: FleetStatistics, records: Sequence[FlightRecord], found: Sequence[VehicleFinding]
 ) -> Rendered:
     """Return each vehicle's flights, main numbers as they are now, and findings."""
@@ -225,7 +229,7 @@ def _table(
         )
         for v in order
     ]
-    heads = [(_title(n), f"{n.name} [{unit_words(unit_of(n.name))}]") for n in numbers]
+    heads = [(_number_title(n), f"{n.name} [{unit_words(unit_of(n.name))}]") for n in numbers]
     return {
         "heads": [("Vehicle", ""), ("Flights", ""), ("To look at", ""), *heads],
         "rows": rows,
@@ -289,7 +293,7 @@ def _flight_row(record: FlightRecord, number: int, marked: bool, links: Links) -
     }
 
 
-def _reasons(refused: Sequence[RefusedLog]) -> list[tuple[str, str, int, str]]:
+def _group_reasons(refused: Sequence[RefusedLog]) -> list[tuple[str, str, int, str]]:
     """Group refusals: sentence, next step, how many logs, one of them."""
     groups: dict[tuple[str, str], list[str]] = {}
     for log in refused:

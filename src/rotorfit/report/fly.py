@@ -80,7 +80,7 @@ def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
         *wrapped("Replay: rms error of the specific force, means over 0.05 s [m/s^2]", width),
     ]
     lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for axis in "xyz"))
-    lines += [f"  {label:<{column}}" + _numbers(row) for label, row in force_rows(outcome)]
+    lines += [f"  {label:<{column}}" + _number_cells(row) for label, row in force_rows(outcome)]
     lines += _manoeuvre_lines(outcome)
     if outcome.notes:
         lines += ["", "To know"]
@@ -99,7 +99,7 @@ def _rate_cells(outcome: FlyOutcome, column: int) -> list[list[str]]:
     rows = [("", [f"{f'after {t:.3g} s':>30}" for t in times]), ("", [axes] * len(times))]
     for name, values in rate_rows(outcome):
         groups = [values[i : i + len(AXES)] for i in range(0, len(values), len(AXES))]
-        rows.append((name, [_numbers(group) for group in groups]))
+        rows.append((name, [_number_cells(group) for group in groups]))
     # A space before each cell comes with the columns.
     return [[f"  {name:<{column}}", *(cell[1:] for cell in cells)] for name, cells in rows]
 
@@ -155,7 +155,7 @@ def verdicts(outcome: FlyOutcome) -> list[str]:
     return [
         f"against {label}, after {end:.3g} s: "
         + ", ".join(
-            _stand(axis, ratio)
+            _standing_words(axis, ratio)
             for axis, ratio in zip(AXES, ratio_to(outcome, label, end).tolist(), strict=True)
         )
         for label in (*outcome.labels[1:], HOLD)
@@ -195,7 +195,7 @@ def meaning(outcome: FlyOutcome) -> list[str]:
     return words
 
 
-def _stand(axis: str, ratio: float) -> str:
+def _standing_words(axis: str, ratio: float) -> str:
     if not math.isfinite(ratio):
         return f"{axis} -"
     word = "even" if abs(ratio - 1.0) < EVEN else "better" if ratio < 1.0 else "WORSE"
@@ -229,7 +229,7 @@ def step_summary(flight: ModelFlight) -> str:
     return f"{ended}, {100 * overshoot(flight):.0f} % over"
 
 
-def _numbers(values: Sequence[float]) -> str:
+def _number_cells(values: Sequence[float]) -> str:
     return "".join(f"{short(value):>10}" for value in values)
 
 
@@ -324,7 +324,7 @@ def replay_svg(replay: Replay, labels: Sequence[str]) -> str:
         )
         for i, axis in enumerate(AXES)
     ]
-    return _figure(panels, 1, 120.0, f"Rates flown and predicted, {file_name(replay.flight)}")
+    return _draw_figure(panels, 1, 120.0, f"Rates flown and predicted, {file_name(replay.flight)}")
 
 
 def growth_svg(outcome: FlyOutcome) -> str:
@@ -347,7 +347,7 @@ def growth_svg(outcome: FlyOutcome) -> str:
         )
         for i, axis in enumerate(AXES)
     ]
-    return _figure(panels, 3, 170.0, "Growth of the error of the rates in a window")
+    return _draw_figure(panels, 3, 170.0, "Growth of the error of the rates in a window")
 
 
 def manoeuvre_svg(outcome: FlyOutcome) -> str:
@@ -362,19 +362,23 @@ def manoeuvre_svg(outcome: FlyOutcome) -> str:
             for key, f in reversed(flights.items())
         ]
         panels.append(Panel(title=TITLES[name], x_name="time [s]", curves=tuple(curves)))
-    return _figure(panels, 2, 150.0, "Hover and steps of the model in MuJoCo")
+    return _draw_figure(panels, 2, 150.0, "Hover and steps of the model in MuJoCo")
 
 
 def _rate_curves(
     replay: Replay, labels: Sequence[str], windows: Sequence[int], axis: int
 ) -> tuple[Curve, ...]:
-    x = _broken(replay.time[windows])
+    x = _join_with_gaps(replay.time[windows])
     predicted = {p.label: p for p in replay.predicted}
     curves = [
-        Curve(kind=kind_of(labels, name), x=x, y=_broken(predicted[name].rates[windows, :, axis]))
+        Curve(
+            kind=kind_of(labels, name),
+            x=x,
+            y=_join_with_gaps(predicted[name].rates[windows, :, axis]),
+        )
         for name in reversed(labels)
     ]
-    return (Curve(kind="flown", x=x, y=_broken(replay.rates[windows, :, axis])), *curves)
+    return (Curve(kind="flown", x=x, y=_join_with_gaps(replay.rates[windows, :, axis])), *curves)
 
 
 def _rate_band(replay: Replay, windows: Sequence[int], axis: int) -> Band:
@@ -386,27 +390,27 @@ def _rate_band(replay: Replay, windows: Sequence[int], axis: int) -> Band:
     return tuple(zip(replay.time[windows], middle - half, middle + half, strict=True))
 
 
-def _broken(values: Float[np.ndarray, "k n"]) -> Float[np.ndarray, " m"]:
+def _join_with_gaps(values: Float[np.ndarray, "k n"]) -> Float[np.ndarray, " m"]:
     """Join rows one after the other, with a NaN between them."""
     gap = np.full((len(values), 1), np.nan)
     return np.concatenate([values, gap], axis=1).ravel()
 
 
-def _figure(panels: Sequence[Panel], columns: int, height: float, words: str) -> str:
+def _draw_figure(panels: Sequence[Panel], columns: int, height: float, words: str) -> str:
     width = PAGE_WIDTH / columns
     block = TITLE + height + BELOW
     parts = [
-        _panel(panel, (i % columns * width, i // columns * block), (width, height))
+        _draw_panel(panel, (i % columns * width, i // columns * block), (width, height))
         for i, panel in enumerate(panels)
     ]
     total = -(-len(panels) // columns) * block
     return drawing(PAGE_WIDTH, total, {"class": "fly", "role": "img", "aria-label": words}, *parts)
 
 
-def _panel(panel: Panel, corner: tuple[float, float], size: tuple[float, float]) -> str:
+def _draw_panel(panel: Panel, corner: tuple[float, float], size: tuple[float, float]) -> str:
     left, top = corner[0] + LEFT, corner[1] + TITLE
     width, height = size[0] - LEFT - RIGHT, size[1]
-    spans = _spans(panel)
+    spans = _choose_spans(panel)
     frame = {"x": left, "y": top, "width": width, "height": height}
     place = _Place(left=left, top=top, width=width, height=height, spans=spans)
     middle = {"class": "axis-name middle", "x": left + width / 2, "y": top + height + 29}
@@ -414,10 +418,10 @@ def _panel(panel: Panel, corner: tuple[float, float], size: tuple[float, float])
         "g",
         {"class": "panel"},
         label(panel.title, {"class": "panel-title", "x": left, "y": corner[1] + 16}),
-        *_ticks(place),
-        *(tag("path", {"class": "band", "d": _area(piece, place)}) for piece in panel.band),
+        *_draw_ticks(place),
+        *(tag("path", {"class": "band", "d": _area_path(piece, place)}) for piece in panel.band),
         *(
-            tag("path", {"class": f"curve {curve.kind}", "d": _path(curve, place)})
+            tag("path", {"class": f"curve {curve.kind}", "d": _curve_path(curve, place)})
             for curve in panel.curves
         ),
         tag("rect", {"class": "frame", **frame}),
@@ -443,7 +447,7 @@ class _Place:
         return self.top + (high - inside) / (high - low) * self.height
 
 
-def _spans(panel: Panel) -> tuple[tuple[float, float], tuple[float, float]]:
+def _choose_spans(panel: Panel) -> tuple[tuple[float, float], tuple[float, float]]:
     """Choose the ends of both axes; a curve far out does not flatten all others."""
     x = np.concatenate([curve.x for curve in panel.curves])
     sizes = [curve.y[np.isfinite(curve.y)] for curve in panel.curves]
@@ -459,7 +463,7 @@ def _spans(panel: Panel) -> tuple[tuple[float, float], tuple[float, float]]:
     )
 
 
-def _ticks(place: _Place) -> list[str]:
+def _draw_ticks(place: _Place) -> list[str]:
     parts: list[str] = []
     right, bottom = place.left + place.width, place.top + place.height
     for value, words in labelled_ticks(*place.spans[1], 5):
@@ -472,7 +476,7 @@ def _ticks(place: _Place) -> list[str]:
     return parts
 
 
-def _path(curve: Curve, place: _Place) -> str:
+def _curve_path(curve: Curve, place: _Place) -> str:
     """Draw a curve as path data, broken at NaN, thinned to what can be seen."""
     every = max(len(curve.x) // 4000, 1)
     good = np.isfinite(curve.y)
@@ -488,7 +492,7 @@ def _path(curve: Curve, place: _Place) -> str:
     return "".join(parts)
 
 
-def _area(piece: tuple[Points, Points, Points], place: _Place) -> str:
+def _area_path(piece: tuple[Points, Points, Points], place: _Place) -> str:
     t, low, high = piece
     every = slice(None, None, max(len(t) // 60, 1))
     x = place.x(t[every]).tolist()

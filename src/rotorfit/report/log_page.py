@@ -92,16 +92,16 @@ class LogArticle:
 
 
 def log_report_html(*reports: LogReport) -> str:
-    """Write what was found in logs as one self-contained HTML page."""
+    """Write the findings in logs as one self-contained HTML page."""
     return render_page(
         "log",
         *("page", "figure", "log", "dark"),
         script="plot.js",
-        articles=[_article(report) for report in reports],
+        articles=[_make_article(report) for report in reports],
     )
 
 
-def _article(report: LogReport) -> LogArticle:
+def _make_article(report: LogReport) -> LogArticle:
     lists = [*sections(report), ("What the reader says", list(report.notes))]
     return LogArticle(
         report=report,
@@ -132,7 +132,7 @@ def log_figures(report: LogReport) -> tuple[LogFigure, ...]:
     return tuple(found)
 
 
-def _figure(
+def _make_figure(
     title: str, chart: Chart, shades: Sequence[tuple[str, str]], words: Sequence[str]
 ) -> LogFigure:
     return LogFigure(
@@ -165,7 +165,7 @@ def _time_figure(picture: TimePicture, airborne: Sequence[tuple[float, float]]) 
     shades = [(kind, MARK_STYLES[kind]) for kind in kinds]
     if picture.activity:
         shades += [(f"level-{i}", name) for i, name in enumerate(LEVELS)]
-    return _figure("In flight", chart, shades, words)
+    return _make_figure("In flight", chart, shades, words)
 
 
 def _trace_panel(trace: Trace, picture: TimePicture) -> Panel:
@@ -210,12 +210,12 @@ def _activity_panel(picture: TimePicture) -> Panel:
         title="Which axis moved",
         height=ROW_HEIGHT * len(picture.activity),
         rows=tuple(axis.axis for axis in picture.activity),
-        curves=tuple(_moved(axis) for axis in picture.activity),
+        curves=tuple(_moved_curve(axis) for axis in picture.activity),
         spans=tuple(spans),
     )
 
 
-def _moved(axis: Activity) -> Curve:
+def _moved_curve(axis: Activity) -> Curve:
     there = np.isfinite(axis.size)
     middles = axis.start + axis.step * (np.arange(len(axis.size)) + 0.5)
     key = f"{axis.axis} moved"
@@ -254,7 +254,7 @@ def time_sentences(picture: TimePicture, airborne: Sequence[tuple[float, float]]
 
 
 def _mark_sentences(marks: Sequence[Mark]) -> list[str]:
-    """Describe where the marks are; those at the same places in one sentence."""
+    """Describe the places of the marks, one sentence for marks at the same places."""
     at: dict[str, list[tuple[float, float]]] = {}
     for mark in marks:
         at.setdefault(mark.words, []).append((mark.start, mark.end))
@@ -265,7 +265,7 @@ def _mark_sentences(marks: Sequence[Mark]) -> list[str]:
         total = sum(b - a for a, b in spans)
         rest = f" and {more} more, {total:.2g} s in all" if more > 0 else ""
         together.setdefault(f"{places}{rest}", []).append(name)
-    return [_sentence(f"{', '.join(names)}: {places}") for places, names in together.items()]
+    return [_as_sentence(f"{', '.join(names)}: {places}") for places, names in together.items()]
 
 
 def _spectrum_figure(pictures: LogPictures) -> LogFigure:
@@ -290,7 +290,7 @@ def _spectrum_figure(pictures: LogPictures) -> LogFigure:
         "peak": "peak",
     }
     shades = [(style, name) for style, name in names.items() if style in used]
-    return _figure("Vibration", chart, shades, words)
+    return _make_figure("Vibration", chart, shades, words)
 
 
 def _spectrum_panel(found: Spectrum, pictures: LogPictures, top: float) -> Panel:
@@ -366,21 +366,21 @@ def spectrum_sentences(pictures: LogPictures) -> list[str]:
             sentence += (
                 f", over half of the log's {first.sample_rate:.0f} Hz: their vibration appears at "
                 "lower, false frequencies (aliasing); log at "
-                f"{_faster(2.2 * band.high)} Hz or more to see it where it is"
+                f"{_faster_rate(2.2 * band.high)} Hz or more to see it where it is"
             )
         words.append(f"{sentence}.")
     elif any(found.peaks for found in pictures.spectra):
         words.append("The peaks cannot be matched to the rotors: log their speed (ESC telemetry).")
     if not first.airborne:
         words.append("The spectra are of the whole log: which part was airborne is not known.")
-    return [*words, *(_sentence(one.words) for one in pictures.filters)]
+    return [*words, *(_as_sentence(one.words) for one in pictures.filters)]
 
 
-def _sentence(words: str) -> str:
+def _as_sentence(words: str) -> str:
     return f"{words[:1].upper()}{words[1:]}."
 
 
-def _faster(rate: float) -> int:
+def _faster_rate(rate: float) -> int:
     """Choose a log rate that people set: 500, 1000, 2000 and so on."""
     return next((r for r in (250, 500, 1000, 2000, 4000) if r >= rate), 8000)
 

@@ -53,7 +53,7 @@ def plain(report: LogReport) -> dict[str, Any]:
     """Convert a report to what JSON can hold."""
     fields = asdict(replace(report, pictures=None, findings=()))
     found = {name: fields.get(name, getattr(report, name)) for name in JSON_KEYS}
-    found["peaks"] = {s.channel: [asdict(p) for p in s.peaks] for s in _spectra(report)}
+    found["peaks"] = {s.channel: [asdict(p) for p in s.peaks] for s in _spectra_of(report)}
     for setting in found["settings"]:
         setting["asked_by"] = sorted(setting["asked_by"])
     return found
@@ -157,13 +157,13 @@ def peak_messages(report: LogReport) -> list[str]:
     """Report where vibration is strongest, and whether the rotors make it."""
     parts = [
         f"{spectrum.channel} {'; '.join(peak.words for peak in spectrum.peaks)}"
-        for spectrum in _spectra(report)
+        for spectrum in _spectra_of(report)
         if spectrum.airborne and spectrum.peaks
     ]
     return [f"peaks of vibration: {', '.join(parts)}"] if parts else []
 
 
-def _spectra(report: LogReport) -> tuple[Spectrum, ...]:
+def _spectra_of(report: LogReport) -> tuple[Spectrum, ...]:
     return () if report.pictures is None else report.pictures.spectra
 
 
@@ -262,7 +262,7 @@ def _thrust_message(found: Prospects) -> str:
         return f"{verdict}{by_weight}: the log is too slow for changes of thrust"
     if not thrust.followed:
         by_weight = "" if thrust.prospect == "not" else " by the weight"
-        return f"thrust changes by {change:.0f} %: {verdict}{by_weight}. {_unexplained(found)}"
+        return f"thrust changes by {change:.0f} %: {verdict}{by_weight}. {_explain_turns(found)}"
     if thrust.law_full:
         return (
             f"thrust changes by {change:.0f} %: {verdict}; no law from command to rotor speed is "
@@ -281,7 +281,7 @@ def _thrust_message(found: Prospects) -> str:
     )
 
 
-def _unexplained(found: Prospects) -> str:
+def _explain_turns(found: Prospects) -> str:
     """Explain possible faults where commands do not explain the turns that a pilot flies."""
     commands = found.commands
     if commands is not None and commands.rate < SLOW_COMMANDS:
@@ -309,7 +309,7 @@ def _axis_message(axis: Excitation, found: Prospects) -> str:
     width = ""
     if axis.width is not None and not slow:
         width = f" (to about +-{short(100.0 * axis.width)} %)"
-    reason = _reason(axis, found)
+    reason = _explain_axis(axis, found)
     verdict = {
         # The scale of Izz depends on small terms of all equations, which only an estimate weighs.
         "well": f"{what} can be found well{width}{others and f'; {others} less well'}",
@@ -319,7 +319,7 @@ def _axis_message(axis: Excitation, found: Prospects) -> str:
     return f"{axis.axis}: {short(axis.turning)} rad/s^2: {verdict}"
 
 
-def _reason(axis: Excitation, found: Prospects) -> str:
+def _explain_axis(axis: Excitation, found: Prospects) -> str:
     """Explain why the number of an axis is not found well, in an estimate's words."""
     if found.useless_because is not None:
         return "the log is too slow"

@@ -38,7 +38,7 @@ def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
                        width),
         "",
         *_margin_table(
-            "Rate loop alone", [(_marked(a.axis), a.rate_loop) for a in outcome.axes], width
+            "Rate loop alone", [(_mark_unproven(a.axis), a.rate_loop) for a in outcome.axes], width
         ),
         "",
     ]  # fmt: skip
@@ -61,7 +61,7 @@ def loop_text(outcome: LoopOutcome, *, width: int = WIDTH) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _marked(axis: str) -> str:
+def _mark_unproven(axis: str) -> str:
     """Mark an axis whose numbers no log proves."""
     return axis if axis != "yaw" else "yaw (unproven)"
 
@@ -96,7 +96,7 @@ def verdict(loop: AxisLoop) -> str:
 
 
 def limit_words(found: LoopMeasures) -> str:
-    """Say which changes of a stable loop make it oscillate: delay, higher and lower gain.
+    """State which changes of a stable loop make it oscillate: delay, higher and lower gain.
 
     A lower gain is named where it does so after a smaller change than a higher one.
     """
@@ -115,7 +115,7 @@ def limit_words(found: LoopMeasures) -> str:
 
 
 def proof(loop: AxisLoop) -> list[str]:
-    """Say how replay and closed loop bear the prediction out."""
+    """State how replay and closed loop bear the prediction out."""
     gain, late = loop.error.half_widths
     delay = with_half(1e3 * loop.error.delay, 1e3 * late)
     lines = [
@@ -154,12 +154,12 @@ def step_words(loop: AxisLoop) -> str:
     slow, fast = loop.with_attitude.bandwidth, loop.rate_loop.bandwidth
     return (
         f"{_half_words(step)}, at most {100 * step.value.max():.0f} % ({low:.0f}..{high:.0f}); "
-        f"bandwidth {_measure(fast, 1)} Hz, of the attitude {_measure(slow, 1)} Hz{unproved}"
+        f"bandwidth {_with_ends(fast, 1)} Hz, of the attitude {_with_ends(slow, 1)} Hz{unproved}"
     )
 
 
 def _half_words(step: StepResponse) -> str:
-    """Say when half of a step is reached, with the times of the band."""
+    """State when half of a step is reached, with the times of the band."""
     reached = [_time_of_half(step.time, side) for side in (step.value, step.high, step.low)]
     if not all(map(math.isfinite, reached)):
         return "under half"
@@ -167,7 +167,7 @@ def _half_words(step: StepResponse) -> str:
 
 
 def _time_of_half(time: Row, response: Row) -> float:
-    """Find when a response first reaches half of a step [ms]; NaN where it never does."""
+    """Find when a response first reaches half of a step [ms]; NaN if it never does."""
     k = int((response >= HALF).argmax())
     if k == 0:
         return math.nan
@@ -177,11 +177,11 @@ def _time_of_half(time: Row, response: Row) -> float:
 def measure_words(m: LoopMeasures) -> tuple[str, ...]:
     """Write the numbers of a loop in the order of the tables, with the ends of their intervals."""
     return (
-        _measure(m.crossover, 1),
-        _measure(m.phase, 0),
-        _measure(m.gain, 1),
-        _measure(m.delay, 0, 1e3),
-        _measure(m.sensitivity, 2),
+        _with_ends(m.crossover, 1),
+        _with_ends(m.phase, 0),
+        _with_ends(m.gain, 1),
+        _with_ends(m.delay, 0, 1e3),
+        _with_ends(m.sensitivity, 2),
     )
 
 
@@ -195,7 +195,7 @@ def _margin_table(title: str, rows: Sequence[tuple[str, LoopMeasures]], width: i
     return [title, *table_lines(cells, width)]
 
 
-def _measure(measure: Measure, digits: int, factor: float = 1.0) -> str:
+def _with_ends(measure: Measure, digits: int, factor: float = 1.0) -> str:
     """Write a number with the ends of its interval."""
     if not math.isfinite(measure.value):
         return "none"
@@ -221,7 +221,7 @@ def _gain_table(loops: Sequence[AxisLoop]) -> list[str]:
 
 
 def peak_words(peak: float) -> str:
-    """Write a peak of the sensitivity; infinite where vehicles oscillate."""
+    """Write a peak of the sensitivity; infinite if vehicles oscillate."""
     return "oscillates" if math.isinf(peak) else f"{peak:.2f}"
 
 
@@ -236,7 +236,7 @@ SHOWN: Final = 0.5
 
 
 def loop_section(outcome: LoopOutcome) -> dict[str, Any]:
-    """Collect what a page shows of it: verdicts and the pictures of roll and pitch."""
+    """Collect the page's section: verdicts, and pictures of roll and pitch."""
     shown = [one for one in outcome.axes if one.axis != "yaw"]
     return {
         "outcome": outcome,
@@ -257,7 +257,7 @@ def loop_html(outcome: LoopOutcome) -> str:
         **loop_section(outcome),
         heads=HEADS,
         with_attitude=[(one.axis, measure_words(one.with_attitude)) for one in shown],
-        alone=[(_marked(one.axis), measure_words(one.rate_loop)) for one in outcome.axes],
+        alone=[(_mark_unproven(one.axis), measure_words(one.rate_loop)) for one in outcome.axes],
         proofs=[line for one in outcome.axes for line in proof(one)],
         gains_title=GAINS_TITLE,
         gains=[
@@ -279,18 +279,18 @@ def bode_chart(loop: AxisLoop) -> Chart:
     closed = loop.closed_loop[shown][:, seen]
     closed_size = np.abs(closed)
     closed_phase = np.degrees(np.unwrap(np.angle(closed), axis=1))
-    measured = list(_measured(loop, at, closed_size[0], closed_phase[0]))
+    measured = list(_measured_bands(loop, at, closed_size[0], closed_phase[0]))
     of_size = [(low, high, value, off) for low, high, value, _, off, _ in measured]
     of_phase = [(low, high, value, off) for low, high, _, value, _, off in measured]
     top = max(1.5, 1.1 * float(closed_size[0].max(initial=0.0)))
-    crossover = _crossover(loop)
+    crossover = _crossover_line(loop)
     panels = (
-        _panel("Open loop with attitude loop: size", at, size, 0.0, log=True, lines=crossover,
+        _loop_panel("Open loop with attitude loop: size", at, size, 0.0, log=True, lines=crossover,
                span=(math.log10(LOW_SIZE), math.log10(HIGH_SIZE))),
-        _panel("its phase [deg]", at, phase, -180.0, span=(-360.0, 0.0), lines=crossover),
-        _panel("Rate over the rate asked for: size", at, closed_size, 1.0, of_size,
+        _loop_panel("its phase [deg]", at, phase, -180.0, span=(-360.0, 0.0), lines=crossover),
+        _loop_panel("Rate over the rate asked for: size", at, closed_size, 1.0, of_size,
                span=(0.0, top)),
-        _panel("its phase [deg]", at, closed_phase, -180.0, of_phase, span=(-360.0, 45.0)),
+        _loop_panel("its phase [deg]", at, closed_phase, -180.0, of_phase, span=(-360.0, 45.0)),
     )  # fmt: skip
     ends = float(at[0]), float(at[-1])
     words = f"Open and closed loop of {loop.axis} by frequency: {verdict(loop)}"
@@ -314,10 +314,10 @@ def _step_panel(title: str, step: StepResponse) -> Panel:
         return Panel(title=title, height=HEIGHT, missing="it oscillates")
     rows = np.stack([step.value, step.low, step.high])
     top = max(1.2, 1.05 * float(step.high.max()))
-    return _panel(title, step.time, rows, 1.0, span=(min(-0.1, float(step.low.min())), top))
+    return _loop_panel(title, step.time, rows, 1.0, span=(min(-0.1, float(step.low.min())), top))
 
 
-def _panel(
+def _loop_panel(
     title: str,
     at: Row,
     rows: Float[np.ndarray, "D f"],
@@ -332,25 +332,25 @@ def _panel(
     low, high = np.quantile(rows, SIDES, axis=0)
     areas = [Area(style="rotor", at=at, low=low, high=high)]
     curves = [
-        _curve("level", "level", at[[0, -1]], np.full(2, level)),
-        _curve("predicted", "rotor", at, np.clip(rows[0], *span)),
+        _make_curve("level", "level", at[[0, -1]], np.full(2, level)),
+        _make_curve("predicted", "rotor", at, np.clip(rows[0], *span)),
     ]
     for i, (start, end, value, off) in enumerate(measured):
         ends, flat = np.array([start, end]), np.full(2, value)
         areas.append(Area(style="body", at=ends, low=flat - off, high=flat + off))
-        curves.append(_curve(f"measured {i}", "body", ends, np.clip(flat, *span)))
+        curves.append(_make_curve(f"measured {i}", "body", ends, np.clip(flat, *span)))
     return Panel(
         title=title, height=HEIGHT, curves=tuple(curves), areas=tuple(areas), span=span, log=log,
         lines=lines,
     )  # fmt: skip
 
 
-def _curve(key: str, style: str, at: Row, values: Row) -> Curve:
+def _make_curve(key: str, style: str, at: Row, values: Row) -> Curve:
     series = Series(time=at, values={key: values}, gap=np.inf)
     return Curve(key=key, name=key, style=style, series=series)
 
 
-def _measured(
+def _measured_bands(
     loop: AxisLoop, at: Row, size: Row, phase: Row
 ) -> Iterator[tuple[float, float, float, float, float, float]]:
     """Yield the ends of each band (logarithms), size and phase, and half of their intervals."""
@@ -365,7 +365,7 @@ def _measured(
         yield low, high, model * band.ratio, turn, model * band.uncertainty, off
 
 
-def _crossover(loop: AxisLoop) -> tuple[Line, ...]:
+def _crossover_line(loop: AxisLoop) -> tuple[Line, ...]:
     at = loop.with_attitude.crossover.value
     if not math.isfinite(at):
         return ()

@@ -70,7 +70,7 @@ class LawSection:
 def law_section(
     result: IdentificationResult, comparisons: Sequence[WrenchComparison] = ()
 ) -> LawSection | None:
-    """Describe the law for a page; None where a result neither found nor was given one."""
+    """Describe the law for a page; None if a result neither found nor was given one."""
     law = result.command_law
     if law is None:
         return _declared_section(result, comparisons)
@@ -125,12 +125,12 @@ def _declared_section(
         rows=(),
         sentences=tuple(sentences),
         motors=(),
-        picture=_picture(law, commands=commands, unit="of full" if per_command else "rad/s"),
+        picture=_draw_law(law, commands=commands, unit="of full" if per_command else "rad/s"),
     )
 
 
 def _origin_of(result: IdentificationResult) -> str:
-    """Say whether the law is declared, or found in the flight."""
+    """State whether the law is declared, or found in the flight."""
     if any(one.kind == LAW_FOUND for one in result.findings):
         return (
             "the law is the one that weight and changes of thrust show in hover, or the usual one "
@@ -140,7 +140,7 @@ def _origin_of(result: IdentificationResult) -> str:
 
 
 def _declared_law(result: IdentificationResult) -> SpeedLaw | None:
-    """Read the law of the settings; None where they hold none, or none that is read."""
+    """Read the motors' law from the settings; None if there is no readable one."""
     try:
         entry = experiment_of_settings(result.settings).motors.law
     except ExperimentError:
@@ -185,12 +185,12 @@ def motors_lines(law: CommandLaw) -> tuple[str, ...]:
 
 def law_picture(law: CommandLaw) -> str:
     """Draw the curve over the measured speeds: medians, and bars that hold 90 % of them."""
-    return _picture(
+    return _draw_law(
         law.law, commands=law.commands, points=law.points, spread=2.0 * law.relative_error
     )
 
 
-def _picture(
+def _draw_law(
     law: SpeedLaw,
     *,
     commands: tuple[float, float] | None,

@@ -35,11 +35,11 @@ def render_page(name: str, /, *styles: str, script: str | None = None, **content
         # The page's content policy runs no script but that of this hash.
         digest = hashlib.sha256(content["script"].encode()).digest()
         content["script_hash"] = base64.b64encode(digest).decode()
-    return clean(_template(name).render(content))
+    return clean(_load_template(name).render(content))
 
 
 @cache
-def _template(name: str) -> Any:
+def _load_template(name: str) -> Any:
     # Inside the function: the command line must not wait for it when it only prints help.
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -64,7 +64,7 @@ def write_drawings(folder: Path, drawings: Mapping[str, str], *, force: bool = F
     """Write SVG documents by name into a folder, all or none, with PNG where `can_write_png`."""
     contents: dict[str, str | bytes] = {f"{name}.svg": svg for name, svg in drawings.items()}
     if can_write_png():
-        contents |= {f"{name}.png": _png(svg) for name, svg in drawings.items()}
+        contents |= {f"{name}.png": _render_png(svg) for name, svg in drawings.items()}
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -86,7 +86,7 @@ def can_write_png() -> bool:
     return find_spec("resvg_py") is not None
 
 
-def _png(svg: str) -> bytes:
+def _render_png(svg: str) -> bytes:
     """Render a drawing at twice its size in pixels, for print and slides."""
     from importlib import import_module
 

@@ -125,7 +125,7 @@ class Entry:
 def parameter_tables(result: IdentificationResult) -> tuple[ParameterTable, ...]:
     """Tabulate rotors, then each body about its CoM, then at the origin."""
     tables = [
-        _table(
+        _make_table(
             "Rotors",
             "What all rotors and configurations share.",
             [
@@ -158,10 +158,10 @@ def _body_tables(result: IdentificationResult, configuration: str) -> list[Param
     ]
     body = f"Body, configuration {configuration}"
     return [
-        _table(
+        _make_table(
             body, "Mass, centre of mass, inertia about the centre of mass.", [*mass, *about_com]
         ),
-        _table(
+        _make_table(
             f"{body}: as the equations have it",
             "First moments and inertia at the body origin, and what belongs to the sensors.",
             [*[_of_parameter(p) for p in own if p.name != "mass"], *others],
@@ -207,23 +207,24 @@ def body_entry(derived: Derived, twin: Parameter | None, kin: Mapping[str, Deriv
     )
 
 
-def _table(title: str, explanation: str, entries: Sequence[Entry]) -> ParameterTable:
+def _make_table(title: str, explanation: str, entries: Sequence[Entry]) -> ParameterTable:
     axes: dict[str, list[Parameter | Derived]] = {}
     for entry in entries:
         axes.setdefault(axis_of(entry.number.name), []).append(entry.number)
-    notes = _notes(entries)
+    notes = _collect_notes(entries)
     marks = {name: note.mark for note in notes for name in note.names}
     return ParameterTable(
         title=title,
         explanation=explanation,
         rows=tuple(
-            _row(e, axes[axis_of(e.number.name)], marks.get(e.number.name, "")) for e in entries
+            _make_row(e, axes[axis_of(e.number.name)], marks.get(e.number.name, ""))
+            for e in entries
         ),
         notes=notes,
     )
 
 
-def _row(entry: Entry, kin: Sequence[Parameter | Derived], mark: str) -> Row:
+def _make_row(entry: Entry, kin: Sequence[Parameter | Derived], mark: str) -> Row:
     number = entry.number
     ends = axis_range(kin)
     return Row(
@@ -240,7 +241,7 @@ def _row(entry: Entry, kin: Sequence[Parameter | Derived], mark: str) -> Row:
     )
 
 
-def _notes(entries: Sequence[Entry]) -> tuple[Note, ...]:
+def _collect_notes(entries: Sequence[Entry]) -> tuple[Note, ...]:
     """Collect reasons and advice, each once, lettered in the order of the rows."""
     groups: dict[tuple[str | None, str | None], list[str]] = {}
     for entry in entries:
@@ -248,7 +249,7 @@ def _notes(entries: Sequence[Entry]) -> tuple[Note, ...]:
             groups.setdefault((entry.reason, entry.advice), []).append(entry.number.name)
     return tuple(
         Note(
-            mark=_letter(i),
+            mark=_note_letter(i),
             names=tuple(names),
             reason=None if reason is None else plus_minus(reason),
             advice=advice,
@@ -257,7 +258,7 @@ def _notes(entries: Sequence[Entry]) -> tuple[Note, ...]:
     )
 
 
-def _letter(index: int) -> str:
+def _note_letter(index: int) -> str:
     return chr(ord("a") + index) if index < 26 else f"a{index - 25}"
 
 
@@ -347,16 +348,18 @@ def latex_table(result: IdentificationResult) -> str:
         entries = [found.get((name, owner)) for owner in own]
         if not any(entries):
             continue
-        cells = [_cell(e, verdicts.get((name, o), "")) for e, o in zip(entries, own, strict=True)]
+        cells = [
+            _latex_cell(e, verdicts.get((name, o), "")) for e, o in zip(entries, own, strict=True)
+        ]
         if own == [None]:
             cells = [rf"\multicolumn{{{len(owners)}}}{{c}}{{{cells[0]}}}"]
         unit = next(e.unit for e in entries if e is not None)
         title = TITLES.get(name, name)
-        rows.append(rf"{title} & ${SYMBOLS[name]}$ & {' & '.join(cells)} & {_unit(unit)} \\")
-    heads = " & ".join(_escaped(name) for name in owners)
+        rows.append(rf"{title} & ${SYMBOLS[name]}$ & {' & '.join(cells)} & {_latex_unit(unit)} \\")
+    heads = " & ".join(_escape_latex(name) for name in owners)
     return (
         "\\begin{table}\n\\centering\n"
-        + rf"\caption{{{_caption(result)}}}"
+        + rf"\caption{{{_table_caption(result)}}}"
         + f"\n\\begin{{tabular}}{{ll{'r' * len(owners)}l}}\n\\toprule\n"
         + rf"Parameter & Symbol & {heads} & Unit \\"
         + "\n\\midrule\n"
@@ -365,22 +368,22 @@ def latex_table(result: IdentificationResult) -> str:
     )
 
 
-def _caption(result: IdentificationResult) -> str:
+def _table_caption(result: IdentificationResult) -> str:
     seconds = sum(flight.seconds_used for flight in result.flights)
     count = len(result.flights)
     return (
-        f"{_escaped(result.name)}: identified from {count} flight{'' if count == 1 else 's'}, "
+        f"{_escape_latex(result.name)}: identified from {count} flight{'' if count == 1 else 's'}, "
         f"{seconds:.0f} s in the air; $\\pm$ is half of the 95\\,\\% interval; "
         "$^{w}$ weak, $^{d}$ doubtful, $^{g}$ given; --: not determined."
     )
 
 
-def _cell(entry: Parameter | Derived | None, verdict: str) -> str:
+def _latex_cell(entry: Parameter | Derived | None, verdict: str) -> str:
     number = None if entry is None else number_of(entry.value, entry.interval)
-    return "--" if number is None else f"${_digits(number)}${MARKS.get(verdict, '')}"
+    return "--" if number is None else f"${_latex_digits(number)}${MARKS.get(verdict, '')}"
 
 
-def _digits(number: Number) -> str:
+def _latex_digits(number: Number) -> str:
     body = number.value
     if number.low:
         body += f"\\ ({number.low}\\ \\text{{to}}\\ {number.high})"
@@ -392,13 +395,13 @@ def _digits(number: Number) -> str:
     return body.replace("−", "-")
 
 
-def _unit(unit: str) -> str:
+def _latex_unit(unit: str) -> str:
     """Write a unit upright, powers raised: ``N s^2/rad^2``."""
     plain = "" if unit == "1" else unit
     return f"$\\mathrm{{{plain.replace(' ', chr(92) + ',')}}}$" if plain else ""
 
 
-def _escaped(words: str) -> str:
+def _escape_latex(words: str) -> str:
     """Escape a name for LaTeX."""
     special = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
     return "".join(special.get(c, f"\\{c}" if c in "&%$#_{}" else c) for c in words)

@@ -196,7 +196,7 @@ def _top_view(plan: FlightPlan) -> str:
     """Draw the vehicle from above, forward up, with its payload."""
     vehicle = plan.rough.vehicle
     size, reach = 200.0, float(np.abs(vehicle.positions[:, :2]).max())
-    spacing = _spacing(vehicle.positions[:, :2])
+    spacing = _smallest_spacing(vehicle.positions[:, :2])
     scale = 0.47 * size / (reach + 0.4 * spacing)
     middle = size / 2.0
 
@@ -223,7 +223,7 @@ def _top_view(plan: FlightPlan) -> str:
     return drawing(size, size, {"class": "view", "role": "img", "aria-label": words}, *parts)
 
 
-def _spacing(places: np.ndarray) -> float:
+def _smallest_spacing(places: np.ndarray) -> float:
     """Compute the smallest distance between two rotors [m]."""
     distances = np.hypot(
         places[:, None, 0] - places[None, :, 0], places[:, None, 1] - places[None, :, 1]

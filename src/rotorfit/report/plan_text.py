@@ -71,26 +71,26 @@ def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
         Of a line [characters]; tables are as wide as their numbers.
     """
     sections = [
-        [line for words in _title(plan) for line in textwrap.wrap(words, width)],
-        _first(plan, width),
-        _conclusion(plan, width),
-        _missing(plan, width),
-        _steps(plan, width),
-        _table(plan, width),
-        _lengths(plan),
+        [line for words in _plan_title(plan) for line in textwrap.wrap(words, width)],
+        _first_advice(plan, width),
+        _plan_conclusion(plan, width),
+        _missing_lines(plan, width),
+        _step_lines(plan, width),
+        _candidate_table(plan, width),
+        _length_lines(plan),
         [
             "Assumed",
             *(
                 f"  {line}"
                 for words in assumption_sentences(plan)
-                for line in _paragraphs(width, words)
+                for line in _wrap_paragraphs(width, words)
             ),
         ],
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
 
-def _title(plan: FlightPlan) -> list[str]:
+def _plan_title(plan: FlightPlan) -> list[str]:
     rough, request = plan.rough, plan.request
     return [
         f"{request.name}: {rough.truth.mass:g} kg, {len(rough.vehicle.rotors)} rotors, "
@@ -99,13 +99,13 @@ def _title(plan: FlightPlan) -> list[str]:
     ]
 
 
-def _first(plan: FlightPlan, width: int) -> list[str]:
-    """Say what the earlier result asks for first, in its own words."""
+def _first_advice(plan: FlightPlan, width: int) -> list[str]:
+    """State what the earlier result asks for first, in its own words."""
     step = step_after(plan)
     if step is None:
         return []
     head = "Next step" if step.kind in ("fly", "done") else "Before any flight of this plan"
-    return _paragraphs(width, f"{head}: {step.sentence}.")
+    return _wrap_paragraphs(width, f"{head}: {step.sentence}.")
 
 
 def step_after(plan: FlightPlan) -> NextStep | None:
@@ -114,12 +114,16 @@ def step_after(plan: FlightPlan) -> NextStep | None:
     return None if after is None else next_step(after, predicted=best_manoeuvre(plan.missing))
 
 
-def _conclusion(plan: FlightPlan, width: int) -> list[str]:
+def _plan_conclusion(plan: FlightPlan, width: int) -> list[str]:
     if plan.enough:
-        return _paragraphs(width, "Nothing to fly for this target: the result reaches it already.")
+        return _wrap_paragraphs(
+            width, "Nothing to fly for this target: the result reaches it already."
+        )
     if plan.recommended is not None:
-        return _paragraphs(width, f"Fly: {flight_phrase(plan.recommended)}.", *_with_payload(plan))
-    return _paragraphs(
+        return _wrap_paragraphs(
+            width, f"Fly: {flight_phrase(plan.recommended)}.", *_with_payload(plan)
+        )
+    return _wrap_paragraphs(
         width,
         "No flight considered here reaches the target. The closest is: "
         f"{flight_phrase(plan.best)}; it leaves {unmet_phrase(plan)}.",
@@ -129,7 +133,7 @@ def _conclusion(plan: FlightPlan, width: int) -> list[str]:
 
 
 def remedy_sentences(plan: FlightPlan) -> list[str]:
-    """Describe what would reach what is wanted, or what is in the way."""
+    """Describe how to reach the wanted accuracy, or what prevents it."""
     words: list[str] = []
     for remedy in plan.remedies:
         flown = flight_phrase(remedy.candidate)
@@ -164,7 +168,7 @@ def _with_payload(plan: FlightPlan) -> list[str]:
     ]
 
 
-def _missing(plan: FlightPlan, width: int) -> list[str]:
+def _missing_lines(plan: FlightPlan, width: int) -> list[str]:
     if plan.request.after is None:
         return []
     if not plan.missing:
@@ -187,7 +191,7 @@ def _missing(plan: FlightPlan, width: int) -> list[str]:
     return lines
 
 
-def _steps(plan: FlightPlan, width: int) -> list[str]:
+def _step_lines(plan: FlightPlan, width: int) -> list[str]:
     if plan.enough:
         return []
     lines = ["Each flight:" if plan.chosen.payload else "The flight:"]
@@ -199,10 +203,10 @@ def _steps(plan: FlightPlan, width: int) -> list[str]:
             initial_indent=head,
             subsequent_indent=" " * len(head),
         )
-    return [*lines, *_paragraphs(width, SWEEPS)]
+    return [*lines, *_wrap_paragraphs(width, SWEEPS)]
 
 
-def _table(plan: FlightPlan, width: int) -> list[str]:
+def _candidate_table(plan: FlightPlan, width: int) -> list[str]:
     seconds = plan.chosen.seconds
     lines = [
         f"Predicted half of the 95 % interval, each flight {seconds:g} s",
@@ -211,14 +215,14 @@ def _table(plan: FlightPlan, width: int) -> list[str]:
         + "".join(f"{name.replace('com_', 'CoM '):>{COLUMN}}" for name in WANTABLE),
     ]
     rows = [c for c in plan.candidates if c.seconds == seconds]
-    lines += [_row(TITLES[c.schedule], c) for c in rows if not c.payload]
+    lines += [_candidate_row(TITLES[c.schedule], c) for c in rows if not c.payload]
     if plan.payload:
-        lines += ["", *_paragraphs(width, f"and again with {payload_phrase(plan)}")]
-        lines += [_row(TITLES[c.schedule], c) for c in rows if c.payload]
+        lines += ["", *_wrap_paragraphs(width, f"and again with {payload_phrase(plan)}")]
+        lines += [_candidate_row(TITLES[c.schedule], c) for c in rows if c.payload]
     return lines
 
 
-def _lengths(plan: FlightPlan) -> list[str]:
+def _length_lines(plan: FlightPlan) -> list[str]:
     chosen = plan.chosen
     same = [
         c for c in plan.candidates if (c.schedule, c.payload) == (chosen.schedule, chosen.payload)
@@ -227,10 +231,10 @@ def _lengths(plan: FlightPlan) -> list[str]:
         return []
     payload = ", bare and with payload" if chosen.payload else ""
     title = f"{TITLES[chosen.schedule].capitalize()}{payload}: how long"
-    return [title, *(_row(f"{c.seconds:g} s", c) for c in same)]
+    return [title, *(_candidate_row(f"{c.seconds:g} s", c) for c in same)]
 
 
-def _row(title: str, candidate: Candidate) -> str:
+def _candidate_row(title: str, candidate: Candidate) -> str:
     mark = "*" if candidate.meets else " "
     cells = "".join(f"{width_text(candidate, name):>{COLUMN}}" for name in WANTABLE)
     return f"  {title:<{NAME_WIDTH}}{cells} {mark}".rstrip()
@@ -264,7 +268,7 @@ def assumption_sentences(plan: FlightPlan) -> Iterator[str]:
         yield f"{numbers} (SI)"
 
 
-def _paragraphs(width: int, *paragraphs: str) -> list[str]:
+def _wrap_paragraphs(width: int, *paragraphs: str) -> list[str]:
     return [line for words in paragraphs for line in wrapped(words, width - 2)]
 
 

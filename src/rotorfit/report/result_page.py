@@ -115,10 +115,10 @@ def is_paper_vehicle(result: IdentificationResult) -> bool:
     names = configuration_names(result)
     if settings.get("preset") != "paper" or not names:
         return False
-    return all(name in MASSES and _weighs(result, name, MASSES[name]) for name in names)
+    return all(name in MASSES and _weighs_about(result, name, MASSES[name]) for name in names)
 
 
-def _weighs(result: IdentificationResult, configuration: str, mass: float) -> bool:
+def _weighs_about(result: IdentificationResult, configuration: str, mass: float) -> bool:
     found = [
         known(p.value)
         for p in result.parameters
@@ -139,18 +139,20 @@ def paper_section(
             PaperTable(
                 name=name,
                 configuration=configuration,
-                rows=_rows(result, configuration, _PAPER[kind][configuration], with_mocap=both),
+                rows=_paper_rows(
+                    result, configuration, _PAPER[kind][configuration], with_mocap=both
+                ),
                 note=ILLEGIBLE[name],
                 has_mocap=both,
             )
             for configuration in names
         ),
-        errors=_errors(comparisons),
+        errors=_tabulate_errors(comparisons),
         error_note=ILLEGIBLE["Table III"],
     )
 
 
-def _rows(
+def _paper_rows(
     result: IdentificationResult,
     configuration: str,
     paper: Mapping[str, Entry],
@@ -160,13 +162,15 @@ def _rows(
     ours = {p.name: p for p in result.parameters if p.configuration in (None, configuration)}
     mocap: Mapping[str, Any] = _PAPER["mocap"][configuration] if with_mocap else {}
     return tuple(
-        _row(name, ours.get(name), paper.get(name), mocap.get(name))
+        _paper_row(name, ours.get(name), paper.get(name), mocap.get(name))
         for name in ORDER
         if name in paper or name in ours
     )
 
 
-def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | None) -> PaperRow:
+def _paper_row(
+    name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | None
+) -> PaperRow:
     value = None if ours is None else known(ours.value)
     std = None if ours is None else known(ours.std)
     sigma = 100 * std / abs(value) if std is not None and value else None
@@ -175,16 +179,16 @@ def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | 
         name=name,
         title=title_of(name),
         unit="" if ours is None else unit_words(ours.unit),
-        paper="–" if paper is None else _scientific(paper[0]),
-        paper_sigma=_two(None if paper is None else paper[1]),
-        mocap=_scientific(None if mocap is None else mocap[0]),
-        ours=_scientific(value) if ours is None or value is not None else ours.verdict,
+        paper="–" if paper is None else _scientific_text(paper[0]),
+        paper_sigma=_two_decimals(None if paper is None else paper[1]),
+        mocap=_scientific_text(None if mocap is None else mocap[0]),
+        ours=_scientific_text(value) if ours is None or value is not None else ours.verdict,
         our_sigma="" if sigma is None else short(sigma),
         difference="" if difference is None else f"{difference:+.1f} %".replace("-", "−"),
     )
 
 
-def _scientific(value: float | None) -> str:
+def _scientific_text(value: float | None) -> str:
     """Write a number as the paper prints it: three digits and a power of ten."""
     if value is None:
         return ""
@@ -195,11 +199,11 @@ def _scientific(value: float | None) -> str:
     return f"{value / 10.0**exponent:.2f}·10{powers}".replace("-", "−")
 
 
-def _two(value: float | None) -> str:
+def _two_decimals(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
 
 
-def _errors(
+def _tabulate_errors(
     comparisons: Sequence[WrenchComparison],
 ) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
     """Tabulate the paper's rows of Table III, then ours."""
@@ -315,7 +319,8 @@ def figure_texts(
     if vehicle is not None:
         out = {name: standalone(svg, style) for name, _, svg in vehicle.views}
     for number, comparison in enumerate(comparisons, 1):
-        name = f"wrench-{number}-{_plain(comparison.configuration)}-{_plain(comparison.flight)}"
+        owner, flight = _safe_name(comparison.configuration), _safe_name(comparison.flight)
+        name = f"wrench-{number}-{owner}-{flight}"
         out[name] = standalone(wrench_svg(comparison, series_of(comparison)), style)
     spectra = wrench_spectra(comparisons)
     if spectra is not None:
@@ -328,7 +333,7 @@ def figure_texts(
     return out
 
 
-def _plain(name: str) -> str:
+def _safe_name(name: str) -> str:
     """Make a name with nothing in it that a file system may not like."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(file_name(name)).stem).strip("-")[:40] or "flight"
 
@@ -359,14 +364,14 @@ def provenance_of(
         (file_name(c.flight), c.sha256, "validated") for c in comparisons if c.sha256 not in fitted
     ]
     return Provenance(
-        settings=tuple(_leaves(_shown_settings(result.settings), "")),
+        settings=tuple(_flatten_leaves(_shown_settings(result.settings), "")),
         versions=tuple((name, str(version)) for name, version in result.versions.items()),
         hashes=tuple(hashes),
     )
 
 
 def _shown_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Leave out what the page says elsewhere, and the motor order beside rotors that are listed."""
+    """Omit what the page shows elsewhere, and the motor order if rotors are listed."""
     out = dict(settings)
     if "used" in out:
         out["used"] = {k: v for k, v in out["used"].items() if k != "hangs_on"}
@@ -375,32 +380,36 @@ def _shown_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _leaves(value: Any, path: str) -> list[tuple[str, str]]:
+def _flatten_leaves(value: Any, path: str) -> list[tuple[str, str]]:
     """Flatten nested tables to lines; a list of small tables has one line for each."""
     if isinstance(value, Mapping):
         table = cast("Mapping[str, Any]", value)
         if path and not any(isinstance(v, Mapping | list | tuple) for v in table.values()):
-            shown = {key: _shortened(key, v) for key, v in table.items()}
+            shown = {key: _shorten_path(key, v) for key, v in table.items()}
             return [(path, ", ".join(f"{key} = {_setting_text(v)}" for key, v in shown.items()))]
         return [
             line
             for key, v in table.items()
-            for line in _leaves(_shortened(key, v), f"{path}.{key}".lstrip("."))
+            for line in _flatten_leaves(_shorten_path(key, v), f"{path}.{key}".lstrip("."))
         ]
     if isinstance(value, list | tuple) and any(
         isinstance(v, Mapping) for v in cast("list[Any]", value)
     ):
         items = cast("list[Any]", value)
-        return [line for i, v in enumerate(items, 1) for line in _leaves(_flat(v), f"{path} {i}")]
+        return [
+            line
+            for i, v in enumerate(items, 1)
+            for line in _flatten_leaves(_flatten_lists(v), f"{path} {i}")
+        ]
     return [(path, _setting_text(value))]
 
 
-def _flat(value: Any) -> Any:
+def _flatten_lists(value: Any) -> Any:
     """Write the short lists of a table as text, so that a rotor takes one line."""
     if not isinstance(value, Mapping):
         return value
     table = cast("Mapping[str, Any]", value)
-    return {k: _json(v) if _is_vector(v) else v for k, v in table.items()}
+    return {k: _json_text(v) if _is_vector(v) else v for k, v in table.items()}
 
 
 def _is_vector(value: Any) -> bool:
@@ -410,13 +419,13 @@ def _is_vector(value: Any) -> bool:
 
 
 def _setting_text(value: Any) -> str:
-    return value if isinstance(value, str) else _json(value)
+    return value if isinstance(value, str) else _json_text(value)
 
 
-def _shortened(key: str, value: Any) -> Any:
+def _shorten_path(key: str, value: Any) -> Any:
     """Strip a file's folders: they are nobody else's business."""
     return file_name(value) if key == "file" and isinstance(value, str) else value
 
 
-def _json(value: Any) -> str:
+def _json_text(value: Any) -> str:
     return json.dumps(value, default=str, ensure_ascii=False)

@@ -57,8 +57,8 @@ class Scene:
 
 
 def scene_of(result: IdentificationResult) -> Scene | None:
-    """Collect what there is to draw, None where the settings do not describe a vehicle."""
-    airframe = _airframe(result.settings)
+    """Collect what there is to draw, None if the settings do not describe a vehicle."""
+    airframe = _read_airframe(result.settings)
     if airframe is None:
         return None
     vehicle = vehicle_of(airframe)
@@ -66,7 +66,7 @@ def scene_of(result: IdentificationResult) -> Scene | None:
     return Scene(
         vehicle=vehicle,
         bodies=tuple(
-            _body(result, name, shift, flip=airframe.axes == "FRD")
+            _scene_body(result, name, shift, flip=airframe.axes == "FRD")
             for name in configuration_names(result)
         ),
         imu=vehicle.imu_position or shift,
@@ -74,8 +74,8 @@ def scene_of(result: IdentificationResult) -> Scene | None:
     )
 
 
-def _airframe(settings: Mapping[str, Any]) -> AirframeEntry | None:
-    """Read the airframe of the settings, None where they do not describe one."""
+def _read_airframe(settings: Mapping[str, Any]) -> AirframeEntry | None:
+    """Read the airframe of the settings, None if they do not describe one."""
     described = settings.get("airframe")
     if not isinstance(described, Mapping):
         return None
@@ -109,8 +109,8 @@ def _origin_shift(result: IdentificationResult, vehicle: Vehicle) -> Point:
     return (-(x or 0.0), -(y or 0.0), 0.0)
 
 
-def _body(result: IdentificationResult, name: str, shift: Point, *, flip: bool) -> Body:
-    found = [_com(result, name, axis) for axis in "xyz"]
+def _scene_body(result: IdentificationResult, name: str, shift: Point, *, flip: bool) -> Body:
+    found = [_com_coordinate(result, name, axis) for axis in "xyz"]
     x, y, z = (
         None if value is None else value + s for (value, _), s in zip(found, shift, strict=True)
     )
@@ -118,12 +118,12 @@ def _body(result: IdentificationResult, name: str, shift: Point, *, flip: bool) 
     return Body(
         configuration=name,
         com=(x, y, z),
-        covariance=_correlation(result, name) * np.outer(std, std),
-        payloads=_payloads(result.settings, name, flip=flip),
+        covariance=_com_correlation(result, name) * np.outer(std, std),
+        payloads=_read_payloads(result.settings, name, flip=flip),
     )
 
 
-def _com(
+def _com_coordinate(
     result: IdentificationResult, configuration: str, axis: str
 ) -> tuple[float | None, float | None]:
     """Compute one coordinate of the centre of mass and half of its interval."""
@@ -143,7 +143,7 @@ def _com(
     return value / kilograms, None if half is None else half / kilograms
 
 
-def _correlation(result: IdentificationResult, configuration: str) -> Float[np.ndarray, "3 3"]:
+def _com_correlation(result: IdentificationResult, configuration: str) -> Float[np.ndarray, "3 3"]:
     """Correlate the centre of mass as its first moments are, where that is known."""
     names = [f"ms{axis}@{configuration}" for axis in "xyz"]
     out = np.eye(3)
@@ -157,7 +157,7 @@ def _correlation(result: IdentificationResult, configuration: str) -> Float[np.n
     return out
 
 
-def _payloads(
+def _read_payloads(
     settings: Mapping[str, Any], configuration: str, *, flip: bool
 ) -> tuple[Payload, ...]:
     """Read the payloads of a configuration, where the settings have them in a known form."""

@@ -65,7 +65,7 @@ class Part:
 
     @property
     def doubt(self) -> str:
-        """Its verdict where the number itself does not say it; empty of a good one."""
+        """The verdict if the number does not show it; empty for a good number."""
         return "" if self.value is None or self.verdict == "identified" else self.verdict
 
 
@@ -114,12 +114,12 @@ def summary_of(result: IdentificationResult) -> Summary:
     motors, bodies = _motor_lines(result), {name: _body_lines(result, name) for name in names}
     if len(names) == 1:
         thrust, place = bodies[names[0]]
-        groups = [("", _once((*thrust, *motors, *place)))]
+        groups = [("", _drop_repeated((*thrust, *motors, *place)))]
     else:
         groups = [("Motors", tuple(motors))]
         groups += [(f"Body, configuration {n}", (*a, *b)) for n, (a, b) in bodies.items()]
     verdicts = [p.verdict for p in result.parameters]
-    doubts, notes, more = _remarks(result)
+    doubts, notes, more = _select_remarks(result)
     return Summary(
         groups=tuple(group for group in groups if group[1]),
         doubts=doubts,
@@ -141,7 +141,7 @@ def summary_text(result: IdentificationResult, *, width: int) -> str:
     for title, members in summary.groups:
         lines += [title] if title else []
         for member in members:
-            lines += wrapped(_body(member), width, f"  {member.heading:<{TITLE_WIDTH}}")
+            lines += wrapped(_line_body(member), width, f"  {member.heading:<{TITLE_WIDTH}}")
     for words in summary.doubts:
         lines += wrapped(words, width, "Doubt: ")
     for words in summary.notes:
@@ -154,13 +154,13 @@ def summary_text(result: IdentificationResult, *, width: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _once(lines: Sequence[Line]) -> tuple[Line, ...]:
+def _drop_repeated(lines: Sequence[Line]) -> tuple[Line, ...]:
     """Leave out lines without a number that say why in the words of one before."""
     said = [line.remark for line in lines]
     return tuple(x for i, x in enumerate(lines) if x.parts or x.remark not in said[:i])
 
 
-def _body(line: Line) -> str:
+def _line_body(line: Line) -> str:
     parts = [*map(_part_in_ascii, line.parts), *([line.remark] if line.remark else [])]
     return ", ".join(parts)
 
@@ -170,10 +170,10 @@ def _part_in_ascii(part: Part) -> str:
     return " ".join(filter(None, (part.words, number, part.doubt and f"({part.doubt})")))
 
 
-def _remarks(result: IdentificationResult) -> tuple[tuple[str, ...], tuple[str, ...], int]:
+def _select_remarks(result: IdentificationResult) -> tuple[tuple[str, ...], tuple[str, ...], int]:
     """Select doubts and notes that say the most, in short, and count what else there is to know."""
     found = [one for one in result.findings if one.severity == "doubt"]
-    disowned = (_disowned(one, result) for one in found if one.doubtful_because)
+    disowned = (_disowned_numbers(one, result) for one in found if one.doubtful_because)
     doubts = list(dict.fromkeys(filter(None, disowned)))[:MOST_REMARKS]
     covered = (_in_short(one) for one in found if not one.doubtful_because)
     notes = list(dict.fromkeys(covered))[: MOST_REMARKS - len(doubts)]
@@ -181,8 +181,8 @@ def _remarks(result: IdentificationResult) -> tuple[tuple[str, ...], tuple[str, 
     return tuple(doubts), tuple(notes), max(every - len(doubts) - len(notes), 0)
 
 
-def _disowned(finding: Finding, result: IdentificationResult) -> str:
-    """Say which numbers may be outside their intervals, and why; empty where none is shown."""
+def _disowned_numbers(finding: Finding, result: IdentificationResult) -> str:
+    """State which numbers may be outside their intervals, and why; empty if none is shown."""
     numbers = (*result.parameters, *result.derived)
     doubtful = [n for n in numbers if n.value is not None and verdict_of(result, n) == "doubtful"]
     about = [name_of(n) for n in doubtful if finding.is_about(n.full_name)]
@@ -220,15 +220,15 @@ def _motor_lines(result: IdentificationResult) -> list[Line]:
     )
     imbalance = _strong_and_weak(result)
     return [
-        *_lines(
+        *_summary_lines(
             result,
             "full thrust, a motor",
             "g",
             1e3 / GRAVITY,
             _at_voltages(result, shared, "max_thrust"),
         ),
-        *_line(result, lag[0], "ms", 1e3, lag[1]),
-        *_line(
+        *_summary_line(result, lag[0], "ms", 1e3, lag[1]),
+        *_summary_line(
             result,
             "imbalance of motors",
             "%",
@@ -273,13 +273,13 @@ def _body_lines(
     own = {d.name: d for d in result.derived if d.configuration == configuration}
     throttle, hover = own.get("hover_throttle"), own.get("hover_speed")
     if throttle is not None and throttle.value is None and hover is not None and hover.value:
-        hovering = _line(result, "hover speed", "rpm", 30.0 / pi, hover)
+        hovering = _summary_line(result, "hover speed", "rpm", 30.0 / pi, hover)
     else:
-        hovering = _line(result, "hover throttle", "%", 100.0, throttle)
+        hovering = _summary_line(result, "hover throttle", "%", 100.0, throttle)
     center = any(p.name == "rotor_center_x" for p in result.parameters)
-    place = [_directed(own[name], DIRECTIONS[name]) for name in DIRECTIONS if name in own]
+    place = [_direct_number(own[name], DIRECTIONS[name]) for name in DIRECTIONS if name in own]
     off_center = [
-        _directed(found, DIRECTIONS[axis])
+        _direct_number(found, DIRECTIONS[axis])
         for axis in ("com_x", "com_y")
         if axis in own and (found := _from_rotors(result, own[axis])) is not None
     ]
@@ -292,15 +292,15 @@ def _body_lines(
     return (
         (
             *hovering,
-            *_lines(
+            *_summary_lines(
                 result, "thrust to weight", "", 1.0, _at_voltages(result, own, "thrust_to_weight")
             ),
         ),
         (
-            *_lines(
+            *_summary_lines(
                 result, "centre of mass", "mm", 1e3, off_center, remark="from the rotors' centre"
             ),
-            *_lines(
+            *_summary_lines(
                 result,
                 "the same" if off_center else "centre of mass",
                 "mm",
@@ -308,7 +308,7 @@ def _body_lines(
                 place,
                 remark=f"from the {'IMU' if center else 'origin'}",
             ),
-            *_lines(result, "inertia", unit, 10.0**-power, turns),
+            *_summary_lines(result, "inertia", unit, 10.0**-power, turns),
         ),
     )
 
@@ -316,7 +316,7 @@ def _body_lines(
 def _from_rotors(result: IdentificationResult, com: Derived) -> Derived | None:
     """Return a coordinate of the centre of mass from the rotors' centre, which a pilot balances.
 
-    Both are known far less well from the IMU than from one another; None where one is not known.
+    Both are known far less well from the IMU than from one another; None if one is not known.
     """
     axis, owner = com.name[-1], com.configuration
     center = next(
@@ -344,7 +344,7 @@ def _from_rotors(result: IdentificationResult, com: Derived) -> Derived | None:
     )
 
 
-def _directed(number: Derived, ways: tuple[str, str]) -> tuple[str, Derived]:
+def _direct_number(number: Derived, ways: tuple[str, str]) -> tuple[str, Derived]:
     value, interval = known(number.value), number.interval
     if value is None or value >= 0.0:
         return ways[0], number
@@ -360,7 +360,7 @@ def _power_of_ten(numbers: Sequence[Derived]) -> tuple[int, str]:
     return (power, f"1e{power} {unit}") if power < -1 else (0, unit)
 
 
-def _line(
+def _summary_line(
     result: IdentificationResult,
     title: str,
     unit: str,
@@ -370,10 +370,10 @@ def _line(
     remark: str = "",
 ) -> Iterator[Line]:
     numbers = [] if number is None else [("", number)]
-    return _lines(result, title, unit, factor, numbers, remark=remark)
+    return _summary_lines(result, title, unit, factor, numbers, remark=remark)
 
 
-def _lines(
+def _summary_lines(
     result: IdentificationResult,
     title: str,
     unit: str,
@@ -382,10 +382,10 @@ def _lines(
     *,
     remark: str = "",
 ) -> Iterator[Line]:
-    """Write numbers in one line; none where there are none."""
+    """Write numbers in one line; yield nothing if there are no numbers."""
     if not numbers:
         return
-    parts = tuple(_scaled(result, words, number, factor) for words, number in numbers)
+    parts = tuple(_scale_part(result, words, number, factor) for words, number in numbers)
     if all(part.value is None for part in parts):
         reasons = [number.reason for _, number in numbers if number.reason]
         why = reasons[0] if reasons else "these flights do not show it"
@@ -393,7 +393,7 @@ def _lines(
     yield Line(title=title, unit=unit if parts else "", parts=parts, remark=remark)
 
 
-def _scaled(
+def _scale_part(
     result: IdentificationResult, words: str, number: Parameter | Derived, factor: float
 ) -> Part:
     value, ends = known(number.value), number.interval
@@ -444,14 +444,14 @@ def used_flights(result: IdentificationResult) -> tuple[UsedFlightView, ...]:
             seconds=flight.seconds_used,
             samples=flight.samples_used,
             bar=time_bar(flight, shades),
-            cuts=_cuts(flight, shades),
+            cuts=_group_cuts(flight, shades),
             warnings=flight.warnings,
         )
         for flight in result.flights
     )
 
 
-def _cuts(flight: FlightRecord, shades: dict[str, int]) -> tuple[Cut, ...]:
+def _group_cuts(flight: FlightRecord, shades: dict[str, int]) -> tuple[Cut, ...]:
     """Group the cuts by reason."""
     by_reason: dict[str, list[tuple[float, float]]] = {}
     for start, end, reason in flight.cuts:
@@ -461,13 +461,13 @@ def _cuts(flight: FlightRecord, shades: dict[str, int]) -> tuple[Cut, ...]:
             reason=reason,
             shade=shades[reason],
             seconds=sum(end - start for start, end in places),
-            places=_places(places),
+            places=_places_text(places),
         )
         for reason, places in by_reason.items()
     )
 
 
-def _places(places: list[tuple[float, float]]) -> str:
+def _places_text(places: list[tuple[float, float]]) -> str:
     shown = [f"{start:.1f} to {end:.1f} s" for start, end in places[:MOST_LISTED]]
     more = len(places) - MOST_LISTED
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")

@@ -47,18 +47,18 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
         Of a line [characters]; tables are as wide as their numbers.
     """
     sections = [
-        textwrap.wrap(_title(result), width),
-        _table("Rotors", _rotor_lines(result), width),
+        textwrap.wrap(_result_title(result), width),
+        _table_of_entries("Rotors", _rotor_lines(result), width),
         _law_lines(result, width),
         *(
-            _table(f"Body, configuration {name}", _body_lines(result, name), width)
+            _table_of_entries(f"Body, configuration {name}", _body_lines(result, name), width)
             for name in configuration_names(result)
         ),
-        _listed(UNEXPLAINED, map(_validated, result.validation), width),
-        _listed("What the verdicts mean", _meanings(result), width),
-        _listed("What the weak and missing numbers need", advice_of(result), width),
-        _listed("To know", warnings_of(result), width),
-        _listed(
+        _list_texts(UNEXPLAINED, map(_validation_line, result.validation), width),
+        _list_texts("What the verdicts mean", _verdict_meanings(result), width),
+        _list_texts("What the weak and missing numbers need", advice_of(result), width),
+        _list_texts("To know", warnings_of(result), width),
+        _list_texts(
             "No flight can check these: make sure that they are right",
             assumptions_of(result),
             width,
@@ -69,14 +69,14 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
 
 
 def flights_in_words(result: IdentificationResult) -> str:
-    """Name the result, and say how much was flown for it."""
+    """Name the result, and state how much was flown for it."""
     seconds = sum(flight.seconds_used for flight in result.flights)
     count = len(result.flights)
     flights = "1 flight" if count == 1 else f"{count} flights"
     return f"{result.name}: {flights}, {seconds:.1f} s in the air"
 
 
-def _title(result: IdentificationResult) -> str:
+def _result_title(result: IdentificationResult) -> str:
     return f"{flights_in_words(result)}, method {result.method}; +- is half of the 95 % interval"
 
 
@@ -125,7 +125,7 @@ def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
     return [
         *(_of_parameter(p) for name, p in parameters.items() if name == "mass"),
         *(
-            (d, _verdict(body_entry(d, parameters.get(twin_of(d.name)), derived)))
+            (d, _verdict_text(body_entry(d, parameters.get(twin_of(d.name)), derived)))
             for d in about_com
         ),
         *map(_of_parameter, others),
@@ -134,7 +134,7 @@ def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
 
 
 def _of_parameter(parameter: Parameter) -> Line:
-    verdict = _verdict(parameter)
+    verdict = _verdict_text(parameter)
     # Weak by another rule than the width of its interval, which is seen beside it.
     width = percent(parameter)
     narrow = width is not None and width <= 100.0 * WEAK
@@ -142,7 +142,7 @@ def _of_parameter(parameter: Parameter) -> Line:
     return parameter, f"{verdict} (mostly assumed)" if own else verdict
 
 
-def _judged(result: IdentificationResult) -> list[Entry]:
+def _judge_entries(result: IdentificationResult) -> list[Entry]:
     """Judge every parameter as the tables show it: itself, or its like about the CoM."""
     about_com = {
         (twin_of(d.name), d.configuration): d for d in result.derived if d.name in COM_FIRST
@@ -161,12 +161,12 @@ def _judged(result: IdentificationResult) -> list[Entry]:
     return entries
 
 
-def _verdict(of: Parameter | Entry) -> str:
+def _verdict_text(of: Parameter | Entry) -> str:
     with_partner = of.verdict == "ratio-only" and of.partner
     return f"{of.verdict} with {of.partner}" if with_partner else of.verdict
 
 
-def _table(title: str, lines: list[Line], width: int) -> list[str]:
+def _table_of_entries(title: str, lines: list[Line], width: int) -> list[str]:
     """Align numbers, units and verdicts in columns, on one line where the width allows it."""
     if not lines:
         return []
@@ -188,24 +188,24 @@ def _table(title: str, lines: list[Line], width: int) -> list[str]:
     return [title, *table_lines(rows, width)]
 
 
-def _validated(row: Mapping[str, Any]) -> str:
+def _validation_line(row: Mapping[str, Any]) -> str:
     errors: Mapping[str, float | None] = row.get("relative_error", {})
     shown = ", ".join(f"{k} {short(100.0 * v)} %" for k, v in errors.items() if v is not None)
     return f"{file_name(str(row.get('flight', '')))} ({row.get('configuration')}): {shown}"
 
 
-def _meanings(result: IdentificationResult) -> list[str]:
-    met = {entry.verdict for entry in _judged(result)}
+def _verdict_meanings(result: IdentificationResult) -> list[str]:
+    met = {entry.verdict for entry in _judge_entries(result)}
     return [f"{verdict}: {VERDICT_MEANING[verdict]}" for verdict in DOUBTFUL if verdict in met]
 
 
 def advice_of(result: IdentificationResult) -> list[str]:
     """Collect each advice once, after its numbers and what is wrong with them."""
     groups: dict[str, dict[str, list[str]]] = {}
-    for entry in _judged(result):
+    for entry in _judge_entries(result):
         if entry.advice is None or entry.verdict not in DOUBTFUL or entry.number.name in NUISANCE:
             continue
-        names = groups.setdefault(entry.advice, {}).setdefault(_wrong(entry), [])
+        names = groups.setdefault(entry.advice, {}).setdefault(_what_is_wrong(entry), [])
         name = entry.number.name
         names += [name] if name not in names else []
     return [
@@ -214,7 +214,7 @@ def advice_of(result: IdentificationResult) -> list[str]:
     ]
 
 
-def _wrong(entry: Entry) -> str:
+def _what_is_wrong(entry: Entry) -> str:
     # How wide a weak interval is, is seen in the table.
     return entry.verdict if entry.verdict == "weak" else entry.reason or "-"
 
@@ -248,11 +248,11 @@ def _first_names(names: list[str]) -> str:
 
 
 def assumptions_of(result: IdentificationResult) -> list[str]:
-    """Collect what the numbers of a result are in proportion to, where it says so."""
+    """Collect the quantities that the numbers of a result are proportional to."""
     used = result.settings.get("used", {})
     return [str(words) for words in used.get("hangs_on", ())]
 
 
-def _listed(title: str, texts: Iterable[str], width: int) -> list[str]:
+def _list_texts(title: str, texts: Iterable[str], width: int) -> list[str]:
     lines = [line for text in texts for line in wrapped(text, width, "  - ")]
     return [title, *lines] if lines else []

@@ -60,7 +60,7 @@ class VehicleDrawings:
 
 
 def vehicle_drawings(result: IdentificationResult) -> VehicleDrawings | None:
-    """Draw the vehicle, None where the settings do not describe one."""
+    """Draw the vehicle, None if the settings do not describe one."""
     scene = scene_of(result)
     if scene is None:
         return None
@@ -109,12 +109,12 @@ def whole_view(scene: Scene, axes: Axes) -> str:
     ]
     loads = [p.position for body in scene.bodies for p in body.payloads]
     top = axes == TOP
-    view = _fitted([*edges, *loads, scene.imu], axes, height=SIZE if top else 220.0)
-    parts = [_arms(scene, view)]
-    parts += _rotors(scene, view, radius, top=top)
+    view = _fit_view([*edges, *loads, scene.imu], axes, height=SIZE if top else 220.0)
+    parts = [_draw_arms(scene, view)]
+    parts += _draw_rotors(scene, view, radius, top=top)
     parts += _arm_labels(scene, view, radius) if top else []
-    parts += _payloads(scene, view)
-    parts += _centers(scene, view, symbol=5.0)
+    parts += _draw_payloads(scene, view)
+    parts += _draw_centers(scene, view, symbol=5.0)
     name = "from above" if top else "from the side"
     return _view_svg(view, parts, f"Vehicle {name}, to scale")
 
@@ -131,13 +131,13 @@ def close_view(scene: Scene, axes: Axes) -> str:
                 (x - std[0], y - std[1], z - std[2]),
                 (x + std[0], y + std[1], z + std[2]),
             ]
-    view = _fitted(points, axes, height=338.0, least=0.01)
-    parts = _centers(scene, view, symbol=9.0)
+    view = _fit_view(points, axes, height=338.0, least=0.01)
+    parts = _draw_centers(scene, view, symbol=9.0)
     name = "from above" if axes == TOP else "from the side"
     return _view_svg(view, parts, f"Centre of mass with its uncertainty, {name}")
 
 
-def _fitted(
+def _fit_view(
     points: Sequence[Point],
     axes: Axes,
     *,
@@ -167,7 +167,7 @@ def _view_svg(view: View, parts: Sequence[str], words: str) -> str:
     )
 
 
-def _arms(scene: Scene, view: View) -> str:
+def _draw_arms(scene: Scene, view: View) -> str:
     """Draw a line from the rotor centre to each rotor."""
     cx, cy = view.place(scene.center)
     ends = (view.place(rotor.position) for rotor in scene.vehicle.rotors)
@@ -205,7 +205,7 @@ def _arm_text(scene: Scene) -> str:
     return f"{low:.3f} m" if high - low < 5e-4 else f"{low:.3f} to {high:.3f} m"
 
 
-def _rotors(scene: Scene, view: View, radius: float, *, top: bool) -> list[str]:
+def _draw_rotors(scene: Scene, view: View, radius: float, *, top: bool) -> list[str]:
     """Draw the rotors with numbers; stacked ones share a circle and list their numbers."""
     stacks: dict[tuple[float, ...], list[int]] = {}
     for i, rotor in enumerate(scene.vehicle.rotors):
@@ -264,7 +264,7 @@ def _spin_arrow(x: float, y: float, r: float, spin: str) -> str:
     )
 
 
-def _payloads(scene: Scene, view: View) -> list[str]:
+def _draw_payloads(scene: Scene, view: View) -> list[str]:
     parts: list[str] = []
     for body in scene.bodies:
         for load in body.payloads:
@@ -276,7 +276,7 @@ def _payloads(scene: Scene, view: View) -> list[str]:
     return parts
 
 
-def _centers(scene: Scene, view: View, *, symbol: float) -> list[str]:
+def _draw_centers(scene: Scene, view: View, *, symbol: float) -> list[str]:
     """Draw rotor centre, IMU, and each centre of mass with its ellipse."""
     x, y = view.place(scene.center)
     s = 1.5 * symbol
@@ -290,11 +290,11 @@ def _centers(scene: Scene, view: View, *, symbol: float) -> list[str]:
     for number, body in enumerate(scene.bodies):
         com = com_in(body, (view.right, view.up))
         if com is not None:
-            parts.append(_com(body, com, view, symbol=symbol, number=number))
+            parts.append(_draw_com(body, com, view, symbol=symbol, number=number))
     return parts
 
 
-def _com(body: Body, com: Point, view: View, *, symbol: float, number: int) -> str:
+def _draw_com(body: Body, com: Point, view: View, *, symbol: float, number: int) -> str:
     """Draw the sign of a centre of mass, a circle in four quarters, on its ellipse."""
     x, y = view.place(com)
     project = np.zeros((2, 3))

@@ -71,10 +71,10 @@ class WrenchFigure:
 
 def wrench_figures(comparisons: Sequence[WrenchComparison]) -> tuple[WrenchFigure, ...]:
     """Draw all compared flights."""
-    return tuple(_figure(comparison) for comparison in comparisons)
+    return tuple(_make_figure(comparison) for comparison in comparisons)
 
 
-def _figure(comparison: WrenchComparison) -> WrenchFigure:
+def _make_figure(comparison: WrenchComparison) -> WrenchFigure:
     series = thinned(series_of(comparison))
     chart = wrench_chart(comparison, series)
     return WrenchFigure(
@@ -95,11 +95,11 @@ def _figure(comparison: WrenchComparison) -> WrenchFigure:
 
 def error_percent(comparison: WrenchComparison, component: str) -> str:
     """Write the relative error norm of a component in percent, a dash where there is none."""
-    return _percent(comparison.relative_error.get(component))
+    return _percent_text(comparison.relative_error.get(component))
 
 
 def whiteness_text(comparison: WrenchComparison, component: str) -> str:
-    """Write what is left of the motion in the difference, a dash where that is not known."""
+    """Write the share of the motion left in the difference; a dash if unknown."""
     value = comparison.whiteness.get(component)
     return f"{value:.2f}" if value is not None and math.isfinite(value) else "–"
 
@@ -112,13 +112,13 @@ def validation_rows(
         (
             file_name(str(row.get("flight", ""))),
             str(row.get("configuration", "")),
-            tuple(_percent(row.get("relative_error", {}).get(name)) for name in SHOWN),
+            tuple(_percent_text(row.get("relative_error", {}).get(name)) for name in SHOWN),
         )
         for row in result.validation
     )
 
 
-def _percent(value: float | None) -> str:
+def _percent_text(value: float | None) -> str:
     return f"{short(100 * value)} %" if value is not None and math.isfinite(value) else "–"
 
 
@@ -205,7 +205,7 @@ class ExcitationFigure:
 
 
 def excitation_figure(comparisons: Sequence[WrenchComparison]) -> ExcitationFigure | None:
-    """Draw all compared flights together; None where they are too short."""
+    """Draw all compared flights together; None if they are too short."""
     found = wrench_spectra(comparisons)
     if found is None:
         return None

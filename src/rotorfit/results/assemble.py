@@ -58,7 +58,7 @@ def assembled(
         parameters=parameters,
         derived=derived,
         flights=tuple(
-            _record(flight, configured.entry.name)
+            _flight_record(flight, configured.entry.name)
             for configured in dataset.configurations
             for flight in configured.flights
         ),
@@ -76,7 +76,7 @@ def assembled(
     )
 
 
-def _record(flight: LoadedFlight, configuration: str) -> FlightRecord:
+def _flight_record(flight: LoadedFlight, configuration: str) -> FlightRecord:
     recorded, zero = flight.recorded, flight.recorded.start
     return FlightRecord(
         file=flight.entry.written,
@@ -230,7 +230,7 @@ def assumptions(
     """
     masses = [f"{c.mass:g} kg" for c in dataset.configurations if c.entry.mass != "unknown"]
     parts = [
-        f"kd, Jr and inertia are proportional to the rotors' distances ({_distances(dataset)})"
+        f"kd, Jr and inertia are proportional to the rotors' distances ({_rotor_spacing(dataset)})"
     ]
     if masses:
         parts.insert(
@@ -248,14 +248,14 @@ def assumptions(
     parts.append(f"{clock}{scale}")
     parts.append(_imu_place(dataset))
     parts += [
-        _shared(c.name, len(flights))
+        _shared_uncertainty(c.name, len(flights))
         for c in configurations
         if len(flights := flights_of(c.factors)) >= ENOUGH_FLIGHTS
     ]
     return tuple(parts)
 
 
-def _shared(configuration: str, flights: int) -> str:
+def _shared_uncertainty(configuration: str, flights: int) -> str:
     """Describe the uncertainty that no number of flights averages out."""
     return (
         f"{configuration}: {flights} flights average out what changes between them (trim, air, "
@@ -279,7 +279,7 @@ def _imu_place(dataset: Dataset) -> str:
     )
 
 
-def _distances(dataset: Dataset) -> str:
+def _rotor_spacing(dataset: Dataset) -> str:
     """Describe the distances between the rotors, front to back and left to right."""
     x, y = np.ptp(dataset.vehicle.positions[:, :2], axis=0).tolist()
     return f"{1e3 * x:.0f} mm front to back, {1e3 * y:.0f} mm left to right"

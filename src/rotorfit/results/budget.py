@@ -124,7 +124,7 @@ def budget_of(result: IdentificationResult, number: Parameter | Derived) -> Budg
 def budget_lines(number: Parameter | Derived) -> tuple[BudgetLine, ...]:
     """Return the contributions to the interval of a number, the largest first."""
     terms = number.interval_terms
-    shares = _shares(terms)
+    shares = _shares_of_terms(terms)
     lines = [
         BudgetLine(
             name=term.name,
@@ -132,21 +132,21 @@ def budget_lines(number: Parameter | Derived) -> tuple[BudgetLine, ...]:
             share=share,
             source=term.source,
             remedy=TERM_KINDS.get(term.name, UNKNOWN_KIND).remedy,
-            action=_action(term.name, number.name),
+            action=_action_for(term.name, number.name),
         )
         for term, share in zip(terms, shares, strict=True)
     ]
     return tuple(sorted(lines, key=lambda line: -line.share))
 
 
-def _shares(terms: Sequence[NumberTerm]) -> list[float]:
+def _shares_of_terms(terms: Sequence[NumberTerm]) -> list[float]:
     """Return by which share of the final squared half-width each term raises it."""
     whole = half_width_of_number(terms) ** 2
     reached = [half_width_of_number(terms[:i]) ** 2 for i in range(len(terms) + 1)]
     return [(after - before) / whole if whole > 0.0 else 0.0 for before, after in pairwise(reached)]
 
 
-def _action(term: str, number: str) -> str:
+def _action_for(term: str, number: str) -> str:
     """Return the action against a term of a number: its own manoeuvre where flying helps."""
     return TERM_KINDS.get(term, UNKNOWN_KIND).action or ADVICE[motion_for(number)]
 

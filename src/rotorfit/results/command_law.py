@@ -64,7 +64,7 @@ class CommandLaw:
     numbers
         Of the form, of the battery's voltage, of the curve of thrust.
     nominal_voltage
-        At which full_speed holds [V]; None where the flights show nothing of the voltage.
+        At which full_speed holds [V]; None if the flights show nothing of the voltage.
     known
         Whether full speed is known well enough to be used.
     commands
@@ -74,7 +74,7 @@ class CommandLaw:
     held_out
         By form: error on blocks of time that the fit had not seen [rad/s].
     rotor_factors
-        Speed of each rotor over the mean one's at the same command; None where it has none.
+        Speed of each rotor over the mean one's at the same command; None if it has none.
     points
         For a picture.
     motors
@@ -96,7 +96,7 @@ class CommandLaw:
     estimator: str
 
     def number(self, name: str) -> LawNumber | None:
-        """Return one number of the law; None where its form has none of the name."""
+        """Return a number of the law by its name; None if its form has no such number."""
         return next((number for number in self.numbers if number.name == name), None)
 
     @property

@@ -91,24 +91,24 @@ def is_per_command(result: IdentificationResult) -> bool:
 
 def with_flight_numbers(result: IdentificationResult, motors: MotorsEntry) -> IdentificationResult:
     """Add hover throttle, thrust over weight, largest thrust of a motor and their imbalance."""
-    law = _law(result, motors)
+    law = _select_law(result, motors)
     full = None if law is None else _full_speed(result, law, motors.law)
     bodies: list[Derived] = []
     for owner in configuration_names(result):
         hover = _hover_speed(result, owner)
         terms = _terms_of(result.derived, "hover_speed", owner)
         own = hover and _without_law(hover, motors.law)
-        throttle = _throttle(own, owner, law, full)
+        throttle = _hover_throttle(own, owner, law, full)
         ratio = _thrust_to_weight(hover, owner, full)
         bodies += [
             _with_terms(throttle, own, full, [t for t in terms if t.name != "motor law"]),
             _with_terms(ratio, hover, full, terms),
         ]
     thrust = _max_thrust(result, full)
-    kt = next((_range(p) for p in result.parameters if p.name == "kt"), None)
+    kt = next((_relative_range(p) for p in result.parameters if p.name == "kt"), None)
     doubled = full and (full[0], 2.0 * full[1])
     terms = _terms_of(result.parameters, "kt", None)
-    shared = (_with_terms(thrust, kt, doubled, terms), _imbalance(result))
+    shared = (_with_terms(thrust, kt, doubled, terms), _motor_imbalance(result))
     return replace(result, derived=(*result.derived, *shared, *bodies))
 
 
@@ -138,7 +138,7 @@ def _with_terms(
     return replace(number, interval_terms=scale_terms(shares, factor))
 
 
-def _law(result: IdentificationResult, motors: MotorsEntry) -> SpeedLaw | None:
+def _select_law(result: IdentificationResult, motors: MotorsEntry) -> SpeedLaw | None:
     """Select the law from command to speed; the command itself where speeds are in commands."""
     found = result.command_law
     if found is not None and found.known:
@@ -154,10 +154,10 @@ def _full_speed(result: IdentificationResult, law: SpeedLaw, entry: LawEntry | N
     fitted = next((p for p in result.parameters if p.name == "max_speed"), None)
     full = full_speed_of(law)
     by_slope = 0.0 if entry is None else 1.96 * hover_share(entry, full, 0.0)
-    return (fitted and _range(fitted)) or (full, by_slope)
+    return (fitted and _relative_range(fitted)) or (full, by_slope)
 
 
-def _range(number: Parameter | Derived) -> Range | None:
+def _relative_range(number: Parameter | Derived) -> Range | None:
     if number.value is None or not isfinite(number.value) or not number.value:
         return None
     low, high = number.interval or (number.value, number.value)
@@ -166,7 +166,7 @@ def _range(number: Parameter | Derived) -> Range | None:
 
 def _hover_speed(result: IdentificationResult, owner: str) -> Range | None:
     hover = (d for d in result.derived if (d.name, d.configuration) == ("hover_speed", owner))
-    return next((_range(d) for d in hover), None)
+    return next((_relative_range(d) for d in hover), None)
 
 
 def _without_law(hover: Range, law: LawEntry | None) -> Range:
@@ -180,10 +180,12 @@ def _without_law(hover: Range, law: LawEntry | None) -> Range:
     return hover[0], sqrt(max(hover[1] ** 2 - by_law**2, (SURE_SHARE * by_law) ** 2))
 
 
-def _throttle(hover: Range | None, owner: str, law: SpeedLaw | None, full: Range | None) -> Derived:
+def _hover_throttle(
+    hover: Range | None, owner: str, law: SpeedLaw | None, full: Range | None
+) -> Derived:
     """Return the command, 0 to 1, whose speed carries the weight."""
     if law is None or full is None or hover is None:
-        return _unknown("hover_throttle", owner, NO_COMMANDS if hover else NO_KT)
+        return _unknown_number("hover_throttle", owner, NO_COMMANDS if hover else NO_KT)
     speed, share = hover[0], hypot(hover[1], full[1])
     # Where a law is flat its speeds do not give the command: np.interp takes the last.
     low, value, high = np.interp(
@@ -195,7 +197,7 @@ def _throttle(hover: Range | None, owner: str, law: SpeedLaw | None, full: Range
 def _thrust_to_weight(hover: Range | None, owner: str, full: Range | None) -> Derived:
     """Return the thrust of all rotors at full command over the weight."""
     if full is None or hover is None:
-        return _unknown("thrust_to_weight", owner, NO_COMMANDS if hover else NO_KT)
+        return _unknown_number("thrust_to_weight", owner, NO_COMMANDS if hover else NO_KT)
     value = (full[0] / hover[0]) ** 2
     return flight_number("thrust_to_weight", owner, value, 2.0 * hypot(full[1], hover[1]) * value)
 
@@ -203,25 +205,25 @@ def _thrust_to_weight(hover: Range | None, owner: str, full: Range | None) -> De
 def _max_thrust(result: IdentificationResult, full: Range | None) -> Derived:
     """Return the thrust of the mean rotor at full command [N]."""
     parameter = next((p for p in result.parameters if p.name == "kt"), None)
-    kt = None if parameter is None else _range(parameter)
+    kt = None if parameter is None else _relative_range(parameter)
     if parameter is None or kt is None or full is None:
-        return _unknown("max_thrust", None, NO_COMMANDS if kt else NO_KT)
+        return _unknown_number("max_thrust", None, NO_COMMANDS if kt else NO_KT)
     if parameter.unit.endswith(" per kg"):
-        return _unknown("max_thrust", None, NO_MASS)
+        return _unknown_number("max_thrust", None, NO_MASS)
     value = kt[0] * full[0] ** 2
     return flight_number("max_thrust", None, value, hypot(kt[1], 2.0 * full[1]) * value)
 
 
-def _imbalance(result: IdentificationResult) -> Derived:
+def _motor_imbalance(result: IdentificationResult) -> Derived:
     """Return the largest thrust coefficient less the smallest, over the mean.
 
     Of equal motors chance alone makes it larger than zero: half of the interval is that of the
     difference, and one that reaches to zero says that none is seen.
     """
-    rotors = list(_rotors(result))
+    rotors = list(_rotor_values(result))
     if len(rotors) < 2:
         reasons = [p.reason for p in result.parameters if p.name.startswith("kt_") and p.reason]
-        return _unknown("motor_imbalance", None, reasons[0] if reasons else NO_KT)
+        return _unknown_number("motor_imbalance", None, reasons[0] if reasons else NO_KT)
     mean = float(np.mean([value for _, value in rotors]))
     (strong, most), (weak, least) = (pick(rotors, key=lambda r: r[1]) for pick in (max, min))
     ends = [result.covariance_names.index(name) for name in (strong, weak)]
@@ -234,7 +236,7 @@ def _imbalance(result: IdentificationResult) -> Derived:
     return found if found.std is None else replace(found, interval_terms=(term,))
 
 
-def _rotors(result: IdentificationResult) -> Iterator[tuple[str, float]]:
+def _rotor_values(result: IdentificationResult) -> Iterator[tuple[str, float]]:
     for p in result.parameters:
         if p.name.startswith("kt_") and p.value and p.name in result.covariance_names:
             yield p.name, p.value
@@ -246,7 +248,7 @@ def flight_number(
     """Return a derived number with half of its interval, judged by it."""
     judgement = judge(value, half, scale=scale, axis="force")
     if judgement.verdict == "not-identified":
-        return _unknown(name, owner, judgement.reason or "")
+        return _unknown_number(name, owner, judgement.reason or "")
     return Derived(
         name=name,
         configuration=owner,
@@ -259,7 +261,7 @@ def flight_number(
     )
 
 
-def _unknown(name: str, owner: str | None, why: str) -> Derived:
+def _unknown_number(name: str, owner: str | None, why: str) -> Derived:
     return Derived(
         name=name,
         configuration=owner,

@@ -36,7 +36,7 @@ PER_COMMAND: Final = {
 class Entry:
     """A number as one result has it.
 
-    - `value`, `interval`: SI; None where the result has none. The interval is 95 %.
+    - `value`, `interval`: SI; None if the result has none. The interval is 95 %.
     - `verdict`: None for derived numbers that have none, and for what is not in the result.
     - `difference`: from the first result, as a fraction of its value; None for the first, where
       either has no value, and where the first is zero.
@@ -120,16 +120,16 @@ def compare_results(results: Sequence[IdentificationResult], labels: Sequence[st
     """
     if len(results) < 2:
         raise ExperimentError("one result cannot be compared; give two or more result files")
-    tables = [_numbers(result) for result in results]
-    if all(len(_configurations(result)) == 1 for result in results):
-        first = _configurations(results[0])[0]
-        tables = [_renamed(table, first) for table in tables]
+    tables = [_table_of_numbers(result) for result in results]
+    if all(len(_list_configurations(result)) == 1 for result in results):
+        first = _list_configurations(results[0])[0]
+        tables = [_rename_configuration(table, first) for table in tables]
     keys = list(dict.fromkeys(key for table in tables for key in table))
     keys.sort(key=lambda key: key[0] == "derived")
     return Comparison(
         labels=tuple(labels),
         numbers=tuple(
-            _compared(key, [table.get(key) for table in tables], labels, results)
+            _compare_number(key, [table.get(key) for table in tables], labels, results)
             for key in keys
             if any(key in table and table[key][0].value is not None for table in tables)
         ),
@@ -142,7 +142,7 @@ _Judged = tuple[Parameter | Derived, str | None]
 _Table = dict[_Key, _Judged]
 
 
-def _numbers(result: IdentificationResult) -> _Table:
+def _table_of_numbers(result: IdentificationResult) -> _Table:
     """Return every number of a result by kind, name and configuration."""
     table: _Table = {
         ("parameter", p.name, p.configuration): (p, p.verdict) for p in result.parameters
@@ -153,12 +153,12 @@ def _numbers(result: IdentificationResult) -> _Table:
     }
 
 
-def _configurations(result: IdentificationResult) -> list[str]:
+def _list_configurations(result: IdentificationResult) -> list[str]:
     names = [p.configuration for p in result.parameters if p.configuration is not None]
     return list(dict.fromkeys(names))
 
 
-def _renamed(table: _Table, configuration: str) -> _Table:
+def _rename_configuration(table: _Table, configuration: str) -> _Table:
     """Return a table of one configuration under another name for it."""
     return {
         (kind, name, None if owner is None else configuration): number
@@ -185,7 +185,7 @@ def _charge_factor(
     return Measured(value=factor, std=factor * USUAL_EXPONENT.std * abs(log_ratio))
 
 
-def _compared(
+def _compare_number(
     key: _Key,
     judged: Sequence[_Judged | None],
     labels: Sequence[str],
@@ -208,13 +208,13 @@ def _compared(
         configuration=key[2],
         unit=next(iter(units)),
         entries=tuple(
-            _entry(n, verdict, None if n is reference else reference, charge)
+            _compare_entry(n, verdict, None if n is reference else reference, charge)
             for n, verdict, charge in zip(numbers, verdicts, charges, strict=True)
         ),
     )
 
 
-def _entry(
+def _compare_entry(
     number: Parameter | Derived | None,
     verdict: str | None,
     reference: Parameter | Derived | None,

@@ -100,11 +100,11 @@ def with_full_throttle(result: IdentificationResult, dataset: Dataset) -> Identi
         diagnostics[UNDER_LOAD] = loaded[0][1].voltage
         bodies.insert(0, _max_thrust(result, *loaded[0]))
     result = replace(result, derived=(*result.derived, *bodies), diagnostics=diagnostics)
-    return result.found(_finding(nominal, diagnostics.get(UNDER_LOAD)))
+    return result.found(_voltage_finding(nominal, diagnostics.get(UNDER_LOAD)))
 
 
 def voltage_of_law(result: IdentificationResult, dataset: Dataset) -> float | None:
-    """Return the voltage at which full thrust holds [V]; None where the logs do not say it."""
+    """Return the voltage at which full thrust holds [V]; None if the logs do not say it."""
     found, given = result.command_law, dataset.motors.law
     if found is not None and found.known and found.nominal_voltage is not None:
         return found.nominal_voltage
@@ -115,7 +115,7 @@ def voltage_of_law(result: IdentificationResult, dataset: Dataset) -> float | No
 
 
 def mean_voltage(flights: Sequence[LoadedFlight]) -> float | None:
-    """Average the voltage in flight [V]; None where a log has none."""
+    """Average the voltage in flight [V]; None if a log has none."""
     volts = [f.battery for f in flights if f.battery is not None and f.battery > 0.0]
     return float(np.mean(volts)) if volts and len(volts) == len(flights) else None
 
@@ -123,7 +123,7 @@ def mean_voltage(flights: Sequence[LoadedFlight]) -> float | None:
 def _full_load(
     result: IdentificationResult, configured: ConfigurationData, ratio: Derived, nominal: float
 ) -> FullLoad | None:
-    """Combine what a configuration's flights show of its battery; None where they show no sag."""
+    """Combine what a configuration's flights show of its battery; None if they show no sag."""
     sags = [f.sag for f in configured.flights if f.sag is not None]
     if not sags or not ratio.value:
         return None
@@ -138,11 +138,11 @@ def _full_load(
         speed=float(ratio.value) ** 0.5,
         sag=sag,
         nominal=nominal,
-        exponent=_exponent(result).value,
+        exponent=_exponent_of_voltage(result).value,
     )
 
 
-def _exponent(result: IdentificationResult) -> Measured:
+def _exponent_of_voltage(result: IdentificationResult) -> Measured:
     """Return the exponent of the voltage in the speed at one command, the usual one if unknown."""
     law = result.command_law
     found = None if law is None else law.number("voltage_exponent")
@@ -153,7 +153,7 @@ def _exponent(result: IdentificationResult) -> Measured:
 
 def _open_share(result: IdentificationResult, load: FullLoad) -> float:
     """Return half of a 95 % interval, over the thrust, by what is open of battery and motors."""
-    exponent, sag = _exponent(result), load.sag
+    exponent, sag = _exponent_of_voltage(result), load.sag
     others = (
         replace(load, sag=replace(sag, drop=sag.drop + sag.drop_std)),
         replace(load, exponent=load.exponent + exponent.std),
@@ -167,7 +167,7 @@ def _thrust_to_weight(result: IdentificationResult, ratio: Derived, load: FullLo
     """Return thrust at full throttle under load over the weight."""
     half = _half_share(ratio)
     by_law = replace(load, speed=load.speed * (1.0 + 0.5 * half)).thrust / load.thrust - 1.0
-    return _loaded(result, ratio, load, value=load.thrust, by_law=by_law)
+    return _under_load(result, ratio, load, value=load.thrust, by_law=by_law)
 
 
 def _max_thrust(result: IdentificationResult, ratio: Derived, load: FullLoad) -> Derived:
@@ -176,10 +176,10 @@ def _max_thrust(result: IdentificationResult, ratio: Derived, load: FullLoad) ->
     if full.value is None:
         return replace(full, name="max_thrust_loaded")
     value = full.value * load.thrust / load.speed**2
-    return _loaded(result, full, load, value=value, by_law=_half_share(full))
+    return _under_load(result, full, load, value=value, by_law=_half_share(full))
 
 
-def _loaded(
+def _under_load(
     result: IdentificationResult, free: Derived, load: FullLoad, *, value: float, by_law: float
 ) -> Derived:
     """Return a number under load, `by_law` being half of its interval by all but the battery."""
@@ -202,7 +202,7 @@ def _half_share(number: Derived) -> float:
     return (high - max(low, 2.0 * number.value - high)) / 2.0 / abs(number.value)
 
 
-def _finding(nominal: float, loaded: float | None) -> Finding:
+def _voltage_finding(nominal: float, loaded: float | None) -> Finding:
     """Say at which voltage full thrust holds."""
     sentence = (
         f"full thrust and thrust to weight are at {nominal:.3g} V; on another charge they "

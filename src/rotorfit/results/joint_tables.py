@@ -97,7 +97,7 @@ def joint_covariance(
     own = np.array([np.eye(len(estimate.names))[estimate.names.index(name)] for name in free])
     # Two times by their sum and the lag.
     basis = own if len(free) == 1 else np.array([own.sum(axis=0), own[0]])
-    fitted = _fitted(fit, np.vstack([_slopes(fit, known), basis]))
+    fitted = _covariance_of_fit(fit, np.vstack([_slopes_of_numbers(fit, known), basis]))
     n = len(known)
     spread = np.sqrt(np.diagonal(fitted)[:n])
     half = np.array([fit.numbers.number(name)[1] for name in known])
@@ -111,7 +111,7 @@ def joint_covariance(
     return (*known, *stated), turn @ fitted @ turn.T
 
 
-def _slopes(fit: Fit, known: Sequence[str]) -> Float[np.ndarray, "k f"]:
+def _slopes_of_numbers(fit: Fit, known: Sequence[str]) -> Float[np.ndarray, "k f"]:
     """Compute the slopes of numbers by the free parameters."""
     estimate, mapped = fit.estimate.estimate, fit.estimate.problem.map
 
@@ -122,7 +122,7 @@ def _slopes(fit: Fit, known: Sequence[str]) -> Float[np.ndarray, "k f"]:
     return numerical_jacobian(numbers, estimate.values, estimate.std)
 
 
-def _fitted(fit: Fit, slopes: Float[np.ndarray, "q f"]) -> Float[np.ndarray, "q q"]:
+def _covariance_of_fit(fit: Fit, slopes: Float[np.ndarray, "q f"]) -> Float[np.ndarray, "q q"]:
     """Compute the covariance by chance, by the autopilot's response, and by faults of the times."""
     shifts = timing_shifts(fit.estimate, fit.configurations[0].timing)
     late = np.reshape(shifts, (-1, slopes.shape[1])) @ slopes.T
@@ -151,7 +151,7 @@ def _response_setting(c: JointConfiguration) -> dict[str, dict[str, tuple[float,
 def _derived_numbers(
     numbers: Numbers, judged: Mapping[str, Judgement], entries: Sequence[ConfigurationEntry]
 ) -> list[Derived]:
-    """Return the derived numbers, shared ones first; null where the flights do not give them."""
+    """Return the derived numbers, shared ones first; null if the flights do not give them."""
     return [
         number_derived(
             name if entry is None else f"{name}@{entry.name}",

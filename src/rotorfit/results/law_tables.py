@@ -91,7 +91,7 @@ def add_motor_law(
 
 
 def _no_exponent(recording: Recording, voltages: Sequence[float | None]) -> str:
-    """Say why a law has no battery voltage, in flights of these mean voltages [V]."""
+    """Explain why a law has no battery voltage, in flights of these mean voltages [V]."""
     if recording.nominal_voltage is not None:
         return STILL_VOLTAGE
     return NO_VOLTAGE if all(volts is None for volts in voltages) else SOME_VOLTAGE
@@ -102,7 +102,7 @@ def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[P
 
     Some of the `rotor_count` rotors may have had no speeds to fit.
     """
-    times = _times(fitted)
+    times = _found_times(fitted)
     full, half = fitted.number(_full_speed)
     verdict = judge(full, half, scale=0.0, axis="force")
     known = verdict.verdict != "not-identified"
@@ -119,7 +119,7 @@ def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[P
         asks=verdict.asks,
         interval_terms=(full_speed_term(half),) if known else (),
     )
-    return _law(fitted, rotor_count, known=known, times=times), (*times, speed)
+    return _command_law(fitted, rotor_count, known=known, times=times), (*times, speed)
 
 
 def with_law(
@@ -161,14 +161,14 @@ def _full_speed(fit: LawFit, x: Vector) -> float:
     return float(np.exp(x[0]))
 
 
-def _times(fitted: FittedLaw) -> tuple[Parameter, ...]:
+def _found_times(fitted: FittedLaw) -> tuple[Parameter, ...]:
     """Return lag and delay with their intervals."""
     two_way = fitted.best.layout.two_way
     of = {"motor_lag": _mean_lag} | (
         {"motor_lag_up": _rising_lag, "motor_lag_down": _falling_lag} if two_way else {}
     )
     found = {name: fitted.number(lag) for name, lag in of.items()}
-    delay, half = fitted.number(_delay)
+    delay, half = fitted.number(_delay_at)
     # Of a faster loop the log keeps some commands: those between may be half a step older.
     step = float(np.median(np.diff(fitted.recording.command_time)))
     found["command_delay"] = delay, half + 0.5 * step
@@ -178,7 +178,7 @@ def _times(fitted: FittedLaw) -> tuple[Parameter, ...]:
 
 
 def _slow_words(recording: Recording) -> str | None:
-    """Say which of commands and speeds are too slow to time the motors; None where neither is."""
+    """State which of commands and speeds are too slow to time the motors; None if neither is."""
     steps = {
         "commands": np.diff(recording.command_time),
         "rotor speeds": np.diff(recording.time),
@@ -214,7 +214,7 @@ def _falling_lag(fit: LawFit, x: Vector) -> float:
     return float(np.exp(timing.log_lag + timing.log_ratio))
 
 
-def _delay(fit: LawFit, x: Vector) -> float:
+def _delay_at(fit: LawFit, x: Vector) -> float:
     return timing_of(fit.layout, x).delay
 
 
@@ -222,21 +222,21 @@ def _mean_lag(fit: LawFit, x: Vector) -> float:
     return 0.5 * (_rising_lag(fit, x) + _falling_lag(fit, x))
 
 
-def _law(
+def _command_law(
     fitted: FittedLaw, rotor_count: int, *, known: bool, times: tuple[Parameter, ...]
 ) -> CommandLaw:
     best, recording = fitted.best, fitted.recording
     layout = best.layout
-    numbers = [_number("full_speed", fitted.number(_full_speed), "rad/s")]
+    numbers = [_law_number("full_speed", fitted.number(_full_speed), "rad/s")]
     names = {"sqrt": ("thr_mdl_fac",), "linear": ("offset",), "power": ("exponent",)}
     own = names.get(layout.form, ("offset", "exponent"))
     numbers += [
-        _number(name, fitted.own(layout.curve.start + i), "1") for i, name in enumerate(own)
+        _law_number(name, fitted.own(layout.curve.start + i), "1") for i, name in enumerate(own)
     ]
     if layout.voltage:
-        numbers.append(_number("voltage_exponent", fitted.own(layout.exponent), "1"))
+        numbers.append(_law_number("voltage_exponent", fitted.own(layout.exponent), "1"))
     for name, of in (("thrust_factor", thrust_curve), ("thrust_linear", betaflight_linear)):
-        numbers.append(_number(name, fitted.number(_curve_factor(recording, of)), "1"))
+        numbers.append(_law_number(name, fitted.number(_curve_factor(recording, of)), "1"))
     factors: list[float | None] = [None] * rotor_count
     rotors, _ = scales_of(layout, best.values)
     for i, factor in zip(recording.rotors, rotors.tolist(), strict=True):
@@ -251,8 +251,8 @@ def _law(
         relative_error=float(np.sqrt(np.mean((recording.speed / best.speed - 1.0) ** 2))),
         held_out={fit.layout.form: fit.error for fit in (best, *fitted.others)},
         rotor_factors=tuple(factors),
-        points=_points(recording, best),
-        motors=_motors(fitted, times) if known else {},
+        points=_bin_points(recording, best),
+        motors=_motors_table(fitted, times) if known else {},
         estimator=ESTIMATOR,
     )
 
@@ -264,41 +264,44 @@ def _curve_factor(
     return lambda fit, x: curve(law_of(recording, fit.layout, x)).factor
 
 
-def _number(name: str, number: tuple[float, float], unit: str) -> LawNumber:
+def _law_number(name: str, number: tuple[float, float], unit: str) -> LawNumber:
     value, half = number
     return LawNumber(name=name, value=value, interval=(value - half, value + half), unit=unit)
 
 
-def _motors(fitted: FittedLaw, times: tuple[Parameter, ...]) -> dict[str, Any]:
+def _motors_table(fitted: FittedLaw, times: tuple[Parameter, ...]) -> dict[str, Any]:
     """Return the table ``[motors]`` of the vehicle for flights without measured speeds."""
     law = law_of(fitted.recording, fitted.best.layout, fitted.best.values)
     entry: dict[str, Any] = {}
     match law.curve:
         case PowerLaw(full_speed, offset, exponent):
             entry["power"] = {
-                "full_speed": _short(full_speed),
-                "offset": _short(offset),
-                "exponent": _short(exponent),
+                "full_speed": _round_value(full_speed),
+                "offset": _round_value(offset),
+                "exponent": _round_value(exponent),
             }
         case SquareRootLaw(full_speed, factor):
-            entry["sqrt"] = {"full_speed": _short(full_speed), "thr_mdl_fac": _short(factor)}
+            entry["sqrt"] = {
+                "full_speed": _round_value(full_speed),
+                "thr_mdl_fac": _round_value(factor),
+            }
         case _:
             raise TypeError(f"no entry for {law.curve}")
-    voltage = _voltage(fitted)
+    voltage = _voltage_table(fitted)
     if voltage is not None:
         entry["voltage"] = voltage
-    entry |= _deviations(fitted, of_one_charge=voltage is None)
+    entry |= _law_deviations(fitted, of_one_charge=voltage is None)
     table: dict[str, Any] = {"speed": "commanded", "law": entry}
     lag = next(p for p in times if p.name == "motor_lag")
     if lag.value is not None and lag.std is not None and is_time_identifiable(lag.value, lag.std):
-        table["lag"] = _short(lag.value)
-        table["lag_std"] = _short(max(lag.std, SURE_LAG * lag.value))
+        table["lag"] = _round_value(lag.value)
+        table["lag_std"] = _round_value(max(lag.std, SURE_LAG * lag.value))
     if fitted.best.layout.on_thrust:
         table["lag_on"] = "thrust"
     return table
 
 
-def _voltage(fitted: FittedLaw) -> dict[str, float] | None:
+def _voltage_table(fitted: FittedLaw) -> dict[str, float] | None:
     """Return the battery's share of a law, by its flights and by what is usual; None if unknown."""
     nominal, volts = fitted.recording.nominal_voltage, fitted.recording.voltage
     if nominal is None or volts is None or not nominal > 0.0 or float(np.ptp(volts)) == 0.0:
@@ -310,7 +313,7 @@ def _voltage(fitted: FittedLaw) -> dict[str, float] | None:
         "exponent_std": exponent.std,
         "missing_std": charge_std(np.zeros(1), exponent.value),
     }
-    return {name: _short(value) for name, value in entry.items()}
+    return {name: _round_value(value) for name, value in entry.items()}
 
 
 def voltage_exponent(found: tuple[float, float] | None) -> Measured:
@@ -337,7 +340,7 @@ def charge_std(factors: Vector, exponent: float = USUAL_EXPONENT.value) -> float
     return float(np.sqrt(variance * (1.0 + 1.0 / flights)))
 
 
-def _deviations(fitted: FittedLaw, *, of_one_charge: bool) -> dict[str, float]:
+def _law_deviations(fitted: FittedLaw, *, of_one_charge: bool) -> dict[str, float]:
     """Return the deviations of the law's speed and slope, as shares, at the usual command."""
     recording = fitted.recording
     usual = float(np.median(recording.command))
@@ -359,14 +362,14 @@ def _deviations(fitted: FittedLaw, *, of_one_charge: bool) -> dict[str, float]:
         "slope_std": min(slope_half / 1.96 / abs(steepness), 1.0),
         "usual_speed": float(np.exp(logarithms(fitted.best, fitted.best.values)[1])),
     }
-    return {name: _short(value) for name, value in deviations.items()}
+    return {name: _round_value(value) for name, value in deviations.items()}
 
 
-def _short(value: float) -> float:
+def _round_value(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def _points(recording: Recording, fit: LawFit) -> tuple[LawPoint, ...]:
+def _bin_points(recording: Recording, fit: LawFit) -> tuple[LawPoint, ...]:
     """Bin the measured speeds by the command that the motors had."""
     command = respond_to_commands(recording, recording.command, fit.timing)
     law = law_of(recording, fit.layout, fit.values)

@@ -84,7 +84,7 @@ def nine_moments(
         )
     mass = result.parameter("mass", configuration)
     at = {name: f"{name}@{mass.configuration}" for name in MOMENTS}
-    found = {name: _estimate(result, name, at[name]) for name in MOMENTS}
+    found = {name: _moment_estimate(result, name, at[name]) for name in MOMENTS}
     unknown = [name for name in ("Ixx", "Iyy", "Izz") if found[name] is None]
     if unknown or mass.value is None:
         names = ", ".join([*(["mass"] if mass.value is None else []), *unknown])
@@ -93,7 +93,9 @@ def nine_moments(
             "fly what the result advises, then identify again"
         )
     diagonal = [known[0] for name in ("Ixx", "Iyy", "Izz") if (known := found[name]) is not None]
-    filled = [found[name] or (0.0, _widest(name, diagonal, mass.value)) for name in MOMENTS]
+    filled = [
+        found[name] or (0.0, _widest_deviation(name, diagonal, mass.value)) for name in MOMENTS
+    ]
     covariance = np.diag([std**2 for _, std in filled])
     names = list(result.covariance_names)
     own = [i for i, name in enumerate(MOMENTS) if at[name] in names]
@@ -102,7 +104,9 @@ def nine_moments(
     return np.array([value for value, _ in filled]), covariance, mass.value
 
 
-def _estimate(result: IdentificationResult, name: str, full: str) -> tuple[float, float] | None:
+def _moment_estimate(
+    result: IdentificationResult, name: str, full: str
+) -> tuple[float, float] | None:
     """Return value and deviation of a moment, also of a withheld one; None if it is not known."""
     parameter = result.parameter(name, full.partition("@")[2])
     if parameter.value is not None:
@@ -111,7 +115,7 @@ def _estimate(result: IdentificationResult, name: str, full: str) -> tuple[float
     return None if value is None or std is None else (value, std)
 
 
-def _widest(name: str, diagonal: Sequence[float], mass: float) -> float:
+def _widest_deviation(name: str, diagonal: Sequence[float], mass: float) -> float:
     """Return a deviation that no body of these moments of inertia exceeds by much."""
     if name in INERTIA:
         i, j = INERTIA_PLACES[INERTIA.index(name)]

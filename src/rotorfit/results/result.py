@@ -128,28 +128,28 @@ class IdentificationResult:
         return dataclasses.replace(self, findings=(*self.findings, *findings))
 
     def parameter(self, name: str, configuration: str | None = None) -> Parameter:
-        """Return one parameter; the configuration may be left out where there is one.
+        """Return a parameter; the configuration may be omitted if there is only one.
 
         Raises
         ------
         KeyError
             If there is none of that name, or one in each of several configurations.
         """
-        return _one(self.parameters, name, configuration, what="parameter")
+        return _single_entry(self.parameters, name, configuration, what="parameter")
 
     def derived_value(self, name: str, configuration: str | None = None) -> Derived:
-        """Return one derived number; the configuration may be left out where there is one.
+        """Return a derived number; the configuration may be omitted if there is only one.
 
         Raises
         ------
         KeyError
             If there is none of that name, or one in each of several configurations.
         """
-        return _one(self.derived, name, configuration, what="derived number")
+        return _single_entry(self.derived, name, configuration, what="derived number")
 
     def to_json(self) -> str:
         """Return the result as JSON text."""
-        return json.dumps(_plain(self), indent=1, allow_nan=False) + "\n"
+        return json.dumps(_plain_result(self), indent=1, allow_nan=False) + "\n"
 
     def save(self, path: Path | str, *, force: bool = False) -> None:
         """Write the result as JSON, whole or not at all.
@@ -237,30 +237,30 @@ class IdentificationResult:
         """
         return frame(
             {
-                "name": [e.name for e in self._entries],
-                "configuration": [e.configuration for e in self._entries],
-                "value": [e.value for e in self._entries],
-                "std": [e.std for e in self._entries],
-                "low": [None if e.interval is None else e.interval[0] for e in self._entries],
-                "high": [None if e.interval is None else e.interval[1] for e in self._entries],
-                "unit": [e.unit for e in self._entries],
-                "verdict": [verdict_of(self, e) or None for e in self._entries],
+                "name": [e.name for e in self._all_entries],
+                "configuration": [e.configuration for e in self._all_entries],
+                "value": [e.value for e in self._all_entries],
+                "std": [e.std for e in self._all_entries],
+                "low": [None if e.interval is None else e.interval[0] for e in self._all_entries],
+                "high": [None if e.interval is None else e.interval[1] for e in self._all_entries],
+                "unit": [e.unit for e in self._all_entries],
+                "verdict": [verdict_of(self, e) or None for e in self._all_entries],
                 **{
-                    what: [getattr(e, what, None) for e in self._entries]
+                    what: [getattr(e, what, None) for e in self._all_entries]
                     for what in ("partner", "reason", "advice")
                 },
             }
         )
 
     @property
-    def _entries(self) -> tuple[Parameter | Derived, ...]:
+    def _all_entries(self) -> tuple[Parameter | Derived, ...]:
         return (*self.parameters, *self.derived)
 
     def __str__(self) -> str:
-        return sheet_text(_sheet(self))
+        return sheet_text(_result_sheet(self))
 
     def _repr_html_(self) -> str:
-        return sheet_html(_sheet(self))
+        return sheet_html(_result_sheet(self))
 
 
 MAIN: Final = (
@@ -271,9 +271,9 @@ MAIN: Final = (
 """What most readers look for first."""
 
 
-def _sheet(result: IdentificationResult) -> Sheet:
+def _result_sheet(result: IdentificationResult) -> Sheet:
     """Collect the main numbers of a result, and count the others."""
-    shown = [e for e in result._entries if e.name in MAIN]  # pyright: ignore[reportPrivateUsage]
+    shown = [e for e in result._all_entries if e.name in MAIN]  # pyright: ignore[reportPrivateUsage]
     several = len({e.configuration for e in shown} - {None}) > 1
     shown.sort(key=lambda e: (e.configuration or "", MAIN.index(e.name)))
     identified = sum(p.verdict == "identified" for p in result.parameters)
@@ -315,7 +315,7 @@ def configuration_names(result: IdentificationResult) -> list[str]:
 
 
 def meant_configuration(names: Sequence[str], said: str | None) -> str | None:
-    """Choose the configuration that a user means; None where it is not among the names.
+    """Choose the configuration that a user means; None if it is not among the names.
 
     `said` may be None where there is one.
     """
@@ -338,7 +338,9 @@ def owner_of(result: IdentificationResult, configuration: str | None) -> str:
     )
 
 
-def _one(entries: Sequence[Entry], name: str, configuration: str | None, *, what: str) -> Entry:
+def _single_entry(
+    entries: Sequence[Entry], name: str, configuration: str | None, *, what: str
+) -> Entry:
     """Return the entry of a name and, where that is not None, of a configuration."""
     named = [entry for entry in entries if entry.name == name]
     if not named:
@@ -358,9 +360,9 @@ def _one(entries: Sequence[Entry], name: str, configuration: str | None, *, what
     return found[0]
 
 
-def _plain(result: IdentificationResult) -> dict[str, Any]:
+def _plain_result(result: IdentificationResult) -> dict[str, Any]:
     """Return the result in the words of the file format."""
-    parameters = [_renamed(dataclasses.asdict(p), "partner", "with") for p in result.parameters]
+    parameters = [_rename_key(dataclasses.asdict(p), "partner", "with") for p in result.parameters]
     plain: dict[str, Any] = {
         "schema": SCHEMA,
         "name": result.name,
@@ -386,7 +388,7 @@ def _plain(result: IdentificationResult) -> dict[str, Any]:
     return cast("dict[str, Any]", _without_nan(plain))
 
 
-def _renamed(entry: dict[str, Any], old: str, new: str) -> dict[str, Any]:
+def _rename_key(entry: dict[str, Any], old: str, new: str) -> dict[str, Any]:
     return {new if key == old else key: value for key, value in entry.items()}
 
 
@@ -416,16 +418,17 @@ def _from_plain(data: Any, path: Path) -> IdentificationResult:
             method=data["method"],
             axes=data["axes"],
             parameters=tuple(
-                Parameter(**_tupled(_renamed(p, "with", "partner"))) for p in data["parameters"]
+                Parameter(**_tuple_interval(_rename_key(p, "with", "partner")))
+                for p in data["parameters"]
             ),
-            derived=tuple(Derived(**_tupled(d)) for d in data["derived"]),
+            derived=tuple(Derived(**_tuple_interval(d)) for d in data["derived"]),
             validation=tuple(data["validation"]),
             flights=tuple(_flight_record(f) for f in data["flights"]),
             covariance_names=names,
             covariance=matrix.reshape(len(names), len(names)),
             settings=data["settings"],
             versions=data["versions"],
-            findings=_findings(data),
+            findings=_read_findings(data),
             diagnostics=data.get("diagnostics", {}),
             command_law=law_from_plain(data.get("command_law")),
         )
@@ -433,7 +436,7 @@ def _from_plain(data: Any, path: Path) -> IdentificationResult:
         raise OutputError(_no_result(path, f"at {error}")) from error
 
 
-def _findings(data: Mapping[str, Any]) -> tuple[Finding, ...]:
+def _read_findings(data: Mapping[str, Any]) -> tuple[Finding, ...]:
     """Return the findings; an older result has their sentences alone."""
     if "findings" not in data:
         return tuple(doubt("warning", str(sentence)) for sentence in data["warnings"])
@@ -441,7 +444,7 @@ def _findings(data: Mapping[str, Any]) -> tuple[Finding, ...]:
 
 
 def _no_result(path: Path, why: str) -> str:
-    """Say what a file is in place of a result, and which would be right."""
+    """State what a file is in place of a result, and which would be right."""
     if not path.exists():
         return f"no file {path}; rotorfit identify LOG ... -o {path.name}  writes a result"
     kind = kind_of(path)
@@ -450,7 +453,7 @@ def _no_result(path: Path, why: str) -> str:
     return f"{path}{what}; give the JSON file that rotorfit identify -o wrote"
 
 
-def _tupled(entry: dict[str, Any]) -> dict[str, Any]:
+def _tuple_interval(entry: dict[str, Any]) -> dict[str, Any]:
     interval = entry["interval"]
     return {
         **entry,
@@ -464,5 +467,5 @@ def _flight_record(entry: dict[str, Any]) -> FlightRecord:
     fields["used"] = tuple((a, b) for a, b in entry["used"])
     fields["cuts"] = tuple((a, b, why) for a, b, why in entry["cuts"])
     del fields["warnings"]
-    fields["findings"] = _findings(entry)
+    fields["findings"] = _read_findings(entry)
     return FlightRecord(**fields)

@@ -93,7 +93,7 @@ def _rows_at(dataset: TimedDataset, *, top: float = np.inf) -> RowFits:
     return fit_rows(factors, dataset.model, mass=dataset.configurations[0].mass)
 
 
-def _numbers(dataset: TimedDataset, fits: RowFits) -> Numbers:
+def _numbers_of_rows(dataset: TimedDataset, fits: RowFits) -> Numbers:
     configured = dataset.configurations[0]
     return row_numbers(
         fits, dataset.vehicle, mass=configured.mass, mass_std=configured.entry.mass_std
@@ -102,10 +102,10 @@ def _numbers(dataset: TimedDataset, fits: RowFits) -> Numbers:
 
 def _with_setting_terms(dataset: TimedDataset, fits: RowFits) -> Numbers:
     """Compute the numbers, with interval terms by settings that could as well be others."""
-    numbers = _numbers(dataset, fits)
+    numbers = _numbers_of_rows(dataset, fits)
 
     def shift(other: TimedDataset, top: float) -> Float[np.ndarray, " q"]:
-        return _numbers(other, _rows_at(other, top=top)).values - numbers.values
+        return _numbers_of_rows(other, _rows_at(other, top=top)).values - numbers.values
 
     return numbers.with_terms(*setting_terms(dataset, shift, timed=False))
 
@@ -153,7 +153,7 @@ SIGMAS: Final = (
 
 def paper_result(experiment: Experiment, dataset: TimedDataset) -> IdentificationResult:
     """Estimate by total least squares, the paper's way: its values, its sigmas, what it removed."""
-    settings = _settings(experiment)
+    settings = _paper_settings(experiment)
     return paper_tables(paper_estimate(dataset, settings=settings), settings, experiment, dataset)
 
 
@@ -195,7 +195,7 @@ def paper_tables(
     )
 
 
-def _settings(experiment: Experiment) -> PaperSettings:
+def _paper_settings(experiment: Experiment) -> PaperSettings:
     """Return the paper's settings with what the experiment overrides."""
     given = experiment.identification
     default = PaperSettings()

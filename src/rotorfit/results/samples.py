@@ -34,7 +34,7 @@ class Estimated:
     """A number of a vehicle as it was estimated.
 
     - `value`, `std`, `unit`: SI; a number of which no std is known (0) stands still.
-    - `column`: its place in the joint covariance; None where it stands apart.
+    - `column`: its place in the joint covariance; None if it stands apart.
     """
 
     value: float
@@ -133,9 +133,9 @@ def draw_vehicles(
     count, drawn = 0, 0
     failed: dict[str, int] = {}
     while count < n:
-        values = about_com(_block(estimated, covariance, random))
+        values = about_com(_draw_block(estimated, covariance, random))
         good = np.ones(BLOCK, dtype=bool)
-        for words, possible in _conditions(values).items():
+        for words, possible in _vehicle_conditions(values).items():
             failed[words] = failed.get(words, 0) + int(np.count_nonzero(~possible))
             good &= possible
         kept.append({name: column[good] for name, column in values.items()})
@@ -147,7 +147,7 @@ def draw_vehicles(
     return Samples(
         configuration=configuration,
         values=whole,
-        units={name: _unit(name, estimated) for name in whole},
+        units={name: _unit_of_number(name, estimated) for name in whole},
         seed=seed,
         rejected=1.0 - count / drawn,
         reasons={words: times / drawn for words, times in failed.items() if times},
@@ -156,7 +156,7 @@ def draw_vehicles(
     )
 
 
-def _block(
+def _draw_block(
     estimated: Mapping[str, Estimated],
     covariance: Float[np.ndarray, "p p"],
     random: np.random.Generator,
@@ -169,7 +169,7 @@ def _block(
     }
 
 
-def _conditions(values: Values) -> dict[str, Bool[np.ndarray, " n"]]:
+def _vehicle_conditions(values: Values) -> dict[str, Bool[np.ndarray, " n"]]:
     """List the conditions of a vehicle in words, each with the draws that fulfil it."""
     out = {
         f"{name} above 0": column > 0.0
@@ -197,7 +197,7 @@ def _none_exists(failed: Mapping[str, int], drawn: int) -> str:
     )
 
 
-def _unit(name: str, estimated: Mapping[str, Estimated]) -> str:
+def _unit_of_number(name: str, estimated: Mapping[str, Estimated]) -> str:
     if name in estimated:
         return estimated[name].unit
     return "m" if name in COM else "kg m^2"

@@ -40,16 +40,18 @@ def load_sound(path: Path) -> IdentificationResult:
 
 
 def refuse_unsound(result: IdentificationResult) -> None:
-    """Raise `OutputError` at the first number that no identification gives, and say why."""
-    found = _structure(result)
+    """Raise `OutputError` at the first number that no identification gives, and state why."""
+    found = _structure_fault(result)
     if found is None:
         entries = (*result.parameters, *result.derived)
-        found = next((words for e in entries if (words := _entry(e))), None) or _doubled(result)
+        found = next(
+            (words for e in entries if (words := _entry_fault(e))), None
+        ) or _doubled_number(result)
     if found is not None:
         raise OutputError(f"the result was changed since it was written ({found}); identify again")
 
 
-def _structure(result: IdentificationResult) -> str | None:
+def _structure_fault(result: IdentificationResult) -> str | None:
     tables: tuple[tuple[str, Any], ...] = (
         ("settings", result.settings),
         ("versions", result.versions),
@@ -68,7 +70,7 @@ def _structure(result: IdentificationResult) -> str | None:
     return None
 
 
-def _doubled(result: IdentificationResult) -> str | None:
+def _doubled_number(result: IdentificationResult) -> str | None:
     """Describe the first number that is there twice."""
     for entries in (result.parameters, result.derived):
         counted = Counter((e.name, e.configuration) for e in entries)
@@ -78,7 +80,7 @@ def _doubled(result: IdentificationResult) -> str | None:
     return None
 
 
-def _entry(entry: Parameter | Derived) -> str | None:
+def _entry_fault(entry: Parameter | Derived) -> str | None:
     """Describe the first fault of one number."""
     name: Any = entry.name
     known = PARAMETERS if isinstance(entry, Parameter) else DERIVED
@@ -95,10 +97,12 @@ def _entry(entry: Parameter | Derived) -> str | None:
     unit = known[name].unit
     if entry.unit.removesuffix(" per kg") not in (unit, effective_unit(name, unit)):
         return f"{name} is in {entry.unit!r}, but its unit is {unit}"
-    return _number(name, entry.value) or _interval(name, entry) or _terms(name, entry)
+    return (
+        _value_fault(name, entry.value) or _interval_fault(name, entry) or _terms_fault(name, entry)
+    )
 
 
-def _terms(name: str, entry: Parameter | Derived) -> str | None:
+def _terms_fault(name: str, entry: Parameter | Derived) -> str | None:
     """Describe the fault of the interval terms: a name, a source, and a half-width each."""
     for term in entry.interval_terms:
         texts: tuple[Any, ...] = (term.name, term.source)
@@ -114,7 +118,7 @@ def _terms(name: str, entry: Parameter | Derived) -> str | None:
     return None
 
 
-def _number(name: str, value: Any) -> str | None:
+def _value_fault(name: str, value: Any) -> str | None:
     """Describe the fault of a value: none is fine, NaN is not."""
     if value is None:
         return None
@@ -126,7 +130,7 @@ def _number(name: str, value: Any) -> str | None:
     return None
 
 
-def _interval(name: str, entry: Parameter | Derived) -> str | None:
+def _interval_fault(name: str, entry: Parameter | Derived) -> str | None:
     """Describe the fault of an interval: two ends in order, the value between them."""
     ends: Any = entry.interval
     if ends is None:

@@ -238,18 +238,18 @@ def step(body: RigidBody, wrenches: Sequence[Wrench], state: State, h: float) ->
     """Take a classical Runge-Kutta step of length `h` [s]; wrenches at begin, middle and end."""
     begin, middle, end = wrenches
     k1 = derivative(body, begin, state)
-    k2 = derivative(body, middle, _ahead(state, k1, h / 2))
-    k3 = derivative(body, middle, _ahead(state, k2, h / 2))
-    k4 = derivative(body, end, _ahead(state, k3, h))
+    k2 = derivative(body, middle, _follow_slope(state, k1, h / 2))
+    k3 = derivative(body, middle, _follow_slope(state, k2, h / 2))
+    k4 = derivative(body, end, _follow_slope(state, k3, h))
     weighted = [a + 2.0 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
-    x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz = _ahead(state, weighted, h / 6)
+    x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz = _follow_slope(state, weighted, h / 6)
     length = (qw * qw + qx * qx + qy * qy + qz * qz) ** 0.5
     qw, qx, qy, qz = qw / length, qx / length, qy / length, qz / length
     return (x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz)
 
 
 @no_type_check
-def _ahead(state: State, slope: Sequence[float], h: float) -> State:
+def _follow_slope(state: State, slope: Sequence[float], h: float) -> State:
     """Follow a slope from a state for `h` [s]."""
     x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz = state
     dx, dy, dz, dqw, dqx, dqy, dqz, dvx, dvy, dvz, dpx, dpy, dpz = slope

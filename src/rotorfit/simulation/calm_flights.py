@@ -153,7 +153,7 @@ def simulate_calm_flights(
 
 
 def _check_calm(truth: Truth, scenario: Scenario) -> None:
-    """Raise where a vehicle or a scenario has what a calm flight leaves out."""
+    """Raise an error if a vehicle or a scenario has what a calm flight leaves out."""
     for field in fields(Truth):
         if field.name not in CALM and getattr(truth, field.name) != field.default:
             raise ExperimentError(f"a calm flight is simulated without {field.name}")
@@ -168,8 +168,8 @@ def _fly_together(
 ) -> list[Recording]:
     """Advance all manoeuvres together, and record every sample of each."""
     n, m, _ = plan.shape
-    loop = _loop(truth, vehicle, scenario)
-    fly = _hovering(truth, loop.autopilot, m)
+    loop = _make_loop(truth, vehicle, scenario)
+    fly = _hovering_flights(truth, loop.autopilot, m)
     half_yaw = 0.5 * np.cumsum(plan[:, :, 2], axis=0) / scenario.sample_rate
     turned = np.stack([np.cos(half_yaw), np.sin(half_yaw)], axis=2)[:, :, None, None, :]
     N = len(vehicle.rotors)
@@ -177,9 +177,9 @@ def _fly_together(
     speeds, commands, asked = np.empty((n, m, N)), np.empty((n, m, N)), np.empty((n, m, 3))
     for k in range(n):
         w[k], q[k], v[k], p[k], speeds[k] = fly.w, fly.q, fly.v, fly.p, fly.speeds
-        commands[k], asked[k] = _command(loop, fly, plan[k], turned[k])
-        _advance(loop, fly, commands[k])
-    R = _rotations(q)
+        commands[k], asked[k] = _command_rotors(loop, fly, plan[k], turned[k])
+        _advance_step(loop, fly, commands[k])
+    R = _rotation_matrices(q)
     flying = np.zeros(n, dtype=np.bool_)
     body_v = np.einsum("nmab,nma->nmb", R, v)
     state = np.concatenate([w, q, body_v, p], axis=2)
@@ -198,7 +198,7 @@ def _fly_together(
     ]
 
 
-def _loop(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Loop:
+def _make_loop(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Loop:
     """Collect what stays constant during the flights."""
     period, gains = 1.0 / scenario.sample_rate, scenario.gains
     autopilot = autopilot_of(
@@ -225,7 +225,7 @@ def _loop(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Loop:
     )
 
 
-def _hovering(truth: Truth, autopilot: Autopilot, count: int) -> _Flights:
+def _hovering_flights(truth: Truth, autopilot: Autopilot, count: int) -> _Flights:
     """Return `count` vehicles that hover, trimmed."""
     trim = trimmed(truth).trim
     speeds = mix(autopilot, truth.mass * GRAVITY, trim)
@@ -243,7 +243,7 @@ def _hovering(truth: Truth, autopilot: Autopilot, count: int) -> _Flights:
     )
 
 
-def _command(
+def _command_rotors(
     loop: _Loop,
     fly: _Flights,
     reference: Float[np.ndarray, "m 8"],
@@ -280,7 +280,7 @@ def _command(
     return np.sqrt(np.minimum(np.maximum(squares, lowest), highest)), asked
 
 
-def _advance(loop: _Loop, fly: _Flights, command: Float[np.ndarray, "m N"]) -> None:
+def _advance_step(loop: _Loop, fly: _Flights, command: Float[np.ndarray, "m N"]) -> None:
     """Take one step by the midpoint rule; the rotors' speeds are exact at its middle and end."""
     h = loop.autopilot.period
     away = fly.speeds - command
@@ -299,14 +299,14 @@ def _advance(loop: _Loop, fly: _Flights, command: Float[np.ndarray, "m N"]) -> N
     change[:, 0] = 1.0 - 0.5 * np.einsum("ma,ma->m", angle, angle)
     q = (fly.q[:, :, None] * change[:, None, :]).reshape(-1, 16) @ PRODUCT
     fly.q = q / np.sqrt(np.einsum("ma,ma->m", q, q))[:, None]
-    R = _rotations(fly.q)
+    R = _rotation_matrices(fly.q)
     v = fly.v + ((fly.R + R) @ motions[:, :3, None])[:, :, 0] * (0.5 * h) - loop.fall
     fly.p = fly.p + (0.5 * h) * (fly.v + v)
     fly.w, fly.R, fly.v = new_w, R, v
     fly.speeds = command + loop.half_decay * middle_away
 
 
-def _rotations(q: Float[np.ndarray, "*any 4"]) -> Float[np.ndarray, "*any 3 3"]:
+def _rotation_matrices(q: Float[np.ndarray, "*any 4"]) -> Float[np.ndarray, "*any 3 3"]:
     """Convert unit quaternions to rotation matrices."""
     products = (q[..., :, None] * q[..., None, :]).reshape(*q.shape[:-1], 16)
     return (products @ ROTATION).reshape(*q.shape[:-1], 3, 3)

@@ -105,7 +105,7 @@ def to_flight_log(
     channels: Sequence[LoggedChannel] = ("gyro", "accel", "rotor_speed", "command"),
 ) -> FlightLog:
     """Convert the measured flight to a log in memory, as if a reader had found it."""
-    values = {name: _logged(flight, name) for name in channels}
+    values = {name: _logged_values(flight, name) for name in channels}
     content = sha256(flight.time.tobytes())
     for table in values.values():
         content.update(np.ascontiguousarray(table).tobytes())
@@ -140,7 +140,7 @@ def runs(where: Bool[np.ndarray, " n"]) -> tuple[Segment, ...]:
     )
 
 
-def _logged(flight: SimulatedFlight, channel: LoggedChannel) -> Float[np.ndarray, "n k"]:
+def _logged_values(flight: SimulatedFlight, channel: LoggedChannel) -> Float[np.ndarray, "n k"]:
     """Return the measured values of a channel."""
     match channel:
         case "gyro":
@@ -259,8 +259,8 @@ def table_text(plan: ExperimentPlan, flight: SimulatedFlight) -> str:
         cells = np.full((len(flight.time), recorded.values.shape[1]), np.nan)
         # Frames of the motion capture fall on samples of the IMU: its rate divides theirs.
         cells[np.searchsorted(flight.time, recorded.time)] = recorded.values
-        columns |= _named(channel, cells)
-    columns |= _named("command", _logged_command(plan, flight))
+        columns |= _name_columns(channel, cells)
+    columns |= _name_columns("command", _logged_command(plan, flight))
     if plan.measures_speed:
         columns["battery"] = battery_volts(flight)
     text = StringIO()
@@ -278,7 +278,7 @@ def _logged_command(plan: ExperimentPlan, flight: SimulatedFlight) -> Float[np.n
     return command_of(flight.commanded_speed)
 
 
-def _named(channel: str, values: Float[np.ndarray, "n k"]) -> Columns:
+def _name_columns(channel: str, values: Float[np.ndarray, "n k"]) -> Columns:
     return dict(zip(column_names(channel, values.shape[1]), values.T, strict=True))
 
 
@@ -428,7 +428,7 @@ def simulate(
 
 
 def write_all(folder: Path, files: Mapping[str, str]) -> None:
-    """Write files beside their places first, then move all of them there, or none."""
+    """Write temporary files first, then move all of them into place, or none."""
     unfinished = folder / ".unfinished"
     try:
         unfinished.mkdir(exist_ok=True)

@@ -128,7 +128,7 @@ def variant(simulated: SimulatedVehicle, name: Variant) -> tuple[SimulatedVehicl
     return SimulatedVehicle(truth, vehicle), replace(TYPICAL, accel_bias=(0.1, 0.1, 0.1))
 
 
-def _ring(
+def _place_on_ring(
     angles: list[float], *, height: float = 0.0, first: Spin = "ccw", tilt: float = 0.0
 ) -> tuple[Rotor, ...]:
     """Place rotors at angles from x [rad] on a circle of 0.25 m, spins and tilts alternating."""
@@ -143,17 +143,18 @@ def _ring(
     return tuple(rotors)
 
 
-def _even(number: int, start: float) -> list[float]:
+def _divide_circle(number: int, start: float) -> list[float]:
     """Divide the circle evenly [rad]."""
     return [start + 2 * pi * i / number for i in range(number)]
 
 
 _ROTORS: Final[dict[Layout, tuple[Rotor, ...]]] = {
-    "quad-x": _ring(_even(4, pi / 4)),
-    "hexa-x": _ring(_even(6, pi / 6)),
-    "octo": _ring(_even(8, pi / 8)),
-    "x8": _ring(_even(4, pi / 4), height=0.03) + _ring(_even(4, pi / 4), height=-0.03, first="cw"),
-    "hexa-tilted": _ring(_even(6, pi / 6), tilt=pi / 9),
+    "quad-x": _place_on_ring(_divide_circle(4, pi / 4)),
+    "hexa-x": _place_on_ring(_divide_circle(6, pi / 6)),
+    "octo": _place_on_ring(_divide_circle(8, pi / 8)),
+    "x8": _place_on_ring(_divide_circle(4, pi / 4), height=0.03)
+    + _place_on_ring(_divide_circle(4, pi / 4), height=-0.03, first="cw"),
+    "hexa-tilted": _place_on_ring(_divide_circle(6, pi / 6), tilt=pi / 9),
 }
 
 
@@ -337,14 +338,14 @@ def _with_quality(configuration: FlownConfiguration, quality: Quality) -> FlownC
     return replace(configuration, simulated=delayed, sensors=biased)
 
 
-def _paper() -> tuple[FlownConfiguration, ...]:
+def _paper_configurations() -> tuple[FlownConfiguration, ...]:
     return (
         FlownConfiguration(name="A", simulated=paper_vehicle("A"), sensors=PERFECT),
         FlownConfiguration(name="B", simulated=paper_vehicle("B"), sensors=PERFECT, weight=2.0),
     )
 
 
-def _alone(layout: Layout) -> tuple[FlownConfiguration, ...]:
+def _single_configuration(layout: Layout) -> tuple[FlownConfiguration, ...]:
     return (FlownConfiguration(name="A", simulated=layout_vehicle(layout), sensors=PERFECT),)
 
 
@@ -363,8 +364,8 @@ def _payload_pair() -> tuple[FlownConfiguration, ...]:
 
 
 _VEHICLES: Final[dict[ScenarioName, Callable[[], tuple[FlownConfiguration, ...]]]] = {
-    "paper": _paper,
-    "single": lambda: _alone("quad-x"),
-    "hexa": lambda: _alone("hexa-x"),
+    "paper": _paper_configurations,
+    "single": lambda: _single_configuration("quad-x"),
+    "hexa": lambda: _single_configuration("hexa-x"),
     "payload-pair": _payload_pair,
 }

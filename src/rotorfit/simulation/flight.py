@@ -159,24 +159,24 @@ def simulate_flight(
         sample_rate=scenario.sample_rate,
         rng=np.random.default_rng(air),
     )
-    machine = _machine(truth, vehicle, scenario)
+    machine = _make_machine(truth, vehicle, scenario)
     sensor_seed = int(sensing.generate_state(1)[0])
     rate_noise = (
         gyro_noise(scenario.sensors, len(plan), seed=sensor_seed) * scenario.gyro_noise_in_loop
     )
-    moments = _fly(
+    moments = _fly_samples(
         machine,
         plan,
         (disturbance, rate_noise),
         trim=trimmed(truth),
         grounded=scenario.ground_seconds > 0,
     )
-    recorded = _record(moments, disturbance[:-1], machine.autopilot.speed_limits[1])
+    recorded = _collect_record(moments, disturbance[:-1], machine.autopilot.speed_limits[1])
     flight = assemble_flight(truth, vehicle, scenario, recorded)
     return measure(flight, scenario.sensors, seed=sensor_seed)
 
 
-def _machine(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Machine:
+def _make_machine(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Machine:
     """Collect everything that stays constant during a flight."""
     period = 1 / scenario.sample_rate
     return _Machine(
@@ -189,11 +189,11 @@ def _machine(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Machine:
             period=period,
             gains=scenario.gains,
         ),
-        stretches=_stretches(truth, period=period, physics_rate=scenario.physics_rate),
+        stretches=_cut_stretches(truth, period=period, physics_rate=scenario.physics_rate),
     )
 
 
-def _stretches(truth: Truth, *, period: float, physics_rate: float) -> tuple[_Stretch, ...]:
+def _cut_stretches(truth: Truth, *, period: float, physics_rate: float) -> tuple[_Stretch, ...]:
     """Cut the time between two samples where the delayed command arrives.
 
     A step of the integration must not run across that instant: the rotor acceleration jumps.
@@ -209,7 +209,7 @@ def _stretches(truth: Truth, *, period: float, physics_rate: float) -> tuple[_St
     return tuple(stretches)
 
 
-def _fly(
+def _fly_samples(
     machine: _Machine,
     plan: Sequence[Reference],
     errors: tuple[Float[np.ndarray, "n_and_1 6"], Float[np.ndarray, "n 3"]],
@@ -224,20 +224,23 @@ def _fly(
     commands = [speeds] * (machine.stretches[0].samples_ago + 1)  # the latest first
     memory, moments = trim, list[_Moment]()
     arrives = machine.stretches[0].samples_ago
-    gusts = zip(*[_between(disturbance, s.fractions) for s in machine.stretches], strict=True)
+    gusts = zip(
+        *[_interpolate_disturbance(disturbance, s.fractions) for s in machine.stretches],
+        strict=True,
+    )
     for reference, gust, noise in zip(plan, gusts, rate_noise.tolist(), strict=True):
-        grounded = _stands(machine, state, speeds, reference, grounded)
+        grounded = _is_standing(machine, state, speeds, reference, grounded)
         if grounded:
             state = (*(0.0,) * 3, *state[3:7], *(0.0,) * 3, *state[10:])
         seen = (state[0] + noise[0], state[1] + noise[1], state[2] + noise[2], *state[3:])
         command, memory = control(machine.autopilot, memory, seen, reference, grounded=grounded)
         commands = [command, *commands[:-1]]
         moments.append(_Moment(state, speeds, command, commands[arrives], memory.asked, grounded))
-        state, speeds = _advance(machine, state, speeds, commands, gust, grounded)
+        state, speeds = _advance_to_sample(machine, state, speeds, commands, gust, grounded)
     return moments
 
 
-def _between(
+def _interpolate_disturbance(
     disturbance: Float[np.ndarray, "n_and_1 6"], fractions: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, "n k 10"]:
     """Interpolate the disturbance linearly between each sample and the next, as wrenches."""
@@ -246,14 +249,14 @@ def _between(
 
 
 @no_type_check
-def _stands(
+def _is_standing(
     machine: _Machine,
     state: State,
     speeds: Float[np.ndarray, " N"],
     reference: Reference,
     grounded: bool,
 ) -> bool:
-    """Say whether the vehicle stands: until thrust exceeds weight, and after touching down.
+    """State whether the vehicle stands: until thrust exceeds weight, and after touching down.
 
     A vehicle in flight falls through the ground; only one that lands meets it.
     """
@@ -265,7 +268,7 @@ def _stands(
 
 
 @no_type_check
-def _advance(
+def _advance_to_sample(
     machine: _Machine,
     state: State,
     speeds: Float[np.ndarray, " N"],
@@ -286,7 +289,7 @@ def _advance(
     return state, speeds
 
 
-def _motions(
+def _compute_motions(
     body: RigidBody,
     state: Float[np.ndarray, "n 13"],
     of_rotors: Float[np.ndarray, "n 10"],
@@ -313,7 +316,7 @@ def _motions(
     )
 
 
-def _record(
+def _collect_record(
     moments: list[_Moment], disturbance: Float[np.ndarray, "n 6"], max_speed: float
 ) -> Recording:
     """Collect the samples of a flight as arrays."""
@@ -338,7 +341,7 @@ def assemble_flight(
     rotors = rotors_of(truth, vehicle)
     slopes = speed_slopes(rotors, rotor_speed, recorded.acting)
     of_rotors = wrenches(rotors, rotor_speed, slopes)
-    force, turn, external = _motions(
+    force, turn, external = _compute_motions(
         rigid_body(truth), state, of_rotors, recorded.disturbance, grounded
     )
     time = np.arange(len(state)) / scenario.sample_rate

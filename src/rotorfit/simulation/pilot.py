@@ -116,7 +116,7 @@ def plan_rows(
     if ground_seconds > 0:
         before, after = (
             _take_off(ground_seconds, sample_rate),
-            _landing(ground_seconds, sample_rate),
+            _plan_landing(ground_seconds, sample_rate),
         )
         flown[:, 4] = FLIGHT_HEIGHT
         flown = np.vstack([before, flown, after])
@@ -130,11 +130,11 @@ def movement(
     time = np.arange(samples) / sample_rate
     match stick.shape:
         case "noise":
-            moved = _noise(stick, samples=samples, sample_rate=sample_rate, rng=rng)
+            moved = _band_noise(stick, samples=samples, sample_rate=sample_rate, rng=rng)
         case "turns":
-            moved = _turns(time, stick.band[0])
+            moved = _alternate_turns(time, stick.band[0])
         case "doublets":
-            moved = _doublets(time + rng.uniform(0.0, 1.0 / stick.band[0]), stick.band)
+            moved = _sine_doublets(time + rng.uniform(0.0, 1.0 / stick.band[0]), stick.band)
     edge = np.minimum(time, time[::-1]) / FADE_SECONDS
     moved = moved * np.sin(np.pi / 2 * np.minimum(edge, 1.0)) ** 2
     rms = float(np.sqrt(np.mean(moved**2)))
@@ -146,17 +146,17 @@ def movement(
     return moved * (stick.rms / rms)
 
 
-def _noise(
+def _band_noise(
     stick: Stick, *, samples: int, sample_rate: float, rng: np.random.Generator
 ) -> Float[np.ndarray, " n"]:
-    """Generate Gaussian noise of a flat spectrum within a band; zeros where it holds no line."""
+    """Generate Gaussian noise of a flat spectrum within a band; zeros if it holds no line."""
     frequency = np.fft.rfftfreq(samples, 1 / sample_rate)
     inside = (frequency >= stick.band[0]) & (frequency <= stick.band[1])
     spectrum = rng.normal(size=(2, frequency.size)) * inside
     return np.fft.irfft(spectrum[0] + 1j * spectrum[1], samples)
 
 
-def _turns(time: Float[np.ndarray, " n"], frequency: float) -> Float[np.ndarray, " n"]:
+def _alternate_turns(time: Float[np.ndarray, " n"], frequency: float) -> Float[np.ndarray, " n"]:
     """Alternate +1 and -1, with ramps between them."""
     # A triangle wave, cut off where a ramp should end.
     phase = time * frequency
@@ -164,7 +164,9 @@ def _turns(time: Float[np.ndarray, " n"], frequency: float) -> Float[np.ndarray,
     return np.clip(triangle / (2.0 * EDGE_SECONDS * frequency), -1.0, 1.0)
 
 
-def _doublets(time: Float[np.ndarray, " n"], band: tuple[float, float]) -> Float[np.ndarray, " n"]:
+def _sine_doublets(
+    time: Float[np.ndarray, " n"], band: tuple[float, float]
+) -> Float[np.ndarray, " n"]:
     """Generate whole sine periods of the highest frequency with rests between them."""
     since = time % (1.0 / band[0])
     return np.where(since * band[1] < 1.0, np.sin(2.0 * np.pi * band[1] * since), 0.0)
@@ -182,7 +184,7 @@ def _take_off(ground_seconds: float, sample_rate: float) -> Float[np.ndarray, "n
     return rows
 
 
-def _landing(ground_seconds: float, sample_rate: float) -> Float[np.ndarray, "n 8"]:
+def _plan_landing(ground_seconds: float, sample_rate: float) -> Float[np.ndarray, "n 8"]:
     """Plan a descent through the ground, and rest."""
     t = np.arange(round((LAND_SECONDS + ground_seconds) * sample_rate)) / sample_rate
     rate = 2 * FLIGHT_HEIGHT / LAND_SECONDS  # the ground is met half-way

@@ -163,11 +163,11 @@ class SimulatedFlight:
 
 def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> SimulatedFlight:
     """Measure the same flight by other sensors or with other noise."""
-    rngs = _generators(seed)
+    rngs = _seed_generators(seed)
     s, place = sensors, flight.vehicle.imu_position or (0.0, 0.0, 0.0)
     a, w = flight.specific_force, flight.angular_velocity
     force = at_place(a, w, flight.angular_acceleration, position=place)
-    pose_time, place_seen, attitude_seen = _frames(flight, s)
+    pose_time, place_seen, attitude_seen = _mocap_frames(flight, s)
     tilt = Rotation.from_rotvec(s.attitude_std * rngs[4].normal(size=place_seen.shape))
     return replace(
         flight,
@@ -195,15 +195,15 @@ def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> Simulate
 
 def gyro_noise(sensors: Sensors, samples: int, *, seed: int) -> Float[np.ndarray, "n 3"]:
     """Generate the noise that `measure` will add to the gyro of a flight [rad/s]."""
-    return sensors.gyro_std * _generators(seed)[0].normal(size=(samples, 3))
+    return sensors.gyro_std * _seed_generators(seed)[0].normal(size=(samples, 3))
 
 
-def _generators(seed: int) -> list[np.random.Generator]:
+def _seed_generators(seed: int) -> list[np.random.Generator]:
     """Seed a generator for each of gyro, accelerometer, rotors, position and attitude."""
     return np.random.default_rng(seed).spawn(5)
 
 
-def _frames(
+def _mocap_frames(
     flight: SimulatedFlight, sensors: Sensors
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p 3"], Rotation]:
     """Find the times at which motion capture frames are logged, and the exact pose they show.

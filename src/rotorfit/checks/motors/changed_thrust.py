@@ -55,7 +55,9 @@ def thrust_change_term(fit: Fit) -> IntervalTerm:
     known = [(one.sag, CHANCE * one.sag_std) for one in found if one.sag is not None]
     change = _mean_square([max(abs(sag) - std, 0.0) for sag, std in known])
     whole = _mean_square([max(sag**2 - std**2, 0.0) ** 0.5 for sag, std in known])
-    shares = np.array([_share(name.partition("@")[0], change, whole) for name in numbers.names])
+    shares = np.array(
+        [_uncertain_share(name.partition("@")[0], change, whole) for name in numbers.names]
+    )
     return IntervalTerm(
         name="thrust changes in flight",
         half_width=shares * np.abs(numbers.values),
@@ -67,7 +69,7 @@ def _mean_square(changes: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(changes)))) if changes else 0.0
 
 
-def _share(name: str, change: float, whole: float) -> float:
+def _uncertain_share(name: str, change: float, whole: float) -> float:
     """Return the share of a number by which it is uncertain."""
     if name in OF_ONE_HALF:
         return whole
@@ -79,19 +81,21 @@ def _share(name: str, change: float, whole: float) -> float:
 def changed_in_flight(fit: Fit) -> Iterator[Finding]:
     """Check that no rotor turns otherwise late in a flight than early."""
     for flight in (f for c in fit.dataset.configurations for f in c.flights):
-        sentence = _changed(flight)
+        sentence = _describe_changed_rotor(flight)
         if sentence is not None:
             yield doubt("rotor-changed", sentence, flights=(flight.entry.written,))
             return
 
 
-def _changed(flight: LoadedFlight) -> str | None:
+def _describe_changed_rotor(flight: LoadedFlight) -> str | None:
     """Explain that a rotor's share of the squared speeds changed between halves of a flight."""
     data = flight.prepared.data
     rows = data.used_rows
     if len(rows) < SHORTEST * data.sample_rate:
         return None
-    first, second = (_shares(data.rotor_speed[half] ** 2) for half in np.array_split(rows, 2))
+    first, second = (
+        _shares_of_thrust(data.rotor_speed[half] ** 2) for half in np.array_split(rows, 2)
+    )
     change = second - first
     worst = int(np.argmax(np.abs(change)))
     if abs(change[worst]) < LEAST_CHANGE:
@@ -104,7 +108,7 @@ def _changed(flight: LoadedFlight) -> str | None:
     )
 
 
-def _shares(squares: Float[np.ndarray, "n N"]) -> Float[np.ndarray, " N"]:
+def _shares_of_thrust(squares: Float[np.ndarray, "n N"]) -> Float[np.ndarray, " N"]:
     mean = squares.mean(axis=0)
     return mean / max(float(mean.sum()), np.finfo(float).tiny)
 
@@ -169,7 +173,7 @@ def others_differ(numbers: Numbers, rotor: int) -> float:
 
 
 def unlike_sentence(rotor: int, excess: Evidence, *, alone: bool = True) -> str | None:
-    """Explain that a rotor's thrust is far from the others'; None where chance may make it so.
+    """Explain that a rotor's thrust is far from the others'; None if chance may make it so.
 
     `alone`: whether it is one rotor, and no pattern over all.
     """

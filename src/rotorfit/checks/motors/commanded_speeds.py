@@ -36,10 +36,12 @@ Change = Callable[[Speeds, Float[np.ndarray, "m N"]], Speeds]
 
 def with_other_speeds(dataset: TimedDataset, change: Change) -> TimedDataset:
     """Return the flights with other speeds of the motor channel, before lag and delay."""
-    return with_prepared(dataset, lambda prepared: _changed(prepared, dataset, change))
+    return with_prepared(dataset, lambda prepared: _change_speeds(prepared, dataset, change))
 
 
-def _changed(prepared: PreparedFlight, dataset: TimedDataset, change: Change) -> PreparedFlight:
+def _change_speeds(
+    prepared: PreparedFlight, dataset: TimedDataset, change: Change
+) -> PreparedFlight:
     """Change the speeds of a flight, as recorded and as kept."""
     data = prepared.data
     flown = prepared.motor_channel[data.used_rows]
@@ -86,7 +88,7 @@ def allow_for_law(fit: Fit) -> Fit:
         )
     )
     open_ones = open_law(fit.numbers, 1.96 * law.slope_std)
-    said = () if fit.dataset.law_found or law.stated else _uncertain(fit.numbers, std)
+    said = () if fit.dataset.law_found or law.stated else _note_law_uncertainty(fit.numbers, std)
     return fit.found(*said, *open_ones)
 
 
@@ -134,7 +136,7 @@ def hover_share(law: LawEntry, speed: float, std: float) -> float:
     return float(np.hypot(std, (speed / usual) ** law.slope_std - 1.0))
 
 
-def _uncertain(numbers: Numbers, std: float) -> Iterator[Finding]:
+def _note_law_uncertainty(numbers: Numbers, std: float) -> Iterator[Finding]:
     """Explain the uncertainty of the law's speeds."""
     if not std:
         return
@@ -175,7 +177,7 @@ End = Literal["lowest", "highest"]
 def allow_for_motor_limits(fit: Fit) -> Fit:
     """Append the uncertainty of commanded motors' speeds at the ends of their commands."""
     dataset = fit.dataset
-    if dataset.motors.speed != "commanded" or _share(dataset) < LEAST_WIDENED:
+    if dataset.motors.speed != "commanded" or _largest_share_at_limits(dataset) < LEAST_WIDENED:
         return fit
     ends: tuple[End, ...] = ("lowest", "highest")
     moved = [shift_by_speeds(fit, _with_end(dataset, end)) for end in ends]
@@ -200,13 +202,13 @@ def motors_at_limits(fit: Fit) -> Iterator[Finding]:
     yield Finding(
         kind=LIMITS,
         severity=("doubt" if limits.arrivals >= SWINGING else "note") if said else "passed",
-        sentence=_sentence(worst) if said else "",
+        sentence=_explain_limits(worst) if said else "",
         flights=(worst.entry.written,) if said else (),
         evidence=(Evidence(name="share_at_limits", value=limits.share, limit=LEAST_SHARE),),
     )
 
 
-def _sentence(flight: LoadedFlight) -> str:
+def _explain_limits(flight: LoadedFlight) -> str:
     """Explain how often the motors of a flight are at which end, and why."""
     limits = flight.limits
     assert limits is not None
@@ -220,7 +222,7 @@ def _sentence(flight: LoadedFlight) -> str:
     )
 
 
-def _share(dataset: Dataset) -> float:
+def _largest_share_at_limits(dataset: Dataset) -> float:
     """Return the largest share of a flight's commands that stand at either end."""
     flights = [f for c in dataset.configurations for f in c.flights]
     return max((f.limits.share for f in flights if f.limits is not None), default=0.0)

@@ -97,14 +97,14 @@ class Trial:
     """A fit with a law, and what it shows.
 
     - `power`: the exponent that the fit was made with.
-    - `shown`: the exponent by its weight and changes of thrust; None where it shows none.
+    - `shown`: the exponent by its weight and changes of thrust; None if it shows none.
     """
 
     power: float
     shown: Measured | None
 
     def growth_since(self, other: "Trial") -> float:
-        """Return by how much what the fits show grows with what they are made with."""
+        """Return the growth of the exponent that a fit shows with the exponent that it assumes."""
         if self.shown is None or other.shown is None:
             return 0.0
         growth = (self.shown.value - other.shown.value) / (self.power - other.power)
@@ -123,7 +123,7 @@ class FoundLaw:
     """The law from command to rotor speed by a flight.
 
     - `exponent`: of the speed over the command, or over the speed of the law that is given.
-    - `flown`: the exponent by weight and changes of thrust alone; None where they show none.
+    - `flown`: the exponent by weight and changes of thrust alone; None if they show none.
     - `hover`: rms speed of the flights before, over the `anchor`.
     - `anchor`: speed that stays as it is, that at full command of relative speeds.
     - `given`: the law that is given; `setting`: its name in the log, of one that is stated.
@@ -163,7 +163,7 @@ class FoundLaw:
     @property
     def thrust_std(self) -> float:
         """Deviation of the thrust at full command by the law, as a share."""
-        return 2.0 * self._span * float(np.hypot(self.exponent.std, self._full_std))
+        return 2.0 * self._log_command_span * float(np.hypot(self.exponent.std, self._full_std))
 
     @property
     def _full_std(self) -> float:
@@ -175,7 +175,7 @@ class FoundLaw:
         return WRONG_FULL_STD * mistaken(self.flown, self.given) ** 0.5 * self.from_flight
 
     @property
-    def _span(self) -> float:
+    def _log_command_span(self) -> float:
         """Logarithm of full command over that in hover."""
         return abs(float(np.log(self.hover)))
 
@@ -197,7 +197,7 @@ class FoundLaw:
     def entry_at(self, power: float) -> LawEntry:
         """Return the law with another exponent."""
         known = self.given or LawEntry(power=PowerEntry(full_speed=1.0, exponent=1.0))
-        speed_std = float(np.hypot(known.speed_std, self._full_std * self._span))
+        speed_std = float(np.hypot(known.speed_std, self._full_std * self._log_command_span))
         stds = {"slope_std": min(self.slope_std, 1.0), "speed_std": min(speed_std, 1.0)}
         law = bent(known, power, anchor=self.anchor)
         return law.model_copy(update={**stds, "usual_speed": self.anchor})
@@ -228,14 +228,14 @@ class FoundLaw:
 
     @property
     def finding(self) -> Finding:
-        """Say which law was taken, and from where."""
+        """State which law was taken, and from where."""
         if self.is_stated:
-            return self._stated
-        return self._contradicted if self.given is not None else self._missing
+            return self._stated_law
+        return self._contradicted_law if self.given is not None else self._missing_law
 
     @property
-    def _contradicted(self) -> Finding:
-        """Say by how much a law that is given is wrong."""
+    def _contradicted_law(self) -> Finding:
+        """State by how much a law that is given is wrong."""
         off = self.exponent.value - 1.0
         surely = abs(off) > 1.96 * self.exponent.std
         speeds_lost = surely and self.given is not None and not self.given.is_relative
@@ -252,12 +252,12 @@ class FoundLaw:
             numbers=OF_SPEED if speeds_lost else (),
             doubtful_because=WRONG_SPEEDS if speeds_lost else None,
             next_step=AGAIN,
-            evidence=self._evidence,
+            evidence=self._law_evidence,
         )
 
     @property
-    def _stated(self) -> Finding:
-        """Say how far settings of the firmware leave the thrust at full command open."""
+    def _stated_law(self) -> Finding:
+        """State how far settings of the firmware leave the thrust at full command open."""
         shown = "the flight does not show whether they are right"
         if self.from_flight:
             off, half = self.exponent.value - 1.0, 196.0 * self.exponent.std
@@ -271,11 +271,11 @@ class FoundLaw:
             sentence=stated_sentence(self.setting, 1.96 * self.thrust_std, shown=shown),
             numbers=("thrust_to_weight", "max_thrust"),
             next_step=SETTLE,
-            evidence=self._evidence,
+            evidence=self._law_evidence,
         )
 
     @property
-    def _missing(self) -> Finding:
+    def _missing_law(self) -> Finding:
         power, half = 2.0 * self.exponent.value, 2.0 * 1.96 * self.exponent.std
         shown = (
             "this flight does not show it either: as motors usually do, thrust is taken to grow"
@@ -292,11 +292,11 @@ class FoundLaw:
                 f"{GIVE}"
             ),
             next_step=GIVE,
-            evidence=self._evidence,
+            evidence=self._law_evidence,
         )
 
     @property
-    def _evidence(self) -> tuple[Evidence, ...]:
+    def _law_evidence(self) -> tuple[Evidence, ...]:
         numbers = {"law_exponent": self.exponent, "law_exponent_flown": self.flown}
         return tuple(
             Evidence(name=name, value=one.value, interval=one.interval)
@@ -306,7 +306,7 @@ class FoundLaw:
 
 
 def stated_sentence(setting: str, half_width: float, *, shown: str) -> str:
-    """Say that thrust over command is by settings, and what they leave open, as a share."""
+    """State that thrust over command is by settings, and what they leave open, as a share."""
     return (
         f"thrust over command is by settings that are seldom measured ({setting}), and {shown}: "
         f"they leave full thrust and thrust to weight open by {100.0 * half_width:.0f} %; to "
@@ -315,14 +315,14 @@ def stated_sentence(setting: str, half_width: float, *, shown: str) -> str:
 
 
 def find_law(fit: Fit) -> FoundLaw | None:
-    """Find the exponent of the speed over the command; None where speeds are given.
+    """Find the exponent of the speed over the command; None if speeds are given.
 
     `fit`: with the law that is given, or with speeds in proportion to the command.
     """
     dataset, given = fit.dataset, fit.dataset.motors.law
     if dataset.motors.speed != "commanded" or dataset.speeds_commanded:
         return None
-    trial = _trial(fit, 1.0)
+    trial = _try_power(fit, 1.0)
     flights = [f for c in dataset.configurations for f in c.flights]
     hover = rms_speed([retimed(flight.prepared, dataset.timing) for flight in flights])
     anchor = 1.0 if given is None else anchor_of(given, hover)
@@ -348,7 +348,7 @@ def anchor_of(law: LawEntry, hover: float) -> float:
 
 def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
     """Find the exponent by a fit with the law that was found before."""
-    trial = _trial(fit, law.next_power)
+    trial = _try_power(fit, law.next_power)
     if law.has_lost(trial):
         trial = replace(trial, shown=None)
     growth = law.growth
@@ -361,7 +361,7 @@ def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
     return replace(law, exponent=exponent, flown=flown, trial=trial, growth=growth)
 
 
-def _trial(fit: Fit, power: float) -> Trial:
+def _try_power(fit: Fit, power: float) -> Trial:
     # Without an accelerometer, whose bias can be free, changes of thrust hang on the weight.
     free = any(name.startswith("accel_bias_z@") for name in fit.estimate.estimate.names)
     by_changes = thrust_ratio(kt_from_changes(fit), weight_of(fit)) if free else None
@@ -373,20 +373,20 @@ def _trial(fit: Fit, power: float) -> Trial:
 
 
 def thrust_ratio(changes: Measured | None, weight: Measured | None) -> Measured | None:
-    """Divide k_t by changes of thrust by k_t by the weight; None where either is unknown."""
+    """Divide k_t by changes of thrust by k_t by the weight; None if either is unknown."""
     return None if changes is None or weight is None else changes.over(weight)
 
 
 def exponent_of(
     flown: Measured | None, given: LawEntry | None = None, *, about: float | None = None
 ) -> Measured:
-    """Estimate the exponent by what flights show and by what is known before.
+    """Combine the exponent from the flights with its prior.
 
     `about`: exponent that is taken in place of the mean, of a law that is given.
     """
     if given is None:
         return USUAL if flown is None else combine_scales(USUAL, flown)
-    right, wrong = _kinds(given)
+    right, wrong = _exponents_of_kinds(given)
     if flown is not None:
         right, wrong = right.with_other(flown), wrong.with_other(flown)
     return mixed(right, wrong, mistaken(flown, given), about=about)
@@ -399,13 +399,13 @@ def mistaken(flown: Measured | None, given: LawEntry) -> float:
         return before
     likely = [
         share * float(normal_density(flown.value - one.value, float(np.hypot(flown.std, one.std))))
-        for share, one in zip((1.0 - before, before), _kinds(given), strict=True)
+        for share, one in zip((1.0 - before, before), _exponents_of_kinds(given), strict=True)
     ]
     # Where the flight is far from both, both are zero.
     return likely[1] / sum(likely) if sum(likely) else 1.0
 
 
-def _kinds(given: LawEntry) -> tuple[Measured, Measured]:
+def _exponents_of_kinds(given: LawEntry) -> tuple[Measured, Measured]:
     """Return the exponent of a right law and of a wrong one."""
     known = float(np.hypot(given.slope_std, STATED_STD)) if given.stated else given.slope_std
     right = max(known, ROUNDING)

@@ -47,7 +47,7 @@ def allow_for_noise_feedback(fit: Fit) -> Fit:
     most = max(fit.dataset.lag_prior[1], timing.lag_std or 0.0)
     bent = None if lowpass_of(fit.dataset) is not None else best_filter(ratios, lagging=True)
     by_filter = 0.0 if bent is None else bent.lag
-    widened = _widened(timing, free, covariance, most=most, by_filter=by_filter)
+    widened = _widen_timing(timing, free, covariance, most=most, by_filter=by_filter)
     return replace(fit, dataset=replace(fit.dataset, motor_timing=widened))
 
 
@@ -75,7 +75,7 @@ def times_covariance(
     return covariance
 
 
-def _widened(
+def _widen_timing(
     timing: MotorTiming,
     free: Sequence[str],
     covariance: Float[np.ndarray, "t t"],

@@ -66,7 +66,7 @@ class Lateness:
 
     @property
     def least(self) -> float:
-        """The end of the interval nearest to 0; 0 where it holds 0 [s]."""
+        """The end of the interval nearest to 0; 0 if it holds 0 [s]."""
         low, high = self.interval
         return max(low, 0.0) + min(high, 0.0)
 
@@ -120,7 +120,7 @@ def _at_one_time(found: Sequence[Sequence[BandDelay]], *, about: float) -> Laten
     for own, bands in zip(np.eye(len(found)), found, strict=True):
         phase = FED_BACK * _mean_unexplained(bands, about)
         rows += [np.r_[1.0, own * DRAGGED / one.omega**2, own * phase / one.omega] for one in bands]
-    return _weighed(np.array(rows), [one for bands in found for one in bands])
+    return _solve_lateness(np.array(rows), [one for bands in found for one in bands])
 
 
 def _mean_unexplained(found: Sequence[BandDelay], about: float) -> float:
@@ -130,7 +130,7 @@ def _mean_unexplained(found: Sequence[BandDelay], about: float) -> float:
     return float(np.sqrt(weight @ power / weight.sum())) if found else 0.0
 
 
-def _weighed(rows: Float[np.ndarray, "b p"], found: Sequence[BandDelay]) -> Lateness:
+def _solve_lateness(rows: Float[np.ndarray, "b p"], found: Sequence[BandDelay]) -> Lateness:
     """Solve for the time common to all bands; drags and phases are 0 +- 1."""
     weighed = rows / np.array([[one.std] for one in found])
     values = np.array([one.seconds / one.std for one in found])
@@ -200,7 +200,9 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
         sentence,
         flights=(flight.entry.written,),
         numbers=("kt", *INERTIA),
-        doubtful_because=f"the {_late(late.seconds)} lags behind the {_late(-late.seconds)}",
+        doubtful_because=(
+            f"the {_name_late(late.seconds)} lags behind the {_name_late(-late.seconds)}"
+        ),
         next_step=step,
     )
     yield replace(checked, evidence=(evidence,))
@@ -216,13 +218,13 @@ def of_one_vehicle(found: Sequence[Lateness]) -> list[Lateness]:
     return [Lateness(seconds=value, std=variance**0.5) for value, variance in drawn]
 
 
-def _late(delay: float) -> str:
+def _name_late(delay: float) -> str:
     """Name the sensor that a delay makes late."""
     return "accelerometer" if delay > 0 else "gyro"
 
 
 def _delay_sentence(name: str, delay: float, half: float, step: str) -> str:
-    late, early = _late(delay), _late(-delay)
+    late, early = _name_late(delay), _name_late(-delay)
     return (
         f"{name}: the {late} follows the rotors {with_half(1e3 * abs(delay), 1e3 * half)} ms "
         f"later than the {early}, though both respond at once: the {late} is stamped late, or "
@@ -254,7 +256,7 @@ def early_motors(fit: Fit) -> Iterator[Finding]:
 
 
 def early_sentence(lag: float, delay: float, std: float) -> str | None:
-    """Explain that motors are early; None where their delay may be over `EARLIEST` [s]."""
+    """Explain that motors are early; None if their delay may be over `EARLIEST` [s]."""
     if delay + 1.96 * std > EARLIEST:
         return None
     return (

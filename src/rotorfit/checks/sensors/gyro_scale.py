@@ -32,7 +32,7 @@ def allow_for_gyro_scale(fit: Fit) -> Fit:
     found = None if fit.dataset.source != "imu" else _gyro_scale(fit)
     if found is None:
         return fit
-    slopes = np.array([_shift(fit, axis) / STEP for axis in range(3)])
+    slopes = np.array([_shift_by_scale(fit, axis) / STEP for axis in range(3)])
     term = IntervalTerm(
         name="gyro scale",
         half_width=found.half_widths(slopes),
@@ -53,15 +53,15 @@ def _gyro_scale(fit: Fit) -> GyroScale | None:
     return gyro_scale(flights, np.zeros(3) if place is None else np.asarray(place))
 
 
-def _shift(fit: Fit, axis: int) -> Float[np.ndarray, " q"]:
+def _shift_by_scale(fit: Fit, axis: int) -> Float[np.ndarray, " q"]:
     """Compute the shift of the numbers where the gyro reads `STEP` too much about an axis."""
     factor: Float[np.ndarray, 3] = np.ones(3)
     factor[axis] -= STEP
-    scaled = with_prepared(fit.dataset, lambda prepared: _scaled(prepared, factor))
+    scaled = with_prepared(fit.dataset, lambda prepared: _scale_rates(prepared, factor))
     return shift_of(fit, replace(scaled, body=None).reduced())
 
 
-def _scaled(prepared: PreparedFlight, factor: Float[np.ndarray, "3"]) -> PreparedFlight:
+def _scale_rates(prepared: PreparedFlight, factor: Float[np.ndarray, "3"]) -> PreparedFlight:
     data: FlightData = prepared.data
     turned = replace(
         data,
@@ -74,7 +74,7 @@ def _scaled(prepared: PreparedFlight, factor: Float[np.ndarray, "3"]) -> Prepare
 def scale_finding(found: GyroScale) -> Finding:
     """Name the axes about which the scale is off."""
     off = [k for k in range(3) if found.probability(k) > SAID]
-    checked = doubt_or_passed(KIND, _sentence(found, off) if off else None)
+    checked = doubt_or_passed(KIND, _explain_scale(found, off) if off else None)
     measured = [
         Evidence(
             name=f"gyro_scale_{AXES[k]}", value=float(found.value[k]), interval=found.interval(k)
@@ -84,17 +84,18 @@ def scale_finding(found: GyroScale) -> Finding:
     return replace(checked, evidence=tuple(measured))
 
 
-def _sentence(found: GyroScale, off: list[int]) -> str:
+def _explain_scale(found: GyroScale, off: list[int]) -> str:
     """Explain about which axes the gyro reads too much or too little."""
     return (
-        f"the gyro reads {', '.join(_part(found, axis) for axis in off)}: turned by it, what the "
+        f"the gyro reads {', '.join(_axis_error(found, axis) for axis in off)}: turned by it, what "
+        "the "
         "accelerometer reads does not add up to the logged velocity; the intervals of inertia, kd "
         "and Jr cover that: calibrate the gyro on a turntable, or check the scale by which its "
         "counts were read"
     )
 
 
-def _part(found: GyroScale, axis: int) -> str:
+def _axis_error(found: GyroScale, axis: int) -> str:
     """Return the error about one axis, with its interval."""
     value = float(found.value[axis])
     low, high = sorted(100.0 * abs(edge) for edge in found.interval(axis))

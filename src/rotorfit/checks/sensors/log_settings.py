@@ -44,7 +44,7 @@ def slow_log(fit: Fit) -> Iterator[Finding]:
     """Name the settings without which no flying shows inertia: motors or IMU are too slow."""
     # Motion capture has no such settings; what it lacks in rate is said where it is read.
     by_imu = fit.dataset.source == "imu"
-    for flight in _flights(fit) if by_imu else _commanded(fit):
+    for flight in _fitted_flights(fit) if by_imu else _commanded_flights(fit):
         step = faster_log(flight.log, flight.prepared)
         if step is not None:
             because = slow_words(flight.prepared)
@@ -54,7 +54,7 @@ def slow_log(fit: Fit) -> Iterator[Finding]:
 
 def unlogged_speed(fit: Fit) -> Iterator[Finding]:
     """Name the settings with which the log has the rotors' speed, where the firmware has any."""
-    for flight in _commanded(fit):
+    for flight in _commanded_flights(fit):
         step = log_with_speed(flight.log, flight.prepared)
         if step is not None:
             yield note(NO_ROTOR_SPEED, "", numbers=BY_SPEED, next_step=step)
@@ -63,7 +63,7 @@ def unlogged_speed(fit: Fit) -> Iterator[Finding]:
 
 def absent_in_simulator(fit: Fit) -> Iterator[Finding]:
     """Note that a simulator has no rotor inertia, which no flight in it can show."""
-    simulators = {flight.log.metadata.get("Simulator", "") for flight in _flights(fit)}
+    simulators = {flight.log.metadata.get("Simulator", "") for flight in _fitted_flights(fit)}
     if any(NO_INERTIA in LEAVES_OUT.get(name, "") for name in simulators):
         because = f"the simulator has {NO_INERTIA}"
         step = "nothing to fly in this simulator"
@@ -71,51 +71,51 @@ def absent_in_simulator(fit: Fit) -> Iterator[Finding]:
 
 
 def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
-    """Say how to log motors and IMU faster; None where they are fast enough for inertia."""
+    """State how to log motors and IMU faster; None if they are fast enough for inertia."""
     if prepared.slowest_rate >= LEAST_RATE:
         return None
     slow_imu = prepared.data.sample_rate < ENOUGH_RATE
-    wanted = _settings(log, SLOW_MOTORS | SLOW_IMU if slow_imu else SLOW_MOTORS)
+    wanted = _list_settings(log, SLOW_MOTORS | SLOW_IMU if slow_imu else SLOW_MOTORS)
     plain = f"log gyro, accelerometer and motors {ENOUGH_RATE:.0f} times a second or faster"
     return f"{wanted or plain}, then fly again"
 
 
 def better_log(log: FlightLog, lacks: frozenset[Lack]) -> str | None:
-    """Say what to set for what a log lacks; None where its firmware has no setting for it."""
-    wanted = _settings(log, lacks)
+    """Advise the settings for what a log lacks; None if the firmware has none."""
+    wanted = _list_settings(log, lacks)
     return f"{wanted}, then fly again" if wanted else None
 
 
 def slow_words(prepared: PreparedFlight) -> str:
-    """Say why a slow log makes flying useless."""
+    """Explain why a slow log makes flying useless."""
     return f"a log at {prepared.slowest_rate:.0f} Hz shows no quick motion, whatever is flown"
 
 
 def log_with_speed(log: FlightLog, prepared: PreparedFlight) -> str | None:
-    """Say how to log the rotors' speed; None where the firmware has no setting for it.
+    """State how to log the rotors' speed; None if the firmware has no setting for it.
 
     A log that has it already asks for nothing but to use it; one that is slow is made faster, too.
     """
     if "rotor_speed" in log.channels:
         return USE_SPEED
     slow = prepared.slowest_rate < ENOUGH_RATE
-    if not _settings(log, NO_SPEED):
+    if not _list_settings(log, NO_SPEED):
         return None
-    wanted = _settings(log, NO_SPEED | SLOW_MOTORS | SLOW_IMU if slow else NO_SPEED)
+    wanted = _list_settings(log, NO_SPEED | SLOW_MOTORS | SLOW_IMU if slow else NO_SPEED)
     also = ", and all of it faster" if slow else ""
     return f"log the rotor speed{also}: {wanted}, then fly again"
 
 
-def _commanded(fit: Fit) -> list[LoadedFlight]:
-    return _flights(fit) if fit.dataset.motors.speed == "commanded" else []
+def _commanded_flights(fit: Fit) -> list[LoadedFlight]:
+    return _fitted_flights(fit) if fit.dataset.motors.speed == "commanded" else []
 
 
-def _flights(fit: Fit) -> list[LoadedFlight]:
+def _fitted_flights(fit: Fit) -> list[LoadedFlight]:
     return [flight for c in fit.dataset.configurations for flight in c.flights]
 
 
-def _settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
-    """List the settings that the log's firmware asks for, empty where it has none."""
+def _list_settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
+    """List the settings that the log's firmware asks for, empty if it has none."""
     found = advice_for(log.format, lacks, log.metadata)
     if found is None or not found.settings:
         return ""
@@ -124,12 +124,12 @@ def _settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
     flashed = [f"flash {s.value}" for s in found.settings if s.name == FIRMWARE]
     named = [s for s in found.settings if s.name != FIRMWARE]
     lines = [_whole_line(s) for s in named if s.name.endswith(":")]
-    pairs = [_pair(s) for s in named if not s.name.endswith(":")]
+    pairs = [_setting_text(s) for s in named if not s.name.endswith(":")]
     steps = [*flashed, *lines, *([f"set {', '.join(pairs)}"] if pairs else [])]
     return f"{', then '.join(steps)}{file}"
 
 
-def _pair(setting: Setting) -> str:
+def _setting_text(setting: Setting) -> str:
     """Write a setting and its value; bits in words where the value that has them is not known."""
     if setting.new is None and setting.value.startswith("what"):
         return f"{setting.name} to {setting.value}"
@@ -137,7 +137,7 @@ def _pair(setting: Setting) -> str:
 
 
 def _whole_line(setting: Setting) -> str:
-    """Say where a line of a file or a CLI goes, and what it is for."""
+    """State where a line of a file or a CLI goes, and what it is for."""
     if setting.name == "CLI:":
         return f"enter {setting.value!r} in the CLI"
     return f"add {setting.value} to {setting.name.strip(':')} ({setting.why})"

@@ -47,7 +47,7 @@ PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
 
 
 def lowpass_sentence(dataset: TimedDataset) -> str | None:
-    """Explain that the motors' times include the delay of a low-pass; None where there is none."""
+    """Explain that the motors' times include the delay of a low-pass; None if there is none."""
     cutoff = lowpass_of(dataset)
     if dataset.motor_timing is None or dataset.motors.speed == "measured":
         return None
@@ -128,7 +128,7 @@ def velocity_term(numbers: Numbers, dataset: Dataset) -> IntervalTerm:
         if base not in OVER:
             continue
         own = [c for c in dataset.configurations if owner in ("", c.entry.name)]
-        variance = _variance(own, OVER[base])
+        variance = _velocity_variance(own, OVER[base])
         share = LARGEST if variance <= 0.0 else min(ERROR**2 / variance, LARGEST)
         half[i] = abs(numbers.values[i]) * share / (1.0 - share)
         half[i] += vertical_partner(numbers, name, rotors=len(dataset.vehicle.rotors))
@@ -152,7 +152,7 @@ def vertical_partner(numbers: Numbers, name: str, *, rotors: int) -> float:
     return 0.0
 
 
-def _variance(configurations: list[ConfigurationData], axis: int) -> float:
+def _velocity_variance(configurations: list[ConfigurationData], axis: int) -> float:
     """Compute the variance of a velocity over the used samples, its errors included."""
     parts = [
         data.velocity[s.start : s.stop, axis]

@@ -115,19 +115,21 @@ def _own_spectra(
         frequency = np.fft.rfftfreq(rows, 1.0 / data.sample_rate)
         top = min(EDGES[-1], 0.4 * flight.prepared.slowest_rate)
         inside = (frequency >= LOWEST) & (frequency < top)
-        lines = [_lines(fit, data, start, G)[inside] for start in _windows(data, rows)]
+        lines = [
+            _transform_window(fit, data, start, G)[inside] for start in _window_starts(data, rows)
+        ]
         if lines:
             measured, predicted = np.split(np.array(lines), 2, axis=2)
             yield flight, Spectra(frequency[inside], measured, predicted)
 
 
-def _windows(data: FlightData, rows: int) -> Iterator[int]:
+def _window_starts(data: FlightData, rows: int) -> Iterator[int]:
     """Yield the first rows of the windows."""
     for segment in data.segments:
         yield from range(segment.start, segment.stop - rows + 1, rows // 2)
 
 
-def _lines(
+def _transform_window(
     fit: Fit, data: FlightData, start: int, G: Float[np.ndarray, "k z"]
 ) -> Complex[np.ndarray, "l k2"]:
     """Transform one window: the accelerations as measured, then as predicted."""
@@ -201,12 +203,12 @@ def allow_for_sensor_response(fit: Fit) -> Fit:
     term = IntervalTerm(
         name="sensor response", half_width=half, source="the filter or soft mount that fits best"
     )
-    return fit.found(_finding(found)).with_terms(term)
+    return fit.found(_name_filter(found)).with_terms(term)
 
 
-def _finding(found: FoundFilter) -> Finding:
+def _name_filter(found: FoundFilter) -> Finding:
     """Name the filter where the flights show it."""
-    checked = doubt_or_passed("sensor-response", _sentence(found) if found.certain else None)
+    checked = doubt_or_passed("sensor-response", _explain_filter(found) if found.certain else None)
     measured = (
         Evidence(name="response_cutoff", value=found.cutoff, interval=found.interval),
         Evidence(name="response_gain", value=found.gain, limit=LEAST_GAIN),
@@ -214,7 +216,7 @@ def _finding(found: FoundFilter) -> Finding:
     return replace(checked, evidence=measured)
 
 
-def _sentence(found: FoundFilter) -> str:
+def _explain_filter(found: FoundFilter) -> str:
     low, high = found.interval
     at = f"{found.cutoff:.0f} Hz ({low:.0f} to {high:.0f})"
     if found.shape == "gyro low-passed":
@@ -248,10 +250,12 @@ def best_filter(ratios: Sequence[BandRatio], *, lagging: bool = False) -> FoundF
     if len(ratios) < FEWEST * len(flights) or not ratios:
         return None
     frequency = np.array([one.frequency for one in ratios])
-    without = _left(ratios, np.zeros(len(ratios), dtype=complex), lagging=lagging)
+    without = _fit_filtered_ratios(ratios, np.zeros(len(ratios), dtype=complex), lagging=lagging)
     best: FoundFilter | None = None
     for name, shape in SHAPES.items():
-        tried = [_left(ratios, shape(frequency / f), lagging=lagging) for f in CUTOFFS]
+        tried = [
+            _fit_filtered_ratios(ratios, shape(frequency / f), lagging=lagging) for f in CUTOFFS
+        ]
         chi2 = np.array([one.chi2 for one in tried])
         i = int(np.argmin(chi2))
         spread = max(float(chi2[i]) / (2.0 * len(ratios)), LEAST_SPREAD)
@@ -280,7 +284,9 @@ class _Left(NamedTuple):
     lag: float
 
 
-def _left(ratios: Sequence[BandRatio], shape: Complex[np.ndarray, " b"], *, lagging: bool) -> _Left:
+def _fit_filtered_ratios(
+    ratios: Sequence[BandRatio], shape: Complex[np.ndarray, " b"], *, lagging: bool
+) -> _Left:
     """Fit factors, delays and, with `lagging`, the lag to ratios behind a filter."""
     omega: Float[np.ndarray, " b"] = 2.0 * np.pi * np.array([one.frequency for one in ratios])
     std: Float[np.ndarray, " b"] = np.array([one.std for one in ratios])
@@ -299,14 +305,14 @@ def _left(ratios: Sequence[BandRatio], shape: Complex[np.ndarray, " b"], *, lagg
     b: Float[np.ndarray, " r"] = np.concatenate([amplitude, phase])
     solution: Float[np.ndarray, " p"] = np.linalg.lstsq(A, b, rcond=None)[0]
     left = b - A @ solution
-    factors = {k: _mean([x for x, (_, axis) in zip(solution, keys, strict=False) if axis == k])
+    factors = {k: _mean_of([x for x, (_, axis) in zip(solution, keys, strict=False) if axis == k])
                for k in TURNS}  # fmt: skip
     rest = solution[len(keys) :].tolist()
     lag = rest.pop() if lagging else 0.0
-    return _Left(float(left @ left), factors, _mean(rest), lag)
+    return _Left(float(left @ left), factors, _mean_of(rest), lag)
 
 
-def _mean(values: Sequence[float]) -> float:
+def _mean_of(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else 0.0
 
 
@@ -318,7 +324,7 @@ def flight_ratios(fit: Fit) -> list[BandRatio]:
 def band_ratios(flights: Iterable[Spectra]) -> list[BandRatio]:
     """Compare measured and predicted turns band by band, where the prediction explains them."""
     found = [
-        _ratio(spectra.band(*edges), number, axis)
+        _band_ratio(spectra.band(*edges), number, axis)
         for number, spectra in enumerate(flights)
         for axis in TURNS
         for edges in pairwise(BANDS)
@@ -326,7 +332,7 @@ def band_ratios(flights: Iterable[Spectra]) -> list[BandRatio]:
     return [one for one in found if one is not None]
 
 
-def _ratio(band: Spectra, flight: int, axis: int) -> BandRatio | None:
+def _band_ratio(band: Spectra, flight: int, axis: int) -> BandRatio | None:
     y, p = band.measured[:, :, axis], band.predicted[:, :, axis]
     power = (np.abs(p) ** 2).sum(axis=1)
     total = float(power.sum())

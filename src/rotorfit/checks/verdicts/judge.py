@@ -32,7 +32,7 @@ class Parameter:
     name, configuration, unit
         `configuration` is None for what all configurations share.
     value, std, interval
-        SI; None where the flight does not give them. The interval is 95 %.
+        SI; None if the flight does not give them. The interval is 95 %.
     verdict
         ``identified``, ``weak`` (interval wide), ``doubtful`` (may be outside its interval, as a
         finding says), ``ratio-only`` (only together with the parameter `partner`),
@@ -77,7 +77,7 @@ class Derived:
     name, configuration, unit
         `configuration` is None for what all configurations share.
     value, std, interval
-        SI; None where the parameters do not give it. The interval is 95 %.
+        SI; None if the parameters do not give it. The interval is 95 %.
     verdict, reason, interval_terms
         As of a `Parameter`; doubtful where a number is that it depends on.
     """
@@ -157,7 +157,7 @@ def little_excited(axes: str, rho: float) -> str:
 
 
 def ratio_words(rho: float) -> str:
-    """Write a ratio that is not enough, rounded down, beside what is."""
+    """Write a ratio that is too small, rounded down, with the ratio that is needed."""
     shown = "under 0.1" if rho < 0.1 else f"{floor(10.0 * rho) / 10.0:.1f}"
     return f"signal-to-noise {shown}, need {LEAST_EXCITATION:.0f}"
 
@@ -184,7 +184,7 @@ def judge(
     axis
         Which motion determines it: a key of `ADVICE`.
     excitation
-        rho of that axis; None where it does not apply.
+        rho of that axis; None if it does not apply.
     """
     relative = half_width / max(abs(value), scale)
     if relative <= WEAK:
@@ -200,11 +200,11 @@ def judge(
         verdict="not-identified" if hopeless else "weak",
         reason=reason,
         advice=ADVICE[axis],
-        asks=_asks(axis),
+        asks=_what_motion_asks(axis),
     )
 
 
-def _asks(motion: str) -> Asks:
+def _what_motion_asks(motion: str) -> Asks:
     return "flight" if motion in ADVISED else "other"
 
 
@@ -212,7 +212,7 @@ WIDTHS: Final = ("known only to", "near zero, and known")
 
 
 def _width_words(relative: float, *, small: bool) -> str:
-    """Say how wide an interval is, of a `small` number over what matters."""
+    """State how wide an interval is, of a `small` number over what matters."""
     if small:
         times = f"{relative / WEAK:.1f}"
         wide = "a little" if times == "1.0" else f"{times} times"
@@ -235,11 +235,11 @@ def body_verdict(
 ) -> Verdict:
     """Judge a number about the CoM: by its own interval, else its twin's.
 
-    `twin`: the parameter at the origin, by `twin_of`; None where the result has none. `kin`: all
+    `twin`: the parameter at the origin, by `twin_of`; None if the result has none. `kin`: all
     derived numbers of its body by name, by which products of inertia are measured.
     """
     verdict = None if twin is None else twin.verdict
-    if _known(derived.value) is None:
+    if _finite_or_none(derived.value) is None:
         return verdict if verdict in ("ratio-only", "removed") else "not-identified"
     if verdict == "doubtful":
         return verdict
@@ -249,25 +249,25 @@ def body_verdict(
     if relative <= WEAK:
         return "identified"
     # Where a moment is not known, the estimate had a better idea of what matters than the value.
-    measured = twin is not None and _size(derived, kin or {}) is None
+    measured = twin is not None and _inertia_size(derived, kin or {}) is None
     return "identified" if measured and verdict == "identified" else "weak"
 
 
 def body_reason(
     derived: Derived, verdict: Verdict, twin: Parameter | None, kin: Mapping[str, Derived]
 ) -> str | None:
-    """Say why a number about the CoM has its verdict: by its own width, else as its twin."""
+    """Explain why a number about the CoM has its verdict: by its own width, else as its twin."""
     if twin is None or verdict == "identified":
         return None
     relative = relative_width(derived, kin) if verdict == "weak" else None
     if relative is None or (twin.verdict == "weak" and not is_width(twin.reason)):
         return twin.reason
-    small = abs(_known(derived.value) or 0.0) < (_size(derived, kin) or 0.0)
+    small = abs(_finite_or_none(derived.value) or 0.0) < (_inertia_size(derived, kin) or 0.0)
     return _width_words(relative, small=small)
 
 
 def body_advice(name: str, verdict: Verdict, twin: Parameter) -> str | None:
-    """Say what to do for a number about the CoM: as for its twin, else by its motion.
+    """State what to do for a number about the CoM: as for its twin, else by its motion.
 
     What was simulated for the vehicle is kept with the twin, whatever the twin's own verdict.
     """
@@ -275,8 +275,8 @@ def body_advice(name: str, verdict: Verdict, twin: Parameter) -> str | None:
 
 
 def body_asks(name: str, verdict: Verdict, twin: Parameter) -> Asks | None:
-    """Say what `body_advice` asks for."""
-    return _asks(motion_for(name)) if _is_own(verdict, twin) else twin.asks
+    """State what `body_advice` asks for."""
+    return _what_motion_asks(motion_for(name)) if _is_own(verdict, twin) else twin.asks
 
 
 def _is_own(verdict: Verdict, twin: Parameter) -> bool:
@@ -321,7 +321,7 @@ def _about_com(
 
 
 def _of_parts(number: Derived, parameters: Sequence[Parameter]) -> Derived:
-    value, names = _known(number.value), DEPENDS.get(number.name, ())
+    value, names = _finite_or_none(number.value), DEPENDS.get(number.name, ())
     if value is None:
         return replace(number, verdict="not-identified")
     parts = [
@@ -341,21 +341,23 @@ def relative_width(derived: Derived, kin: Mapping[str, Derived]) -> float | None
 
     None where only the twin's verdict counts. See `body_verdict`.
     """
-    value, interval = _known(derived.value), derived.interval
+    value, interval = _finite_or_none(derived.value), derived.interval
     if value is None or interval is None or derived.name not in INERTIA_COM:
         return None
-    size = max(abs(value), _size(derived, kin) or 0.0)
+    size = max(abs(value), _inertia_size(derived, kin) or 0.0)
     return 0.5 * (interval[1] - interval[0]) / size if size else None
 
 
-def _size(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
+def _inertia_size(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
     """Return the size of an inertia that matters; None for a product without its two moments."""
     if derived.name in INERTIA_COM[:3]:
         return 0.0
     moments = [kin.get(f"{name}_com") for name in moments_of_product(derived.name)]
-    known = [value for d in moments if d is not None and (value := _known(d.value)) is not None]
+    known = [
+        value for d in moments if d is not None and (value := _finite_or_none(d.value)) is not None
+    ]
     return product_scale(known[0], known[1]) if len(known) == 2 else None
 
 
-def _known(number: float | None) -> float | None:
+def _finite_or_none(number: float | None) -> float | None:
     return number if number is not None and isfinite(number) else None

@@ -73,7 +73,7 @@ def number_parameter(
     owner: str | None,
     entry: ConfigurationEntry,
 ) -> Parameter:
-    """Tabulate one parameter with its verdict, and its value where the verdict allows one.
+    """Tabulate one parameter with its verdict, and with its value if the verdict allows it.
 
     `owner`: the configuration it belongs to; None for what all share. `entry`: by which its unit
     goes.
@@ -104,7 +104,7 @@ def number_derived(
     owner: str | None,
     entry: ConfigurationEntry,
 ) -> Derived:
-    """Return one derived number; null where the flights do not give it. See `number_parameter`."""
+    """Return one derived number; null if the flights do not give it. See `number_parameter`."""
     known = name in numbers.names and judged[name].verdict != "not-identified"
     base = name.partition("@")[0]
     value, half = numbers.number(name) if known else (0.0, 0.0)
@@ -232,7 +232,7 @@ def joint_parameters(fit: Fit) -> list[Parameter]:
     judged = judged_numbers(fit)
     entries = [c.entry for c in fit.dataset.configurations]
     parameters = [
-        _parameter(name, fit.numbers, judged, entries)
+        _tabulate_parameter(name, fit.numbers, judged, entries)
         for name in fit.numbers.names
         if _is_parameter(name)
     ]
@@ -245,7 +245,7 @@ def joint_parameters(fit: Fit) -> list[Parameter]:
 
 def judged_numbers(fit: Fit) -> dict[str, Judgement]:
     """Judge every number; a rotor's coefficient that the prior decides is named so."""
-    judged = _judgements(fit.numbers, fit.configurations)
+    judged = _judge_numbers(fit.numbers, fit.configurations)
     return judged | {
         name: judgement
         for name, judgement in assumed_rotors(fit.estimate, fit.configurations).items()
@@ -257,7 +257,7 @@ def _is_parameter(name: str) -> bool:
     return name.partition("@")[0] in PARAMETERS
 
 
-def _judgements(
+def _judge_numbers(
     numbers: Numbers, configurations: Sequence[JointConfiguration]
 ) -> dict[str, Judgement]:
     """Judge every number; an unknown scale with a good ratio is ``ratio-only``."""
@@ -280,7 +280,7 @@ def _judgements(
     return judged
 
 
-def _parameter(
+def _tabulate_parameter(
     name: str,
     numbers: Numbers,
     judged: Mapping[str, Judgement],
@@ -290,7 +290,7 @@ def _parameter(
     base, _, owner = name.partition("@")
     entry = next((e for e in entries if e.name == owner), entries[0])
     shown = number_parameter(name, numbers, judged[name], owner=owner or None, entry=entry)
-    ratio = None if shown.value is not None else _ratio(base, owner, entries, judged)
+    ratio = None if shown.value is not None else _find_ratio_partner(base, owner, entries, judged)
     if ratio is None:
         return shown
     return replace(
@@ -303,7 +303,7 @@ def _parameter(
     )
 
 
-def _ratio(
+def _find_ratio_partner(
     base: str,
     owner: str,
     entries: Sequence[ConfigurationEntry],
@@ -337,7 +337,7 @@ def assumed_rotors(
     before = np.diag([fit.problem.prior_std[name] ** 2 for name in names])
     left = np.sqrt(_own_variance(spread, names, after) / _own_variance(spread, names, before))
     grouped = any(rotor.group is not None for rotor in vehicle.rotors)
-    judgement = _judgement(len(spread), grouped=grouped)
+    judgement = _judge_coefficients(len(spread), grouped=grouped)
     return {f"kt_{i}": judgement for i, share in enumerate(left, start=1) if share > MOSTLY_ASSUMED}
 
 
@@ -350,7 +350,7 @@ def _own_variance(
     return np.einsum("is,st,it->i", own, covariance, own)
 
 
-def _judgement(rotors: int, *, grouped: bool) -> Judgement:
+def _judge_coefficients(rotors: int, *, grouped: bool) -> Judgement:
     """Explain why the flights do not identify the coefficients, and advise."""
     if grouped:
         reason = "the mixer moves these groups of rotors together"

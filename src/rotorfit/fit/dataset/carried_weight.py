@@ -91,28 +91,28 @@ def height_force(
     count = min(int(n * step / BATCH), MOST)
     if count < FEWEST:
         return None
-    A = _motion(velocity, step)
-    value, rest = _slope(A, left)
+    A = _motion_columns(velocity, step)
+    value, rest = _slope_by_height(A, left)
     rows = np.arange(n)
     batches = np.array_split(rows, count)
     without = [np.delete(rows, own) for own in batches]
-    moved = np.array([_slope(A[kept], left[kept])[0] for kept in without]) - value
+    moved = np.array([_slope_by_height(A[kept], left[kept])[0] for kept in without]) - value
     std = float(np.sqrt((count - 1) / count * (moved**2).sum()))
     every = (std, SOUND, _by_gusts(A, rest, batches, step))
     return weighed(value, float(np.linalg.norm(every)), degrees=count - 1)
 
 
-def _motion(velocity: Float[np.ndarray, " n"], step: float) -> Float[np.ndarray, "n 5"]:
+def _motion_columns(velocity: Float[np.ndarray, " n"], step: float) -> Float[np.ndarray, "n 5"]:
     """Build the columns of a parabola, a velocity, and the height that it makes."""
     time = np.linspace(-1.0, 1.0, len(velocity))
     height = np.cumsum(velocity - velocity.mean()) * step
     return np.column_stack([np.ones(len(time)), time, time**2, velocity, height])
 
 
-def _slope(
+def _slope_by_height(
     A: Float[np.ndarray, "n 5"], left: Float[np.ndarray, " n"]
 ) -> tuple[float, Float[np.ndarray, " n"]]:
-    """Regress a force; return by how much it falls with height, and what is left of it."""
+    """Regress a force on height; return its slope and the residual."""
     found = np.linalg.lstsq(A, left)[0]
     return -float(found[-1]), left - A @ found
 
@@ -196,7 +196,7 @@ class VerticalMotion:
     @property
     def weights(self) -> Float[np.ndarray, " n"]:
         """Of the mean, with which an acceleration is the slope of the velocity."""
-        return _bell(len(self.read))
+        return _bell_weights(len(self.read))
 
 
 def carrying_stretches(
@@ -280,7 +280,7 @@ def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
     grows with height is open by what it makes of a usual height.
     """
     weights, known = motion.weights, motion.velocity is not None
-    left, velocity = _unexplained(motion), _vertical_velocity(motion)
+    left, velocity = _unexplained_force(motion), _vertical_velocity(motion)
     swing = velocity - float(weights @ velocity)
     power = float(weights @ swing**2)
     brake = -float(weights @ (left * swing)) / power if power > 0.0 else 0.0
@@ -309,10 +309,10 @@ def variance_of_sum(batches: Float[np.ndarray, " b"]) -> float:
 
 def height_force_of(motion: VerticalMotion) -> HeightForce | None:
     """Estimate how a force that is no thrust grows with height; None of a short stretch."""
-    return height_force(_unexplained(motion), _vertical_velocity(motion), motion.step)
+    return height_force(_unexplained_force(motion), _vertical_velocity(motion), motion.step)
 
 
-def _unexplained(motion: VerticalMotion) -> Float[np.ndarray, " n"]:
+def _unexplained_force(motion: VerticalMotion) -> Float[np.ndarray, " n"]:
     """Return the specific force that thrust leaves, which carries the weight in the mean."""
     weights = motion.weights
     share = float(weights @ motion.read) / float(weights @ motion.push)
@@ -333,7 +333,7 @@ def vertical_motions(
     breaks = [0, *(i for i, (a, b) in enumerate(pairwise(windows), 1) if a.stop != b.start)]
     for first, last in pairwise([*breaks, len(windows)] if windows else []):
         pieces = np.array_split(np.arange(first, last), -(-(last - first) // TOGETHER))
-        parts = [_vertical(axes, flight, push, piece.tolist()) for piece in pieces]
+        parts = [_project_on_vertical(axes, flight, push, piece.tolist()) for piece in pieces]
         read, pushed, velocity = (np.concatenate(part) for part in zip(*parts, strict=True))
         yield VerticalMotion(
             step=axes.group / axes.sample_rate,
@@ -343,7 +343,7 @@ def vertical_motions(
         )
 
 
-def _vertical(
+def _project_on_vertical(
     axes: Turning, flight: FlightData, push: Float[np.ndarray, "n 3"], piece: Sequence[int]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """Project what is read, the push and the velocity of some windows on the vertical.
@@ -364,7 +364,7 @@ def _vertical(
         gained = np.gradient(moved, step, axis=0)
     back = small_turns(-gyro_drift(attitude, read - gained, step))
     read, pushed, moved, gained = (rotated(back, x) for x in (read, pushed, moved, gained))
-    weights = _bell(len(read))
+    weights = _bell_weights(len(read))
     scale = np.linalg.norm(weights @ read) / np.linalg.norm(weights @ pushed)
     up, along = weights @ (read - gained), weights @ (scale * pushed - gained)
     up, along = up / np.linalg.norm(up), along / np.linalg.norm(along)
@@ -382,11 +382,13 @@ def gyro_drift(
     """
     axes = np.broadcast_to(np.eye(3), (len(attitude), 3, 3))
     bias_turns = np.cumsum(rotated(attitude[:, None].repeat(3, axis=1), axes), axis=0) * step
-    share = np.sqrt(_bell(len(force)))[:, None] / (VELOCITY_CHANGE * slope_std(len(force) * step))
+    share = np.sqrt(_bell_weights(len(force)))[:, None] / (
+        VELOCITY_CHANGE * slope_std(len(force) * step)
+    )
     drift = np.zeros_like(force)
     for _ in range(PASSES):
         left = rotated(small_turns(-drift), force)
-        mean = _bell(len(left)) @ left
+        mean = _bell_weights(len(left)) @ left
         lean = np.cross(bias_turns, mean)
         rows = share[..., None] * np.concatenate(
             [np.broadcast_to(np.eye(3), lean.shape), lean.swapaxes(1, 2)], axis=2
@@ -415,7 +417,7 @@ def _in_groups(
     return np.concatenate([grouped(values[w.start : w.stop], axes.group) for w in windows])
 
 
-def _bell(n: int) -> Float[np.ndarray, " n"]:
+def _bell_weights(n: int) -> Float[np.ndarray, " n"]:
     """Return the weights of a mean, with which an acceleration is the slope of the velocity."""
     share = (np.arange(n) + 0.5) / n
     bell = share * (1.0 - share)

@@ -68,7 +68,7 @@ class ConfigurationData:
 
     @property
     def mass(self) -> float:
-        """[kg]; 1 where it is unknown, and everything is then per kilogram."""
+        """[kg]; 1 if it is unknown, and everything is then per kilogram."""
         return 1.0 if self.entry.mass == "unknown" else self.entry.mass
 
 
@@ -90,7 +90,7 @@ class Dataset:
 
     @property
     def declared(self) -> MotorResponse:
-        """Lag and delay as the user gave them; none where she did not."""
+        """Lag and delay as the user declared them; zero if undeclared."""
         return motor_model_of(self.motors).response
 
     @property

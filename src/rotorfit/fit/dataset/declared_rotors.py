@@ -84,7 +84,9 @@ def response(factors: Factors, vehicle: Vehicle, *, made_for: Vehicle | None = N
     spin-up of the rotors is left out, and yaw has the drag alone.
     """
     declared = made_for or vehicle
-    return _response(_products(_inside_band(factors), declared), vehicle, declared=declared)
+    return _response_by_rotors(
+        _signal_products(_inside_band(factors), declared), vehicle, declared=declared
+    )
 
 
 def free_response(factors: Factors, vehicle: Vehicle) -> Response:
@@ -93,13 +95,16 @@ def free_response(factors: Factors, vehicle: Vehicle) -> Response:
     squares = R[:, _square_columns(vehicle)]
     thrust = squares @ vehicle.axes[:, 2]
     shares = [
-        _share(_rejection(R[:, [layout.index(name)]], thrust)[:, 0], _rejection(squares, thrust))
+        _explained_share(
+            _remove_parallel(R[:, [layout.index(name)]], thrust)[:, 0],
+            _remove_parallel(squares, thrust),
+        )
         for name in ("dwx", "dwy", "dwz")
     ]
     return Response(roll=shares[0], pitch=shares[1], yaw=shares[2])
 
 
-def _products(R: Float[np.ndarray, "z z"], declared: Vehicle) -> Float[np.ndarray, "c c"]:
+def _signal_products(R: Float[np.ndarray, "z z"], declared: Vehicle) -> Float[np.ndarray, "c c"]:
     """Return the products of roll, pitch, yaw, the rotors' spin-up and their squared speeds."""
     layout = signal_layout(declared)
     named = [layout.index(name) for name in ("dwx", "dwy", "dwz", "dHz")]
@@ -107,16 +112,16 @@ def _products(R: Float[np.ndarray, "z z"], declared: Vehicle) -> Float[np.ndarra
     return columns.T @ columns
 
 
-def _response(
+def _response_by_rotors(
     products: Float[np.ndarray, "c c"], vehicle: Vehicle, *, declared: Vehicle
 ) -> Response:
     """Compute the response by these rotors, from the products made for the declared ones."""
-    roll, pitch, yaw = _signed_shares(products, _drives(vehicle, declared)).tolist()
+    roll, pitch, yaw = _signed_shares(products, _drive_columns(vehicle, declared)).tolist()
     return Response(roll=roll, pitch=pitch, yaw=yaw)
 
 
-def _drives(vehicle: Vehicle, declared: Vehicle) -> Float[np.ndarray, "3 4 c"]:
-    """Return for roll, pitch and yaw the thrust, the signal and what drives it, of `_products`.
+def _drive_columns(vehicle: Vehicle, declared: Vehicle) -> Float[np.ndarray, "3 4 c"]:
+    """Return for roll, pitch and yaw the thrust, signal and drive, of `_signal_products`.
 
     One drive or two; zeros stand for none.
     """
@@ -144,22 +149,24 @@ def _square_columns(vehicle: Vehicle) -> list[int]:
 
 
 def _inside_band(factors: Factors) -> Float[np.ndarray, "z z"]:
-    return _inside(factors).total
+    return _select_response_band(factors).total
 
 
-def _inside(factors: Factors) -> Factors:
+def _select_response_band(factors: Factors) -> Factors:
     """Return the factors of the band in which a vehicle responds to its rotors."""
     inside = (factors.band[:, 1] > BAND[0]) & (factors.band[:, 0] < BAND[1])
     return factors.select(inside) if inside.any() else factors
 
 
-def _rejection(columns: Float[np.ndarray, "z k"], from_: Float[np.ndarray, " z"]) -> np.ndarray:
-    """Return columns without what is parallel to another one."""
+def _remove_parallel(
+    columns: Float[np.ndarray, "z k"], from_: Float[np.ndarray, " z"]
+) -> np.ndarray:
+    """Return columns without their component along another column."""
     size = float(from_ @ from_)
     return columns if size == 0.0 else columns - np.outer(from_, from_ @ columns / size)
 
 
-def _share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
+def _explained_share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
     total = float(y @ y)
     if total == 0.0:
         return 0.0
@@ -184,19 +191,21 @@ def _signed_shares(
     known = own > np.finfo(float).eps * np.diagonal(Q, axis1=-2, axis2=-1)[..., 2:]
     known &= (total > 0.0)[..., None]
     # Each drive alone explains with its own sign.
-    alone = _over(b * np.abs(b), own * total[..., None], known)
+    alone = _divide_where(b * np.abs(b), own * total[..., None], known)
     (D, E), cross = np.moveaxis(own, -1, 0), rest[..., 1, 2]
     determinant = D * E - cross**2
     both = known.all(axis=-1) & (determinant > PARALLEL * D * E)
-    x = _over(E * b[..., 0] - cross * b[..., 1], determinant, both)
-    y = _over(D * b[..., 1] - cross * b[..., 0], determinant, both)
-    together = _over(np.sign(x) * (x * b[..., 0] + y * b[..., 1]), total, both & (x * y > 0.0))
+    x = _divide_where(E * b[..., 0] - cross * b[..., 1], determinant, both)
+    y = _divide_where(D * b[..., 1] - cross * b[..., 0], determinant, both)
+    together = _divide_where(
+        np.sign(x) * (x * b[..., 0] + y * b[..., 1]), total, both & (x * y > 0.0)
+    )
     shares = np.concatenate([alone, together[..., None]], axis=-1)
     best = np.abs(shares).argmax(axis=-1)
     return np.take_along_axis(shares, best[..., None], axis=-1)[..., 0]
 
 
-def _over(
+def _divide_where(
     above: Float[np.ndarray, "*v"], below: Float[np.ndarray, "*v"], where: Bool[np.ndarray, "*v"]
 ) -> Float[np.ndarray, "*v"]:
     """Return quotients, zero elsewhere."""
@@ -210,33 +219,33 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     that no body on these arms can respond as the gyro says.
     """
     R = _inside_band(factors)
-    products = _products(R, vehicle)
-    declared = _response(products, vehicle, declared=vehicle)
+    products = _signal_products(R, vehicle)
+    declared = _response_by_rotors(products, vehicle, declared=vehicle)
     every, words = _others_tried(products, vehicle, declared)
     scores = every.sum(axis=1)
     roll, pitch, yaw = every[int(np.argmax(scores))].tolist()
     best = Response(roll=roll, pitch=pitch, yaw=yaw)
     free = free_response(factors, vehicle)
     seen = (
-        f"the declared rotors explain roll, pitch and yaw by {_shown(declared)} "
+        f"the declared rotors explain roll, pitch and yaw by {_shown_response(declared)} "
         "(+1: fully, 0: not at all, -1: reversed)"
     )
     better = best.fits and best.gain_over(declared) > BETTER
     better = better and _is_sure(best, declared, R, vehicle)
-    if better and not _hidden(best, free):
+    if better and not _is_hidden(best, free):
         # The simplest that fit come first; where several fit alike, two are named.
         alike = [words[int(i)] for i in np.flatnonzero(scores > best.score - ALIKE)[:2]]
         raise FrameError(
-            f"{seen}; with {', or with '.join(alike)}, they would respond {_shown(best)}: "
+            f"{seen}; with {', or with '.join(alike)}, they would respond {_shown_response(best)}: "
             "correct the rotors' order and spin, or the log's axes"
         )
     _refuse_turned(R, vehicle)
-    if better or _hidden(declared, free):
+    if better or _is_hidden(declared, free):
         raise FrameError(
-            f"{seen}; with rotor positions left free, the speeds explain {_shown(free)}: "
+            f"{seen}; with rotor positions left free, the speeds explain {_shown_response(free)}: "
             "check the rotors' positions, order and spin, and the log's axes"
         )
-    refuse_implausible_size(_inside(factors), vehicle)
+    refuse_implausible_size(_select_response_band(factors), vehicle)
     return declared
 
 
@@ -298,8 +307,8 @@ def turn_about_z(
     layout = signal_layout(vehicle)
     squares = R[:, _square_columns(vehicle)]
     thrust = squares @ vehicle.axes[:, 2]
-    torque = _rejection(squares @ np.cross(vehicle.positions, vehicle.axes)[:, :2], thrust)
-    turned = _rejection(R[:, [layout.index("dwx"), layout.index("dwy")]], thrust)
+    torque = _remove_parallel(squares @ np.cross(vehicle.positions, vehicle.axes)[:, :2], thrust)
+    turned = _remove_parallel(R[:, [layout.index("dwx"), layout.index("dwy")]], thrust)
     response: Float[np.ndarray, "2 2"] = scipy.linalg.pinv(torque, rtol=1e-9) @ turned
     left = ((turned - torque @ response) ** 2).sum(axis=0)
     total = np.maximum((turned**2).sum(axis=0), np.finfo(float).tiny)
@@ -340,10 +349,12 @@ def check_flight(
         except FrameError as error:
             refused = refused or error
     assert refused is not None
-    raise FrameError(f"{Path(flight.entry.file).name}: {refused}{_leaning(flight)}") from refused
+    raise FrameError(
+        f"{Path(flight.entry.file).name}: {refused}{_describe_lean(flight)}"
+    ) from refused
 
 
-def _leaning(flight: LoadedFlight) -> str:
+def _describe_lean(flight: LoadedFlight) -> str:
     """Describe a thrust that leans in the IMU's axes: rotors may seem wrong by it."""
     tilt = mean_force_tilt([flight.prepared.data])
     if tilt.angle < LEAST_TILT:
@@ -376,34 +387,34 @@ def _other_drives(
     vehicle: Vehicle,
 ) -> tuple[Float[np.ndarray, "o 3 4 c"], Bool[np.ndarray, " o"], tuple[str, ...]]:
     """Compute the drives of roll, pitch and yaw by other declarations, and which keep the spins."""
-    others, words = zip(*_others(vehicle), strict=True)
+    others, words = zip(*_other_declarations(vehicle), strict=True)
     agree = np.array([float(other.spins @ vehicle.spins) for other in others])
-    drives = np.array([_drives(other, vehicle) for other in others])
+    drives = np.array([_drive_columns(other, vehicle) for other in others])
     return drives, np.abs(agree) == len(vehicle.rotors), words
 
 
-def _hidden(found: Response, free: Response) -> bool:
+def _is_hidden(found: Response, free: Response) -> bool:
     """Whether the rotors explain an axis that a declaration does not."""
     return bool(((free.shares > 1.0 - CLEAR) & (found.shares < CLEAR)).any())
 
 
-def _shown(found: Response) -> str:
+def _shown_response(found: Response) -> str:
     return f"{found.roll:+.2f}, {found.pitch:+.2f}, {found.yaw:+.2f}"
 
 
-def _others(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
+def _other_declarations(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
     """Yield other declarations of the same rotors, the simplest first, in words."""
     rotors = vehicle.rotors
     flipped = "every spin reversed (props out instead of in)"
     yield _with_rotors(vehicle, map(reversed_rotor, rotors)), flipped
-    yield _mirrored(vehicle), "the gyro's y and z reversed (FRD axes where FLU is declared)"
+    yield _mirror_vehicle(vehicle), "the gyro's y and z reversed (FRD axes where FLU is declared)"
     yield _swapped_sides(vehicle), "the rotors' y reversed (FRD positions where FLU is declared)"
     for quarters in (1, 2, 3):
         words = f"the rotors turned by {90 * quarters} degrees counter-clockwise (a turned IMU)"
-        turned = [_turned(rotor, quarters) for rotor in rotors]
+        turned = [_turn_rotor(rotor, quarters) for rotor in rotors]
         yield _with_rotors(vehicle, turned), words
         yield _with_rotors(vehicle, map(reversed_rotor, turned)), f"{words} and {flipped}"
-    for order in _orders(len(rotors)):
+    for order in _other_orders(len(rotors)):
         ordered = [rotors[i] for i in order]
         named = ", ".join(str(i + 1) for i in order)
         words = f"your rotors listed in the order {named}{_named_order(ordered)}"
@@ -433,7 +444,7 @@ def _named_order(rotors: Sequence[Rotor]) -> str:
     return ""
 
 
-def _orders(n: int) -> list[tuple[int, ...]]:
+def _other_orders(n: int) -> list[tuple[int, ...]]:
     """Return other orders of the rotors: all of a quadrotor's, else only swaps of two."""
     identity = tuple(range(n))
     if n <= 4:
@@ -454,7 +465,7 @@ def _with_rotors(vehicle: Vehicle, rotors: Iterable[Rotor]) -> Vehicle:
     return replace(vehicle, rotors=tuple(rotors))
 
 
-def _turned(rotor: Rotor, quarters: int) -> Rotor:
+def _turn_rotor(rotor: Rotor, quarters: int) -> Rotor:
     """Return a rotor turned by quarters of a turn about z, counter-clockwise from above."""
     (x, y, z), (nx, ny, nz) = rotor.position, rotor.axis
     for _ in range(quarters):
@@ -462,9 +473,9 @@ def _turned(rotor: Rotor, quarters: int) -> Rotor:
     return replace(rotor, position=(x, y, z), axis=(nx, ny, nz))
 
 
-def _mirrored(vehicle: Vehicle) -> Vehicle:
+def _mirror_vehicle(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle that responds like this one seen by a gyro with y and z reversed."""
-    return _with_rotors(vehicle, (_across(reversed_rotor(rotor)) for rotor in vehicle.rotors))
+    return _with_rotors(vehicle, (_mirror_rotor(reversed_rotor(rotor)) for rotor in vehicle.rotors))
 
 
 def _swapped_sides(vehicle: Vehicle) -> Vehicle:
@@ -477,7 +488,7 @@ def _other_side(rotor: Rotor) -> Rotor:
     return replace(rotor, position=(x, -y, z), axis=(nx, -ny, nz))
 
 
-def _across(rotor: Rotor) -> Rotor:
+def _mirror_rotor(rotor: Rotor) -> Rotor:
     """Return a rotor mirrored front to back."""
     (x, y, z), (nx, ny, nz) = rotor.position, rotor.axis
     return replace(rotor, position=(-x, y, z), axis=(-nx, ny, nz))

@@ -76,7 +76,7 @@ class GyroScale:
         reach = float(student_quantile(0.975, self.degrees) * self.std[axis])
         return float(self.value[axis]) - reach, float(self.value[axis]) + reach
 
-    def _posterior(self, axis: int) -> Float[np.ndarray, "2 n"]:
+    def _posterior_of_axis(self, axis: int) -> Float[np.ndarray, "2 n"]:
         """Weigh sound gyros, and others, over the grid."""
         off: Float[np.ndarray, " n"] = (_GRID - self.value[axis]) / self.std[axis]
         seen = student_density(off, self.degrees)
@@ -88,7 +88,7 @@ class GyroScale:
 
     def probability(self, axis: int) -> float:
         """Return the probability that the scale of an axis is off."""
-        return float(np.sum(self._posterior(axis)[1]))
+        return float(np.sum(self._posterior_of_axis(axis)[1]))
 
     def draws(self) -> Float[np.ndarray, "n 3"]:
         """Draw scales of the three axes from the posterior; that of a sound gyro is none.
@@ -96,7 +96,7 @@ class GyroScale:
         What sound ones differ by is among the assumptions, whether a log has a velocity or not.
         """
         rng = np.random.default_rng(0)
-        off = (self._posterior(axis)[1] for axis in range(3))
+        off = (self._posterior_of_axis(axis)[1] for axis in range(3))
         weights = [part + (1.0 - float(np.sum(part))) * (_GRID == 0.0) for part in off]
         return np.column_stack([rng.choice(_GRID, DRAWS, p=weight) for weight in weights])
 
@@ -108,25 +108,27 @@ class GyroScale:
 def gyro_scale(
     flights: Sequence[FlightData], lever: Float[np.ndarray, "3"] | None
 ) -> GyroScale | None:
-    """Estimate the scale of the gyro; None where too little of the velocity is in the log.
+    """Estimate the scale of the gyro; None if too little of the velocity is in the log.
 
-    `lever`: from the place of the velocity to the IMU [m], zero where it is not known.
+    `lever`: from the place of the velocity to the IMU [m], zero if it is not known.
     """
     lever = np.zeros(3) if lever is None else lever
-    windows = [(f, w) for f in flights for w in _windows(f)]
+    windows = [(f, w) for f in flights for w in _velocity_windows(f)]
     if not windows:
         return None
     found = np.zeros(6)
     normal: list[list[Normal]] = []
     for _ in range(PASSES):
-        normal = [_normal(f, w, lever, found) for f, w in windows]
-        found = found + _solved(normal, found)[:6]
-    normal = [_normal(f, w, lever, found) for f, w in windows]
+        normal = [_normal_equations(f, w, lever, found) for f, w in windows]
+        found = found + _solve_normal(normal, found)[:6]
+    normal = [_normal_equations(f, w, lever, found) for f, w in windows]
     batches = [batch for each in normal for batch in each]
     count = len(batches)
     if count < FEWEST:
         return None
-    without = np.array([_solved([batches[:i] + batches[i + 1 :]], found)[:3] for i in range(count)])
+    without = np.array(
+        [_solve_normal([batches[:i] + batches[i + 1 :]], found)[:3] for i in range(count)]
+    )
     moved = without - without.mean(axis=0)
     shown = (count - 1) / count * (moved**2).sum(axis=0)
     whole = sum((a for a, _ in batches), np.diag(PRIOR**-2.0))
@@ -135,7 +137,7 @@ def gyro_scale(
     return GyroScale(value=found[:3], std=std, degrees=count - 1)
 
 
-def _windows(data: FlightData) -> Iterator[Segment]:
+def _velocity_windows(data: FlightData) -> Iterator[Segment]:
     """Yield the windows of a flight in which the velocity is logged."""
     if data.velocity is None:
         return
@@ -146,7 +148,7 @@ def _windows(data: FlightData) -> Iterator[Segment]:
                 yield window
 
 
-def _solved(
+def _solve_normal(
     normal: Sequence[Sequence[Normal]],
     found: Float[np.ndarray, "6"],
 ) -> Float[np.ndarray, " p"]:
@@ -160,7 +162,7 @@ def _solved(
     return step
 
 
-def _normal(
+def _normal_equations(
     data: FlightData, window: Segment, lever: Float[np.ndarray, "3"], found: Float[np.ndarray, "6"]
 ) -> list[Normal]:
     """Return the normal equations of a window's batches, in units of what is left in it."""
@@ -170,27 +172,29 @@ def _normal(
     true = w * (1.0 - found[:3]) - found[3:]
     assert data.velocity is not None
     v = data.velocity[rows] + np.cross(true, lever)
-    C = running_product(small_turns(_steps(true) * step))
+    C = running_product(small_turns(_turn_steps(true) * step))
     axes = np.stack([rotated(C, np.broadcast_to(e, w.shape)) for e in np.eye(3)])
     force, moved = rotated(C, f), rotated(C, v)
-    turned = [-_integral(a * x[:, None]) * step for a, x in zip(axes, w.T, strict=True)]
-    turned += [-_integral(a) * step for a in axes]
-    columns = [np.cross(d, moved) - _integral(np.cross(d, force)) * step for d in turned]
+    turned = [-_integrate_turns(a * x[:, None]) * step for a, x in zip(axes, w.T, strict=True)]
+    turned += [-_integrate_turns(a) * step for a in axes]
+    columns = [np.cross(d, moved) - _integrate_turns(np.cross(d, force)) * step for d in turned]
     columns = [-c for c in columns]
-    columns += [-_integral(a) * step for a in axes]
+    columns += [-_integrate_turns(a) * step for a in axes]
     columns += [-rotated(C, np.cross(e, v)) for e in np.eye(3)]
     columns += [-rotated(C, np.cross(w, e)) for e in np.eye(3)]
     columns.append(-force)
-    left = moved - _integral(force) * step
+    left = moved - _integrate_turns(force) * step
     group = max(round(data.sample_rate / GROUPS), 1)
     every = np.stack([grouped(c, group) for c in [*columns, left]], axis=-1)
-    variance, whitened = min((_whitened(every, share) for share in SHARES), key=lambda x: x[0])
+    variance, whitened = min(
+        (_whiten_columns(every, share) for share in SHARES), key=lambda x: x[0]
+    )
     count = max(round(len(w) * step / BATCH), 1)
     parts = (part.reshape(-1, part.shape[-1]) for part in np.array_split(whitened, count))
     return [(a[:, :-1].T @ a[:, :-1] / variance, a[:, :-1].T @ a[:, -1] / variance) for a in parts]
 
 
-def _whitened(
+def _whiten_columns(
     every: Float[np.ndarray, "m 3 k"], share: float
 ) -> tuple[float, Float[np.ndarray, "m 3 k"]]:
     """Whiten columns and velocity where noise is white and a random walk, without straight lines.
@@ -198,9 +202,9 @@ def _whitened(
     Return the variance of what is left, with them. `share`: of the noise before that is forgotten.
     """
     time = np.linspace(-1.0, 1.0, len(every))
-    line = _innovations(np.column_stack([np.ones(len(every)), time]), share)
+    line = _innovations_of(np.column_stack([np.ones(len(every)), time]), share)
     line, _ = np.linalg.qr(line)
-    own = _innovations(every.reshape(len(every), -1), share)
+    own = _innovations_of(every.reshape(len(every), -1), share)
     own = own - line @ (line.T @ own)
     flat = own.reshape(-1, every.shape[-1])
     A, b = flat[:, :-1] * PRIOR, flat[:, -1]
@@ -208,13 +212,13 @@ def _whitened(
     return max(float(rest @ rest) / len(rest), TINY), own.reshape(every.shape)
 
 
-def _innovations(x: Float[np.ndarray, "m k"], share: float) -> Float[np.ndarray, "m k"]:
+def _innovations_of(x: Float[np.ndarray, "m k"], share: float) -> Float[np.ndarray, "m k"]:
     """Subtract from each sample an exponential mean of the samples before."""
     first = np.concatenate([x[:1], np.diff(x, axis=0)])
     return first_order_recursion(first, 1.0 - share)
 
 
-def _steps(w: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+def _turn_steps(w: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Return the turn from each sample to the next, times the sample rate, the first none."""
     slope = np.gradient(w, axis=0)
     out = np.zeros_like(w)
@@ -222,5 +226,5 @@ def _steps(w: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     return out
 
 
-def _integral(x: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    return np.cumsum(_steps(x), axis=0)
+def _integrate_turns(x: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    return np.cumsum(_turn_steps(x), axis=0)

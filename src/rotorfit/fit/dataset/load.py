@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError, FlightError, RotorfitError
 from rotorfit.findings import doubts
@@ -65,7 +66,7 @@ REFUSED: tuple[State, ...] = ("dead", "swapped", "apart", "unlike")
 
 
 def refuse_wrong_speeds(flights: Sequence[LoadedFlight], vehicle: Vehicle) -> None:
-    """Raise where measured speeds contradict the commands that made them, as `inspect` says.
+    """Raise an error if measured speeds contradict the commands that made them, as `inspect` says.
 
     A rotor that turns at another ratio may be another propeller: with a group of its own it has a
     thrust coefficient of its own, and is accepted.
@@ -136,7 +137,10 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
     """Read, prepare and screen the flights of every configuration; report each stage in words."""
     source = experiment.identification.source
     vehicle = vehicle_of(experiment.airframe, source)
-    loaded = tuple(_load(entry, experiment, vehicle, report) for entry in experiment.configuration)
+    loaded = tuple(
+        _load_configuration(entry, experiment, vehicle, report)
+        for entry in experiment.configuration
+    )
     flights = [flight for configuration in loaded for flight in configuration.flights]
     _refuse_copies(flights)
     _refuse_mixed_commands(flights)
@@ -167,7 +171,7 @@ def _felt_where_unknown(configuration: ConfigurationData) -> ConfigurationData:
     return dataclasses.replace(configuration, flights=flights)
 
 
-def _load(
+def _load_configuration(
     entry: ConfigurationEntry, experiment: Experiment, vehicle: Vehicle, report: Progress
 ) -> ConfigurationData:
     """Load the flights of one configuration, screened against its declaration."""
@@ -204,13 +208,13 @@ def agreed_motors(declared: MotorsEntry, flights: Sequence[LoadedFlight]) -> Mot
             one, two = (Path(f.entry.file).name for f in (first, other))
             raise ExperimentError(
                 f"{one} and {two} have other motor parameters in their logs "
-                f"({_logged(first)}; {_logged(other)}), and [motors] has no law: give the one that "
-                "holds for all, or identify them separately"
+                f"({_motors_text(first)}; {_motors_text(other)}), and [motors] has no law: "
+                "give the one that holds for all, or identify them separately"
             )
     return first.motors
 
 
-def _logged(flight: LoadedFlight) -> str:
+def _motors_text(flight: LoadedFlight) -> str:
     """Return the motor parameters of a log in words."""
     return "none" if flight.log.motors is None else flight.log.motors.words
 
@@ -302,7 +306,7 @@ def load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     Raises `LogError`, `FlightError`, `FrameError` if it cannot be used; the message names the file.
     """
     try:
-        return _loaded(entry, experiment)
+        return _load_flight(entry, experiment)
     except RotorfitError as error:
         name = Path(entry.file).name
         if name in str(error):
@@ -310,7 +314,7 @@ def load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         raise type(error)(f"{name}: {error}") from error
 
 
-def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
+def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     motors, source = experiment.motors, experiment.identification.source
     vehicle = vehicle_of(experiment.airframe, source)
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))
@@ -349,8 +353,8 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         limits=None if command is None else motor_limits(command, recorded.spans),
         command_responses=responses_within(responses, recorded.spans),
         motors=motors,
-        battery=_voltage(battery, recorded.spans),
-        sag=_sag(battery, prepared.data),
+        battery=_mean_voltage(battery, recorded.spans),
+        sag=_measure_sag(battery, prepared.data),
     )
 
 
@@ -363,8 +367,8 @@ def completed_motors(motors: MotorsEntry, log: FlightLog) -> MotorsEntry:
     return motors.model_copy(update={"law": law, "lag_on": motors.lag_on or logged.lag_on})
 
 
-def _voltage(battery: Channel | None, flown: Sequence[tuple[float, float]]) -> float | None:
-    """Return the mean voltage in flight [V]; None where none was logged."""
+def _mean_voltage(battery: Channel | None, flown: Sequence[tuple[float, float]]) -> float | None:
+    """Return the mean voltage in flight [V]; None if none was logged."""
     if battery is None:
         return None
     inside = np.zeros(len(battery.time), dtype=bool)
@@ -374,7 +378,7 @@ def _voltage(battery: Channel | None, flown: Sequence[tuple[float, float]]) -> f
     return float(seen.mean()) if len(seen) else None
 
 
-def _sag(battery: Channel | None, data: FlightData) -> BatterySag | None:
+def _measure_sag(battery: Channel | None, data: FlightData) -> BatterySag | None:
     """Measure how far the battery's voltage falls under load in flight."""
     if battery is None:
         return None
@@ -383,7 +387,7 @@ def _sag(battery: Channel | None, data: FlightData) -> BatterySag | None:
     if len(rows) < 2 or int(seen.sum()) < 2:
         return None
     time = data.time[rows]
-    voltage = np.asarray(np.interp(time, battery.time[seen], battery.values[seen, 0]))
+    voltage: Float[np.ndarray, " n"] = np.interp(time, battery.time[seen], battery.values[seen, 0])
     return battery_sag(time, voltage, data.rotor_speed[rows])
 
 

@@ -53,7 +53,7 @@ class GravitySeen:
 
     - `at_rest`: mean size of the specific force on the ground, over gravity; None without rest.
     - `in_flight`: mean of the specific force along the vertical where the flight hovers, over
-      gravity; None where no such stretch is long enough.
+      gravity; None if no such stretch is long enough.
     - `in_flight_std`: its standard deviation, from the unknown change of velocity.
     """
 
@@ -154,9 +154,12 @@ def gyration(factors: Factors, vehicle: Vehicle) -> float | None:
     torques = squares @ np.cross(vehicle.positions, vehicle.axes)
     if not thrust.any():
         return None
-    per_square, _ = _slope(R[:, layout.index("az")], thrust)
+    per_square, _ = _slope_with_share(R[:, layout.index("az")], thrust)
     responses = [
-        _slope(_rejection(R[:, layout.index(name)], thrust), _rejection(torques[:, k], thrust))
+        _slope_with_share(
+            _remove_parallel(R[:, layout.index(name)], thrust),
+            _remove_parallel(torques[:, k], thrust),
+        )
         for k, name in enumerate(("dwx", "dwy"))
     ]
     slope, share = max(responses, key=lambda response: response[1])
@@ -165,7 +168,9 @@ def gyration(factors: Factors, vehicle: Vehicle) -> float | None:
     return float(np.sqrt(per_square / slope)) / vehicle.arm
 
 
-def _slope(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> tuple[float, float]:
+def _slope_with_share(
+    y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]
+) -> tuple[float, float]:
     """Return y over x, and the share of y that x explains."""
     size, total = float(x @ x), float(y @ y)
     if size == 0.0 or total == 0.0:
@@ -174,7 +179,9 @@ def _slope(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> tuple[floa
     return slope, slope**2 * size / total
 
 
-def _rejection(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
+def _remove_parallel(
+    y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]
+) -> Float[np.ndarray, " z"]:
     """Remove the part of y along x: thrust turns a vehicle whose CoM is off the centre."""
     return y - x * (float(x @ y) / float(x @ x))
 
@@ -182,7 +189,7 @@ def _rejection(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> Float[
 def refuse_gyro_in_degrees(
     flights: Mapping[str, FlightData], *, takes_columns: bool = True
 ) -> None:
-    """Raise where the specific force only has the mean of gravity if a gyro is in deg/s.
+    """Raise an error if the specific force only has the mean of gravity if a gyro is in deg/s.
 
     Also of a flight so gentle that no single reading is impossible. `flights` are by the name of
     their file; `takes_columns`: whether units of these logs can be declared.
@@ -194,7 +201,7 @@ def refuse_gyro_in_degrees(
 
 
 def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | None:
-    """Describe the contradiction to a gyro in rad/s; None where there is none."""
+    """Describe the contradiction to a gyro in rad/s; None if there is none."""
     as_said = held_up(turning(data), data.specific_force)
     if as_said is None or as_said.ratio > LOST_GRAVITY:
         return None
@@ -211,14 +218,14 @@ def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | No
 
 
 def refuse_implausible_size(factors: Factors, vehicle: Vehicle) -> None:
-    """Raise where no body with these arms can respond to its rotors as the gyro says."""
+    """Raise an error if no body with these arms can respond to its rotors as the gyro says."""
     words = implausible_size(gyration(factors, vehicle), vehicle.arm)
     if words is not None:
         raise FrameError(words)
 
 
 def implausible_size(found: float | None, arm: float) -> str | None:
-    """Describe an impossible radius of gyration over the arm [m]; None where it can be."""
+    """Describe an impossible radius of gyration over the arm [m]; None if it can be."""
     if found is None or SLIMMEST <= found <= STOUTEST:
         return None
     expected = f"{SLIMMEST:g} to {STOUTEST:g} was expected, most have 0.2 to 0.6"
@@ -248,7 +255,7 @@ def hover_speed(data: FlightData) -> float:
 def refuse_rotors_too_fast(
     flights: Mapping[str, FlightData], arm: float, *, law: bool, takes_columns: bool = True
 ) -> None:
-    """Raise where no rotor hovers at such a speed, as where rpm are taken for rad/s.
+    """Raise an error if no rotor hovers at this speed, as when rpm are read as rad/s.
 
     `flights` are by the name of their file, `arm` in m; `law`: whether the speeds come from
     commands by a law; `takes_columns`: whether units of these logs can be declared.

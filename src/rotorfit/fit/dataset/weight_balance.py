@@ -65,7 +65,7 @@ class Turning:
 def turning(data: FlightData) -> Turning:
     """Integrate the turn of a flight's axes by its gyro, in windows of its segments."""
     group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
-    windows = tuple(_windows(data))
+    windows = tuple(_equal_windows(data))
     rates = [grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]
     # All windows at once: rest behind the shorter ones changes nothing before it.
     angles = np.zeros((max((len(w) for w in rates), default=0), len(rates), 3))
@@ -123,7 +123,7 @@ def hovering(data: FlightData) -> FlightData:
     return replace(data, segments=tuple(calm))
 
 
-def _windows(data: FlightData) -> list[Segment]:
+def _equal_windows(data: FlightData) -> list[Segment]:
     """Return the segments in equal windows, none too short."""
     least = SHORTEST_WINDOW * data.sample_rate
     return [
@@ -148,7 +148,7 @@ def grouped(values: Float[np.ndarray, "n 3"], group: int) -> Float[np.ndarray, "
 
 
 def held_together(parts: Iterable[Held | None]) -> Held | None:
-    """Return the mean of those that are known; None where none is."""
+    """Return the mean of those that are known; None if none is."""
     known = [part for part in parts if part is not None]
     return pooled(known) if known else None
 

@@ -44,9 +44,9 @@ def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
     if airframe.layout is not None:
         rotors = airframe.of_layout()
     else:
-        rotors = tuple(_rotor(entry, airframe.axes) for entry in airframe.rotors or ())
+        rotors = tuple(_convert_rotor(entry, airframe.axes) for entry in airframe.rotors or ())
     imu = airframe.imu
-    place = None if imu is None else _flu(imu.position, airframe.axes)
+    place = None if imu is None else _convert_to_flu(imu.position, airframe.axes)
     if place is not None and source == "mocap":
         place = (0.0, 0.0, 0.0)
     return Vehicle(
@@ -59,7 +59,7 @@ def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
 
 
 def imu_tilt_of(airframe: AirframeEntry) -> ImuTilt | None:
-    """Return the declared mounting of the IMU; None where it is not declared."""
+    """Return the declared mounting of the IMU; None if it is not declared."""
     if airframe.imu_tilt_deg is None:
         return None
     roll, pitch = np.radians(airframe.imu_tilt_deg).tolist()
@@ -78,7 +78,7 @@ def payload_of(entry: ConfigurationEntry, axes: Axes) -> tuple[PointMass, ...]:
     return tuple(
         PointMass(
             mass=item.mass,
-            position=_flu(item.position, axes),
+            position=_convert_to_flu(item.position, axes),
             mass_std=item.mass_std,
             position_std=item.position_std,
         )
@@ -104,18 +104,23 @@ def motor_model_of(motors: MotorsEntry) -> MotorModel:
     )
 
 
-def _rotor(entry: RotorEntry, axes: Axes) -> Rotor:
+def _convert_rotor(entry: RotorEntry, axes: Axes) -> Rotor:
     """Convert a rotor to FLU, its axis normalised; up by default in either convention."""
     up = (0.0, 0.0, 1.0)
-    axis = up if entry.axis is None else _flu(entry.axis, axes)
+    axis = up if entry.axis is None else _convert_to_flu(entry.axis, axes)
     length = sum(component**2 for component in axis) ** 0.5
     if length == 0:
         raise ExperimentError("a rotor's axis is (0, 0, 0); give the direction of its thrust")
     unit = (axis[0] / length, axis[1] / length, axis[2] / length)
-    return Rotor(position=_flu(entry.position, axes), spin=entry.spin, axis=unit, group=entry.group)
+    return Rotor(
+        position=_convert_to_flu(entry.position, axes),
+        spin=entry.spin,
+        axis=unit,
+        group=entry.group,
+    )
 
 
-def _flu(vector: Vector, axes: Axes) -> Vector:
+def _convert_to_flu(vector: Vector, axes: Axes) -> Vector:
     """Convert a vector to FLU: FRD is half a turn about x from it."""
     x, y, z = vector
     return (x, -y, -z) if axes == "FRD" else vector
@@ -125,7 +130,7 @@ def read_options_of(flight: FlightEntry, motors: MotorsEntry) -> ReadOptions:
     """Convert the entry of a flight to the options of its log's reader."""
     return ReadOptions(
         log_number=flight.log,
-        columns=_columns(flight.columns),
+        columns=_column_specs(flight.columns),
         axes=flight.axes,
         motor_poles=motors.poles,
     )
@@ -133,15 +138,15 @@ def read_options_of(flight: FlightEntry, motors: MotorsEntry) -> ReadOptions:
 
 def table_options_of(entry: TableEntry, poles: int | None) -> ReadOptions:
     """Convert a ``[table]`` to the options of a table's reader."""
-    return ReadOptions(columns=_columns(entry.columns), axes=entry.axes, motor_poles=poles)
+    return ReadOptions(columns=_column_specs(entry.columns), axes=entry.axes, motor_poles=poles)
 
 
 def recording_options_of(recording: RecordingEntry) -> ReadOptions:
     """Convert the entry of a motion-capture file to the options of its reader."""
-    return ReadOptions(columns=_columns(recording.columns), axes=recording.axes)
+    return ReadOptions(columns=_column_specs(recording.columns), axes=recording.axes)
 
 
-def _columns(entries: Mapping[str, ColumnEntry | str] | None) -> dict[str, ColumnSpec] | None:
+def _column_specs(entries: Mapping[str, ColumnEntry | str] | None) -> dict[str, ColumnSpec] | None:
     if entries is None:
         return None
     return {

@@ -123,7 +123,7 @@ class FlightEntry(Strict):
         return file_as_table(data, "mocap")
 
     @model_validator(mode="after")
-    def _ordered(self) -> "FlightEntry":
+    def _check_order(self) -> "FlightEntry":
         if self.start is not None and self.end is not None and self.end <= self.start:
             raise ValueError(f"end = {self.end} is not after start = {self.start}")
         return self
@@ -249,7 +249,7 @@ class Experiment(Strict):
 
 
 def _refuse_payload(entry: ConfigurationEntry, bare: ConfigurationEntry | None) -> None:
-    """Raise where a payload does not explain the difference of two configurations."""
+    """Raise an error if a payload does not explain the difference of two configurations."""
     if bare is None or bare is entry or bare.payload_of is not None:
         raise ValueError(
             f"configuration {entry.name!r}: payload_of = {entry.payload_of!r} must name another "
@@ -321,15 +321,15 @@ def experiment_of_tables(
 
     The ExperimentError names the source and every place that is wrong.
     """
-    read = _checked(ExperimentFile, tables, source)
+    read = _validate_table(ExperimentFile, tables, source)
     parts = {name: getattr(read, name) for name in Experiment.model_fields}
-    parts["configuration"] = tuple(_placed(c, place, read.table) for c in read.configuration)
+    parts["configuration"] = tuple(_place_flights(c, place, read.table) for c in read.configuration)
     return _by_pose(Experiment.model_construct(read.model_fields_set - {"table"}, **parts))
 
 
 def airframe_of_tables(tables: Mapping[str, Any], *, source: Path) -> AirframeFile:
     """Check airframe and motors in the tables of an airframe or experiment file."""
-    return _checked(AirframeFile, _without_flights(tables), source)
+    return _validate_table(AirframeFile, _without_flights(tables), source)
 
 
 def single_flight_experiment(
@@ -360,7 +360,7 @@ def single_flight_experiment(
     """
     source = airframe if isinstance(airframe, Path) else log
     tables = read_toml(airframe) if isinstance(airframe, Path) else airframe
-    known = _checked(
+    known = _validate_table(
         AirframeFile, with_known_motors(_without_flights(tables), source.parent), source
     )
     flight = with_columns(named_flight(log, log_number=log_number), known.table)
@@ -370,7 +370,7 @@ def single_flight_experiment(
         "motors": known.motors,
         "configuration": [{"mass": mass, "flights": [flight]}],
     }
-    return _by_pose(_checked(Experiment, described, source))
+    return _by_pose(_validate_table(Experiment, described, source))
 
 
 def _by_pose(experiment: Experiment) -> Experiment:
@@ -427,7 +427,7 @@ def named_flight(
 ) -> FlightEntry:
     """Make the entry of a flight that no experiment file names, used from start to end [s]."""
     described = {"file": str(path), "log": log_number, "start": start, "end": end}
-    return _checked(FlightEntry, described, path).placed(path)
+    return _validate_table(FlightEntry, described, path).placed(path)
 
 
 def unseen_entry(
@@ -455,10 +455,10 @@ def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:
     if "rotors" in airframe:
         airframe.pop("order", None)  # the resolved default of a key that belongs to layouts
         described["airframe"] = airframe
-    return _checked(Experiment, described, Path("settings of the result"))
+    return _validate_table(Experiment, described, Path("settings of the result"))
 
 
-def _placed(
+def _place_flights(
     configuration: ConfigurationEntry, place: Callable[[str], Path], table: TableEntry | None
 ) -> ConfigurationEntry:
     lists = {"flights": configuration.flights, "validation": configuration.validation}
@@ -479,7 +479,7 @@ def _found_from(flight: FlightEntry, place: Callable[[str], Path]) -> FlightEntr
     return placed.model_copy(update={"mocap": flight.mocap.model_copy(update=pose)})
 
 
-def _checked(kind: type[Model], data: Any, path: Path) -> Model:
+def _validate_table(kind: type[Model], data: Any, path: Path) -> Model:
     try:
         return kind.model_validate(data)
     except ValidationError as error:

@@ -42,7 +42,7 @@ class SqrtEntry(Strict):
     end: Share = 1.0
 
     @model_validator(mode="after")
-    def _rises(self) -> "SqrtEntry":
+    def _check_rise(self) -> "SqrtEntry":
         if not self.end > self.start:
             raise ValueError(f"end = {self.end:g} is not over start = {self.start:g}")
         return self

@@ -26,7 +26,7 @@ def added_moments(payload: Sequence[PointMass]) -> dict[str, float]:
     """Sum first moments [kg m] and inertia at the origin [kg m^2] of point masses."""
     total = np.zeros(len(MOMENTS))
     for item in payload:
-        total += _moments(item.mass, np.array(item.position))
+        total += _moments_at_origin(item.mass, np.array(item.position))
     return dict(zip(MOMENTS, total.tolist(), strict=True))
 
 
@@ -38,20 +38,24 @@ def tolerances(payload: Sequence[PointMass]) -> Iterator[tuple[str, float, dict[
     for number, item in enumerate(payload, start=1):
         position = np.array(item.position)
         if item.mass_std > 0:
-            yield f"payload_{number}_mass", item.mass_std, _named(_moments(1.0, position))
+            yield (
+                f"payload_{number}_mass",
+                item.mass_std,
+                _name_moments(_moments_at_origin(1.0, position)),
+            )
         if item.position_std > 0:
             for axis, step in zip("xyz", np.eye(3) * item.position_std, strict=True):
                 # Quadratic in the position: the central difference is the derivative.
-                up = _moments(item.mass, position + step)
-                down = _moments(item.mass, position - step)
-                effect = _named((up - down) / (2.0 * item.position_std))
+                up = _moments_at_origin(item.mass, position + step)
+                down = _moments_at_origin(item.mass, position - step)
+                effect = _name_moments((up - down) / (2.0 * item.position_std))
                 yield f"payload_{number}_{axis}", item.position_std, effect
 
 
-def _moments(mass: float, position: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 9"]:
+def _moments_at_origin(mass: float, position: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 9"]:
     inertia = inertia_about(np.zeros(6), mass, position)
     return np.concatenate([mass * position, inertia])
 
 
-def _named(values: Float[np.ndarray, " 9"]) -> dict[str, float]:
+def _name_moments(values: Float[np.ndarray, " 9"]) -> dict[str, float]:
     return dict(zip(MOMENTS, values.tolist(), strict=True))

@@ -40,8 +40,8 @@ def problem_sentences(details: list[ErrorDetails], known: list[str]) -> list[tup
     by_place: dict[str, list[ErrorDetails]] = {}
     for detail in details:
         if not _is_echo(detail):
-            by_place.setdefault(_place(detail["loc"]), []).append(detail)
-    return [(place, _problem(place, found, known)) for place, found in by_place.items()]
+            by_place.setdefault(_place_words(detail["loc"]), []).append(detail)
+    return [(place, _describe_problem(place, found, known)) for place, found in by_place.items()]
 
 
 def _is_echo(detail: ErrorDetails) -> bool:
@@ -52,30 +52,30 @@ def _is_echo(detail: ErrorDetails) -> bool:
     return detail["type"] == "string_type" and isinstance(given, dict)
 
 
-def _problem(place: str, details: list[ErrorDetails], known: list[str]) -> str:
+def _describe_problem(place: str, details: list[ErrorDetails], known: list[str]) -> str:
     """Describe the problem at one place."""
     detail = details[0]
     if detail["type"] == "extra_forbidden":
-        return f"unknown key {place}{_nearest(str(detail['loc'][-1]), known)}"
+        return f"unknown key {place}{_nearest_key(str(detail['loc'][-1]), known)}"
     if detail["type"] == "missing":
         return f"{place} is missing"
     given = detail["input"]
-    message = ", or ".join(_expected(d) for d in details)
+    message = ", or ".join(_expected_words(d) for d in details)
     shown = "" if isinstance(given, dict | list | tuple) else f" (it is {given!r})"
     return f"{place}: {message}{shown}" if place else message
 
 
-def _expected(detail: ErrorDetails) -> str:
+def _expected_words(detail: ErrorDetails) -> str:
     message = detail["msg"].removeprefix("Value error, ")
     return EXPECTED.get(detail["type"], message.replace("Input should", "should", 1))
 
 
-def _nearest(key: str, known: list[str]) -> str:
+def _nearest_key(key: str, known: list[str]) -> str:
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
     return f", did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(known)}"
 
 
-def _place(location: tuple[int | str, ...]) -> str:
+def _place_words(location: tuple[int | str, ...]) -> str:
     """Format a place such as configuration[0].mass, without the names of pydantic's types."""
     parts: list[str] = []
     for part in location:

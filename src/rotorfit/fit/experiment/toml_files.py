@@ -115,8 +115,8 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def refuse_too_many_values(tables: Mapping[str, Any], source: Path) -> None:
-    """Raise where tables hold more than any experiment does."""
-    if (count := _values(tables)) > MOST_VALUES:
+    """Raise an error if tables hold more than any experiment does."""
+    if (count := _count_values(tables)) > MOST_VALUES:
         raise ExperimentError(
             f"{source} holds {count} values, expected at most {MOST_VALUES}; flights, rotors and "
             "laws are named in an experiment file, their data stay in the logs"
@@ -124,7 +124,7 @@ def refuse_too_many_values(tables: Mapping[str, Any], source: Path) -> None:
 
 
 def _other_kind(path: Path) -> str | None:
-    """Explain which kind a file is that is no TOML; None where it is called TOML or unknown."""
+    """Explain which kind a file is that is no TOML; None if it is called TOML or unknown."""
     from rotorfit.logs.read import kind_of
 
     kind = None if path.suffix == ".toml" else kind_of(path)
@@ -133,7 +133,7 @@ def _other_kind(path: Path) -> str | None:
     return f"{path}: this is {kind}; give an airframe or experiment file (.toml) in its place"
 
 
-def _values(tables: Mapping[str, Any]) -> int:
+def _count_values(tables: Mapping[str, Any]) -> int:
     """Count the values at any depth."""
     count, left = 0, list[Any](tables.values())
     while left:
@@ -148,13 +148,13 @@ def _values(tables: Mapping[str, Any]) -> int:
 
 def experiment_text(tables: Mapping[str, Any]) -> str:
     """Write tables as `read_toml` returns them into the text of a file; None is left out."""
-    plain = [f"{_key(k)} = {_value(v)}" for k, v in tables.items() if not _is_table(v)]
+    plain = [f"{_toml_key(k)} = {_toml_value(v)}" for k, v in tables.items() if not _is_table(v)]
     blocks = ["\n".join(plain)] if plain else []
     for key, value in tables.items():
         if isinstance(value, Mapping):
-            blocks.append(_block(f"[{_key(key)}]", cast("Mapping[str, Any]", value)))
+            blocks.append(_table_block(f"[{_toml_key(key)}]", cast("Mapping[str, Any]", value)))
         elif _is_table(value):
-            blocks += [_block(f"[[{_key(key)}]]", one) for one in value]
+            blocks += [_table_block(f"[[{_toml_key(key)}]]", one) for one in value]
     return "\n\n".join(blocks) + "\n"
 
 
@@ -166,7 +166,7 @@ def _is_table(value: Any) -> bool:
     return len(rows) > 0 and all(isinstance(row, Mapping) for row in rows)
 
 
-def _block(head: str, table: Mapping[str, Any]) -> str:
+def _table_block(head: str, table: Mapping[str, Any]) -> str:
     """Write a table; a map of tables in it that is too long for a line has a head of its own."""
     long = {
         key: cast("Mapping[str, Any]", value)
@@ -174,8 +174,8 @@ def _block(head: str, table: Mapping[str, Any]) -> str:
         if head[1] != "[" and _is_long_map(value)
     }
     short = {key: value for key, value in table.items() if key not in long and value is not None}
-    lines = [f"{_key(k)} = {_value(v)}" for k, v in short.items()]
-    inner = [_block(f"{head[:-1]}.{_key(k)}]", v) for k, v in long.items()]
+    lines = [f"{_toml_key(k)} = {_toml_value(v)}" for k, v in short.items()]
+    inner = [_table_block(f"{head[:-1]}.{_toml_key(k)}]", v) for k, v in long.items()]
     return "\n\n".join(["\n".join([head, *lines]), *inner])
 
 
@@ -183,10 +183,10 @@ def _is_long_map(value: Any) -> bool:
     if not isinstance(value, Mapping):
         return False
     parts = cast("Mapping[str, Any]", value).values()
-    return all(isinstance(part, Mapping) for part in parts) and len(_value(value)) > WIDEST
+    return all(isinstance(part, Mapping) for part in parts) and len(_toml_value(value)) > WIDEST
 
 
-def _value(value: Any) -> str:
+def _toml_value(value: Any) -> str:
     match value:
         case bool():
             return "true" if value else "false"
@@ -195,23 +195,25 @@ def _value(value: Any) -> str:
             return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
         case Mapping():
             table = cast("Mapping[str, Any]", value)
-            pairs = [f"{_key(k)} = {_value(v)}" for k, v in table.items() if v is not None]
+            pairs = [
+                f"{_toml_key(k)} = {_toml_value(v)}" for k, v in table.items() if v is not None
+            ]
             return "{ " + ", ".join(pairs) + " }"
         case list() | tuple():
-            return _list([_value(one) for one in cast("Sequence[Any]", value)])
+            return _toml_list([_toml_value(one) for one in cast("Sequence[Any]", value)])
         case _:
             return repr(value)
 
 
-def _list(values: Sequence[str]) -> str:
+def _toml_list(values: Sequence[str]) -> str:
     line = f"[{', '.join(values)}]"
     if len(line) <= WIDEST:
         return line
     return "\n".join(["[", *(f"  {value}," for value in values), "]"])
 
 
-def _key(name: str) -> str:
-    return name if _BARE.fullmatch(name) else _value(name)
+def _toml_key(name: str) -> str:
+    return name if _BARE.fullmatch(name) else _toml_value(name)
 
 
 def table_of_options(options: "ReadOptions") -> dict[str, Any]:

@@ -185,13 +185,13 @@ def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfigu
     return numbers.with_terms(
         IntervalTerm(
             name="yaw scale",
-            half_width=stretch_term(numbers.half_width, _stretches(numbers)),
+            half_width=stretch_term(numbers.half_width, _stretch_factors(numbers)),
             source="the interval of the scale of yaw holds its inverse, too",
         )
     )
 
 
-def _stretches(numbers: Numbers) -> Float[np.ndarray, " q"]:
+def _stretch_factors(numbers: Numbers) -> Float[np.ndarray, " q"]:
     """Compute the factor of each half-width that makes it hold the inverse of the scale, too.
 
     The yaw equation has the products of inertia in proportion to I_zz. Where its scale has no

@@ -23,7 +23,7 @@ def excitation(
 
     Of a whole flight; of several as `_of_flights` weighs them.
     """
-    return _ratios(fit, configurations, lambda factors: factors.recording)
+    return _excitation_ratios(fit, configurations, lambda factors: factors.recording)
 
 
 def weighed_excitation(
@@ -33,7 +33,7 @@ def weighed_excitation(
 
     A short lively phase of a long calm flight is what tells of the vehicle.
     """
-    return _ratios(fit, configurations, lambda factors: np.arange(len(factors)))
+    return _excitation_ratios(fit, configurations, lambda factors: np.arange(len(factors)))
 
 
 def enough_by_weight(plain: Mapping[str, float], weighed: Mapping[str, float]) -> dict[str, float]:
@@ -41,7 +41,7 @@ def enough_by_weight(plain: Mapping[str, float], weighed: Mapping[str, float]) -
     return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
 
 
-def _ratios(
+def _excitation_ratios(
     fit: BandedEstimate,
     configurations: Sequence[JointConfiguration],
     parts: Callable[[Factors], Int[np.ndarray, " b"]],
@@ -56,17 +56,17 @@ def _ratios(
         means = np.array(
             [mean_ratios(rows[own], (power[0][own], power[1][own]), part[own]) for own in flights]
         )
-        informative = _information(c, power)
+        informative = _block_weights(c, power)
         found = _of_flights(means, np.array([informative[own].sum(axis=0) for own in flights]))
         rho |= {f"{axis}@{c.name}": float(m) for axis, m in zip(AXES, found, strict=True)}
     return rho
 
 
-def _information(
+def _block_weights(
     configuration: JointConfiguration,
     power: tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 3"]],
 ) -> Float[np.ndarray, "b 3"]:
-    """Compute the weight of the blocks that count, but the mean: power over what is left of it."""
+    """Compute the weight of the counted blocks, except the mean: power over residual power."""
     factors, counted = configuration.factors, configuration.counted
     moving = (factors.band[:, 0] > 0.0)[:, None]
     kept = moving & (True if counted is None else counted[:, 3:])

@@ -108,7 +108,7 @@ class IntervalTerm:
     """One contribution to the 95 % intervals of a fit.
 
     - `name`: a key of `TERM_KINDS`.
-    - `half_width`: of each number, in its unit; 0 where it does not apply.
+    - `half_width`: of each number, in its unit; 0 if it does not apply.
     - `source`: what measured it.
     """
 

@@ -212,7 +212,7 @@ def half_width_between_blocks(
     `by_flights`: formal variance of each number, without what was known before.
     """
     own, own_blocks = own_scatter(fit, jacobian)
-    phases, flights = _parts(fit, "segment"), _parts(fit, "recording")
+    phases, flights = _mark_parts(fit, "segment"), _mark_parts(fit, "recording")
     parts = phases if len(phases) >= FEWEST_PHASES else list(np.eye(len(fit.influence), dtype=bool))
     shares = _shares_of_variance(fit, jacobian, flights)
     variance, degrees = pooled(
@@ -285,7 +285,7 @@ def half_width_between_phases(
     variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2), d being no
     more than a few times p: without the one informative phase nothing is identifiable.
     """
-    parts = _parts(fit, "segment")
+    parts = _mark_parts(fit, "segment")
     if len(parts) < FEWEST_PHASES:
         return np.zeros(len(jacobian))
     influences = np.array([fit.influence[own].sum(axis=0) for own in parts]) @ jacobian.T
@@ -295,7 +295,7 @@ def half_width_between_phases(
     return 1.96 * np.sqrt((leverage * influences**2).sum(axis=0))
 
 
-def _parts(fit: BandedEstimate, kind: str) -> list[Bool[np.ndarray, " b"]]:
+def _mark_parts(fit: BandedEstimate, kind: str) -> list[Bool[np.ndarray, " b"]]:
     """Mark the blocks of each phase ("segment") or flight ("recording") of each configuration."""
     factors = fit.problem.factors
     configuration = np.repeat(np.arange(len(factors)), [len(f) for f in factors])

@@ -71,7 +71,7 @@ vehicles: k_t and kd_over_Izz .2 to .5 and 1 % too small."""
 
 
 def attenuation_allowance(name: str, size: float, rho: float, *, with_response: bool) -> float:
-    """Compute the half-width that lack of excitation adds, infinite where it bounds nothing.
+    """Compute the half-width that lack of excitation adds, infinite if it bounds nothing.
 
     `name`: of the number, a key of `AXIS_OF`. `size`: of the number as found, or a size of it that
     matters where it is near zero. `rho`: explained over residual power of the axis' angular
@@ -230,7 +230,7 @@ class Numbers:
         return float(self.values[i]), float(self.half_width[i])
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Return the ends of a number's interval; infinite where nothing bounds it."""
+        """Return the ends of a number's interval; infinite if nothing bounds it."""
         if name not in self.names:
             return -np.inf, np.inf
         value, half = self.number(name)
@@ -243,7 +243,7 @@ class Numbers:
         return self.correlation[np.ix_(index, index)] * np.outer(std, std)
 
     def rho(self, name: str) -> float | None:
-        """Return the excitation that a number depends on; None where it needs none."""
+        """Return the excitation that a number depends on; None if it needs none."""
         base, _, configuration = name.partition("@")
         axis = AXIS_OF.get(base)
         if axis is None:

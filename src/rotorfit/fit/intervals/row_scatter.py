@@ -26,7 +26,7 @@ def row_half_widths(fits: RowFits) -> Float[np.ndarray, " f"]:
     own = np.diagonal(fits.covariance) * blocks / free
     formal = student_quantile(0.975, free) * np.sqrt(stated * blocks / free)
     degrees = np.minimum(_effective_blocks(fits), free)
-    variance, degrees = pooled([_dispersion(fits)], stated[None], own, degrees)
+    variance, degrees = pooled([_dispersion_of_rows(fits)], stated[None], own, degrees)
     found: Float[np.ndarray, " f"] = np.maximum(
         formal, student_quantile(0.975, degrees) * np.sqrt(variance)
     )
@@ -42,17 +42,19 @@ def _free_blocks(fits: RowFits) -> Float[np.ndarray, " f"]:
 
 def _effective_blocks(fits: RowFits) -> Float[np.ndarray, " f"]:
     """Count the effective blocks of each parameter, by their shares of its formal variance."""
-    return effective_count(np.concatenate([_shares(fits.fits[row]) for row in ROWS], axis=1))
+    return effective_count(
+        np.concatenate([_variance_shares(fits.fits[row]) for row in ROWS], axis=1)
+    )
 
 
-def _shares(fit: BandedFit) -> Float[np.ndarray, "b f"]:
+def _variance_shares(fit: BandedFit) -> Float[np.ndarray, "b f"]:
     """Compute each block's share of the formal variances of a row."""
     C = fit.estimate.covariance
     shares: Float[np.ndarray, "b f"] = np.einsum("fi,bij,jf->bf", C, fit.information, C)
     return shares
 
 
-def _dispersion(fits: RowFits) -> Dispersion:
+def _dispersion_of_rows(fits: RowFits) -> Dispersion:
     """Estimate the dispersion of the four rows together, by phases or, of few, by blocks."""
     labels = np.unique(fits.segment)
     parts = [fits.segment == label for label in labels]
@@ -61,11 +63,11 @@ def _dispersion(fits: RowFits) -> Dispersion:
     influence = np.concatenate([fits.fits[row].influence for row in ROWS], axis=1)
     return dispersion_of_parts(
         fits.formal,
-        np.array([_information(fits, own) for own in parts]),
+        np.array([_sum_information(fits, own) for own in parts]),
         np.array([influence[own].sum(axis=0) for own in parts]),
     )
 
 
-def _information(fits: RowFits, own: Bool[np.ndarray, " b"]) -> Float[np.ndarray, "f f"]:
+def _sum_information(fits: RowFits, own: Bool[np.ndarray, " b"]) -> Float[np.ndarray, "f f"]:
     """Sum the information of some blocks on the parameters of all rows."""
     return block_diagonal([fits.fits[row].information[own].sum(axis=0) for row in ROWS])

@@ -161,7 +161,7 @@ def _followed_thrust(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pushes:
-    """What a regression of the errors of one turn by those of the forces needs, block by block.
+    """Sums for the regression of an angular error on the force errors, per block.
 
     - `squares`: of the forces' errors with one another.
     - `shared`: of theirs with the turn's.

@@ -101,7 +101,7 @@ def joint_fit(
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if guess is None else []
 
     def first(looked_at: list[JointConfiguration]) -> Mapping[str, float]:
-        close = _close(looked_at)
+        close = _largest_last_step(looked_at)
         return estimate(looked_at, starts, begin=guess, close=close).estimate.by_name
 
     # Before the first fit nobody can tell the pilot's motion from disturbances: further up an
@@ -125,11 +125,11 @@ def _fit_from(
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Fit the informative bands, selected at `begin`; return the fit and its configurations."""
     joint = select(joint, begin)
-    fit = estimate(joint, [], begin=begin, close=_close(joint))
+    fit = estimate(joint, [], begin=begin, close=_largest_last_step(joint))
     refuse_collapse(fit.estimate.by_name, joint)
     if not _several_flights(joint):
         return fit, joint  # one flight each
-    response, differ = _response(fit, joint), _scatters(fit, joint)
+    response, differ = _closed_loop_response(fit, joint), _flight_scatters(fit, joint)
     joint = [
         replace(c, response=response, scatter=differ.get(k, c.scatter)) for k, c in enumerate(joint)
     ]
@@ -159,15 +159,19 @@ def _several_flights(joint: Sequence[JointConfiguration], least: int = 2) -> boo
     return any(len(flights_of(c.factors)) >= least for c in joint)
 
 
-def _close(joint: Sequence[JointConfiguration]) -> float:
+def _largest_last_step(joint: Sequence[JointConfiguration]) -> float:
     """Return how near its end a fit is brought before the last."""
     return NEAR if _several_flights(joint) else SMALLEST_STEP
 
 
-def _response(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> ClosedLoopResponse:
+def _closed_loop_response(
+    fit: BandedEstimate, joint: Sequence[JointConfiguration]
+) -> ClosedLoopResponse:
     return estimated_response(fit) if _several_flights(joint, ENOUGH_FLIGHTS) else NOMINAL_RESPONSE
 
 
-def _scatters(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> dict[int, Scatter]:
+def _flight_scatters(
+    fit: BandedEstimate, joint: Sequence[JointConfiguration]
+) -> dict[int, Scatter]:
     owners, flights = separate_flights(joint)
     return scatters(fit.estimate, owners, [c.mass * c.vehicle.arm for c in flights])

@@ -83,10 +83,10 @@ def joint_map(
     products: Products = {}
     for c, configuration in enumerate(configurations):
         given[c, "mass"] = configuration.mass
-        free |= _body(c, configuration)
+        free |= _body_parameters(c, configuration)
         products |= _spread_products(c, spread)
         for term in (*_own_terms(used, configuration), *_shared_moves(used)):
-            own, more = _entries(term, c, configuration, free)
+            own, more = _term_entries(term, c, configuration, free)
             free |= own
             for entry, parts in more.items():
                 products[entry] = [*products.get(entry, ()), *parts]
@@ -100,7 +100,7 @@ def joint_map(
     )
 
 
-def _body(c: int, configuration: JointConfiguration) -> Free:
+def _body_parameters(c: int, configuration: JointConfiguration) -> Free:
     """Return the moments of one configuration's body, and the tolerances of its payload."""
     at = f"@{configuration.name}"
     free: Free = {}
@@ -122,7 +122,7 @@ def _shared_moves(used: Sequence[Term]) -> list[Term]:
     return [term for term in used if term.owner == "shared" and term.moves]
 
 
-def _entries(
+def _term_entries(
     term: Term, c: int, configuration: JointConfiguration, shared: Collection[str]
 ) -> tuple[Free, Products]:
     """Return a term's parameters with the entries of theta of one configuration that they move.

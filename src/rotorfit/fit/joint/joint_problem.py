@@ -169,7 +169,7 @@ def joint_problem(
             for c in configurations
             if c.error_correlation is not None
         ),
-        feedback=_feedback(flights),
+        feedback=_collect_feedback(flights),
     )
 
 
@@ -207,8 +207,8 @@ def theta_of(
     return configuration_theta(fit_map, phi, counts)
 
 
-def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
-    """Collect where the autopilot responds by the rotors; None where that is not known."""
+def _collect_feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
+    """Collect where the autopilot responds by the rotors; None if that is not known."""
     if any(c.with_response is None for c in configurations):
         return None
     layout = configurations[0].model.layout
@@ -238,7 +238,7 @@ def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopRespon
     late = [] if timing is None else [lateness(name, turn, timing.at) for name in timing.names]
     return ClosedLoopResponses(
         rows=moving[:, None] * counted_errors,
-        moves=_mixed(configuration, turn),
+        moves=_mixed_rotors(configuration, turn),
         complementary_sensitivity=taken + usual * np.array(configuration.response.beyond),
         uncertainty=usual * np.array(configuration.response.open),
         log_effect_slopes=_of_turns(np.array(late, dtype=complex).reshape(len(late), len(turn)).T),
@@ -275,7 +275,7 @@ def lateness(
     return np.zeros(len(turn), dtype=complex)
 
 
-def _mixed(
+def _mixed_rotors(
     configuration: JointConfiguration, turn: Float[np.ndarray, " b"]
 ) -> Complex[np.ndarray, "b e u"]:
     """Return how an autopilot moves the rotors to roll, pitch, yaw and climb.

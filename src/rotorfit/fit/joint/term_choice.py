@@ -36,7 +36,7 @@ class Choice:
     """The terms of the model, and why.
 
     - `gains`: of the log-likelihood, by each further term that was looked at.
-    - `least_gain`: for which they were added; None where the user chose.
+    - `least_gain`: for which they were added; None if the user chose.
     """
 
     terms: tuple[str, ...]
@@ -89,7 +89,7 @@ def chosen(
     if terms is not None:
         return Choice(terms=tuple(terms)), fit
     for term in terms_named(present):
-        if term.one_sided and _drives(term, fit, joint):
+        if term.one_sided and _surely_drives(term, fit, joint):
             with suppress(UnsettledError):
                 without = tuple(name for name in present if name != term.name)
                 present, fit = without, refit(without, fit)
@@ -116,7 +116,7 @@ def chosen(
     return Choice(terms=present, gains=gains, least_gain=least), fit
 
 
-def _drives(term: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
+def _surely_drives(term: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
     """Test whether a one-sided term surely drives in every configuration: no air does that."""
     names = [f"{name}@{c.name}" for c in joint for name in term.one_sided]
     if not set(names) <= set(fit.estimate.names):

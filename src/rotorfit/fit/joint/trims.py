@@ -79,7 +79,7 @@ def with_trims(
         first = len(OWN) * i
         for j, moment in enumerate(MOVED):
             columns[k, place(moment), first + j] = 1.0
-        for j, entry, of, factor in _scaled(theta_names, masses[k]):
+        for j, entry, of, factor in _scaled_trims(theta_names, masses[k]):
             columns[k, entry, first + j] += factor * constant[k, of]
             products += [
                 Product(
@@ -99,7 +99,7 @@ def with_trims(
     )
 
 
-def _scaled(theta_names: Sequence[str], mass: float) -> list[tuple[int, int, int, float]]:
+def _scaled_trims(theta_names: Sequence[str], mass: float) -> list[tuple[int, int, int, float]]:
     """Return (trim, entry, other entry, factor): what a trim adds to an entry, times the other.
 
     A body that is moved as it is has more inertia about the origin (Steiner), by the product of
@@ -110,7 +110,7 @@ def _scaled(theta_names: Sequence[str], mass: float) -> list[tuple[int, int, int
     steiner: list[tuple[int, int, int, float]] = []
     for j, moved in enumerate(np.eye(3)[: len(MOVED)]):
         for name, other in zip(("msx", "msy", "msz"), np.eye(3), strict=True):
-            both = _steiner(moved + other) - _steiner(moved) - _steiner(other)
+            both = _unit_steiner(moved + other) - _unit_steiner(moved) - _unit_steiner(other)
             steiner += [
                 (j, place(element), place(name), float(factor) / mass)
                 for element, factor in zip(INERTIA, both, strict=True)
@@ -119,7 +119,7 @@ def _scaled(theta_names: Sequence[str], mass: float) -> list[tuple[int, int, int
     return [*air, *steiner]
 
 
-def _steiner(com: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 6"]:
+def _unit_steiner(com: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 6"]:
     return inertia_about(np.zeros(6), 1.0, com)
 
 
@@ -156,17 +156,17 @@ def scatters(
     for c in set(owners):
         own = [k for k, owner in enumerate(owners) if owner == c]
         if len(own) > 1:
-            variance = float(np.mean([_variance(estimate, moment, own) for moment in MOVED]))
+            variance = float(np.mean([_trim_variance(estimate, moment, own) for moment in MOVED]))
             moved = float(np.sqrt(variance)) / moments[own[0]]
             # Two flights of one day show nothing of other days: one degree of freedom from before.
-            squares = UNSEEN.air**2 + (len(own) - 1) * _variance(estimate, "air", own)
+            squares = UNSEEN.air**2 + (len(own) - 1) * _trim_variance(estimate, "air", own)
             found[c] = Scatter(
                 moved=max(moved, LEAST_MOVED), air=float(np.sqrt(squares / len(own)))
             )
     return found
 
 
-def _variance(estimate: Estimate, own: str, flights: Sequence[int]) -> float:
+def _trim_variance(estimate: Estimate, own: str, flights: Sequence[int]) -> float:
     """Return the expected variance of a trim of several flights about their mean."""
     at = [estimate.names.index(f"{TRIM}{own}@{k}") for k in flights]
     open_still = estimate.covariance[np.ix_(at, at)]

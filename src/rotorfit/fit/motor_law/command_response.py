@@ -38,7 +38,7 @@ class Recording:
 
     - `command_time`: rising throughout [s].
     - `command`: 0 to 1.
-    - `voltage`: over its median, at the commands; None where there is none.
+    - `voltage`: over its median, at the commands; None if there is none.
     - `nominal_voltage`: that median [V].
     - `rotor`: of each command, among `rotors`.
     - `rotors`: those that are there, from 0 in the log's order.
@@ -76,7 +76,7 @@ class Timing:
 
 
 def recording_of(flights: Sequence[Sequence[MeasuredResponse]]) -> Recording | None:
-    """Join the responses of all flights on one clock; None where nothing is left."""
+    """Join the responses of all flights on one clock; None if nothing is left."""
     listed = [(k, a) for k, responses in enumerate(flights) for a in responses]
     if not listed:
         return None
@@ -91,7 +91,7 @@ def recording_of(flights: Sequence[Sequence[MeasuredResponse]]) -> Recording | N
     begins = np.zeros(sum(sizes), dtype=bool)
     begins[np.cumsum([0, *sizes[:-1]])] = True
     offsets = [i * STRETCH_DISTANCE - float(a.command_time[0]) for i, a in enumerate(stretches)]
-    used = [_counting(a) for a in stretches]
+    used = [_mark_fitted_speeds(a) for a in stretches]
     counts = [int(rows.sum()) for rows in used]
     flight = np.array([present.index(k) for k, _ in listed])
     number = np.array([rotors.index(a.rotor) for a in stretches])
@@ -122,7 +122,7 @@ def recording_of(flights: Sequence[Sequence[MeasuredResponse]]) -> Recording | N
     )
 
 
-def _counting(response: MeasuredResponse) -> Bool[np.ndarray, " m"]:
+def _mark_fitted_speeds(response: MeasuredResponse) -> Bool[np.ndarray, " m"]:
     """Mark the speeds of a stretch that are fitted."""
     time = response.speed_time
     step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
@@ -132,7 +132,7 @@ def _counting(response: MeasuredResponse) -> Bool[np.ndarray, " m"]:
 
 
 def drawn_between(recording: Recording) -> Recording:
-    """Draw smooth commands between those of the log, as of a loop of which it keeps only some.
+    """Interpolate smooth commands between those of a log that keeps only some of the loop's.
 
     A cubic spline through each stretch, in steps of some `FINE` seconds that hold its middles.
     """
@@ -146,7 +146,7 @@ def drawn_between(recording: Recording) -> Recording:
         np.split(recording.command, starts[1:]),
         strict=True,
     )
-    drawn = [_drawn(time, command, step, parts) for time, command in pieces]
+    drawn = [_draw_commands(time, command, step, parts) for time, command in pieces]
     rows = np.repeat(np.arange(len(recording.command)), parts)
     volts = recording.voltage
     return replace(
@@ -161,7 +161,7 @@ def drawn_between(recording: Recording) -> Recording:
     )
 
 
-def _drawn(
+def _draw_commands(
     time: Float[np.ndarray, " n"], command: Float[np.ndarray, " n"], step: float, parts: int
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """Draw one stretch: the times from which each of the finer commands holds, and these."""
@@ -242,7 +242,7 @@ def speed_response(
         into[-1] = np.where(rising, 0.0, into[p])
     start = np.zeros((len(into), int(recording.begins.sum())))
     start[:p] = settled_slopes[:, recording.begins]
-    moved = _solved(remaining, into, start, recording.begins)
+    moved = _solve_recursion(remaining, into, start, recording.begins)
     k, since = _commands_in_force(recording, timing.delay)
     rate = since / (up if up == down else np.take(lag, k))
     left = np.exp(-rate)
@@ -306,7 +306,7 @@ def _at_commands(
     up: float,
     down: float,
 ) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Tell whether each command makes its rotor rise, from which speed, and what share is left.
+    """Return whether each command makes its rotor rise, from which speed, and what share is left.
 
     The share of the way when the next one comes. As `motor_model.two_way_lag`: Newton's iteration
     on a piecewise linear recursion.
@@ -320,7 +320,7 @@ def _at_commands(
     for _ in range(1 if up == down else MOST_ROUNDS):
         into = (1.0 - remaining) * settled
         begun = settled[None, recording.begins]
-        speed = _solved(remaining, into[None], begun, recording.begins)[0]
+        speed = _solve_recursion(remaining, into[None], begun, recording.begins)[0]
         rises = settled > speed
         changed = np.flatnonzero(rises != rising)
         off = np.abs(settled[changed] - speed[changed])
@@ -332,13 +332,13 @@ def _at_commands(
     return rising, remaining, speed
 
 
-def _solved(
+def _solve_recursion(
     remaining: Float[np.ndarray, " n"],
     into: Float[np.ndarray, "p n"],
     start: Float[np.ndarray, "p s"],
     begins: Bool[np.ndarray, " n"],
 ) -> Float[np.ndarray, "p n"]:
-    """Solve x_k+1 = a_k x_k + b_k, anew from `start` where a stretch begins."""
+    """Solve x_k+1 = a_k x_k + b_k, again from `start` where a stretch begins."""
     bands = np.ones((2, len(remaining)), order="F")
     bands[1, :-1] = np.where(begins[1:], 0.0, -remaining[:-1])
     right = np.empty(into.shape)

@@ -76,7 +76,7 @@ class FittedLaw:
     - `rivals`: those that are as good, in practice or as far as the flights tell: other forms; the
       lag on the other of speed and thrust; commands held, or smooth between those of the log.
     - `open_shifts`: half of the shift by noise and quick motion: taken off, and as much is open.
-    - `voltage`: the form with an exponent of the battery's voltage; None where that tells nothing.
+    - `voltage`: the form with an exponent of the battery's voltage; None if that tells nothing.
     """
 
     recording: Recording
@@ -111,7 +111,7 @@ class FittedLaw:
 
 
 def bounded_recording(responses: Sequence[Sequence[MeasuredResponse]]) -> Recording | None:
-    """Join the responses of all flights, not too many; None where none has both signals."""
+    """Join the responses of all flights, not too many; None if none has both signals."""
     flights = [one for one in responses if one]
     # So many that the fit takes seconds, however many flights there are.
     most = MOST_SPEEDS // max(len(flights), 1)
@@ -119,29 +119,29 @@ def bounded_recording(responses: Sequence[Sequence[MeasuredResponse]]) -> Record
 
 
 def fit_law(recording: Recording) -> FittedLaw:
-    """Fit lag, delay and law of the motors; raise with the reason where speeds determine none."""
-    logged = _turning(recording)
+    """Fit lag, delay and law of the motors; raise an error with the reason if this fails."""
+    logged = _drop_standing_rotors(recording)
     _refuse_short(logged)
     smooth = drawn_between(logged)
     held = prepare_recording(logged)
     drawn = with_commands(held, smooth)
-    rough = _rough(held)
+    rough = _fit_roughly(held)
     scale = _robust_deviation(rough)
-    stepped = _refit(held, rough.layout, rough, scale)  # as robust as the other
-    curved = _refit(drawn, rough.layout, stepped, scale)
+    stepped = _refit_layout(held, rough.layout, rough, scale)  # as robust as the other
+    curved = _refit_layout(drawn, rough.layout, stepped, scale)
     is_smooth = curved.error < stepped.error
     prepared, other = (drawn, held) if is_smooth else (held, drawn)
     fits = _fit_forms(prepared, curved if is_smooth else stepped, scale)
-    best = _two_way(prepared, _likeliest(fits), scale)
+    best = _two_way(prepared, _select_likeliest(fits), scale)
     on_thrust = _on_thrust(prepared, best, scale)
-    if _surprise(best, on_thrust) > CLEAR:
+    if _log_likelihood_gain(best, on_thrust) > CLEAR:
         best, on_thrust = on_thrust, best
     best = finish_form(prepared, best, scale, close=SETTLED)
     others = tuple(fit for fit in fits if fit.layout.form != best.layout.form)
-    across = _refit(other, best.layout, best, scale)
+    across = _refit_layout(other, best.layout, best, scale)
     open_shifts = np.zeros((2, len(best.values)))
     # A log has every command where these fit clearly better held than drawn smoothly.
-    is_whole = smooth is logged or (not is_smooth and _surprise(across, best) > CLEAR)
+    is_whole = smooth is logged or (not is_smooth and _log_likelihood_gain(across, best) > CLEAR)
     if not is_whole:
         made = drawn_between if is_smooth else held_between
         by_noise = _shift_by_noise(prepared, logged, made, best, scale)
@@ -150,7 +150,9 @@ def fit_law(recording: Recording) -> FittedLaw:
         recording=smooth if is_smooth else logged,
         best=replace(best, values=best.values - open_shifts.sum(axis=0)),
         others=others,
-        rivals=tuple(f for f in (*others, on_thrust, across) if _surprise(f, best) < CLEAR),
+        rivals=tuple(
+            f for f in (*others, on_thrust, across) if _log_likelihood_gain(f, best) < CLEAR
+        ),
         open_shifts=open_shifts,
         voltage=_with_voltage(prepared, best, scale),
     )
@@ -169,13 +171,13 @@ def _fit_forms(prepared: PreparedRecording, begin: LawFit, scale: float) -> list
 
 
 def _with_voltage(prepared: PreparedRecording, best: LawFit, scale: float) -> LawFit | None:
-    """Return the form with an exponent of the voltage; None where that hardly changes."""
+    """Return the form with an exponent of the voltage; None if that hardly changes."""
     if best.layout.voltage or not _voltage_changes(prepared.fine):
         return best if best.layout.voltage else None
-    return _refit(prepared, replace(best.layout, voltage=True), best, scale)
+    return _refit_layout(prepared, replace(best.layout, voltage=True), best, scale)
 
 
-def _refit(prepared: PreparedRecording, layout: Layout, fit: LawFit, scale: float) -> LawFit:
+def _refit_layout(prepared: PreparedRecording, layout: Layout, fit: LawFit, scale: float) -> LawFit:
     """Fit another layout from where a fit ended."""
     return finish_form(prepared, search_form(prepared, layout, fit, scale), scale)
 
@@ -184,7 +186,7 @@ def _voltage_changes(recording: Recording) -> bool:
     return recording.voltage is not None and float(recording.voltage.std()) > LEAST_VOLTS
 
 
-def _rough(prepared: PreparedRecording) -> LawFit:
+def _fit_roughly(prepared: PreparedRecording) -> LawFit:
     """Fit the most general form, with voltage and a lag for each way where the flights ask for it.
 
     Lags that differ bend the response as a curve does: the form is compared with them in place.
@@ -198,7 +200,9 @@ def _rough(prepared: PreparedRecording) -> LawFit:
     scale = _robust_deviation(rough)
     if _voltage_changes(recording):
         layouts = general, replace(general, voltage=True)
-        rough = _likeliest([_refit(prepared, layout, rough, scale) for layout in layouts])
+        rough = _select_likeliest(
+            [_refit_layout(prepared, layout, rough, scale) for layout in layouts]
+        )
     return _two_way(prepared, rough, scale)
 
 
@@ -211,7 +215,7 @@ def _two_way(prepared: PreparedRecording, fit: LawFit, scale: float) -> LawFit:
     """Fit a lag for each way, where their difference exceeds its interval."""
     if fit.layout.two_way:
         return fit
-    two_way = _refit(prepared, replace(fit.layout, two_way=True), fit, scale)
+    two_way = _refit_layout(prepared, replace(fit.layout, two_way=True), fit, scale)
     ratio, half = float(two_way.values[-2]), two_way.half_width(lambda x: float(x[-2]))
     return two_way if abs(ratio) > half else fit
 
@@ -278,7 +282,7 @@ def _command_noise(logged: Recording) -> float:
     return white_noise_std(logged.command[:, None], list(pairwise(edges)))
 
 
-def _turning(recording: Recording) -> Recording:
+def _drop_standing_rotors(recording: Recording) -> Recording:
     """Drop the speeds of rotors that stand."""
     if not len(recording.speed):
         return recording
@@ -301,12 +305,12 @@ def _refuse_short(recording: Recording) -> None:
         )
 
 
-def _likeliest(fits: Sequence[LawFit]) -> LawFit:
+def _select_likeliest(fits: Sequence[LawFit]) -> LawFit:
     """Select the fit that does best on unseen blocks."""
     return min(fits, key=lambda fit: fit.error)
 
 
-def _surprise(fit: LawFit, other: LawFit) -> float:
+def _log_likelihood_gain(fit: LawFit, other: LawFit) -> float:
     """Compute the log-likelihood of one fit over another's, on unseen blocks.
 
     Each block counts as one observation: within it residuals are correlated.

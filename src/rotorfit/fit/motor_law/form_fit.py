@@ -172,7 +172,7 @@ def choose_start(layout: Layout, prepared: PreparedRecording) -> Float[np.ndarra
 
 def search_first(prepared: PreparedRecording, layout: Layout) -> LawFit:
     """Search from where nothing is known of the law; every speed counts the same."""
-    return _search(prepared, layout, choose_start(layout, prepared), np.inf)
+    return _search_layout(prepared, layout, choose_start(layout, prepared), np.inf)
 
 
 def search_form(prepared: PreparedRecording, layout: Layout, fit: LawFit, scale: float) -> LawFit:
@@ -183,15 +183,15 @@ def search_form(prepared: PreparedRecording, layout: Layout, fit: LawFit, scale:
     command = prepared.coarse.command
     begin = _convert_values(fit.layout, fit.searched, layout, command)
     shift = _convert_values(fit.layout, fit.values, layout, command) - begin
-    found = _search(prepared, layout, begin, scale)
+    found = _search_layout(prepared, layout, begin, scale)
     return replace(found, values=np.clip(found.values + shift, *_parameter_bounds(layout)))
 
 
-def _search(
+def _search_layout(
     prepared: PreparedRecording, layout: Layout, begin: Float[np.ndarray, " p"], scale: float
 ) -> LawFit:
     """Fit a layout to few speeds."""
-    found = _minimize(prepared, layout, begin, scale, is_search=True)
+    found = _minimize_huber(prepared, layout, begin, scale, is_search=True)
     block = prepared.block[:: prepared.stride]
     return LawFit(
         layout=layout,
@@ -209,7 +209,7 @@ def finish_form(
     prepared: PreparedRecording, fit: LawFit, scale: float = np.inf, *, close: float = CLOSE
 ) -> LawFit:
     """Fit to all speeds, from where a search, or the fit of a recording much alike, ended."""
-    found = _minimize(prepared, fit.layout, fit.values, scale, close=close)
+    found = _minimize_huber(prepared, fit.layout, fit.values, scale, close=close)
     return replace(
         fit,
         values=found.values,
@@ -220,7 +220,7 @@ def finish_form(
     )
 
 
-def _minimize(
+def _minimize_huber(
     prepared: PreparedRecording,
     layout: Layout,
     begin: Float[np.ndarray, " p"],

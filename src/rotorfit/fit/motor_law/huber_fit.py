@@ -89,23 +89,26 @@ def fit_huber(
     slopes, without another prediction: what is then left is of second order in it.
     """
     damping = LEAST_DAMPING
-    now = _evaluate(predict, measured, np.clip(begin, *bounds), limit)
+    now = _evaluate_point(predict, measured, np.clip(begin, *bounds), limit)
     for _ in range(MOST_STEPS):
         step = _bounded_step(now, bounds, 0.0)
         if now.cost <= EXACT * float(measured @ measured):
-            return _finish(now, measured, step, limit)
+            return _finish_fit(now, measured, step, limit)
         is_near = _expected_gain(now, step) < NEAR * now.cost
-        if is_near and (np.abs(step) <= close * _deviations(now, measured, block, limit)).all():
-            return _finish(now, measured, step, limit)
-        better, damping = _descend(predict, measured, now, damping, bounds=bounds, limit=limit)
+        if (
+            is_near
+            and (np.abs(step) <= close * _scatter_deviations(now, measured, block, limit)).all()
+        ):
+            return _finish_fit(now, measured, step, limit)
+        better, damping = _descend_cost(predict, measured, now, damping, bounds=bounds, limit=limit)
         if better is None or better.cost > (1.0 - FLAT) * now.cost:
             now = better or now
             break
         now = better
-    return _finish(now, measured, np.zeros(len(begin)), limit)
+    return _finish_fit(now, measured, np.zeros(len(begin)), limit)
 
 
-def _descend(
+def _descend_cost(
     predict: Callable[[Float[np.ndarray, " p"]], Prediction],
     measured: Float[np.ndarray, " m"],
     now: _Point,
@@ -114,10 +117,10 @@ def _descend(
     bounds: Bounds,
     limit: float,
 ) -> tuple[_Point | None, float]:
-    """Find a point of lower cost, None where there is none, and the damping of the next step."""
+    """Find a point of lower cost, None if there is none, and the damping of the next step."""
     while damping < HIGHEST_DAMPING:
         step = _bounded_step(now, bounds, damping)
-        trial = _evaluate(predict, measured, np.clip(now.x + step, *bounds), limit)
+        trial = _evaluate_point(predict, measured, np.clip(now.x + step, *bounds), limit)
         won, expected = now.cost - trial.cost, _expected_gain(now, step)
         if won > LEAST_SHARE * expected and won > 0.0:
             is_good = won > GOOD_SHARE * expected
@@ -126,7 +129,7 @@ def _descend(
     return None, damping
 
 
-def _evaluate(
+def _evaluate_point(
     predict: Callable[[Float[np.ndarray, " p"]], Prediction],
     measured: Float[np.ndarray, " m"],
     x: Float[np.ndarray, " p"],
@@ -180,7 +183,7 @@ def _bounded_step(now: _Point, bounds: Bounds, damping: float) -> Float[np.ndarr
     free = ~(((low >= 0.0) & (now.score < 0.0)) | ((high <= 0.0) & (now.score > 0.0)))
     while free.any():
         held = now.information[np.ix_(free, ~free)] @ step[~free]
-        solved = _solve(now.information[np.ix_(free, free)], now.score[free] - held, damping)
+        solved = _solve_damped(now.information[np.ix_(free, free)], now.score[free] - held, damping)
         outside = (solved < low[free]) | (solved > high[free])
         step[free] = np.clip(solved, low[free], high[free])
         if not outside.any():
@@ -189,7 +192,7 @@ def _bounded_step(now: _Point, bounds: Bounds, damping: float) -> Float[np.ndarr
     return step
 
 
-def _solve(
+def _solve_damped(
     information: Float[np.ndarray, "f f"], score: Float[np.ndarray, "f *k"], damping: float
 ) -> Float[np.ndarray, "f *k"]:
     """Solve damped normal equations, columns scaled, in the directions that are known."""
@@ -201,7 +204,7 @@ def _solve(
     return (inverse / np.outer(size, size)) @ score
 
 
-def _deviations(
+def _scatter_deviations(
     now: _Point,
     measured: Float[np.ndarray, " m"],
     block: Int[np.ndarray, " m"],
@@ -213,10 +216,10 @@ def _deviations(
     """
     pulling = np.clip(measured - now.predicted, -limit, limit)
     scores = np.array([np.bincount(block, slope * pulling) for slope in now.slopes])
-    return np.linalg.norm(_solve(now.information, scores, 0.0), axis=1)
+    return np.linalg.norm(_solve_damped(now.information, scores, 0.0), axis=1)
 
 
-def _finish(
+def _finish_fit(
     now: _Point, measured: Float[np.ndarray, " m"], step: Float[np.ndarray, " p"], limit: float
 ) -> HuberFit:
     """Make the last step by the slopes, and weigh each measurement."""

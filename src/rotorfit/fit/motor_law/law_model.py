@@ -39,22 +39,22 @@ def _offset_power(u: Vector, b: float, p: float) -> tuple[Vector, Vector, Vector
     return p * logarithm, np.where(base > TINY, p * (1.0 - u) / base, 0.0), logarithm
 
 
-def _linear(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
+def _linear_form(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
     value, by_offset, _ = _offset_power(u, float(x[0]), 1.0)
     return value, by_offset[None]
 
 
-def _power(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
+def _power_form(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
     value, _, by_exponent = _offset_power(u, 0.0, float(x[0]))
     return value, by_exponent[None]
 
 
-def _both(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
+def _offset_power_form(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
     value, *slopes = _offset_power(u, float(x[0]), float(x[1]))
     return value, np.array(slopes)
 
 
-def _sqrt(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
+def _sqrt_form(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "p n"]]:
     u = np.maximum(u, TINY)
     thrust = x[0] * u**2 + (1.0 - x[0]) * u
     return 0.5 * np.log(thrust), (0.5 * (u**2 - u) / thrust)[None]
@@ -65,28 +65,28 @@ FORMS: Final[Mapping[FormName, Form]] = {
         start=(0.1,),
         lower=(-0.5,),
         upper=(0.95,),
-        logarithm=_linear,
+        logarithm=_linear_form,
         curve=lambda full, x: PowerLaw(full, float(x[0]), 1.0),
     ),
     "power": Form(
         start=(0.7,),
         lower=(0.1,),
         upper=(3.0,),
-        logarithm=_power,
+        logarithm=_power_form,
         curve=lambda full, x: PowerLaw(full, 0.0, float(x[0])),
     ),
     "sqrt": Form(
         start=(0.5,),
         lower=(0.0,),
         upper=(1.0,),
-        logarithm=_sqrt,
+        logarithm=_sqrt_form,
         curve=lambda full, x: SquareRootLaw(full, float(x[0])),
     ),
     "offset power": Form(
         start=(0.05, 0.7),
         lower=(-0.5, 0.1),
         upper=(0.95, 3.0),
-        logarithm=_both,
+        logarithm=_offset_power_form,
         curve=lambda full, x: PowerLaw(full, float(x[0]), float(x[1])),
     ),
 }
@@ -168,10 +168,12 @@ def _log_scales(
     layout: Layout, values: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
     x = values[layout.factors]
-    rotors = x[: layout.rotors - 1] @ _contrast(np.arange(layout.rotors), layout.rotors)
+    rotors = x[: layout.rotors - 1] @ _contrast_columns(np.arange(layout.rotors), layout.rotors)
     flights = np.zeros(layout.flights)
     if not layout.voltage:
-        flights = x[layout.rotors - 1 :] @ _contrast(np.arange(layout.flights), layout.flights)
+        flights = x[layout.rotors - 1 :] @ _contrast_columns(
+            np.arange(layout.flights), layout.flights
+        )
     return rotors, flights
 
 
@@ -191,7 +193,7 @@ def predicted(
     logarithm += (x[0] + rotors)[recording.rotor] + flights[recording.flight]
     settled = np.exp(np.minimum(logarithm, 30.0))
     bending *= settled
-    speed, slopes = _respond(recording, layout, x, settled, bending)
+    speed, slopes = _follow_lag(recording, layout, x, settled, bending)
     return speed, _slopes_by_parameter(recording, layout, speed, slopes)
 
 
@@ -207,9 +209,9 @@ def _slopes_by_parameter(
     rows[0] = speed
     rows[1 : 1 + curved] = slopes[:curved]
     # What multiplies all commands of a stretch multiplies its speeds.
-    scaling = [_contrast(recording.speed_rotor, layout.rotors)]
+    scaling = [_contrast_columns(recording.speed_rotor, layout.rotors)]
     if not layout.voltage:
-        scaling.append(_contrast(recording.speed_flight, layout.flights))
+        scaling.append(_contrast_columns(recording.speed_flight, layout.flights))
         owned = recording.speed_flight == np.arange(layout.flights)[:, None]
         np.multiply(owned, slopes[curved], out=rows[layout.drifts])
         curved += 1
@@ -218,7 +220,7 @@ def _slopes_by_parameter(
     return rows
 
 
-def _respond(
+def _follow_lag(
     recording: Recording,
     layout: Layout,
     x: Float[np.ndarray, " p"],
@@ -236,7 +238,7 @@ def _respond(
     return speed, 0.5 * slopes / speed
 
 
-def _contrast(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "c n"]:
+def _contrast_columns(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "c n"]:
     """Build rows of factors whose logarithms sum to zero: the last has what the others lack."""
     rows = np.hstack([np.eye(count - 1), -np.ones((count - 1, 1))])
     return np.take(rows, member, axis=1)

@@ -127,10 +127,16 @@ def channel_lines(
     rows = round(WINDOW * data.sample_rate)
     frequency = np.fft.rfftfreq(rows, 1.0 / data.sample_rate)
     inside = (frequency >= LOWEST) & (frequency < min(top, EDGES[-1]))
-    signals = {name: (y, np.column_stack(x), made) for name, (y, x, made) in _causes(data, vehicle)}
+    signals = {
+        name: (y, np.column_stack(x), made)
+        for name, (y, x, made) in _causes_of_channels(data, vehicle)
+    }
     Z = np.column_stack([np.column_stack([y, x]) for y, x, _ in signals.values()])
     window = np.hanning(rows)[:, None]
-    lines = [_transformed(Z[start : start + rows], window)[inside] for start in _starts(data, rows)]
+    lines = [
+        _transform_rows(Z[start : start + rows], window)[inside]
+        for start in _window_starts(data, rows)
+    ]
     every = np.array(lines) if lines else np.zeros((0, int(inside.sum()), Z.shape[1]), complex)
     channels: dict[str, Channel] = {}
     first = 0
@@ -141,33 +147,33 @@ def channel_lines(
     return frequency[inside], channels
 
 
-def _transformed(
+def _transform_rows(
     rows: Float[np.ndarray, "n k"], window: Float[np.ndarray, "n 1"]
 ) -> Complex[np.ndarray, "l k"]:
     return np.fft.rfft((rows - rows.mean(axis=0)) * window, axis=0)
 
 
-def _starts(data: FlightData, rows: int) -> Iterator[int]:
+def _window_starts(data: FlightData, rows: int) -> Iterator[int]:
     """Yield the first rows of the windows."""
     for segment in data.segments:
         yield from range(segment.start, segment.stop - rows + 1, rows // 2)
 
 
-def _causes(
+def _causes_of_channels(
     data: FlightData, vehicle: Vehicle
 ) -> Iterator[tuple[str, tuple[Float[np.ndarray, " n"], list[Float[np.ndarray, " n"]], int]]]:
     """Yield each channel with its causes: first those of the rotors, then damping and air."""
     squares, w = data.rotor_speed**2, data.angular_velocity
     torque, thrust = np.cross(vehicle.positions, vehicle.axes), squares @ vehicle.axes
-    average = _averaged if data.differentiation == "central" else _same
-    air = [average(one) for one in _air(data)]
+    average = _average_rows if data.differentiation == "central" else _keep_values
+    air = [average(one) for one in _air_signals(data)]
     yield "az", (average(data.specific_force[:, 2]), [average(thrust[:, 2]), *air], 1)
     for axis, name in enumerate(CHANNELS["gyro"]):
         causes = [average(squares @ torque[:, axis]), average(w[:, axis])]
         yield name, (data.angular_acceleration[:, axis], causes, 1)
 
 
-def _air(data: FlightData) -> list[Float[np.ndarray, " n"]]:
+def _air_signals(data: FlightData) -> list[Float[np.ndarray, " n"]]:
     """Return the signals of inflow and of speed squared."""
     speeds = data.rotor_speed.sum(axis=1)
     velocity = data.any_velocity
@@ -177,21 +183,21 @@ def _air(data: FlightData) -> list[Float[np.ndarray, " n"]]:
     return [] if data.climb is None else [np.nan_to_num(data.climb) * speeds]
 
 
-def _averaged(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def _average_rows(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Average with [1 4 1]/6, as central differences are."""
     found = values.copy()
     found[1:-1] = (values[:-2] + 4.0 * values[1:-1] + values[2:]) / 6.0
     return found
 
 
-def _same(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def _keep_values(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     return values
 
 
 def measured_bandwidth(
     frequency: Float[np.ndarray, " l"], channels: Sequence[Channel]
 ) -> Bandwidth | None:
-    """Find the low-pass that channels of one sensor share; None where the flight shows none."""
+    """Find the low-pass common to the channels of a sensor; None if the flight shows none."""
     none = _by_lowpass(frequency, channels, np.ones((1, len(frequency)), complex)).max()
     best: Bandwidth | None = None
     for name, shape in SHAPES.items():
@@ -221,11 +227,11 @@ def _by_lowpass(
     """Compute the log-likelihood of all channels, by low-pass and delay."""
     late = np.exp(-2j * np.pi * DELAYS[:, None] * frequency)
     H = (gains[:, None] * late).reshape(-1, len(frequency))
-    every = [_likelihoods(frequency, one, H) for one in channels]
+    every = [_likelihoods_of_gains(frequency, one, H) for one in channels]
     return np.sum(every, axis=0).reshape(len(gains), len(DELAYS))
 
 
-def _likelihoods(
+def _likelihoods_of_gains(
     frequency: Float[np.ndarray, " l"], channel: Channel, H: Complex[np.ndarray, "t l"]
 ) -> Float[np.ndarray, " t"]:
     """Compute the log-likelihood of a channel behind each gain."""
@@ -248,7 +254,7 @@ def _likelihoods(
             A[:, :, i, j] = A[:, :, j, i] = both
     unfiltered = Gxx[:, 0, 0].real @ band
     gain = float(np.median((yy / unfiltered.clip(min=TINY))[:FIRST_BANDS]))
-    return _profiled(A, c, yy, lines, least=SHAPE_ERROR**2 * gain * unfiltered)
+    return _profile_variances(A, c, yy, lines, least=SHAPE_ERROR**2 * gain * unfiltered)
 
 
 def _in_bands(
@@ -257,7 +263,7 @@ def _in_bands(
     return np.moveaxis(np.moveaxis(values, 1, 2) @ band, 1, 2)
 
 
-def _profiled(
+def _profile_variances(
     A: Float[np.ndarray, "t b k k"],
     c: Float[np.ndarray, "t b k"],
     yy: Float[np.ndarray, " b"],
@@ -265,7 +271,7 @@ def _profiled(
     *,
     least: Float[np.ndarray, " b"],
 ) -> Float[np.ndarray, " t"]:
-    """Regress with the variance of every band by what is left of it; return the log-likelihoods."""
+    """Regress with each band's variance from its residual; return the log-likelihoods."""
     least = np.maximum(least, 1e-6 * yy.clip(min=TINY))
     left = np.tile(np.maximum(yy, least), (len(A), 1))
     ridge = 1e-9 * np.eye(A.shape[2])

@@ -96,7 +96,7 @@ def or_every(marked: Bool[np.ndarray, "b k"]) -> Bool[np.ndarray, "b k"]:
 
 
 def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
-    """Yield the blocks of one flight and about one frequency, wide ones separately.
+    """Yield the blocks of a flight near the same frequency, wide blocks separately.
 
     The ten lines of a short stretch reach far: about 5 Hz, they hold the pilot's motion at 1 Hz.
     """
@@ -156,7 +156,7 @@ def prepared_bands(
     top: float = np.inf,
 ) -> Factors:
     """Reduce one flight to band factors, see `flight_bands`."""
-    moved = [] if free is None else _moved(prepared, free)
+    moved = [] if free is None else _retime_both_ways(prepared, free)
     data, plan = banded_data(prepared, response)
     return band_factors(data, vehicle, plan=plan, added=added, moved=moved, body=body, top=top)
 
@@ -171,7 +171,7 @@ def banded_data(
     return data, BandPlan(edges=edges, longest=STRETCH)
 
 
-def _moved(
+def _retime_both_ways(
     prepared: PreparedFlight, free: FreeTiming
 ) -> list[tuple[FlightData, FlightData, float]]:
     """Retime the flight a step later and earlier by each free time, with the step between."""

@@ -45,7 +45,7 @@ class FreeTiming:
         return MotorResponse(lag=lag * (1.0 - skew), delay=delay, lag_down=lag * (1.0 + skew))
 
     def without_times(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Select a fit's values but for the times, at which its signals are made anew."""
+        """Select a fit's values but for the times, at which its signals are made again."""
         return {name: value for name, value in values.items() if name not in self.names}
 
     def faults(self) -> list[dict[str, float]]:

@@ -93,7 +93,7 @@ def time_factors(
         ]
         joined = stack_factors(blocks)
         parts.append(replace(joined, segment=np.zeros_like(joined.segment)))
-    return _stacked(parts)
+    return _stack_parts(parts)
 
 
 def filtered_signals(
@@ -174,23 +174,25 @@ def band_factors(
     made, kept = rotor_columns(layout), body_columns(layout)
     known = body_lines(flight, plan=plan, added=added) if body is None else body
     parts: list[Factors] = []
-    for stretch, own in zip(_stretches(flight, plan), known, strict=True):
+    for stretch, own in zip(_split_stretches(flight, plan), known, strict=True):
         resolution = flight.sample_rate / len(stretch)
-        bands = [b for b in _bands(stretch, flight.sample_rate, plan) if b[0] * resolution < top]
+        bands = [
+            b for b in _band_lines(stretch, flight.sample_rate, plan) if b[0] * resolution < top
+        ]
         if not bands:
             continue
         rotors = rotor_signals(flight, vehicle, stretch.start, stretch.stop, added=added)
-        slopes = _slopes(moved, vehicle, stretch, [s for s in added if s.sloped])
+        slopes = _rotor_slopes(moved, vehicle, stretch, [s for s in added if s.sloped])
         window = stretch_window(flight, stretch, plan)
-        fresh = _lines(np.concatenate([rotors, *slopes], axis=1), bands, window)
+        fresh = _transform_signals(np.concatenate([rotors, *slopes], axis=1), bands, window)
         lines = np.empty((len(fresh), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
         lines[:, kept], lines[:, made] = own[: len(fresh)], fresh[:, : len(made)]
         lines[:, len(layout) :] = fresh[:, len(made) :]
-        every = _banded(lines, bands, resolution)
+        every = _reduce_stretch(lines, bands, resolution)
         blocks = _with_slopes(every, layout, len(slopes))
         noise = rotor_noise(flight, vehicle, stretch, blocks.band, added=added)
         parts.append(replace(blocks, noise=noise))
-    return _stacked(parts)
+    return _stack_parts(parts)
 
 
 def body_lines(
@@ -202,12 +204,12 @@ def body_lines(
     are a sixteenth of the samples.
     """
     return tuple(
-        _lines(
+        _transform_signals(
             body_signals(flight, stretch.start, stretch.stop, added=added),
-            _bands(stretch, flight.sample_rate, plan),
+            _band_lines(stretch, flight.sample_rate, plan),
             stretch_window(flight, stretch, plan),
         )
-        for stretch in _stretches(flight, plan)
+        for stretch in _split_stretches(flight, plan)
     )
 
 
@@ -221,15 +223,15 @@ def banded_lines(
 
     With them first and last (exclusive) line of each block, and the frequencies [Hz].
     """
-    for stretch in _stretches(flight, plan):
-        bands = _bands(stretch, flight.sample_rate, plan)
+    for stretch in _split_stretches(flight, plan):
+        bands = _band_lines(stretch, flight.sample_rate, plan)
         if bands:
             window = stretch_window(flight, stretch, plan)
-            lines = _lines(columns(stretch.start, stretch.stop), bands, window)
+            lines = _transform_signals(columns(stretch.start, stretch.stop), bands, window)
             yield lines, bands, np.arange(len(lines)) * flight.sample_rate / len(stretch)
 
 
-def _stretches(flight: FlightData, plan: BandPlan) -> list[Segment]:
+def _split_stretches(flight: FlightData, plan: BandPlan) -> list[Segment]:
     """Split the segments into parts that are not too long."""
     longest = plan.longest * flight.sample_rate
     return [stretch for segment in flight.segments for stretch in split_segment(segment, longest)]
@@ -242,10 +244,12 @@ def yaw_factors(flight: FlightData, rotor_count: int, *, plan: BandPlan) -> Fact
         return yaw_signals(flight, rotor_count, start, stop)
 
     stretches = banded_lines(flight, columns, plan=plan)
-    return _stacked([_banded(lines, bands, float(f[1])) for lines, bands, f in stretches])
+    return _stack_parts(
+        [_reduce_stretch(lines, bands, float(f[1])) for lines, bands, f in stretches]
+    )
 
 
-def _slopes(
+def _rotor_slopes(
     moved: Sequence[tuple[FlightData, FlightData, float]],
     vehicle: Vehicle,
     stretch: Segment,
@@ -312,7 +316,7 @@ def split_segment(segment: Segment, longest_rows: float) -> list[Segment]:
     return [Segment(start=int(a), stop=int(b)) for a, b in pairwise(edges)]
 
 
-def _bands(stretch: Segment, sample_rate: float, plan: BandPlan) -> list[tuple[int, int]]:
+def _band_lines(stretch: Segment, sample_rate: float, plan: BandPlan) -> list[tuple[int, int]]:
     """Find first and last (exclusive) line of each band of a stretch."""
     return merged_bands(np.fft.rfftfreq(max(len(stretch), 1), 1.0 / sample_rate), plan)
 
@@ -326,7 +330,7 @@ def stretch_window(flight: FlightData, stretch: Segment, plan: BandPlan) -> Floa
     return window / np.sqrt(energy) if energy > 0.0 else window  # of two rows: its ends alone
 
 
-def _lines(
+def _transform_signals(
     Z: Float[np.ndarray, "n z"], bands: Sequence[tuple[int, int]], window: Float[np.ndarray, " n"]
 ) -> Complex[np.ndarray, "l z"]:
     """Transform windowed signals, up to the last line that a band has."""
@@ -336,7 +340,7 @@ def _lines(
     return lines[: bands[-1][1]].copy()
 
 
-def _banded(
+def _reduce_stretch(
     lines: Complex[np.ndarray, "l z"],
     bands: Sequence[tuple[int, int]],
     resolution: float,
@@ -396,7 +400,7 @@ def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tup
     return mean + bands if bands else []
 
 
-def _stacked(parts: Sequence[Factors]) -> Factors:
+def _stack_parts(parts: Sequence[Factors]) -> Factors:
     if not parts:
         raise FlightError(
             "the airborne part is too short to use; fly longer, or set start and end yourself"

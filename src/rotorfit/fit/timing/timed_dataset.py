@@ -49,12 +49,12 @@ class TimedDataset(Dataset):
 
     @property
     def reached(self) -> Mapping[str, float] | None:
-        """Where the fit that found the timing ended; None where none did."""
+        """Where the fit that found the timing ended; None if none did."""
         return None if self.motor_timing is None else self.motor_timing.reached
 
     @property
     def free_timing(self) -> FreeTiming | None:
-        """The timing that a joint fit may move; None where it is given, or unidentifiable."""
+        """The timing that a joint fit may move; None if it is given, or unidentifiable."""
         found = self.motor_timing
         if found is None or not found.free:
             return None

@@ -102,7 +102,7 @@ def find_timing(
     near: MotorTiming | None = None,
     terms: Sequence[str] = DEFAULT_TERMS,
 ) -> MotorTiming | None:
-    """Estimate the timing; None where the flights do not determine it.
+    """Estimate the timing; None if the flights do not determine it.
 
     `dataset`: all flights. `lag`: look for the motors' lag, too, where it is unknown; else all
     lateness is delay. `near`: a timing of the same flights with another law or other axes, from
@@ -158,14 +158,14 @@ def timed_again(
 def fitted_timing(
     dataset: TimedDataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
 ) -> MotorTiming | None:
-    """Fit the timing from a start with these terms; None where the motion follows no motors."""
+    """Fit the timing from a start with these terms; None if the motion follows no motors."""
     return _settled_timing(*first_fit(dataset, start, names, terms), names, terms)
 
 
 def _settled_timing(
     begun: TimedDataset, first: BandedEstimate, names: tuple[str, ...], terms: tuple[str, ...]
 ) -> MotorTiming | None:
-    """Fit the timing on from a first fit; None where the motion follows no motors."""
+    """Fit the timing on from a first fit; None if the motion follows no motors."""
     timed, fit = settled_fit(begun, terms, first)
     if _is_lagless(timed) and "motor_delay" in names:
         return _timing_without_lag(timed, fit, terms)
@@ -178,7 +178,7 @@ def _settled_timing(
         timed, fit = _with_skew(timed, fit, terms)
     free, dataset = timed.free_timing, timed
     assert free is not None
-    response = _moved(free, fit)
+    response = _move_timing(free, fit)
     if response.mean_lag >= LONGEST_LAG or abs(response.delay) >= LONGEST_DELAY:
         return None  # the motion does not follow these commands at all
     bias = gust_bias(timed)
@@ -191,7 +191,7 @@ def _settled_timing(
     # Above, the fit knows what the autopilot answers; below, nothing confirms that.
     gusts = bias if bias > UNIDENTIFIABLE_BIAS else 0.0
     found = timing_with_deviations(dataset, free, fit, gusts=gusts)
-    return replace(found, bands=timed.found_with()) if _near(free, fit) else found
+    return replace(found, bands=timed.found_with()) if _is_near(free, fit) else found
 
 
 def first_fit(
@@ -205,7 +205,7 @@ def first_fit(
             timed, fit = settled_fit(begun, terms, first)
             free = timed.free_timing
             assert free is not None
-            start, guess = _moved(free, fit), free.without_times(fit.estimate.by_name)
+            start, guess = _move_timing(free, fit), free.without_times(fit.estimate.by_name)
     tried: list[tuple[TimedDataset, BandedEstimate]] = []
     for share in STARTS if start.lag > 0.0 else STARTS[:1]:
         begun = dataset.at(_scaled_lag(start, share), names)
@@ -234,7 +234,7 @@ def settled_fit(
     for _ in range(MOST_ROUNDS - 1):
         free = dataset.free_timing
         assert free is not None
-        if _near(free, fit) or _is_lagless(dataset):
+        if _is_near(free, fit) or _is_lagless(dataset):
             break
         own = timing_round(free, fit)
         moved = _move_times(free, accelerated_move(own, last, longest=LONGEST_MOVE))
@@ -270,7 +270,7 @@ def _timing_without_lag(
     return replace(found, lag_std=LEAST_LAG / 1.96)
 
 
-def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
+def _is_near(free: FreeTiming, fit: BandedEstimate) -> bool:
     """Return whether the fit has moved no time by more than a little of its deviation."""
     at = [fit.estimate.names.index(name) for name in free.names]
     enough = np.maximum(NEAR * fit.estimate.std[at], [ENOUGH[name] for name in free.names])
@@ -298,7 +298,7 @@ def _skew_is_shown(dataset: TimedDataset, fit: BandedEstimate) -> bool:
     return 0.5 * (skew / float(fit.estimate.std[place])) ** 2 > LEAST_GAIN
 
 
-def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
+def _move_timing(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
     """Compute the timing of a fit, moved in its direction as far as its slopes hold."""
     return _move_times(free, {name: fit.estimate.value(name) for name in free.names})
 
@@ -346,7 +346,7 @@ def unidentifiable_timing(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
         response=MotorResponse(lag=lag, delay=dataset.declared.delay),
         lag_std=std,
         delay_std=UNIDENTIFIABLE_BIAS if delay_free else None,
-        total_std=_norm(std, UNIDENTIFIABLE_BIAS) if delay_free else std,
+        total_std=_norm_of_deviations(std, UNIDENTIFIABLE_BIAS) if delay_free else std,
     )
 
 
@@ -359,9 +359,9 @@ def timing_with_deviations(
     """
     names = fit.estimate.names
     each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}
-    std = _stds(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
+    std = _std_of_combinations(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
     lag, delay = (std.get(name) for name in SUMMED)
-    hold, shape, response = hold_fault(dataset), shape_fault(dataset), _moved(free, fit)
+    hold, shape, response = hold_fault(dataset), shape_fault(dataset), _move_timing(free, fit)
     split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
     # With a delay that is given, what a command held too long or too short is taken for lag.
     held, late = (hold, gusts) if delay is None else (0.0, 0.0)
@@ -369,15 +369,15 @@ def timing_with_deviations(
         response=response,
         lag_std=None
         if lag is None
-        else dataset.lag_std(response.mean_lag, _norm(lag, split, held, shape, late)),
-        delay_std=None if delay is None else _norm(delay, split, hold, shape, gusts),
-        total_std=_norm(std["total"], SUM_FAULT, hold, shape, gusts),
+        else dataset.lag_std(response.mean_lag, _norm_of_deviations(lag, split, held, shape, late)),
+        delay_std=None if delay is None else _norm_of_deviations(delay, split, hold, shape, gusts),
+        total_std=_norm_of_deviations(std["total"], SUM_FAULT, hold, shape, gusts),
         free=free.names,
         reached=free.without_times(fit.estimate.by_name),
     )
 
 
-def _stds(
+def _std_of_combinations(
     fit: BandedEstimate, combinations: Mapping[str, Float[np.ndarray, " f"]]
 ) -> dict[str, float]:
     """Compute the deviations of combinations of parameters."""
@@ -399,14 +399,14 @@ def hold_fault(dataset: Dataset) -> float:
     return HOLD_FAULT / min(rates)
 
 
-def _norm(*deviations: float) -> float:
+def _norm_of_deviations(*deviations: float) -> float:
     return float(np.linalg.norm(deviations))
 
 
 def lowpass_of(dataset: Dataset) -> float | None:
     """Return the lowest cut-off [Hz] of the gyros' low-pass on board, absorbed by commanded motors.
 
-    In Hz; None where there is none, or where speeds are measured.
+    In Hz; None if there is none, or where speeds are measured.
     """
     if dataset.motors.speed == "measured":
         return None

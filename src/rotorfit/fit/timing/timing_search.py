@@ -1,7 +1,7 @@
 """The start of the fit of the motors' timing, and whether it is identifiable.
 
 By the likelihood of the three angular accelerations on a coarse grid: every trial makes only the
-rotor columns anew. Only the pilot's band is looked at: elsewhere rotor speeds are the autopilot's
+rotor columns again. Only the pilot's band is looked at: elsewhere rotor speeds are the autopilot's
 answer to gusts and to the noise of its own gyro, which comes later than they do and would be taken
 for a delay (8 ms in simulation, where there was none).
 """
@@ -44,14 +44,14 @@ SMALLEST_RATIO: Final = 0.1
 
 
 def coarse_timing(dataset: TimedDataset, unknown: Collection[str]) -> MotorResponse | None:
-    """Search lag and delay of the best trial; None where it is at the edge of the grid.
+    """Search lag and delay of the best trial; None if it is at the edge of the grid.
 
     `dataset`: all flights; the first configuration decides about a lag. `unknown`: ``"lag"``,
     ``"delay"`` or both.
     """
     few = liveliest(dataset)
-    found = _coarse(few, unknown)
-    return _coarse(dataset, unknown) if found is None and few is not dataset else found
+    found = _coarse_search(few, unknown)
+    return _coarse_search(dataset, unknown) if found is None and few is not dataset else found
 
 
 def liveliest(dataset: TimedDataset) -> TimedDataset:
@@ -79,7 +79,7 @@ def _most_turned(configured: ConfigurationData) -> list[int]:
     return sorted(np.argsort(turned)[-FLIGHTS_TRIED:].tolist())
 
 
-def _coarse(dataset: TimedDataset, unknown: Collection[str]) -> MotorResponse | None:
+def _coarse_search(dataset: TimedDataset, unknown: Collection[str]) -> MotorResponse | None:
     if "lag" not in unknown:
         return _coarse_delay(dataset)
     body = None if dataset.body is None else dataset.body[:1]
@@ -92,7 +92,7 @@ def _coarse(dataset: TimedDataset, unknown: Collection[str]) -> MotorResponse | 
     best = int(np.argmin(values))
     if best == len(LAGS_TRIED) - 1:
         # In the pilot's band damping that the model lacks may look like lag without end.
-        if not _turns(one):
+        if not _has_turns(one):
             return None
         values = [_every_cost(one, MotorResponse(lag=lag, delay=delay)) for lag in LAGS_TRIED]
         best = int(np.argmin(values))
@@ -101,7 +101,7 @@ def _coarse(dataset: TimedDataset, unknown: Collection[str]) -> MotorResponse | 
     return MotorResponse(lag=max(LAGS_TRIED[best], 0.005), delay=delay)
 
 
-def _turns(dataset: Dataset) -> bool:
+def _has_turns(dataset: Dataset) -> bool:
     """Return whether any flight turns at all."""
     flights = [flight for c in dataset.configurations for flight in c.flights]
     return any(bool(f.prepared.data.angular_acceleration.any()) for f in flights)

@@ -74,7 +74,7 @@ class Alignment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Rates:
-    """Angular velocity on a uniform grid, zero where there is none.
+    """Angular velocity on a uniform grid, zero if there is none.
 
     - `start`, `step`: of the grid [s].
     - `values`: [rad/s]
@@ -92,7 +92,7 @@ class _Rates:
 
     @property
     def size(self) -> Float[np.ndarray, " n"]:
-        """Length of the rates about its mean; zero where it is not known."""
+        """Length of the rates about its mean; zero if it is not known."""
         length = np.sqrt((self.values * self.values).sum(axis=1))
         return np.where(self.known, length - length[self.known].mean(), 0.0)
 
@@ -114,7 +114,7 @@ def align(recording: FlightLog, gyro: Channel) -> Alignment:
                 "align the two; fly with more roll and pitch, and check that it is the vehicle"
             )
     start = _best_start(body, marker)
-    return _refined(body, marker, start, cutoff=cutoff)
+    return _refine_alignment(body, marker, start, cutoff=cutoff)
 
 
 def _gyro_rates(gyro: Channel, cutoff: float, step: float) -> _Rates:
@@ -160,7 +160,7 @@ def _on_grid(
 
 def _best_start(body: _Rates, marker: _Rates) -> "_Start":
     """Find the offset and rotation at which the rates fit best; raise if none or two do."""
-    starts = [_start(body, marker, offset) for offset in _candidates(body, marker)]
+    starts = [_fit_start(body, marker, offset) for offset in _rank_offsets(body, marker)]
     starts.sort(key=lambda start: -start.fit)
     if not starts or starts[0].fit < WEAKEST_FIT:
         fit = f"{starts[0].fit:.2f} at best" if starts else "not known"
@@ -187,7 +187,7 @@ class _Start:
     fit: float
 
 
-def _candidates(body: _Rates, marker: _Rates) -> list[float]:
+def _rank_offsets(body: _Rates, marker: _Rates) -> list[float]:
     """Rank the offsets at which the sizes of the rates correlate best.
 
     Over the overlap alone, from `SHORTEST_OVERLAP` or half of the shorter recording on.
@@ -217,9 +217,9 @@ def _candidates(body: _Rates, marker: _Rates) -> list[float]:
     return found
 
 
-def _start(body: _Rates, marker: _Rates, offset: float) -> _Start:
+def _fit_start(body: _Rates, marker: _Rates, offset: float) -> _Start:
     """Fit the rotation at an offset, each rate about its mean."""
-    seen, known = _at(marker, body.time - offset)
+    seen, known = _interpolate_rates(marker, body.time - offset)
     known &= body.known
     a = body.values[known] - body.values[known].mean(axis=0)
     b = seen[known] - seen[known].mean(axis=0)
@@ -230,7 +230,7 @@ def _start(body: _Rates, marker: _Rates, offset: float) -> _Start:
     return _Start(offset=offset, rotation=(U * handed) @ Vt, fit=fit)
 
 
-def _at(
+def _interpolate_rates(
     rates: _Rates, time: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, "n 3"], Bool[np.ndarray, " n"]]:
     """Interpolate rates between the samples of their grid, and mark where they are known."""
@@ -245,7 +245,7 @@ def _at(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Trial:
-    """The unknowns, in the order of the columns of `_linearised`."""
+    """The unknowns, in the order of the columns of `_linearise_trial`."""
 
     offset: float
     drift: float
@@ -277,14 +277,14 @@ class _Pair:
     correlated: float
 
 
-def _refined(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> Alignment:
+def _refine_alignment(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> Alignment:
     """Refine the alignment by Gauss-Newton, from a start within a step or two."""
     trial = _Trial(offset=start.offset, drift=0.0, rotation=start.rotation, bias=np.zeros(3))
-    pair = _pair(body, marker, trial, cutoff=cutoff)
-    trial = _solved(pair, trial)
+    pair = _pair_rates(body, marker, trial, cutoff=cutoff)
+    trial = _iterate_trial(pair, trial)
     # Which rows they share is seen anew: the start is off by a step, and a row more or less counts.
-    pair = _pair(body, marker, trial, cutoff=cutoff)
-    trial = _solved(pair, trial)
+    pair = _pair_rates(body, marker, trial, cutoff=cutoff)
+    trial = _iterate_trial(pair, trial)
     information, _, unexplained = _normal_equations(pair, trial)
     std = np.sqrt(np.diag(np.linalg.inv(information)))
     found = Alignment(
@@ -300,9 +300,9 @@ def _refined(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> A
     return found
 
 
-def _pair(body: _Rates, marker: _Rates, trial: _Trial, *, cutoff: float) -> _Pair:
+def _pair_rates(body: _Rates, marker: _Rates, trial: _Trial, *, cutoff: float) -> _Pair:
     """Pair both rates in the rows that they share at a trial."""
-    known = body.known & _at(marker, body.time - trial.offset)[1]
+    known = body.known & _interpolate_rates(marker, body.time - trial.offset)[1]
     return _Pair(
         body=body,
         marker=marker,
@@ -313,7 +313,7 @@ def _pair(body: _Rates, marker: _Rates, trial: _Trial, *, cutoff: float) -> _Pai
     )
 
 
-def _solved(pair: _Pair, trial: _Trial) -> _Trial:
+def _iterate_trial(pair: _Pair, trial: _Trial) -> _Trial:
     """Iterate Gauss-Newton from a trial."""
     for _ in range(ITERATIONS):
         information, gradient, _ = _normal_equations(pair, trial)
@@ -325,7 +325,7 @@ def _normal_equations(
     pair: _Pair, trial: _Trial
 ) -> tuple[Float[np.ndarray, "8 8"], Float[np.ndarray, " 8"], float]:
     """Compute information and gradient at a trial, and the unexplained share of the rates."""
-    residual, J, rates = _linearised(pair, trial)
+    residual, J, rates = _linearise_trial(pair, trial)
     squares = float((residual * residual).sum())
     variance = pair.correlated * squares / residual.size + float(np.finfo(float).tiny)
     information = np.einsum("nij,nik->jk", J, J) / variance + 1e-12 * np.eye(8)
@@ -336,16 +336,16 @@ def _normal_equations(
     return information, gradient, squares / float((centred * centred).sum())
 
 
-def _linearised(
+def _linearise_trial(
     pair: _Pair, trial: _Trial
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3 8"], Float[np.ndarray, "n 3"]]:
     """Compute residuals, their derivatives by the unknowns, and the gyro's rates of these rows."""
     since = pair.body.time - pair.origin
     past = pair.body.time - trial.offset - trial.drift * since
-    seen, there = _at(pair.marker, past)
+    seen, there = _interpolate_rates(pair.marker, past)
     rows = pair.known & there
     rate = seen[rows] @ trial.rotation.T
-    change = _at(pair.slope, past)[0][rows] @ trial.rotation.T
+    change = _interpolate_rates(pair.slope, past)[0][rows] @ trial.rotation.T
     measured = pair.body.values[rows]
     J = np.zeros((len(rate), 3, 8))
     J[:, :, 0] = change
@@ -421,7 +421,7 @@ def with_poses(log: FlightLog, recording: FlightLog) -> FlightLog:
             "motion capture": str(recording.path.name),
             "motion capture sha256": recording.sha256,
         },
-        notes=(*log.notes, *recording.notes, _note(recording, found)),
+        notes=(*log.notes, *recording.notes, _alignment_note(recording, found)),
         findings=(*log.findings, *recording.findings, *_poorly_aligned(found)),
     )
 
@@ -436,7 +436,7 @@ def _poorly_aligned(found: Alignment) -> Iterator[Finding]:
         )
 
 
-def _note(recording: FlightLog, found: Alignment) -> str:
+def _alignment_note(recording: FlightLog, found: Alignment) -> str:
     roll, pitch, yaw = Rotation.from_matrix(found.rotation_marker_to_body).as_euler(
         "ZYX", degrees=True
     )[::-1]

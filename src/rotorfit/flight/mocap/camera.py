@@ -67,7 +67,7 @@ def without_spikes(
     for _ in range(MOST_PASSES):
         off, limit = _off_and_limit(clean, inner)
         peaks = np.flatnonzero((off > limit) & (off >= ndimage.maximum_filter1d(off, 5)))
-        returned = [int(i) for i in peaks if _returns(clean, int(i), limit)]
+        returned = [int(i) for i in peaks if _jumped_alone(clean, int(i), limit)]
         if not returned:
             break
         clean = clean.copy() if clean is values else clean
@@ -89,7 +89,7 @@ def _off_and_limit(
     return off, SPIKE_THRESHOLD * 1.4826 * np.maximum(usual, floor)
 
 
-def _returns(values: Float[np.ndarray, "n k"], i: int, limit: Float[np.ndarray, " n"]) -> bool:
+def _jumped_alone(values: Float[np.ndarray, "n k"], i: int, limit: Float[np.ndarray, " n"]) -> bool:
     """Test whether all is smooth about frame `i` once it is replaced: it jumped alone."""
     first, stop = max(i - 2 * REACH, 0), min(i + 2 * REACH + 1, len(values))
     trial = values[first:stop].copy()
@@ -182,13 +182,13 @@ def tracked(log: FlightLog) -> Tracked:
     positions, one = without_spikes(time, values[fresh, :3])
     quaternions, other = without_spikes(time, continuous_quaternions(values[fresh, 3:]))
     values, mended = np.concatenate([positions, quaternions], axis=1), one | other
-    good = ~_jumps(time, values)
+    good = ~_mark_jumps(time, values)
     source = f"{log.channels['position'].source}; {log.channels['attitude'].source}"
     pose = Channel(time=time[good], values=values[good], source=source)
     return Tracked(pose=pose, mended=int(mended[good].sum()))
 
 
-def _jumps(
+def _mark_jumps(
     time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n 7"]
 ) -> Bool[np.ndarray, " n"]:
     """Mark frames that lie off the line of their neighbours, far beyond noise and flight.
@@ -218,7 +218,7 @@ def camera_clock(time: Float[np.ndarray, " n"]) -> CameraClock:
     count = np.maximum(np.round(steps / period), 1.0)
     stray = np.abs(steps / period - count) > 1.0 / 3.0
     if float(stray.mean()) > IRREGULAR_SHARE:
-        raise FlightError(_irregular(steps))
+        raise FlightError(_irregular_times_message(steps))
     edges = [0, *(np.flatnonzero(count > 1.0) + 1).tolist(), len(time)]
     runs = [(a, b) for a, b in pairwise(edges) if b - a >= FEWEST_SAMPLES]
     if not runs:
@@ -242,7 +242,7 @@ def camera_clock(time: Float[np.ndarray, " n"]) -> CameraClock:
         float(error @ error), np.finfo(float).tiny
     )
     if jitter > WORST_JITTER or (jitter > NOTED_JITTER and autocorrelation > MOST_CORRELATED):
-        raise FlightError(_irregular(steps))
+        raise FlightError(_irregular_times_message(steps))
     return CameraClock(rate=1.0 / period, time=regular, runs=tuple(runs), jitter=jitter)
 
 
@@ -254,7 +254,7 @@ def restamped(time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """
     steps = np.diff(time)
     period = float(np.median(steps))
-    number = np.concatenate([[0.0], np.cumsum(1.0 + _lost(time, period))])
+    number = np.concatenate([[0.0], np.cumsum(1.0 + _count_lost_frames(time, period))])
     off = time - period * number
     due = ndimage.median_filter(off, NEIGHBOURS, mode="nearest")
     stray = np.abs(off - due) > STRAY * period
@@ -263,7 +263,7 @@ def restamped(time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     return np.where(stray, due + period * number, time)
 
 
-def _lost(time: Float[np.ndarray, " n"], period: float) -> Float[np.ndarray, " m"]:
+def _count_lost_frames(time: Float[np.ndarray, " n"], period: float) -> Float[np.ndarray, " m"]:
     """Count the frames lost in each step.
 
     A single stamp that is late makes a long step and a short one, with nothing lost: a loss
@@ -284,7 +284,7 @@ def _lost(time: Float[np.ndarray, " n"], period: float) -> Float[np.ndarray, " m
     return lost
 
 
-def _irregular(steps: Float[np.ndarray, " n"]) -> str:
+def _irregular_times_message(steps: Float[np.ndarray, " n"]) -> str:
     """Return the message for times that no camera keeps."""
     low, middle, high = (1e3 * np.percentile(steps, [1.0, 50.0, 99.0])).tolist()
     return (
@@ -305,7 +305,7 @@ LONGEST_BRIDGE: Final = 0.3
 
 
 def known_velocity(log: FlightLog) -> Channel | None:
-    """Take the body-axes velocity of a log, else of its pose; None where neither is usable."""
+    """Take the body-axes velocity of a log, else of its pose; None if neither is usable."""
     try:
         if "velocity" in log.channels:
             return usable_samples(log.channels["velocity"], "velocity")
@@ -337,13 +337,13 @@ def velocity_of_pose(log: FlightLog) -> Channel | None:
     if not times:
         return None
     return _in_body(
-        *_bridged(np.concatenate(times), np.concatenate(world), clock.rate),
+        *_bridge_losses(np.concatenate(times), np.concatenate(world), clock.rate),
         attitude,
         source=f"{place.source}, differentiated and turned by {attitude.source}",
     )
 
 
-def _bridged(
+def _bridge_losses(
     time: Float[np.ndarray, " n"], velocity: Float[np.ndarray, "n 3"], rate: float
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m 3"]]:
     """Interpolate the velocity over short losses of frames."""
@@ -353,10 +353,10 @@ def _bridged(
         np.linspace(time[i], time[i + 1], round(float(steps[i]) * rate) + 1)[1:-1] for i in short
     ]
     whole = np.sort(np.concatenate([time, *more]))
-    return whole, _between(whole, time, velocity)
+    return whole, _interpolate_between(whole, time, velocity)
 
 
-def _between(
+def _interpolate_between(
     at: Float[np.ndarray, " m"], time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, "m k"]:
     """Interpolate values at other times."""
@@ -377,7 +377,7 @@ def _in_body(
     q = continuous_quaternions(attitude.values)
     known: Bool[np.ndarray, " n"] = (time >= attitude.time[0]) & (time <= attitude.time[-1])
     time, world = time[known], world[known]
-    between = _between(time, attitude.time, q)
+    between = _interpolate_between(time, attitude.time, q)
     body = Rotation.from_quat(between[:, [1, 2, 3, 0]]).apply(world, inverse=True)
     return Channel(time=time, values=body, source=source)
 
@@ -395,7 +395,7 @@ FEWEST: Final = 5
 
 
 def carried_velocity(log: FlightLog) -> Channel | None:
-    """Integrate the accelerometer between positions, body axes [m/s]; None where that is no use."""
+    """Integrate the accelerometer between positions, body axes [m/s]; None if that is no use."""
     if not {"position", "attitude", "accel"} <= set(log.channels):
         return None
     try:
@@ -412,13 +412,13 @@ def _between_positions(log: FlightLog) -> Channel | None:
     fixes = place.time[fresh]
     turning = (accel.time >= attitude.time[0]) & (accel.time <= attitude.time[-1])
     time = accel.time[turning]
-    near = _near(time, fixes)
+    near = _mark_near_fixes(time, fixes)
     if len(fixes) < FEWEST or near.sum() < FEWEST:
         return None
-    turned = _attitude(time, attitude)
+    turned = _interpolate_attitude(time, attitude)
     force = turned.apply(accel.values[turning])
     position = without_spikes(fixes, place.values[fresh])[0]
-    world = _velocity(time, force, fixes, position, near)
+    world = _integrate_velocity(time, force, fixes, position, near)
     if world is None:
         return None
     return Channel(
@@ -428,7 +428,9 @@ def _between_positions(log: FlightLog) -> Channel | None:
     )
 
 
-def _near(time: Float[np.ndarray, " n"], fixes: Float[np.ndarray, " m"]) -> Bool[np.ndarray, " n"]:
+def _mark_near_fixes(
+    time: Float[np.ndarray, " n"], fixes: Float[np.ndarray, " m"]
+) -> Bool[np.ndarray, " n"]:
     """Mark the instants that have a position not far away."""
     after = np.searchsorted(fixes, time)
     distance = np.minimum(
@@ -438,21 +440,21 @@ def _near(time: Float[np.ndarray, " n"], fixes: Float[np.ndarray, " m"]) -> Bool
     return distance <= LONGEST_CARRIED
 
 
-def _attitude(at: Float[np.ndarray, " n"], attitude: Channel) -> Rotation:
+def _interpolate_attitude(at: Float[np.ndarray, " n"], attitude: Channel) -> Rotation:
     """Interpolate the rotation from the body to the world at other times."""
     q = continuous_quaternions(attitude.values)
     between = np.column_stack([np.interp(at, attitude.time, q[:, k]) for k in (1, 2, 3, 0)])
     return Rotation.from_quat(between)
 
 
-def _velocity(
+def _integrate_velocity(
     time: Float[np.ndarray, " n"],
     force: Float[np.ndarray, "n 3"],
     fixes: Float[np.ndarray, " m"],
     position: Float[np.ndarray, "m 3"],
     near: Bool[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n 3"] | None:
-    """Integrate specific force in world axes, and take the drift off; None where it is too much."""
+    """Integrate specific force in world axes, and take the drift off; None if it is too much."""
     steps = np.diff(time, prepend=time[:1])[:, None]
     velocity: Float[np.ndarray, "n 3"] = np.cumsum((force - [0.0, 0.0, GRAVITY]) * steps, axis=0)
     path: Float[np.ndarray, "n 3"] = np.cumsum(velocity * steps, axis=0)

@@ -143,13 +143,15 @@ def prepare_mocap(
     clock = camera_clock(pose.time)
     recorded = {"motor": _recorded_motors(log, motors)}
     refuse_interpolated(uniform_channels(recorded, clock="motor"), measured=measured)
-    frames = _frames(pose, clock, _motor_channel(log, motors))
-    data = _differentiated(frames, (log.channels[name].resolution or 0.0) if measured else None)
+    frames = _differentiate_runs(pose, clock, _motor_channel(log, motors))
+    data = _collect_flight_data(
+        frames, (log.channels[name].resolution or 0.0) if measured else None
+    )
     data = with_motors(data, frames.motors, motors.response)
-    motion = _windowed(data, frames, arm=arm, window=window)
+    motion = _window_signals(data, frames, arm=arm, window=window)
     refuse_idle_motors(motion)
     _refuse_wrong_attitude(motion, pose)
-    flights, standing = _flown(motion, motors, window)
+    flights, standing = _flown_window(motion, motors, window)
     data = dataclasses.replace(data, segments=flights)
     airborne = [(s.start, s.stop) for s in flights]
     frozen = frozen_channels(frames.motors, airborne, frames.rate, measured=measured)
@@ -163,24 +165,24 @@ def prepare_mocap(
         # Bands end at 0.4 of the slowest rate: here at the low-pass.
         slowest_rate=min(frames.cutoff / 0.4, frames.motor_rate),
         motor_rate=frames.motor_rate,
-        cuts=_cuts(data, frames, window, standing),
+        cuts=_list_cuts(data, frames, window, standing),
         findings=(
-            *_doubts(data, frames, clock, seen=seen, standing=standing),
+            *_find_doubts(data, frames, clock, seen=seen, standing=standing),
             *frozen_doubts,
             *_law_doubts(log, motors, data),
         ),
     )
 
 
-def _flown(
+def _flown_window(
     motion: Motion, motors: MotorModel, window: Window
 ) -> tuple[tuple[Segment, ...], list[tuple[int, int]]]:
     """Take the window where the user gave one, without standing, else find the airborne part."""
     flights, standing = list(motion.stretches), []
     if window == (None, None):
-        flights = airborne_rows(with_likely_lag(_calmed(motion), motors))
+        flights = airborne_rows(with_likely_lag(_smooth_rates(motion), motors))
     else:
-        standing = ground_contact(_calmed(motion), flights)
+        standing = ground_contact(_smooth_rates(motion), flights)
         flights = aloft(motion, flights, standing)
     return tuple(Segment(start=a, stop=b) for a, b in flights), standing
 
@@ -206,7 +208,7 @@ def _motor_channel(log: FlightLog, motors: MotorModel) -> Channel:
     return dataclasses.replace(channel, values=speed)
 
 
-def _frames(pose: Channel, clock: CameraClock, motors: Channel) -> _Frames:
+def _differentiate_runs(pose: Channel, clock: CameraClock, motors: Channel) -> _Frames:
     """Low-pass and differentiate pose and motors, run by run."""
     cutoff = min(HIGHEST_CUTOFF, CUTOFF_SHARE * clock.rate)
     own = uniform_channels({"motor": motors}, clock="motor")
@@ -237,16 +239,16 @@ def _frames(pose: Channel, clock: CameraClock, motors: Channel) -> _Frames:
         rate=clock.rate,
         cutoff=cutoff,
         time=np.concatenate([clock.time[a:b] for a, b in runs]),
-        motion=_joined(parts),
+        motion=_join_motion(parts),
         motors=np.concatenate([speed[a:b] for a, b in runs]),
         runs=tuple(pairwise([0, *stops])),
         motor_rate=own.rates["motor"],
         motor_std=white_noise_std(own.values["motor"], own.stretches),
-        gaps=_gaps(clock, runs, has_motors),
+        gaps=_list_gaps(clock, runs, has_motors),
     )
 
 
-def _joined(parts: list[BodyMotion]) -> BodyMotion:
+def _join_motion(parts: list[BodyMotion]) -> BodyMotion:
     return BodyMotion(
         specific_force=np.concatenate([p.specific_force for p in parts]),
         angular_velocity=np.concatenate([p.angular_velocity for p in parts]),
@@ -277,7 +279,7 @@ def _on_frames(
     return values, there
 
 
-def _gaps(
+def _list_gaps(
     clock: CameraClock, runs: list[tuple[int, int]], has_motors: Bool[np.ndarray, " n"]
 ) -> tuple[Cut, ...]:
     """List the gaps between the runs, with their reason."""
@@ -291,7 +293,7 @@ def _gaps(
     return tuple(gaps)
 
 
-def _differentiated(frames: _Frames, resolution: float | None) -> FlightData:
+def _collect_flight_data(frames: _Frames, resolution: float | None) -> FlightData:
     """Collect all runs as FlightData, without segments and rotor columns yet.
 
     The resolution is that of measured rotor speed; None for commands, which are free of noise.
@@ -316,14 +318,14 @@ def _differentiated(frames: _Frames, resolution: float | None) -> FlightData:
     )
 
 
-def _margin(frames: _Frames) -> int:
+def _count_margin_frames(frames: _Frames) -> int:
     """Count the frames cut from the ends of every run; see `whole_samples`."""
     return int(np.ceil(MARGIN / frames.cutoff * frames.rate - JITTER_STEPS))
 
 
-def _windowed(data: FlightData, frames: _Frames, *, arm: float, window: Window) -> Motion:
+def _window_signals(data: FlightData, frames: _Frames, *, arm: float, window: Window) -> Motion:
     """Collect the signals for the search of the flight: runs without their ends, in the window."""
-    margin = _margin(frames)
+    margin = _count_margin_frames(frames)
     first, last = window_rows(data.time, frames.rate, window)
     shortest = whole_samples(SHORTEST_FLIGHT * frames.rate)
     clipped = [(max(a + margin, first), min(b - margin, last)) for a, b in frames.runs]
@@ -339,7 +341,7 @@ def _windowed(data: FlightData, frames: _Frames, *, arm: float, window: Window) 
     )
 
 
-def _calmed(motion: Motion) -> Motion:
+def _smooth_rates(motion: Motion) -> Motion:
     """Smooth the noisy rates of poses so that standing still shows, for the search of flight."""
     rates = motion.angular_velocity.copy()
     for a, b in motion.stretches:
@@ -363,13 +365,13 @@ def _refuse_wrong_attitude(motion: Motion, pose: Channel) -> None:
     )
 
 
-def _cuts(
+def _list_cuts(
     data: FlightData, frames: _Frames, window: Window, standing: list[tuple[int, int]]
 ) -> tuple[Cut, ...]:
     """List the unused stretches in the order of time."""
     reason = "not airborne" if window == (None, None) else "outside start and end"
     used = np.zeros(len(data.time), dtype=bool)
-    margin = _margin(frames)
+    margin = _count_margin_frames(frames)
     for segment in data.segments:
         used[max(segment.start - margin, 0) : segment.stop + margin] = True
     t = data.time
@@ -382,7 +384,7 @@ def _cuts(
     return tuple(sorted([*cuts, *ground, *frames.gaps], key=lambda cut: cut.start))
 
 
-def _doubts(
+def _find_doubts(
     data: FlightData,
     frames: _Frames,
     clock: CameraClock,

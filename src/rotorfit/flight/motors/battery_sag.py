@@ -62,7 +62,7 @@ def battery_sag(
     voltage: Float[np.ndarray, " n"],
     speed: Float[np.ndarray, "n N"],
 ) -> BatterySag | None:
-    """Measure how far the load lowers the voltage; None where the flight does not show it.
+    """Measure how far the load lowers the voltage; None if the flight does not show it.
 
     `speed`: of the rotors, in any unit; `voltage` [V] at the same `time` [s].
     """

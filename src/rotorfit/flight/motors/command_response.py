@@ -39,7 +39,7 @@ class MeasuredResponse:
     - `rotor`: from 0, in the log's order.
     - `command_time`: rising; each command is held until the next [s].
     - `command`: 0 (stopped) to 1 (full).
-    - `voltage`: of the battery at the commands [V]; None where the log has none.
+    - `voltage`: of the battery at the commands [V]; None if the log has none.
     - `speed_time`: rising, within the commands' [s].
     - `speed`: as measured [rad/s].
     """
@@ -55,20 +55,20 @@ class MeasuredResponse:
 def command_responses(
     log: FlightLog, *, excluded: Sequence[int] = ()
 ) -> tuple[MeasuredResponse, ...]:
-    """Pair commands and measured speeds of every rotor; none where the log lacks either."""
+    """Pair commands and measured speeds of every rotor; empty if the log lacks either."""
     if not {"command", "rotor_speed"} <= set(log.channels):
         return ()
     command, speed = log.channels["command"], log.channels["rotor_speed"]
     if command.values.shape[1] != speed.values.shape[1]:
         return ()
     battery = log.channels.get("battery")
-    volts = None if battery is None else _known(battery, 0)
+    volts = None if battery is None else _known_values(battery, 0)
     volts = None if volts is None or len(volts[0]) < 2 else volts
-    pieces = _pieces(speed)
+    pieces = _sample_pieces(speed)
     found: list[MeasuredResponse] = []
     for i in range(command.values.shape[1]):
         if i not in excluded:
-            commands, speeds = _known(command, i), _fresh(*_known(speed, i))
+            commands, speeds = _known_values(command, i), _fresh_speeds(*_known_values(speed, i))
             found += [
                 a for span in pieces for a in _gap_free_responses(i, commands, speeds, volts, span)
             ]
@@ -79,15 +79,17 @@ def responses_within(
     responses: Sequence[MeasuredResponse], spans: Sequence[Span], *, most: int = MOST_SPEEDS
 ) -> tuple[MeasuredResponse, ...]:
     """Cut responses to spans of time [s]; above `most` speeds, to pieces spread over the spans."""
-    inside = _inside(responses, spans)
+    inside = _cut_into_spans(responses, spans)
     count = sum(len(response.speed) for response in inside)
-    return inside if count <= most else _inside(responses, _spread(spans, most / count))
+    return (
+        inside if count <= most else _cut_into_spans(responses, _spread_pieces(spans, most / count))
+    )
 
 
-def _inside(
+def _cut_into_spans(
     responses: Sequence[MeasuredResponse], spans: Sequence[Span]
 ) -> tuple[MeasuredResponse, ...]:
-    cuts = (_cut(response, *span) for response in responses for span in spans)
+    cuts = (_cut_response(response, *span) for response in responses for span in spans)
     return tuple(cut for cut in cuts if cut is not None)
 
 
@@ -105,7 +107,7 @@ def response_spans(responses: Sequence[MeasuredResponse]) -> list[Span]:
     return joined
 
 
-def _cut(response: MeasuredResponse, begin: float, end: float) -> MeasuredResponse | None:
+def _cut_response(response: MeasuredResponse, begin: float, end: float) -> MeasuredResponse | None:
     t = response.speed_time
     rows = slice(*np.searchsorted(t, [begin, end]).tolist())
     if rows.stop - rows.start < 2:
@@ -125,7 +127,7 @@ def _cut(response: MeasuredResponse, begin: float, end: float) -> MeasuredRespon
     )
 
 
-def _known(
+def _known_values(
     channel: Channel, column: int
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Select times and finite values of a column, in the order of time."""
@@ -135,7 +137,7 @@ def _known(
     return time, values[known][first]
 
 
-def _fresh(
+def _fresh_speeds(
     time: Float[np.ndarray, " n"], speed: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """Despike speeds, and drop repetitions of slow telemetry.
@@ -159,17 +161,17 @@ def _is_rounded(jumps: Float[np.ndarray, " j"]) -> bool:
     return usual < SINGLE_STEPS * smallest
 
 
-def _pieces(speed: Channel) -> list[Span]:
+def _sample_pieces(speed: Channel) -> list[Span]:
     """Return the whole log, or spans spread over it evenly where it is long."""
     known = speed.time[np.abs(speed.time) < LARGEST]
     if len(known) < 2:
         return []
     whole = (float(known.min()), float(np.nextafter(known.max(), np.inf)))
     share = MOST_SPEEDS / speed.values.size
-    return [whole] if share >= 1.0 else _spread([whole], share)
+    return [whole] if share >= 1.0 else _spread_pieces([whole], share)
 
 
-def _spread(spans: Sequence[Span], share: float) -> list[Span]:
+def _spread_pieces(spans: Sequence[Span], share: float) -> list[Span]:
     """Spread pieces evenly over spans, a share of them in all."""
     step = PIECE / share
     return [
@@ -202,7 +204,7 @@ def _gap_free_responses(
             speed_time=speeds[0],
             speed=speeds[1],
         )
-        cut = _cut(whole, max(span[0], float(time[a])), min(span[1], float(time[b])))
+        cut = _cut_response(whole, max(span[0], float(time[a])), min(span[1], float(time[b])))
         if cut is not None:
             yield cut
 
@@ -234,7 +236,7 @@ class MotorLimits:
 
 
 def motor_limits(command: Channel, spans: Sequence[tuple[float, float]]) -> MotorLimits | None:
-    """Measure how often commands stand at their ends in flight; None where none were logged."""
+    """Measure how often commands stand at their ends in flight; None if none were logged."""
     inside: Bool[np.ndarray, " n"] = np.isfinite(command.values).min(axis=1)
     flown = np.zeros(len(command.time), dtype=bool)
     for begin, end in spans:

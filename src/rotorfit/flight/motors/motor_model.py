@@ -63,14 +63,14 @@ def following_speed(
     `held_for`: how long one command held [s] where each sample is the mean of several, the first
     at the sample's time; None: each is one command. Means need one lag above zero.
     """
-    early = 0.0 if held_for is None else _early(held_for, 1.0 / sample_rate, response.lag)
+    early = 0.0 if held_for is None else _delay_of_mean(held_for, 1.0 / sample_rate, response.lag)
     late = shift_time(held, sample_rate, response.delay - early)
     if response.lag_down is None or not response.two_way:
         return first_order_lag(late, sample_rate, response.lag)
     return two_way_lag(late, sample_rate, up=response.lag, down=response.lag_down)
 
 
-def _early(one: float, several: float, lag: float) -> float:
+def _delay_of_mean(one: float, several: float, lag: float) -> float:
     r"""Compute how much later than its own time a mean of several commands takes effect [s].
 
     Behind a lag :math:`\tau` what was commanded during a time T counts with :math:`e^{t/\tau}`,
@@ -116,7 +116,7 @@ def two_way_lag(
     speed = first_order_lag(held, sample_rate, 0.5 * (up + down))
     rising = held > speed
     for _ in range(MOST_ROUNDS):
-        speed = _solved(held, np.where(rising, keep_up, keep_down))
+        speed = _solve_lag(held, np.where(rising, keep_up, keep_down))
         changed = (held > speed) != rising
         if not (changed & (np.abs(held - speed) > SETTLED * np.abs(held))).any():
             break
@@ -129,7 +129,7 @@ def remaining_share(sample_rate: float, lag: float) -> float:
     return float(np.exp(-1.0 / (sample_rate * lag))) if lag > 0 else 0.0
 
 
-def _solved(
+def _solve_lag(
     held: Float[np.ndarray, "n N"], remaining: Float[np.ndarray, "n N"]
 ) -> Float[np.ndarray, "n N"]:
     """Solve O_0 = u_0, O_k+1 = a_k O_k + (1 - a_k) u_k."""
@@ -165,7 +165,7 @@ def shift_time(
     whole = int(np.floor(delay * sample_rate))
     part = delay * sample_rate - whole
     nodes = np.arange(-4, 6)
-    weights = _slope_weights(part, nodes) * sample_rate if slope else _weights(part, nodes)
+    weights = _slope_weights(part, nodes) * sample_rate if slope else _lagrange_weights(part, nodes)
     n = len(values)
     shifted = np.zeros(values.shape)
     for piece in pieces(n, longest=LONG // len(nodes)):
@@ -178,7 +178,7 @@ def shift_time(
     return shifted
 
 
-def _weights(part: float, nodes: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+def _lagrange_weights(part: float, nodes: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
     """Return Lagrange's weights of the nodes at a place between them."""
     return np.array([np.prod([(part - m) / (k - m) for m in nodes if m != k]) for k in nodes])
 
@@ -205,12 +205,12 @@ def white_noise_std(
     for start, stop in stretches:
         if stop - start < NOISE_ROWS:
             continue
-        top = _spectrum(values[start:stop])[-NOISE_ROWS // 20 :]
+        top = _mean_spectrum(values[start:stop])[-NOISE_ROWS // 20 :]
         levels.append(0.5 * float(np.median(top)))  # one-sided density, half a cycle a sample
     return float(np.sqrt(np.median(levels))) if levels else 0.0
 
 
-def _spectrum(values: Float[np.ndarray, "n N"]) -> Float[np.ndarray, "f N"]:
+def _mean_spectrum(values: Float[np.ndarray, "n N"]) -> Float[np.ndarray, "f N"]:
     """Average the power spectrum of windows that overlap by half, piece by piece."""
     half = NOISE_ROWS // 2
     windows = len(values) // half - 1
@@ -236,7 +236,7 @@ class MotorModel:
         ``"measured"``: the log's rotor speed. ``"commanded"``: its command, through `law`, `lag`
         and `delay`.
     law
-        Speed over command; None where unknown: then the command itself stands for the speed, and
+        Speed over command; None if unknown: then the command itself stands for the speed, and
         coefficients are per squared command.
     lag
         First-order time constant [s].
@@ -278,7 +278,7 @@ def with_motors(
             rotor_speed=np.concatenate([value for value, _ in moved]),
             rotor_acceleration=np.concatenate([slope for _, slope in moved]),
         )
-    turned = _turned(data, speed, response)
+    turned = _filter_by_response(data, speed, response)
     return dataclasses.replace(
         data,
         rotor_speed=turned,
@@ -286,7 +286,7 @@ def with_motors(
     )
 
 
-def _turned(
+def _filter_by_response(
     data: FlightData, speed: Float[np.ndarray, "n N"], response: MotorResponse
 ) -> Float[np.ndarray, "n N"]:
     """Filter the motor channel by the response; commands as recorded where means would not do."""
@@ -318,7 +318,7 @@ def following_rotors(
     lag_on: LagOn,
     held_for: float | None = None,
 ) -> Float[np.ndarray, "n N"]:
-    """Filter the motor channel by the response, anew after every gap (`jumps`).
+    """Filter the motor channel by the response, again after every gap (`jumps`).
 
     `jumps`: the first rows after a gap; `held_for`: see `following_speed`.
     """
@@ -381,7 +381,7 @@ def command_range(law: SpeedLaw) -> tuple[float, float]:
 
 
 def dead_zone(law: SpeedLaw) -> float:
-    """Find the largest command at which a law's rotor stands; 0 where it turns at any."""
+    """Find the largest command at which a law's rotor stands; 0 if it turns at any."""
     standing = np.flatnonzero(speeds(law, GRID) <= 0.0)
     return float(GRID[standing[-1]]) if len(standing) else 0.0
 
@@ -394,16 +394,16 @@ def betaflight_linear(law: SpeedLaw) -> ThrustCurve:
     full is nearest to a straight line.
     """
     tried = np.linspace(*LINEAR_RANGE, 7)
-    c = float(tried[np.argmin(np.mean(_bends(law, tried) ** 2, axis=1))])
+    c = float(tried[np.argmin(np.mean(_bends_of_thrust(law, tried) ** 2, axis=1))])
     for _ in range(NEWTON_STEPS):
-        below, here, above = np.mean(_bends(law, c + NEARBY) ** 2, axis=1).tolist()
+        below, here, above = np.mean(_bends_of_thrust(law, c + NEARBY) ** 2, axis=1).tolist()
         slope = (above - below) / (2.0 * NEARBY[2])
         curvature = (above - 2.0 * here + below) / NEARBY[2] ** 2
         c = float(np.clip(c - slope / max(curvature, TINY), *LINEAR_RANGE))
-    return ThrustCurve(factor=c, error=float(np.abs(_bends(law, np.array([c]))).max()))
+    return ThrustCurve(factor=c, error=float(np.abs(_bends_of_thrust(law, np.array([c]))).max()))
 
 
-def _bends(law: SpeedLaw, factors: Float[np.ndarray, " c"]) -> Float[np.ndarray, "c n"]:
+def _bends_of_thrust(law: SpeedLaw, factors: Float[np.ndarray, " c"]) -> Float[np.ndarray, "c n"]:
     """Compute thrust's distance from a straight line, as a share of full thrust over idle."""
     moved = np.clip(GRID * (1.0 + factors[:, None] * (1.0 - GRID) ** 2), 0.0, 1.0)
     thrust = speeds(law, moved.ravel()).reshape(moved.shape) ** 2

@@ -69,7 +69,7 @@ class RotorTelemetry:
       or the command never changes; ``"stuck"`` now and then; ``"apart"``: goes with no command;
       ``"unlike"``: its speed is another than the others' at the same command; ``"unclear"``: the
       command hardly moves.
-    - `correlation`: of command and speed; None where one of them is dead.
+    - `correlation`: of command and speed; None if one of them is dead.
     - `speed_channel`: number of the speed that goes with this command best, where that is clear.
     - `ratio`: speed over that of the other rotors at the same command, where it is identifiable.
     - `stuck`: share of the time that the speed stays the same though the command moves.
@@ -88,7 +88,7 @@ class Telemetry:
     """Measured rotor speeds beside the commands.
 
     - `seconds`: of turning motors that were looked at [s].
-    - `lateness`: how much later than the commands the speeds are [s]; None where they go with none.
+    - `lateness`: how much later than the commands the speeds are [s]; None if they go with none.
     - `rotors`: one for each, none where nothing could be compared.
     - `doubts`: what is wrong, one sentence each.
     """
@@ -111,7 +111,7 @@ class _Pair:
 
 
 def telemetry(log: FlightLog) -> Telemetry | None:
-    """Compare measured speeds with the commands; None where the log lacks either."""
+    """Compare measured speeds with the commands; None if the log lacks either."""
     if not {"command", "rotor_speed"} <= set(log.channels):
         return None
     command, speed = log.channels["command"], log.channels["rotor_speed"]
@@ -123,19 +123,21 @@ def telemetry(log: FlightLog) -> Telemetry | None:
             f"({speed.source}): they were not compared{named}"
         )
         return Telemetry(seconds=0.0, lateness=None, rotors=(), doubts=(doubt,))
-    pair = _paired(command, speed)
+    pair = _pair_channels(command, speed)
     seconds = 0.0 if pair is None else float(pair.used.sum()) / pair.rate
     if pair is None or seconds < LEAST_SECONDS:
         return Telemetry(seconds=seconds, lateness=None, rotors=(), doubts=())
-    found = _compared(pair, seconds)
+    found = _compare_telemetry(pair, seconds)
     return replace(found, doubts=(*found.doubts, *_spiky_commands(command)))
 
 
 def _spiky_commands(command: Channel) -> list[str]:
-    """Say which commands jump up or down for single samples."""
+    """State which commands jump up or down for single samples."""
     sizes = [
-        float(np.percentile(np.abs(x - _despiked(x)), SPIKY_PERCENTILE)) if len(x) > 2 else 0.0
-        for _, x in _columns(command)
+        float(np.percentile(np.abs(x - _despike_values(x)), SPIKY_PERCENTILE))
+        if len(x) > 2
+        else 0.0
+        for _, x in _finite_columns(command)
     ]
     spiky = [str(i) for i, size in enumerate(sizes, start=1) if size > SPIKE]
     if not spiky:
@@ -147,9 +149,9 @@ def _spiky_commands(command: Channel) -> list[str]:
     ]
 
 
-def _paired(command: Channel, speed: Channel) -> _Pair | None:
+def _pair_channels(command: Channel, speed: Channel) -> _Pair | None:
     """Resample both to one clock, where they overlap; a column that ends early is held."""
-    columns = [_columns(command), _columns(speed)]
+    columns = [_finite_columns(command), _finite_columns(speed)]
     if not all(columns):
         return None
     clocks = [max((t for t, _ in one), key=len) for one in columns]
@@ -163,16 +165,18 @@ def _paired(command: Channel, speed: Channel) -> _Pair | None:
         return None
     time = begin + np.arange(whole_samples(span)) / rate
     # Commands may jump from sample to sample: taken singly, the jumps would look like slow motion.
-    commands = _averaged(time, columns[0], rate)
-    speeds = _at(time, [(t, _despiked(x)) for t, x in columns[1]])
-    used = _turning(commands, rate) & ~np.any([_in_gap(time, t, rate) for t in clocks], axis=0)
+    commands = _average_columns(time, columns[0], rate)
+    speeds = _interpolate_columns(time, [(t, _despike_values(x)) for t, x in columns[1]])
+    used = _mark_turning(commands, rate) & ~np.any([_in_gap(time, t, rate) for t in clocks], axis=0)
     varies = [used.any() and np.ptp(x[used], axis=0) > 0.0 for x in (commands, speeds)]
     live = np.flatnonzero(np.logical_and(*varies))
     return _Pair(rate=rate, command=commands, speed=speeds, used=used, live=live)
 
 
-def _at(time: Float[np.ndarray, " m"], columns: _Columns) -> Float[np.ndarray, "m N"]:
-    """Interpolate columns at other times, ends held; NaN where there is no sample."""
+def _interpolate_columns(
+    time: Float[np.ndarray, " m"], columns: _Columns
+) -> Float[np.ndarray, "m N"]:
+    """Interpolate columns at other times, ends held; NaN if there is no sample."""
     values = np.full((len(time), len(columns)), np.nan)
     for k, (t, x) in enumerate(columns):
         if len(t) > 1:
@@ -180,10 +184,10 @@ def _at(time: Float[np.ndarray, " m"], columns: _Columns) -> Float[np.ndarray, "
     return values
 
 
-def _averaged(
+def _average_columns(
     time: Float[np.ndarray, " m"], columns: _Columns, rate: float
 ) -> Float[np.ndarray, "m N"]:
-    """Average columns over the time from one row to the next; NaN where there is no sample."""
+    """Average columns over the time from one row to the next; NaN if there is no sample."""
     values = np.full((len(time), len(columns)), np.nan)
     half = 0.5 / rate
     for k, (t, x) in enumerate(columns):
@@ -197,7 +201,7 @@ def _averaged(
     return values
 
 
-def _despiked(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def _despike_values(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Replace a value that is above or below both neighbours by the middle one of the three."""
     if len(values) < 3:
         return values
@@ -205,7 +209,7 @@ def _despiked(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     return np.concatenate([values[:1], middle, values[-1:]])
 
 
-def _columns(channel: Channel) -> _Columns:
+def _finite_columns(channel: Channel) -> _Columns:
     """Select times and finite values of each column, in the order of time."""
     found: _Columns = []
     for values in channel.values.T:
@@ -225,7 +229,7 @@ def _in_gap(
     return far
 
 
-def _turning(commands: Float[np.ndarray, "n N"], rate: float) -> Bool[np.ndarray, " n"]:
+def _mark_turning(commands: Float[np.ndarray, "n N"], rate: float) -> Bool[np.ndarray, " n"]:
     """Mark where the motors turn, without the moments of starting and stopping."""
     known = commands[:, np.isfinite(commands).all(axis=0)]
     turning = np.zeros(len(commands), dtype=bool)
@@ -238,7 +242,7 @@ def _turning(commands: Float[np.ndarray, "n N"], rate: float) -> Bool[np.ndarray
     return turning
 
 
-def _compared(pair: _Pair, seconds: float) -> Telemetry:
+def _compare_telemetry(pair: _Pair, seconds: float) -> Telemetry:
     live = pair.live
     if not len(live):
         dead = tuple(
@@ -249,16 +253,18 @@ def _compared(pair: _Pair, seconds: float) -> Telemetry:
             "turn: the ESC telemetry is dead, or the commands are"
         )
         return Telemetry(seconds=seconds, lateness=None, rotors=dead, doubts=(sentences,))
-    commands = _banded(pair.command[:, live], pair.rate)
-    speeds = _banded(pair.speed[:, live], pair.rate)
-    shift = _lateness(commands, speeds, pair)
-    late, used = _moved(speeds, shift), pair.used
-    alike = _correlations(commands[used], late[used])
-    of_differences = _correlations(_differences(commands[used]), _differences(late[used]))
-    best = _assigned(of_differences if len(live) > 2 else alike)
+    commands = _band_pass(pair.command[:, live], pair.rate)
+    speeds = _band_pass(pair.speed[:, live], pair.rate)
+    shift = _find_lateness(commands, speeds, pair)
+    late, used = _advance_samples(speeds, shift), pair.used
+    alike = _correlate_columns(commands[used], late[used])
+    of_differences = _correlate_columns(
+        _differences_from_mean(commands[used]), _differences_from_mean(late[used])
+    )
+    best = _assign_speeds(of_differences if len(live) > 2 else alike)
     moving = commands[used].std(axis=0) > MOVES
     swapped = live[best != np.arange(len(live))]
-    ratios = {} if len(swapped) else _ratios(pair, shift)
+    ratios = {} if len(swapped) else _speed_ratios(pair, shift)
     goes = float(alike.max()) > NOTHING
     stuck = {int(i): _stuck_share(pair, int(i)) for i in live}
     rotors: list[RotorTelemetry] = []
@@ -272,7 +278,7 @@ def _compared(pair: _Pair, seconds: float) -> Telemetry:
         rotors.append(
             RotorTelemetry(
                 rotor=i + 1,
-                state=_state(own, i in swapped, stuck[i], ratio, moves=bool(moving[k])),
+                state=_rotor_state(own, i in swapped, stuck[i], ratio, moves=bool(moving[k])),
                 correlation=own,
                 speed_channel=int(live[best[k]]) + 1 if known else None,
                 ratio=None if ratio is None else ratio[0],
@@ -284,11 +290,11 @@ def _compared(pair: _Pair, seconds: float) -> Telemetry:
         seconds=seconds,
         lateness=lateness,
         rotors=tuple(rotors),
-        doubts=tuple(_sentences(rotors, pair)),
+        doubts=tuple(_explain_telemetry(rotors, pair)),
     )
 
 
-def _state(
+def _rotor_state(
     own: float, is_swapped: bool, stuck: float, ratio: tuple[float, float] | None, *, moves: bool
 ) -> State:
     if is_swapped:
@@ -304,49 +310,53 @@ def _state(
     return "follows" if own > CLEAR else "unclear"
 
 
-def _banded(values: Float[np.ndarray, "n k"], rate: float) -> Float[np.ndarray, "n k"]:
+def _band_pass(values: Float[np.ndarray, "n k"], rate: float) -> Float[np.ndarray, "n k"]:
     """Band-pass the values to the band that is compared."""
     low, high = BAND
     slow = values - smooth(values, rate, low)
     return smooth(slow, rate, high) if high < 0.4 * rate else slow
 
 
-def _moved(values: Float[np.ndarray, "n k"], shift: int) -> Float[np.ndarray, "n k"]:
+def _advance_samples(values: Float[np.ndarray, "n k"], shift: int) -> Float[np.ndarray, "n k"]:
     """Advance the values by `shift` samples; the last ones are held."""
     rows = np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)
     return values[rows]
 
 
-def _lateness(
+def _find_lateness(
     commands: Float[np.ndarray, "n k"], speeds: Float[np.ndarray, "n k"], pair: _Pair
 ) -> int:
     """Find the samples by which the speeds are later, whichever belongs to which."""
     first, last = (round(bound * pair.rate) for bound in LATE)
     used = pair.used
     scores = {
-        shift: float(_correlations(commands[used], _moved(speeds, shift)[used]).max(axis=0).mean())
+        shift: float(
+            _correlate_columns(commands[used], _advance_samples(speeds, shift)[used])
+            .max(axis=0)
+            .mean()
+        )
         for shift in range(first, last + 1)
     }
     return max(scores, key=lambda shift: (scores[shift], -abs(shift)))
 
 
-def _correlations(
+def _correlate_columns(
     a: Float[np.ndarray, "n k"], b: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, "k k"]:
-    """Correlate every column with every other's, 0 where one is constant."""
+    """Correlate every column with every other's, 0 if one is constant."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     sizes = np.outer(np.sqrt((a * a).sum(axis=0)), np.sqrt((b * b).sum(axis=0)))
     return (a.T @ b) / np.where(sizes > 0.0, sizes, np.inf)
 
 
-def _differences(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
+def _differences_from_mean(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
     """Subtract the mean of all rotors: thrust moves them all alike."""
     size = values.std(axis=0)
     even = values / np.where(size > 0.0, size, 1.0)
     return even - even.mean(axis=1, keepdims=True)
 
 
-def _assigned(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
+def _assign_speeds(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
     """Assign a speed to each command: its own, unless others do clearly better."""
     own = np.arange(len(alike))
     if len(alike) < 2:
@@ -376,7 +386,7 @@ def _stuck_share(pair: _Pair, i: int) -> float:
     return still / max(int(pair.used.sum()), 1)
 
 
-def _ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
+def _speed_ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
     """Estimate each rotor's speed over the others' at the same command, with its deviation.
 
     One law of a constant and a slope for all, each rotor with a factor of its own (median 1). The
@@ -388,7 +398,7 @@ def _ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
     seconds = np.flatnonzero(pair.used)
     seconds = seconds[: len(seconds) // step * step].reshape(-1, step)
     command = pair.command[:, pair.live][seconds].mean(axis=1)
-    speed = _moved(_without_stuck(pair), shift)[seconds].mean(axis=1)
+    speed = _advance_samples(_without_stuck(pair), shift)[seconds].mean(axis=1)
     factor: Float[np.ndarray, " k"] = np.ones(len(pair.live))
     shares: Float[np.ndarray, "m k"] = speed
     known = np.isfinite(speed)
@@ -419,7 +429,7 @@ def _ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
 
 
 def _without_stuck(pair: _Pair) -> Float[np.ndarray, "n k"]:
-    """Return the speeds of the live rotors, NaN where a speed stands still or is 0 in the air."""
+    """Return the speeds of the live rotors, NaN if a speed stands still or is 0 in the air."""
     speed = pair.speed[:, pair.live].copy()
     least = whole_samples(LONGEST_CONSTANT * pair.rate)
     for column in speed.T:
@@ -431,7 +441,7 @@ def _without_stuck(pair: _Pair) -> Float[np.ndarray, "n k"]:
     return speed
 
 
-def _sentences(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
+def _explain_telemetry(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
     sentences = [_dead_message(r, pair) for r in rotors if r.state == "dead"]
     swapped = [r for r in rotors if r.state == "swapped"]
     if swapped:

@@ -109,7 +109,9 @@ def speed_and_slopes(
     held = shift_time(channel, sample_rate, response.delay)
     speed = following_speed(held, sample_rate, dataclasses.replace(response, delay=0.0))
     rising = held > speed
-    keep = np.where(rising, *(remaining_share(sample_rate, lag) for lag in _lags(response)))
+    keep = np.where(
+        rising, *(remaining_share(sample_rate, lag) for lag in _lags_both_ways(response))
+    )
     slopes: list[Float[np.ndarray, "n N"]] = []
     for name in names:
         if name == "motor_delay":
@@ -135,7 +137,7 @@ def _follow_slope(
     return solve_recursion(keep, (1.0 - keep) * late, first)
 
 
-def _lags(response: MotorResponse) -> tuple[float, float]:
+def _lags_both_ways(response: MotorResponse) -> tuple[float, float]:
     """Return the lags of rising and of falling speed [s]."""
     return response.lag, response.lag if response.lag_down is None else response.lag_down
 
@@ -146,7 +148,7 @@ def _lag_sensitivity(
     """Differentiate a by the mean lag L or by the skew s: lags are L (1 - s) and L (1 + s)."""
     mean = response.mean_lag
     each: list[float] = []
-    for lag, side in zip(_lags(response), (-1.0, 1.0), strict=True):
+    for lag, side in zip(_lags_both_ways(response), (-1.0, 1.0), strict=True):
         by_lag = remaining_share(sample_rate, lag) / (sample_rate * lag**2) if lag > 0.0 else 0.0
         each.append(by_lag * (side * mean if name == "motor_skew" else lag / mean))
     return np.where(rising, *each)

@@ -117,10 +117,10 @@ def decode(
             "split it before the lines that begin with 'H Product'"
         )
     ranges = find_logs(data)
-    number = _chosen(len(ranges), log_number)
+    number = _choose_log(len(ranges), log_number)
     whole = read_header(data, *ranges[number - 1])
-    header = replace(whole, frames=_kept(whole, fields))
-    written, events, damages, last = _read(data, whole, header)
+    header = replace(whole, frames=_keep_fields(whole, fields))
+    written, events, damages, last = _read_frames(data, whole, header)
     main, is_intra, dropped = _main_frames(written["IP"], events, header)
     slow, bad_slow = _plain_frames("S", written, header)
     home, bad_home = _plain_frames("H", written, header)
@@ -143,7 +143,7 @@ def decode(
     )
 
 
-def _chosen(count: int, log_number: int | None) -> int:
+def _choose_log(count: int, log_number: int | None) -> int:
     if count == 0:
         raise LogError(
             "no Blackbox log in these bytes (no line 'H Product:Blackbox flight data recorder by "
@@ -160,7 +160,7 @@ def _chosen(count: int, log_number: int | None) -> int:
     return number
 
 
-def _kept(header: Header, fields: Collection[str] | None) -> dict[str, FrameDefinition]:
+def _keep_fields(header: Header, fields: Collection[str] | None) -> dict[str, FrameDefinition]:
     """Reduce the definitions of all frames to the fields that are kept."""
     if fields is None:
         return dict(header.frames)
@@ -172,7 +172,7 @@ def _kept(header: Header, fields: Collection[str] | None) -> dict[str, FrameDefi
     }
 
 
-def _read(
+def _read_frames(
     data: bytes, whole: Header, kept: Header
 ) -> tuple[dict[str, _Written], tuple[Event, ...], tuple[int, int], Window | None]:
     """Read all frames by their letters, the events, the damage, and the last window.
@@ -196,7 +196,7 @@ def _read(
                 f"Blackbox log has more than {MAX_EVENTS} events, expected some dozens: "
                 "it is damaged, copy it from the recorder again"
             )
-    written = {letters: _joined(parts.pop(letters), letters, kept) for letters in kinds}
+    written = {letters: _join_parts(parts.pop(letters), letters, kept) for letters in kinds}
     return written, tuple(events), (stretches, skipped), window
 
 
@@ -228,7 +228,7 @@ def _read_window(
     )
 
 
-def _joined(parts: list[_Written], letters: str, kept: Header) -> _Written:
+def _join_parts(parts: list[_Written], letters: str, kept: Header) -> _Written:
     """Join the frames of all parts of the log."""
     if not parts:
         none, width = np.zeros(0, np.int32), len(kept.frames[letters[0]].names)
@@ -254,14 +254,14 @@ def _main_frames(
     as_written = written.bits if usable.all() else written.bits[usable]
     bits = main_values(as_written, is_intra, header)
     definition = header.frames["I"]
-    table = _table(definition, bits, positions)
-    keep = _credible(table, is_intra, written.bad[usable], events)
+    table = _frame_table(definition, bits, positions)
+    keep = _credible_frames(table, is_intra, written.bad[usable], events)
     if not keep.all():
-        table = _table(definition, bits[keep], positions[keep])
+        table = _frame_table(definition, bits[keep], positions[keep])
     return table, is_intra[keep], len(usable) - len(table)
 
 
-def _table(
+def _frame_table(
     definition: FrameDefinition, bits: UInt32[np.ndarray, "n k"], positions: Int[np.ndarray, " n"]
 ) -> Table:
     return Table(names=definition.names, signed=definition.signed, bits=bits, positions=positions)
@@ -277,7 +277,7 @@ def _has_history(
     return (after_intra >= 0) & (after_intra < i_interval) & unbroken
 
 
-def _credible(
+def _credible_frames(
     table: Table,
     is_intra: Bool[np.ndarray, " n"],
     bad: Bool[np.ndarray, " n"],
@@ -331,7 +331,7 @@ def _plain_frames(letter: str, written: dict[str, _Written], header: Header) -> 
     definition, frames = header.frames[letter], written[letter]
     good = ~frames.bad
     values = add_constants(frames.bits[good].astype(np.int64), definition, header)
-    table = _table(definition, values.astype(np.uint32), frames.positions[good])
+    table = _frame_table(definition, values.astype(np.uint32), frames.positions[good])
     return table, int(frames.bad.sum())
 
 
@@ -347,16 +347,18 @@ def _gps_frames(
     values = gps_values(
         frames.bits[good].astype(np.int64),
         header,
-        home=_latest(home, ("GPS_home[0]", "GPS_home[1]"), positions),
-        main_time=_latest(main, ("time",), positions)[:, 0],
+        home=_latest_fields(home, ("GPS_home[0]", "GPS_home[1]"), positions),
+        main_time=_latest_fields(main, ("time",), positions)[:, 0],
     )
-    return _table(header.frames["G"], values.astype(np.uint32), positions), int(frames.bad.sum())
+    return _frame_table(header.frames["G"], values.astype(np.uint32), positions), int(
+        frames.bad.sum()
+    )
 
 
-def _latest(
+def _latest_fields(
     table: Table, names: tuple[str, ...], positions: Int[np.ndarray, " n"]
 ) -> Int[np.ndarray, "n k"]:
-    """Return fields of the last frame before each position; zero where there is none."""
+    """Return fields of the last frame before each position; zero if there is none."""
     if len(table) == 0 or not set(names) <= set(table.names):
         return np.zeros((len(positions), len(names)), np.int64)
     row = np.searchsorted(table.positions, positions) - 1

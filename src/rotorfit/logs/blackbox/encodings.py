@@ -76,13 +76,13 @@ def index_bytes(data: bytes) -> ByteIndex:
         data=padded,
         rank=rank,
         ends=ends,
-        values=_unsigned(padded, starts, ends),
+        values=_decode_unsigned(padded, starts, ends),
         overlong=(ends - starts) > MAX_VB_BYTES,
         size=len(data),
     )
 
 
-def _unsigned(data: UInt8[np.ndarray, " m"], starts: Integers, ends: Integers) -> Integers:
+def _decode_unsigned(data: UInt8[np.ndarray, " m"], starts: Integers, ends: Integers) -> Integers:
     """Return the unsigned 32-bit numbers between `starts` and `ends`, seven bits a byte."""
     values = (data[starts] & 0x7F).astype(np.int64)
     for byte in range(1, MAX_VB_BYTES):
@@ -125,7 +125,7 @@ def sign_extend(values: Integers, bits: int) -> Integers:
     return ((values & (2 * half - 1)) ^ half) - half
 
 
-def _bytes(index: ByteIndex, positions: Integers) -> Integers:
+def _bytes_at(index: ByteIndex, positions: Integers) -> Integers:
     """Return the bytes at some positions; positions beyond the end read the last padding byte."""
     return index.data[np.minimum(positions, len(index.data) - 1)].astype(np.int64)
 
@@ -142,7 +142,7 @@ def read_numbers(
     bad = (index.overlong[token] & present & (before > 0)).any(axis=1)
     # The first number may begin in the middle of what the index takes for one number.
     own_first, own_end = np.minimum(first, last), index.ends[np.minimum(first, last)]
-    own = _unsigned(index.data, starts, own_end)
+    own = _decode_unsigned(index.data, starts, own_end)
     values = np.where(present & (before == 0), own[:, None], values)
     count = present.sum(axis=1)
     bad |= (count > 0) & (own_end - starts > MAX_VB_BYTES)
@@ -154,7 +154,7 @@ def read_tag2_3s32(
     index: ByteIndex, starts: Int[np.ndarray, " n"], variable: bool
 ) -> tuple[Int[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
     """Read TAG2_3S32 (three numbers of 2, 4 or 6 bits or of 1 to 4 bytes) or its variant."""
-    b0, b1, b2 = (_bytes(index, starts + i) for i in range(3))
+    b0, b1, b2 = (_bytes_at(index, starts + i) for i in range(3))
     if variable:
         word = (b0 << 16) | (b1 << 8) | b2
         medium = [(word >> 17, 5), (word >> 12, 5), (word >> 8, 4)]
@@ -167,15 +167,17 @@ def read_tag2_3s32(
     position = starts + 1
     for i in range(3):
         width = (b0 >> (2 * i)) & 3
-        word = sum(_bytes(index, position + j) << (8 * j) for j in range(4))
-        whole = _chosen(width, [sign_extend(np.asarray(word), bits) for bits in (8, 16, 24, 32)])
+        word = sum(_bytes_at(index, position + j) << (8 * j) for j in range(4))
+        whole = _choose_elements(
+            width, [sign_extend(np.asarray(word), bits) for bits in (8, 16, 24, 32)]
+        )
         bits = [sign_extend(*choice[i]) for choice in (small, medium, large)]
-        values[:, i] = _chosen(selector, [*bits, whole])
+        values[:, i] = _choose_elements(selector, [*bits, whole])
         position = position + width + 1
     return values, np.where(selector == 3, position, starts + selector + 1)
 
 
-def _chosen(
+def _choose_elements(
     number: Int[np.ndarray, " n"], choices: Sequence[Int[np.ndarray, " n"]]
 ) -> Int[np.ndarray, " n"]:
     """Choose an element of each row by its number; numpy indexes by the platform's integers."""
@@ -186,7 +188,7 @@ def read_tag8_4s16(
     index: ByteIndex, starts: Int[np.ndarray, " n"], version: int
 ) -> tuple[Int[np.ndarray, "n 4"], Int[np.ndarray, " n"]]:
     """Read TAG8_4S16: a byte of four tags, then four numbers of 0, 4, 8 or 16 bits."""
-    tags = _bytes(index, starts)
+    tags = _bytes_at(index, starts)
     if version == 1:
         return _read_tag8_4s16_v1(index, starts, tags)
     # Counted in nibbles, high one first: the position needs no case distinction.
@@ -195,10 +197,14 @@ def read_tag8_4s16(
     for i in range(4):
         tag = (tags >> (2 * i)) & 3
         at, odd = nibble >> 1, nibble & 1
-        word = (_bytes(index, at) << 16) | (_bytes(index, at + 1) << 8) | _bytes(index, at + 2)
+        word = (
+            (_bytes_at(index, at) << 16)
+            | (_bytes_at(index, at + 1) << 8)
+            | _bytes_at(index, at + 2)
+        )
         top = np.where(odd == 1, word << 4, word)  # the number begins at bit 23
         four, eight, sixteen = (sign_extend(top >> (24 - bits), bits) for bits in (4, 8, 16))
-        values[:, i] = _chosen(tag, [np.zeros_like(four), four, eight, sixteen])
+        values[:, i] = _choose_elements(tag, [np.zeros_like(four), four, eight, sixteen])
         nibble = nibble + np.array([0, 1, 2, 4])[tag]
     return values, (nibble + 1) >> 1
 
@@ -212,10 +218,10 @@ def _read_tag8_4s16_v1(
     paired = np.zeros(len(starts), bool)  # this field was the high nibble of the one before
     for i in range(4):
         tag = np.where(paired, 0, (tags >> (2 * i)) & 3)
-        low, high = _bytes(index, position), _bytes(index, position + 1)
+        low, high = _bytes_at(index, position), _bytes_at(index, position + 1)
         word = low | (high << 8)
         choices = [np.zeros_like(low), *(sign_extend(word, bits) for bits in (4, 8, 16))]
-        values[:, i] += _chosen(tag, choices)
+        values[:, i] += _choose_elements(tag, choices)
         paired = tag == 1
         if i < 3:
             values[:, i + 1] = np.where(paired, sign_extend(low >> 4, 4), 0)
@@ -236,7 +242,7 @@ def read_frames(
             case Encoding.UNWRITTEN:
                 continue
             case Encoding.TAG8_8SVB:
-                bits = (_bytes(index, position)[:, None] >> np.arange(group.count)) & 1
+                bits = (_bytes_at(index, position)[:, None] >> np.arange(group.count)) & 1
                 block, position, wrong = read_numbers(index, position + 1, bits == 1)
                 values[:, columns] = signed_from_zigzag(block)
                 bad |= wrong
@@ -250,12 +256,12 @@ def read_frames(
             case _:
                 present = np.ones((len(starts), group.count), bool)
                 block, position, wrong = read_numbers(index, position, present)
-                values[:, columns] = _plain(block, definition.encodings[columns])
+                values[:, columns] = _decode_plain(block, definition.encodings[columns])
                 bad |= wrong
     return values, bad
 
 
-def _plain(
+def _decode_plain(
     values: Int[np.ndarray, "n k"], encodings: tuple[Encoding, ...]
 ) -> Int[np.ndarray, "n k"]:
     """Return a run of variable-byte numbers as signed, unsigned or negated, column by column."""
@@ -335,12 +341,14 @@ def main_values(
     for end in (*np.flatnonzero(is_intra).tolist(), len(written)):
         if end - begin >= least or end == len(written):
             block = written[begin:end].astype(np.int64)
-            values[begin:end] = _stretches(block, is_intra[begin:end], header).astype(np.uint32)
+            values[begin:end] = _decode_stretches(block, is_intra[begin:end], header).astype(
+                np.uint32
+            )
             begin = end
     return values
 
 
-def _stretches(
+def _decode_stretches(
     written: Int[np.ndarray, "n k"], is_intra: Bool[np.ndarray, " n"], header: Header
 ) -> Int[np.ndarray, "n k"]:
     """Return the values of the main frames from an I frame up to before another."""
@@ -363,13 +371,13 @@ def _stretches(
         total = weights[0] * previous + weights[1] * before
         predicted = (total + (total < 0)) >> 1
         block = add_constants(written[rows], inter, header) + predicted
-        for column in _columns(inter, Predictor.INCREMENT):
+        for column in _columns_of_predictor(inter, Predictor.INCREMENT):
             block[:, column] += skip[previous[:, column] % header.i_interval]
         values[rows] = wrap(add_motor_0(block, inter), inter.signed)
     return values
 
 
-def _columns(definition: FrameDefinition, predictor: Predictor) -> list[int]:
+def _columns_of_predictor(definition: FrameDefinition, predictor: Predictor) -> list[int]:
     """Find the fields with a predictor."""
     return [i for i, p in enumerate(definition.predictors) if p == predictor]
 
@@ -393,8 +401,10 @@ def gps_values(
     """Compute the values of the GPS frames."""
     definition = header.frames["G"]
     values = add_constants(written, definition, header)
-    for coordinate, column in enumerate(_columns(definition, Predictor.HOME_COORDINATE)):
+    for coordinate, column in enumerate(
+        _columns_of_predictor(definition, Predictor.HOME_COORDINATE)
+    ):
         values[:, column] += home[:, coordinate]
-    for column in _columns(definition, Predictor.LAST_MAIN_FRAME_TIME):
+    for column in _columns_of_predictor(definition, Predictor.LAST_MAIN_FRAME_TIME):
         values[:, column] += main_time
     return wrap(values, definition.signed)

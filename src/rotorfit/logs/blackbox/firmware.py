@@ -121,11 +121,13 @@ def filters(log: FlightLog) -> list[Filter]:
     ):
         ends = logged_numbers(logged, dynamic)
         if len(ends) == 2 and 0 < ends[0] < ends[1]:
-            found.append(_moving("low-pass", ends[0], ends[1], dynamic, passed=passed["gyro"]))
+            found.append(
+                _moving_filter("low-pass", ends[0], ends[1], dynamic, passed=passed["gyro"])
+            )
         else:
             shape = LOW_PASSES.get(logged.get(kind, ""))
             found += low_pass(logged, "gyro", fixed, passed=passed["gyro"], shape=shape)
-    found += _notches(logged, passed=passed)
+    found += _find_notches(logged, passed=passed)
     # Betaflight writes it in hundredths.
     scale = 1.0 if _is_inav(logged) else 100.0
     return found + low_pass(
@@ -144,11 +146,13 @@ def _accelerometer_shape(logged: Mapping[str, str]) -> FilterShape:
     return "butterworth" if second_order else "pt2"
 
 
-def _moving(kind: FilterKind, low: float, high: float, setting: str, *, passed: bool) -> Filter:
+def _moving_filter(
+    kind: FilterKind, low: float, high: float, setting: str, *, passed: bool
+) -> Filter:
     return Filter(channel="gyro", kind=kind, low=low, high=high, setting=setting, passed=passed)
 
 
-def _notches(logged: Mapping[str, str], *, passed: Mapping[str, bool]) -> list[Filter]:
+def _find_notches(logged: Mapping[str, str], *, passed: Mapping[str, bool]) -> list[Filter]:
     """Find fixed notches, Betaflight's dynamic one, and those that follow the rotors."""
     found = [
         *_fixed_notches(logged, "gyro", "gyro_notch", passed=passed["gyro"]),
@@ -157,7 +161,7 @@ def _notches(logged: Mapping[str, str], *, passed: Mapping[str, bool]) -> list[F
     low, high = (logged_number(logged, f"dyn_notch_{end}_hz") for end in ("min", "max"))
     if logged_number(logged, "dyn_notch_count") > 0 and 0 < low < high:
         setting = "dyn_notch_min_hz, dyn_notch_max_hz"
-        found.append(_moving("notch", low, high, setting, passed=passed["gyro"]))
+        found.append(_moving_filter("notch", low, high, setting, passed=passed["gyro"]))
     for count, least, switch in (
         ("rpm_filter_harmonics", "rpm_filter_min_hz", "dshot_bidir"),
         ("gyro_rpm_notch_harmonics", "gyro_rpm_notch_min", "dshot_bidir"),

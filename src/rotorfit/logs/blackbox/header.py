@@ -190,7 +190,7 @@ def _read_lines(data: bytes, start: int, stop: int) -> tuple[dict[str, str], int
     while True:
         line = _LINE.match(data, position, stop)
         if line is not None:
-            name, value = (_printable(group) for group in line.groups())
+            name, value = (_decode_printable(group) for group in line.groups())
             entries[name] = value
             position = line.end()
             continue
@@ -202,7 +202,7 @@ def _read_lines(data: bytes, start: int, stop: int) -> tuple[dict[str, str], int
         position = following.start() + 1
 
 
-def _printable(raw: bytes) -> str:
+def _decode_printable(raw: bytes) -> str:
     """Decode text for any terminal."""
     text = raw.decode("utf-8", "replace").strip()
     return "".join(letter if letter.isprintable() else "\ufffd" for letter in text)
@@ -226,7 +226,7 @@ def _frame_definitions(entries: Mapping[str, str]) -> dict[str, FrameDefinition]
         predictors = entries.get(f"Field {letter} predictor")
         if names is None or predictors is None:
             continue
-        frames[letter] = _definition(
+        frames[letter] = _parse_definition(
             letter,
             names=tuple(names.split(",")),
             signed=_field_numbers(entries, named, "signed"),
@@ -256,7 +256,7 @@ def _field_numbers(entries: Mapping[str, str], letter: str, kind: str) -> tuple[
     return numbers
 
 
-def _definition(
+def _parse_definition(
     letter: str,
     *,
     names: tuple[str, ...],
@@ -277,7 +277,7 @@ def _definition(
         )
     elif encodings.count(Encoding.UNWRITTEN) > MAX_UNWRITTEN:
         problem = f"more than {MAX_UNWRITTEN} unwritten fields, expected that many at most"
-    elif clash := _clash(names, predictors, encodings):
+    elif clash := _describe_clash(names, predictors, encodings):
         problem = clash
     else:
         return FrameDefinition(
@@ -292,8 +292,10 @@ def _definition(
     )
 
 
-def _clash(names: tuple[str, ...], predictors: tuple[int, ...], encodings: tuple[int, ...]) -> str:
-    """Say what predictors and encodings demand of each other; empty if all is well."""
+def _describe_clash(
+    names: tuple[str, ...], predictors: tuple[int, ...], encodings: tuple[int, ...]
+) -> str:
+    """State what predictors and encodings demand of each other; empty if all is well."""
     pairs = list(zip(predictors, encodings, strict=True))
     if any(p == Predictor.INCREMENT and e != Encoding.UNWRITTEN for p, e in pairs):
         return "a counting field that is also written, expected it to be unwritten"

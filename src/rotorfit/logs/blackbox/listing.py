@@ -55,37 +55,41 @@ def entries_of(data: bytes) -> tuple[LogEntry, ...]:
     """List the logs in the bytes of a file, of several the longest first."""
     ranges = find_logs(data)
     if len(ranges) < 2:
-        return tuple(_entry(data, i, bounds, None) for i, bounds in enumerate(ranges, start=1))
+        return tuple(
+            _describe_entry(data, i, bounds, None) for i, bounds in enumerate(ranges, start=1)
+        )
     lasting = {i: _about_seconds(data, *bounds) for i, bounds in enumerate(ranges, start=1)}
     longest_first = sorted(lasting, key=lambda i: -(lasting[i] or 0.0))
     # Arming on the ground leaves stubs; they are listed only where there is nothing else.
     flights = [i for i in longest_first if (lasting[i] or 0.0) >= STUB_SECONDS]
     longest_first = flights or longest_first
-    return tuple(_entry(data, i, ranges[i - 1], lasting[i]) for i in longest_first)
+    return tuple(_describe_entry(data, i, ranges[i - 1], lasting[i]) for i in longest_first)
 
 
-def _entry(data: bytes, number: int, bounds: tuple[int, int], lasting: float | None) -> LogEntry:
+def _describe_entry(
+    data: bytes, number: int, bounds: tuple[int, int], lasting: float | None
+) -> LogEntry:
     """Describe one log in the bytes of a file; lasting [s]."""
-    description = _describe(data, *bounds)
+    description = _describe_log(data, *bounds)
     if lasting is not None:
         description = f"about {lasting:.0f} s, {description}"
     return LogEntry(number=number, start=bounds[0], stop=bounds[1], description=description)
 
 
 def _about_seconds(data: bytes, start: int, stop: int) -> float | None:
-    """Read the clock at both ends of a log [s]; None where no frame can be read."""
+    """Read the clock at both ends of a log [s]; None if no frame can be read."""
     try:
         begins = read_header(data, start, stop).data_start
     except LogError:
         return None
-    first = _clock(data, start, begins, stop, at_end=False)
-    last = _clock(data, start, begins, stop, at_end=True)
+    first = _read_clock(data, start, begins, stop, at_end=False)
+    last = _read_clock(data, start, begins, stop, at_end=True)
     if first is None or last is None:
         return None
     return (last - first) % (1 << 32) * 1e-6  # its 32 bits overflow
 
 
-def _clock(data: bytes, start: int, begins: int, stop: int, *, at_end: bool) -> int | None:
+def _read_clock(data: bytes, start: int, begins: int, stop: int, *, at_end: bool) -> int | None:
     """Read the first or last time [us] of a log from as few of its bytes as have a frame."""
     size = _PIECE
     while True:
@@ -101,7 +105,7 @@ def _clock(data: bytes, start: int, begins: int, stop: int, *, at_end: bool) -> 
         size *= 16  # a recorder's memory may end in megabytes without a frame
 
 
-def _describe(data: bytes, start: int, stop: int) -> str:
+def _describe_log(data: bytes, start: int, stop: int) -> str:
     """Return firmware, craft, date and size of a log; or why the header cannot be read."""
     size = f"{(stop - start) / 1000:.0f} kB"
     try:

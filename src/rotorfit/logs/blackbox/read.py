@@ -61,14 +61,14 @@ def read_channels(
 ) -> tuple[dict[str, Channel], list[str]]:
     """Read the channels of a log in SI units, and what was left out."""
     readers = {
-        "gyro": _gyro,
-        "accel": _accel,
+        "gyro": _read_gyro,
+        "accel": _read_accel,
         "rotor_speed": partial(_rotor_speed, given_poles=poles),
-        "command": _command,
-        "battery": _battery,
-        "position": _position,
-        "attitude": _attitude,
-        "reference": _reference,
+        "command": _read_command,
+        "battery": _read_battery,
+        "position": _read_position,
+        "attitude": _read_attitude,
+        "reference": _read_reference,
     }
     channels: dict[str, Channel] = {}
     notes: list[str] = []
@@ -90,7 +90,7 @@ def seconds(log: BlackboxLog) -> Float[np.ndarray, " n"]:
     return (time[:1] + np.cumsum(step)) * 1e-6
 
 
-def _vector(
+def _find_vector(
     log: BlackboxLog, bases: tuple[str, ...], count: int | None = None
 ) -> tuple[str, Int[np.ndarray, "n k"]] | None:
     """Find the first of some array fields that the log has, with its columns [0], [1], ...
@@ -108,16 +108,16 @@ def _vector(
     return None
 
 
-def _scaled(
+def _scale_channel(
     time: Float[np.ndarray, " n"], raw: Int[np.ndarray, "n k"], scale: float, source: str
 ) -> Channel:
     """Scale integers to a channel; the scale is also its resolution."""
     return Channel(time=time, values=raw * scale, source=source, resolution=scale)
 
 
-def _gyro(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+def _read_gyro(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     """Read the angular velocity [rad/s]; Blackbox axes are already FLU."""
-    field = _vector(log, GYRO_FIELDS, 3)
+    field = _find_vector(log, GYRO_FIELDS, 3)
     if field is None:
         return f"the log has no field {GYRO_FIELDS[0]}: enable gyro logging"
     base, raw = field
@@ -128,11 +128,11 @@ def _gyro(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     others = [b for b in ("gyroADCafterRpm", "gyroUnfilt") if f"{b}[0]" in declared]
     source = f"{base}[0..2], filtered as the header says, {math.degrees(per_count):.6g} deg/s"
     source += "".join(f"; the log also has {other}" for other in others)
-    return _scaled(time, raw, per_count, source)
+    return _scale_channel(time, raw, per_count, source)
 
 
 def _gyro_scale(header: Header) -> float | None:
-    """Read the angular velocity of one count [rad/s]; None where the header does not say."""
+    """Read the angular velocity of one count [rad/s]; None if the header does not say."""
     text = header.entries.get("gyro_scale", "")
     if not re.fullmatch(r"(0x)?[0-9a-fA-F]{1,8}", text):
         return None
@@ -146,34 +146,36 @@ def _gyro_scale(header: Header) -> float | None:
     return math.radians(scale)
 
 
-def _accel(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+def _read_accel(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     """Read the specific force [m/s^2]; Blackbox axes are already FLU."""
-    field = _vector(log, ACCEL_FIELDS, 3)
+    field = _find_vector(log, ACCEL_FIELDS, 3)
     if field is None:
         return f"the log has no field {' or '.join(ACCEL_FIELDS)}: enable accelerometer logging"
     base, raw = field
     one_g = (log.header.numbers("acc_1G") or (0,))[0]
     if one_g <= 0:
         return "header line acc_1G is missing or not positive"
-    return _scaled(time, raw, STANDARD_GRAVITY / one_g, f"{base}[0..2], {one_g} counts per g")
+    return _scale_channel(
+        time, raw, STANDARD_GRAVITY / one_g, f"{base}[0..2], {one_g} counts per g"
+    )
 
 
 def _rotor_speed(
     log: BlackboxLog, time: Float[np.ndarray, " n"], *, given_poles: int | None
 ) -> Channel | str:
-    rotors = _vector(log, ROTOR_FIELDS)
+    rotors = _find_vector(log, ROTOR_FIELDS)
     if rotors is not None:
         base, raw = rotors
         # INDIflight always logs eight; the motors say how many there are.
-        motors = _vector(log, ("motor",))
+        motors = _find_vector(log, ("motor",))
         used = (
             motors[1].shape[1]
             if motors
             else 1 + int(np.flatnonzero(raw.any(axis=0)).max(initial=0))
         )
         raw = raw[:, :used]
-        return _scaled(time, raw, 1.0, f"{base}[0..{raw.shape[1] - 1}], rad/s")
-    erpm = _vector(log, ("eRPM",))
+        return _scale_channel(time, raw, 1.0, f"{base}[0..{raw.shape[1] - 1}], rad/s")
+    erpm = _find_vector(log, ("eRPM",))
     if erpm is None and log.header.entries.get("Firmware revision", "").startswith("INAV"):
         return "INAV to 9 has no bidirectional DSHOT, and escRPM of a telemetry wire is not read"
     if erpm is None:
@@ -183,7 +185,7 @@ def _rotor_speed(
     if poles < 2:
         return f"header line motor_poles is {poles or 'missing'}, expected 2 or more"
     source = f"eRPM[0..{raw.shape[1] - 1}], 100 electrical rpm, {poles} motor poles"
-    return _scaled(time, raw, 100 * 2 * math.pi / 60 / (poles / 2), source)
+    return _scale_channel(time, raw, 100 * 2 * math.pi / 60 / (poles / 2), source)
 
 
 def _speed_in_debug(
@@ -193,7 +195,7 @@ def _speed_in_debug(
     lacking = "the log has neither omega nor eRPM"
     version = re.match(r"Betaflight (\d+)\.(\d+)", log.header.entries.get("Firmware revision", ""))
     mode = (log.header.numbers("debug_mode") or (0,))[0]
-    fields, motors = _vector(log, ("debug",)), _vector(log, ("motor",))
+    fields, motors = _find_vector(log, ("debug",)), _find_vector(log, ("motor",))
     is_known = version is not None and version[1] == "4" and 1 <= int(version[2]) <= 4
     if not is_known or mode not in (DEBUG_ERPM, DEBUG_FREQUENCY) or fields is None or not motors:
         return lacking
@@ -205,7 +207,7 @@ def _speed_in_debug(
         return f"debug[0..{last}] holds no speeds: bidirectional DShot was off"
     if mode == DEBUG_FREQUENCY:
         source = f"debug[0..{last}], Hz (debug_mode RPM_FILTER)"
-        return _scaled(time, raw, 2.0 * math.pi, source)
+        return _scale_channel(time, raw, 2.0 * math.pi, source)
     poles = (log.header.numbers("motor_poles") or (0,))[0] or given_poles or 0
     if poles < 2:
         return (
@@ -213,12 +215,12 @@ def _speed_in_debug(
             "the magnets of a motor, and give poles = ... under [motors]"
         )
     source = f"debug[0..{last}], 100 electrical rpm (DSHOT_RPM_TELEMETRY), {poles} motor poles"
-    return _scaled(time, raw, 100 * 2 * math.pi / 60 / (poles / 2), source)
+    return _scale_channel(time, raw, 100 * 2 * math.pi / 60 / (poles / 2), source)
 
 
-def _command(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+def _read_command(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     """Read the motor commands as a fraction of the output range."""
-    motors = _vector(log, ("motor",))
+    motors = _find_vector(log, ("motor",))
     if motors is None:
         return "the log has no field motor[0]: enable motor logging"
     low, high, line = _motor_range(log.header)
@@ -240,14 +242,14 @@ def _motor_range(header: Header) -> tuple[int, int, str]:
     return low[0], high[0], "minthrottle, maxthrottle"
 
 
-def _battery(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+def _read_battery(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     base = next((name for name in BATTERY_FIELDS if name in log.main.names), None)
     if base is None:
         return "the log has no field vbatLatest"
     scale, source = _volts_per_count(log.header)
     if scale is None:
         return f"header line {source} is missing or not positive"
-    return _scaled(time, log.main.column(base)[:, None], scale, f"{base}, {source}")
+    return _scale_channel(time, log.main.column(base)[:, None], scale, f"{base}, {source}")
 
 
 def _volts_per_count(header: Header) -> tuple[float | None, str]:
@@ -267,25 +269,25 @@ def _is_indiflight(log: BlackboxLog) -> bool:
     return log.header.entries.get("Firmware revision", "").lower().startswith("indiflight")
 
 
-def _position(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+def _read_position(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     """Read the motion-capture position [m], north-east-down to north-west-up."""
-    field = _vector(log, ("extPos",), 3) if _is_indiflight(log) else None
+    field = _find_vector(log, ("extPos",), 3) if _is_indiflight(log) else None
     if field is None or not field[1].any():
         return ""  # most logs have none: nothing to remark
     raw = field[1]
     # The log repeats the last fix until the next: only the frames that bring a new one count.
     is_new = np.append(True, (np.diff(raw, axis=0) != 0).any(axis=1)) & raw.any(axis=1)
     source = "extPos[0..2], 1 mm, north-east-down turned to north-west-up, new fixes only"
-    return _scaled(time[is_new], raw[is_new] * np.array([1, -1, -1]), 1e-3, source)
+    return _scale_channel(time[is_new], raw[is_new] * np.array([1, -1, -1]), 1e-3, source)
 
 
-def _attitude(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+def _read_attitude(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     """Read the attitude of the autopilot, body FLU to world north-west-up.
 
     INDIflight's quat turns FRD into north-east-down. Half a turn about x on both sides gives the
     quaternion here, (w, x, -y, -z): its rates agree with the gyro, and gravity with down.
     """
-    field = _vector(log, ("quat", "imuQuaternion"), 4)
+    field = _find_vector(log, ("quat", "imuQuaternion"), 4)
     if field is None:
         return ""
     if field[0] != "quat" or not _is_indiflight(log):
@@ -294,12 +296,12 @@ def _attitude(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     norm = np.linalg.norm(raw, axis=1, keepdims=True)
     values = np.where(norm > 0, raw / np.maximum(norm, 1), np.nan)
     source = "quat[0..3], FRD to north-east-down turned to FLU to north-west-up, estimate on board"
-    return replace(_scaled(time, raw, 1 / QUATERNION_ONE, source), values=values)
+    return replace(_scale_channel(time, raw, 1 / QUATERNION_ONE, source), values=values)
 
 
-def _reference(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+def _read_reference(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     """Read the angular velocity that was asked for [rad/s], as fine as the gyro is logged."""
-    field = _vector(log, REFERENCE_FIELDS, 3)
+    field = _find_vector(log, REFERENCE_FIELDS, 3)
     if field is None:
         return ""
     base, raw = field
@@ -307,7 +309,7 @@ def _reference(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str
     source = f"{base}[0..2], {step:g} deg/s"
     if base == INDIFLIGHT_REFERENCE:
         raw, source = raw * np.array([1, -1, -1]), f"{source}, FRD turned to FLU"
-    return _scaled(time, raw, math.radians(step), source)
+    return _scale_channel(time, raw, math.radians(step), source)
 
 
 def read_blackbox(
@@ -345,12 +347,12 @@ def read_blackbox(
         seconds=float(time.max() - time.min()),  # its clock may run backwards
         metadata=metadata_of(log.header.entries),
         notes=(_frame_counts(log), *missing),
-        findings=tuple(doubts("damaged-log", _damage(log))),
-        circumstances=_circumstances(log.header.entries),
+        findings=tuple(doubts("damaged-log", _describe_damage(log))),
+        circumstances=_read_circumstances(log.header.entries),
     )
 
 
-def _circumstances(entries: Mapping[str, str]) -> Circumstances:
+def _read_circumstances(entries: Mapping[str, str]) -> Circumstances:
     """Return the number of the processor, and when the log began."""
     hardware = entries.get("DeviceUID", "")
     try:
@@ -374,7 +376,7 @@ def _frame_counts(log: BlackboxLog) -> str:
     return "frames read: " + ", ".join(f"{count} {letter}" for letter, count in counts.items())
 
 
-def _damage(log: BlackboxLog) -> list[str]:
+def _describe_damage(log: BlackboxLog) -> list[str]:
     notes: list[str] = []
     if log.damaged_stretches:
         notes.append(

@@ -68,7 +68,7 @@ def read_event(data: bytes, position: int) -> tuple[Event | None, int]:
         if message is None:
             return refused
         reason = message.group(1) or b""
-        return _event(kind, "end of log", tuple(reason), position), message.end()
+        return _make_event(kind, "end of log", tuple(reason), position), message.end()
     if kind == _INFLIGHT_ADJUSTMENT:
         # The high bit of the number of the adjusted function says that a float follows.
         is_float = data[start : start + 1] >= b"\x80"
@@ -78,10 +78,10 @@ def read_event(data: bytes, position: int) -> tuple[Event | None, int]:
     else:
         return refused
     values, stop = _read_payload(data, start, payload)
-    return (_event(kind, name, values, position), stop) if stop <= len(data) else refused
+    return (_make_event(kind, name, values, position), stop) if stop <= len(data) else refused
 
 
-def _event(kind: int, name: str, values: tuple[int, ...], position: int) -> Event:
+def _make_event(kind: int, name: str, values: tuple[int, ...], position: int) -> Event:
     return Event(kind=kind, name=name, values=values, position=position)
 
 
@@ -165,7 +165,7 @@ def scan_frames(data: bytes, header: Header) -> Iterator[Window]:
     A frame is accepted if another frame, or the end of the log, follows it at once. Otherwise
     the search goes on one byte after the letter with which it seemed to begin.
     """
-    walks = {ord(k): _walk(d, header.data_version) for k, d in header.frames.items()}
+    walks = {ord(k): _walk_of_definition(d, header.data_version) for k, d in header.frames.items()}
     overlap = max(MAX_EVENT_BYTES, *(walk.longest for walk in walks.values())) + 2
     size = header.stop - header.data_start
     origin = stop = 0
@@ -244,7 +244,7 @@ def _frame_stop(data: bytes, rank: memoryview, ends: memoryview, walk: _Walk, st
     return position if position - start <= walk.longest else len(data) + 1
 
 
-def _walk(definition: FrameDefinition, version: int) -> _Walk:
+def _walk_of_definition(definition: FrameDefinition, version: int) -> _Walk:
     """Return how to find the end of a frame of this definition."""
     steps: list[tuple[int, int, Sequence[int]]] = []
     longest = 0
@@ -258,7 +258,7 @@ def _walk(definition: FrameDefinition, version: int) -> _Walk:
                 steps.append((_MASKED_RUN, 0, table))
                 longest += 1 + MAX_VB_BYTES * group.count
             case Encoding.TAG2_3S32 | Encoding.TAG2_3SVARIABLE | Encoding.TAG8_4S16:
-                table = _lengths(group.encoding, version)
+                table = _group_lengths(group.encoding, version)
                 steps.append((_TABLE, 0, table))
                 longest += max(table)
             case _:
@@ -268,7 +268,7 @@ def _walk(definition: FrameDefinition, version: int) -> _Walk:
 
 
 @lru_cache
-def _lengths(encoding: Encoding, version: int) -> tuple[int, ...]:
+def _group_lengths(encoding: Encoding, version: int) -> tuple[int, ...]:
     """Return the number of bytes of a group by its first byte, as the reader itself takes them."""
     room = 16
     index = index_bytes(b"".join(bytes([tags]) + bytes(room - 1) for tags in range(256)))

@@ -43,7 +43,7 @@ def columns(messages: Messages, name: str, labels: Sequence[str]) -> dict[str, n
 
 
 def has_fields(messages: Messages, name: str, labels: Sequence[str]) -> bool:
-    """Tell whether there are messages of a name that have all the labels."""
+    """Return whether there are messages of a name that have all the labels."""
     return any(
         all(label in messages.formats[i].fields for label in labels) for i in messages.named(name)
     )

@@ -108,7 +108,7 @@ def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
 
 
 def _motor_outputs(metadata: Mapping[str, str]) -> int:
-    """Return the bits of the outputs that are motors by SERVOn_FUNCTION; 0 where none is known."""
+    """Return the bits of the outputs that are motors by SERVOn_FUNCTION; 0 if none is known."""
     outputs = [
         output
         for output in range(1, OUTPUTS + 1)
@@ -158,11 +158,11 @@ def lack_notes(
     *,
     wired: Wiring | None,
 ) -> list[str]:
-    """Say what the log lacks and what to set for a better one, one sentence each.
+    """Describe what the log lacks and which setting adds it, one sentence each.
 
     A simulator, which has no wires to ESCs (`wired` is None), measures no rotor speed.
     """
-    slow, raw = _slow(channels)
+    slow, raw = _slow_records(channels)
     current = parameters.integer("LOG_BITMASK")
     value = log_bitmask(current, slow=bool(slow), raw=raw)
     to_set = f"LOG_BITMASK = {value}"
@@ -183,7 +183,7 @@ def lack_notes(
 
 def too_slow(parameters: Parameters, channels: Mapping[str, Channel]) -> list[str]:
     """Warn where no flying would show inertia, the log being too slow, and what to set."""
-    slow, raw = _slow(channels)
+    slow, raw = _slow_records(channels)
     rates = [rate_of(channels[name].time) for name in ("gyro", "command") if name in channels]
     if not rates or not 0.0 < min(rates) < TOO_SLOW or "rotor_speed" in channels:
         return []
@@ -194,7 +194,7 @@ def too_slow(parameters: Parameters, channels: Mapping[str, Channel]) -> list[st
     return [f"{words}; set {cure}"]
 
 
-def _slow(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:
+def _slow_records(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:
     """Name the missing or slow records; the second is whether the IMU is one."""
     slow: list[str] = []
     gyro, command = channels.get("gyro"), channels.get("command")
@@ -214,7 +214,7 @@ def _slow(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:
 
 
 def log_bitmask(current: int | None, *, slow: bool, raw: bool) -> str | None:
-    """Say which value LOG_BITMASK is to have; None where it has all of it.
+    """Return the value that LOG_BITMASK needs; None if it has it already.
 
     The battery is always asked for, IMU and motors where they are `slow`, raw IMU where `raw`.
     """

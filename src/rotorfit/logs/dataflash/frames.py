@@ -129,7 +129,7 @@ class Frame:
 
 
 def frame_of(parameters: Parameters, texts: list[str]) -> Frame | None:
-    """Return the frame by a log's parameters and texts; None where it is not known.
+    """Return the frame by a log's parameters and texts; None if it is not known.
 
     Before version 3.5 the parameter FRAME was the type, and the class was compiled in: a text
     ``Frame: QUAD`` has it.
@@ -140,12 +140,12 @@ def frame_of(parameters: Parameters, texts: list[str]) -> Frame | None:
         number = parameters.integer("FRAME")
     if kind is None or number is None:
         return None
-    return _frame(kind, TYPES.get(number, ""))
+    return _frame_of_kind(kind, TYPES.get(number, ""))
 
 
 def numbered_frame(kind: int, number: int) -> Frame | None:
-    """Return the frame of FRAME_CLASS and FRAME_TYPE; None where its mixer is not known."""
-    return _frame(CLASSES[kind], TYPES.get(number, ""))
+    """Return the frame of FRAME_CLASS and FRAME_TYPE; None if its mixer is not known."""
+    return _frame_of_kind(CLASSES[kind], TYPES.get(number, ""))
 
 
 def frame_words(parameters: Parameters, texts: list[str]) -> str:
@@ -165,7 +165,7 @@ def _class_of_texts(texts: list[str]) -> str | None:
     return None
 
 
-def _frame(kind: str, type_name: str) -> Frame | None:
+def _frame_of_kind(kind: str, type_name: str) -> Frame | None:
     key = (kind, type_name)
     if kind == "Y6" and key not in ROUND:  # every other type is the first Y6
         key = ("Y6", "")
@@ -174,14 +174,14 @@ def _frame(kind: str, type_name: str) -> Frame | None:
         turn = np.radians([angle for angle, _ in seats])
         yaw = [1.0 if is_ccw else -1.0 for _, is_ccw in seats]
         factors = np.column_stack([-np.sin(turn), np.cos(turn), yaw])
-        return _scaled(key, factors, tuple(angle for angle, _ in seats))
+        return _scale_frame(key, factors, tuple(angle for angle, _ in seats))
     if key in UNEVEN:
         rows = [[float(x) for x in seat.split(",")] for seat in UNEVEN[key].split()]
-        return _scaled(key, np.array(rows), None)
+        return _scale_frame(key, np.array(rows), None)
     return None
 
 
-def _scaled(
+def _scale_frame(
     key: tuple[str, str], factors: Float[np.ndarray, "N 3"], angles: tuple[float, ...] | None
 ) -> Frame:
     """Scale each column of the factors of a frame to 0.5, as the firmware does."""
@@ -252,7 +252,7 @@ class ThrustCurve:
 
 
 def thrust_curve(parameters: Parameters) -> ThrustCurve | None:
-    """Return the curve that the parameters set; None where a log has them not (before 3.5)."""
+    """Return the curve that the parameters set; None if a log has them not (before 3.5)."""
     names = ("MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX")
     expo, low, high = (parameters.number(name) for name in names)
     if expo is None or low is None or high is None:
@@ -284,7 +284,7 @@ def remixed(
     if why or curve is None or frame is None:
         return outputs, [f"{rates}, but the outputs cannot be mixed again from it: {why}"]
     inside = (time >= outputs.time[0]) & (time <= outputs.time[-1])
-    thrust, saturated = _thrust(inputs[inside], frame)
+    thrust, saturated = _relative_thrust(inputs[inside], frame)
     mixed = _by_best_curve(time[inside], thrust, outputs, curve)
     if mixed is None:
         return outputs, [f"{rates}; no flight was found in RCOU by which a mix could be checked"]
@@ -316,7 +316,7 @@ def _why_not(
     return ""
 
 
-def _thrust(
+def _relative_thrust(
     inputs: Float[np.ndarray, "n 4"], frame: Frame
 ) -> tuple[Float[np.ndarray, "n N"], float]:
     """Return the relative thrust of each motor, and the share of samples that was limited."""
@@ -401,20 +401,22 @@ def logged_motors(parameters: Parameters, *, battery: bool) -> LoggedMotors | No
     if curve is None or curve.expo < 0.0:
         return None
     law = SpeedLaw(
-        curve=SquareRootLaw(1.0, *map(_short, (curve.expo, curve.spin_min, curve.spin_max))),
-        voltage=_voltage(parameters) if battery else None,
+        curve=SquareRootLaw(
+            1.0, *map(_shorten_value, (curve.expo, curve.spin_min, curve.spin_max))
+        ),
+        voltage=_voltage_factor(parameters) if battery else None,
     )
     names = ["MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX"]
     names += [] if law.voltage is None else ["MOT_BAT_VOLT_MAX"]
     return LoggedMotors(law=law, words=", ".join(names))
 
 
-def _short(value: float) -> float:
+def _shorten_value(value: float) -> float:
     """Return a parameter as it was typed: logs hold them in single precision."""
     return float(f"{value:.6g}")
 
 
-def _voltage(parameters: Parameters) -> VoltageFactor | None:
+def _voltage_factor(parameters: Parameters) -> VoltageFactor | None:
     """Return the battery's factor where the firmware makes up for it: both limits are set."""
     low, high = (parameters.number(f"MOT_BAT_VOLT_{end}") or 0.0 for end in ("MIN", "MAX"))
-    return VoltageFactor(_short(high), 1.0) if 0.0 < low < high else None
+    return VoltageFactor(_shorten_value(high), 1.0) if 0.0 < low < high else None

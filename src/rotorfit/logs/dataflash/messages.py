@@ -96,25 +96,25 @@ FMT_OF_FMT: Final = MessageFormat(
 
 def message_format(body: bytes) -> MessageFormat:
     """Return the definition in the body of an FMT message (86 bytes, without its head)."""
-    letters, labels = _text(body[6:22]), tuple(_text(body[22:86]).split(","))
+    letters, labels = _decode_text(body[6:22]), tuple(_decode_text(body[22:86]).split(","))
     length = body[1]
     return MessageFormat(
         type=body[0],
-        name=_text(body[2:6]),
+        name=_decode_text(body[2:6]),
         length=length,
         letters=letters,
         labels=labels,
-        fields=_fields(letters, labels, length),
+        fields=_lay_out_fields(letters, labels, length),
     )
 
 
-def _text(data: bytes) -> str:
+def _decode_text(data: bytes) -> str:
     """Decode the text before the first null byte."""
     return data.split(b"\0", 1)[0].decode("latin-1")
 
 
-def _fields(letters: str, labels: tuple[str, ...], length: int) -> dict[str, Field]:
-    """Lay out the fields of a message; none where the letters do not add up to its length.
+def _lay_out_fields(letters: str, labels: tuple[str, ...], length: int) -> dict[str, Field]:
+    """Lay out the fields of a message; empty if the letters do not add up to its length.
 
     Long lists of labels are cut off at 64 bytes: then only the first fields have a name.
     """
@@ -145,13 +145,13 @@ GLIMPSES: Final = 8
 class Messages:
     """The messages of a log.
 
-    - `formats`: all that the log defines, the FMT of FMT first. One defined anew is there twice.
+    - `formats`: all that the log defines, the FMT of FMT first. One defined again is there twice.
     - `rows`: the messages of the formats wanted, in the order of the file, by index of `formats`,
       whose fields say where in them each one is.
     - `damaged_places`, `skipped_bytes`: where no message could be read.
     - `dropped`: messages left out because another begins within them.
     - `trailing_bytes`: after the last message.
-    - `bad_formats`: unusable definitions: a length below 3, or FMT itself defined anew.
+    - `bad_formats`: unusable definitions: a length below 3, or FMT itself defined again.
     """
 
     formats: tuple[MessageFormat, ...]
@@ -255,7 +255,7 @@ def find_messages(blocks: Iterable[bytes], *, wanted: Wanted = ALL) -> Messages:
         rest = data[_read_block(walk, data, is_last=False) :]
     trailing = len(rest) - _read_block(walk, rest, is_last=True)
     return Messages(
-        formats=tuple(_packed(form, wanted) for form in walk.formats),
+        formats=tuple(_pack_format(form, wanted) for form in walk.formats),
         counts=tuple(walk.counts),
         rows=walk.rows,
         damaged_places=walk.damaged_places,
@@ -266,7 +266,7 @@ def find_messages(blocks: Iterable[bytes], *, wanted: Wanted = ALL) -> Messages:
     )
 
 
-def _packed(form: MessageFormat, wanted: Wanted) -> MessageFormat:
+def _pack_format(form: MessageFormat, wanted: Wanted) -> MessageFormat:
     """Return a format with the fields that are kept, one behind the other."""
     if form.name not in wanted.labels:
         return form
@@ -322,7 +322,7 @@ def _read_heads(walk: _Walk, block: _Block, span: tuple[int, int], position: int
     while position < heads[-1] + 1:
         k = int(np.searchsorted(heads, position))
         if walk.searching or heads[k] != position or lengths[k] == 0:
-            position = _search(walk, block, heads[k:], position)
+            position = _search_head(walk, block, heads[k:], position)
             if walk.searching:
                 break
             continue
@@ -332,18 +332,20 @@ def _read_heads(walk: _Walk, block: _Block, span: tuple[int, int], position: int
             position = int(heads[e])
             runs.append((k, e))
             break
-        is_changed = _define(walk, block, int(heads[e]))
+        is_changed = _define_message(walk, block, int(heads[e]))
         inner = _inner_message(walk, block, int(heads[e]), position)
         runs.append((k, e + (inner is None)))
         if inner is not None:
             position = _after_damage(walk, int(heads[e]), inner)
         if is_changed:
             break
-    _keep(walk, block, heads, runs, formats)
+    _keep_messages(walk, block, heads, runs, formats)
     return position
 
 
-def _linked(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"]) -> Bool[np.ndarray, " h"]:
+def _linked_heads(
+    walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"]
+) -> Bool[np.ndarray, " h"]:
     """Select which heads are of a known type, and their messages end where another one begins."""
     raw, size = block.raw, len(block.raw)
     lengths = walk.lengths[raw[heads + 2]]
@@ -355,11 +357,11 @@ def _linked(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"]) -> Bool[np
     return (lengths > 0) & (follows | at_end)
 
 
-def _search(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"], position: int) -> int:
+def _search_head(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"], position: int) -> int:
     """Find the first head that can be trusted, else the place after the last one."""
     first, span = 0, FEW_HEADS
     while first < len(heads):
-        good = np.flatnonzero(_linked(walk, block, heads[first : first + span]))
+        good = np.flatnonzero(_linked_heads(walk, block, heads[first : first + span]))
         if len(good):
             found = int(heads[first + good[0]])
             walk.skipped_bytes += walk.searched_bytes + found - position
@@ -373,7 +375,7 @@ def _search(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"], position: 
 
 
 def _inner_message(walk: _Walk, block: _Block, start: int, end: int) -> int | None:
-    """Find where a message begins within one that is followed by none; None: nowhere."""
+    """Find a message that begins inside one that no message follows; None if there is none."""
     following = block.raw[end : end + HEAD_BYTES]
     if len(following) < HEAD_BYTES:
         return None
@@ -381,7 +383,7 @@ def _inner_message(walk: _Walk, block: _Block, start: int, end: int) -> int | No
         return None
     first, last = np.searchsorted(block.heads, [start + 1, end])
     inner = block.heads[first:last]
-    good = inner[_linked(walk, block, inner)]
+    good = inner[_linked_heads(walk, block, inner)]
     return int(good[0]) if len(good) else None
 
 
@@ -393,7 +395,7 @@ def _after_damage(walk: _Walk, start: int, inner: int) -> int:
     return inner
 
 
-def _define(walk: _Walk, block: _Block, position: int) -> bool:
+def _define_message(walk: _Walk, block: _Block, position: int) -> bool:
     """Take in the definition at a position, if one is there; return whether anything changed."""
     if block.raw[position + 2] != FMT_TYPE:
         return False
@@ -419,7 +421,7 @@ def _define(walk: _Walk, block: _Block, position: int) -> bool:
     return True
 
 
-def _keep(
+def _keep_messages(
     walk: _Walk,
     block: _Block,
     heads: Int[np.ndarray, " h"],
@@ -445,10 +447,10 @@ def _keep(
             number = form.fields.get("I")
             if form.name in wanted.instances and number is not None and number.letter in "bB":
                 rows = rows[rows[:, number.offset] == wanted.instances[form.name]]
-            _append(walk, index, rows)
+            _append_rows(walk, index, rows)
 
 
-def _append(walk: _Walk, index: int, rows: UInt8[np.ndarray, "n length"]) -> None:
+def _append_rows(walk: _Walk, index: int, rows: UInt8[np.ndarray, "n length"]) -> None:
     """Add messages to those of their format, grown where they are: joined pieces take twice."""
     form = walk.formats[index]
     if form.name in walk.wanted.labels:

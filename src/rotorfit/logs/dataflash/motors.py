@@ -41,7 +41,7 @@ _FEW: Final = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wiring:
-    """The output of each motor, numbered from 1; none where it is not known, and why."""
+    """The output of each motor, numbered from 1; empty if it is not known, and why."""
 
     outputs: tuple[int, ...]
     words: str
@@ -116,7 +116,7 @@ def read_commands(
         return None, ["no command: the log has no message RCOU"]
     if not wired.outputs:
         return None, [f"no command: {wired.words}"]
-    found = _outputs(messages, wired.outputs)
+    found = _read_outputs(messages, wired.outputs)
     if isinstance(found, str):
         return None, [f"no command: {found}"]
     time, pwm, source = found
@@ -134,7 +134,7 @@ def read_commands(
     return Channel(time=time, values=command, source=words, resolution=step), notes
 
 
-def _outputs(
+def _read_outputs(
     messages: Messages, outputs: tuple[int, ...]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n N"], str] | str:
     """Return time and PWM of some outputs; or why not."""
@@ -167,7 +167,7 @@ def read_rotor_speed(
     messages: Messages, parameters: Parameters, wired: Wiring
 ) -> tuple[Channel | None, list[str]]:
     """Read rotor speeds from ESC telemetry, in the order of the motors."""
-    escs = _escs(messages)
+    escs = _read_escs(messages)
     if not escs:
         return None, []
     order, how = _esc_order(sorted(escs), wired.outputs)
@@ -191,7 +191,9 @@ def _rpm_label(messages: Messages) -> str:
         return "RawRPM" if raw is not None and raw.dtype.kind in "iuf" and np.any(raw) else "RPM"
 
 
-def _escs(messages: Messages) -> dict[int, tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]:
+def _read_escs(
+    messages: Messages,
+) -> dict[int, tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]:
     """Return time and speed [rpm] of each ESC that ever turned, by its number from 0."""
     escs: dict[int, tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]] = {}
     number_label = first_label(messages, "ESC", ("Instance", "I"))
@@ -215,7 +217,7 @@ def _escs(messages: Messages) -> dict[int, tuple[Float[np.ndarray, " _"], Float[
 
 
 def _esc_order(numbers: list[int], outputs: tuple[int, ...]) -> tuple[list[int], str]:
-    """Assign an ESC to each motor, and say how it is known; none where it is not."""
+    """Assign an ESC to each motor, and state how it is known; empty if it is not."""
     if len(numbers) < len(outputs) or not outputs:
         received = ", ".join(str(n + 1) for n in numbers)
         return [], (

@@ -55,7 +55,7 @@ def read_parameters(messages: Messages) -> Parameters:
 
 
 def texts(messages: Messages) -> list[str]:
-    """Read what the firmware said (messages MSG), in order."""
+    """Read the firmware's text messages (MSG) in order."""
     found = columns(messages, "MSG", ("Message",))
     if not found or found["Message"].dtype.kind != "S":
         return []
@@ -63,7 +63,7 @@ def texts(messages: Messages) -> list[str]:
 
 
 def arming(messages: Messages) -> tuple[Float[np.ndarray, " n"], list[bool]] | None:
-    """Return when the vehicle was armed (true) or disarmed; None where the log does not say.
+    """Return when the vehicle was armed (true) or disarmed; None if the log does not say.
 
     Old firmware writes events without a time: those are NaN.
     """
@@ -99,16 +99,16 @@ def circumstances_of(
 ) -> Circumstances:
     """Read the circumstances of a flight from its log."""
     boards = [found[1] for text in texts_of_firmware if (found := _BOARD.fullmatch(text))]
-    pressure, temperature = _air(messages)
+    pressure, temperature = _read_air(messages)
     return Circumstances(
         hardware=boards[0] if boards else "",
-        started=_started(messages, begin),
+        started=_start_time(messages, begin),
         air_pressure=pressure,
         air_temperature=temperature,
     )
 
 
-def _air(messages: Messages) -> tuple[float | None, float | None]:
+def _read_air(messages: Messages) -> tuple[float | None, float | None]:
     found = timed(messages, "BARO", ("Press", "Temp"))
     if found is None or len(found[0]) == 0:
         return None, None
@@ -116,7 +116,7 @@ def _air(messages: Messages) -> tuple[float | None, float | None]:
     return in_air(values[:, 0], values[:, 1] + KELVIN)
 
 
-def _started(messages: Messages, begin: float) -> float | None:
+def _start_time(messages: Messages, begin: float) -> float | None:
     """Return when the log began, by the clock of the satellites."""
     found = timed(messages, "GPS", ("GMS", "GWk"))
     if found is None:

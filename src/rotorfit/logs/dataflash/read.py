@@ -99,16 +99,16 @@ _MOTOR_PARAMETERS: Final = (
 
 def read_dataflash(path: Path) -> FlightLog:
     """Read a DataFlash log of ArduPilot (.bin)."""
-    return _read(path, ())[0]
+    return _read_checked(path, ())[0]
 
 
 def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
     """Read a DataFlash log of ArduCopter, and its rate controller, in one pass."""
-    log, messages = _read(path, CONTROLLER_NAMES)
+    log, messages = _read_checked(path, CONTROLLER_NAMES)
     return log, controller_of(messages, path)
 
 
-def _read(path: Path, also: Container[str]) -> tuple[FlightLog, Messages]:
+def _read_checked(path: Path, also: Container[str]) -> tuple[FlightLog, Messages]:
     head = read_head(path, _TEXT_HEAD)
     if not is_dataflash(head):
         shown = head[: len(HEAD)].hex(" ")
@@ -138,18 +138,18 @@ def _flight_log(
     del glimpse
     names = frozenset((*NAMES, *choice.names))
     blocks = lines or read_blocks(path, (0.4, 0.6))
-    messages = find_messages(blocks, wanted=_wanted(choice, names))
+    messages = find_messages(blocks, wanted=_wanted_fields(choice, names))
     kept = messages.only(also)
     frame = frame_of(settings, texts)
     wired = motors.wiring(settings, frame)
     # Messages are let go of when their channel is made: all of both would fill the memory.
     speed, speed_notes = motors.read_rotor_speed(messages, settings, wired)
     messages = messages.without(motors.ESC_NAMES)
-    appended = _appended(messages, choice.names)
-    shuffled = _shuffled(messages, choice.names)
+    appended = _find_appended(messages, choice.names)
+    shuffled = _describe_shuffled(messages, choice.names)
     measured = sensors.read_imu(messages, settings, choice)
     messages = messages.without(choice.names)
-    command, command_notes = _commands(messages, settings, wired, frame)
+    command, command_notes = _read_commands(messages, settings, wired, frame)
     messages = messages.without(motors.OUTPUT_MESSAGES)
     imu_and_motors = {
         "gyro": measured.gyro,
@@ -157,12 +157,12 @@ def _flight_log(
         "rotor_speed": speed,
         "command": command,
     }
-    channels = _recorded({**imu_and_motors, **_other_sensors(messages)})
+    channels = _recorded_channels({**imu_and_motors, **_other_sensors(messages)})
     if not channels:
-        raise LogError(_nothing(messages))
+        raise LogError(_explain_nothing(messages))
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
     simulator = frames.simulator_of(settings)
-    flown, unarmed = _armed(messages, moved=_moves(command))
+    flown, unarmed = _describe_arming(messages, moved=_has_moved(command))
     begin = min(float(channel.time[0]) for channel in channels.values())
     log = FlightLog(
         path=path,
@@ -170,7 +170,7 @@ def _flight_log(
         format="dataflash",
         channels=channels,
         seconds=seconds_of(channels.values()),
-        metadata=_metadata(settings, texts, text),
+        metadata=_read_metadata(settings, texts, text),
         notes=(
             *([simulated_sentence(simulator)] if simulator else []),
             *flown,
@@ -182,7 +182,7 @@ def _flight_log(
             *_law_notes(settings),
             *lack_notes(messages, settings, channels, wired=None if simulator else wired),
         ),
-        findings=(*unarmed, *appended, *_doubts(messages, settings, channels, names)),
+        findings=(*unarmed, *appended, *_find_doubts(messages, settings, channels, names)),
         simulator=simulator,
         motors=frames.logged_motors(settings, battery="battery" in channels),
         gyro_lowpass=measured.gyro_lowpass,
@@ -191,13 +191,13 @@ def _flight_log(
     return log, kept
 
 
-def _recorded(made: Mapping[str, Channel | None]) -> dict[str, Channel]:
+def _recorded_channels(made: Mapping[str, Channel | None]) -> dict[str, Channel]:
     """Select the channels with any number in them, in the order of `CHANNELS`."""
     found = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
     return {name: found[name] for name in CHANNELS if name in found}
 
 
-def _doubts(
+def _find_doubts(
     messages: Messages,
     settings: Parameters,
     channels: Mapping[str, Channel],
@@ -206,21 +206,21 @@ def _doubts(
     """Find a log that is too slow, in other units, changed on its way, or damaged."""
     yield from doubts("slow-log", too_slow(settings, channels))
     yield from doubts("other-units", unit_sentences(messages))
-    yield from doubts("changed-parameters", _changed(settings))
-    yield from doubts("damaged-log", _damage(messages, names))
+    yield from doubts("changed-parameters", _warn_of_changes(settings))
+    yield from doubts("damaged-log", _describe_damage(messages, names))
 
 
-def _wanted(choice: sensors.ImuChoice, names: frozenset[str]) -> Wanted:
+def _wanted_fields(choice: sensors.ImuChoice, names: frozenset[str]) -> Wanted:
     """Select the fields to keep of the messages with these names: of IMUs the chosen one alone."""
     labels = dict.fromkeys(choice.names, sensors.LABELS)
     labels |= dict.fromkeys(motors.ESC_NAMES, motors.ESC_LABELS)
     return Wanted(names=names, instances=choice.instances, labels=labels)
 
 
-def _commands(
+def _read_commands(
     messages: Messages, settings: Parameters, wired: motors.Wiring, frame: Frame | None
 ) -> tuple[Channel | None, list[str]]:
-    """Return the motors' commands, mixed again where that is faster, and what to say of them."""
+    """Return the motors' commands, mixed again if that is faster, with notes about them."""
     command, notes = motors.read_commands(messages, settings, wired)
     if command is None:
         return None, notes
@@ -239,7 +239,7 @@ def _other_sensors(messages: Messages) -> dict[str, Channel | None]:
 
 
 def _imu_position(settings: Parameters, instance: int) -> tuple[float, float, float] | None:
-    """Read the accelerometer's position (INS_POSn) [m], body axes FLU; None where never set."""
+    """Read the accelerometer's position (INS_POSn) [m], body axes FLU; None if never set."""
     names = [f"INS_POS{instance + 1}_{axis}" for axis in "XYZ"]
     x, y, z = (settings.number(name) or 0.0 for name in names)
     if x == y == z == 0.0:
@@ -247,7 +247,7 @@ def _imu_position(settings: Parameters, instance: int) -> tuple[float, float, fl
     return round(x, 6), round(-y, 6) + 0.0, round(-z, 6) + 0.0
 
 
-def _metadata(settings: Parameters, texts: list[str], text: str | None) -> dict[str, str]:
+def _read_metadata(settings: Parameters, texts: list[str], text: str | None) -> dict[str, str]:
     """Read firmware, frame and the parameters that matter to motors and sensors."""
     known = [t for t in texts if t.startswith(("ArduCopter", "ArduPlane", "APM:", "ArduSub"))]
     metadata = {"Firmware revision": known[0][:_LONGEST_TEXT]} if known else {}
@@ -283,7 +283,7 @@ def _frame_notes(frame: Frame | None, settings: Parameters, texts: list[str]) ->
 
 
 def _law_notes(settings: Parameters) -> list[str]:
-    """Say what the firmware takes for the motors' thrust over command."""
+    """State what the firmware takes for the motors' thrust over command."""
     curve = frames.thrust_curve(settings)
     if curve is None:
         return []
@@ -297,15 +297,15 @@ def _law_notes(settings: Parameters) -> list[str]:
     return [words]
 
 
-def _moves(command: Channel | None) -> bool:
-    """Tell whether the motors were ever driven."""
+def _has_moved(command: Channel | None) -> bool:
+    """Return whether the motors were ever driven."""
     if command is None or not np.isfinite(command.values).any():
         return False
     return float(np.nanmax(command.values) - np.nanmin(command.values)) > LEAST_MOVED
 
 
-def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[Finding]]:
-    """Say when the vehicle was armed, and doubt a log in which it never was.
+def _describe_arming(messages: Messages, *, moved: bool) -> tuple[list[str], list[Finding]]:
+    """State when the vehicle was armed, and doubt a log in which it never was.
 
     Logs begin while arming, and may miss its record: motors that were driven were armed.
     """
@@ -329,8 +329,8 @@ def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[Finding]
     return [", ".join(turns[:6]) + " of the autopilot's clock"], []
 
 
-def _appended(messages: Messages, names: Container[str]) -> list[Finding]:
-    """Find a clock that begins anew: a second log stands behind the first.
+def _find_appended(messages: Messages, names: Container[str]) -> list[Finding]:
+    """Find a clock that begins again: a second log stands behind the first.
 
     Their times overlap, so that one of them is left out.
     """
@@ -350,8 +350,8 @@ def _appended(messages: Messages, names: Container[str]) -> list[Finding]:
     return []
 
 
-def _shuffled(messages: Messages, names: Container[str]) -> list[str]:
-    """Say which messages were written in another order than they were measured."""
+def _describe_shuffled(messages: Messages, names: Container[str]) -> list[str]:
+    """State which messages were written in another order than they were measured."""
     words: list[str] = []
     for name in sorted({form.name for form in messages.formats if form.name in names}):
         time = time_of(messages, name)
@@ -364,7 +364,7 @@ def _shuffled(messages: Messages, names: Container[str]) -> list[str]:
     return words
 
 
-def _changed(settings: Parameters) -> list[str]:
+def _warn_of_changes(settings: Parameters) -> list[str]:
     """Warn where parameters that matter were changed in flight."""
     prefixes = ("MOT_PWM", "MOT_SPIN", "MOT_THST_EXPO", "FRAME", "INS_GYRO_F", "INS_ACCEL_F")
     names = [n for n in settings.changed if n.startswith(prefixes)]
@@ -374,7 +374,7 @@ def _changed(settings: Parameters) -> list[str]:
     return [f"{', '.join(names[:6])} changed within the log: the last value is taken"]
 
 
-def _nothing(messages: Messages) -> str:
+def _explain_nothing(messages: Messages) -> str:
     read = sum(messages.counts)
     names = sorted({messages.formats[i].name for i, n in enumerate(messages.counts) if n})
     listed = ", ".join(f"{name!a}"[1:-1] for name in names[:20])
@@ -389,7 +389,7 @@ def _nothing(messages: Messages) -> str:
     )
 
 
-def _damage(messages: Messages, names: Container[str]) -> list[str]:
+def _describe_damage(messages: Messages, names: Container[str]) -> list[str]:
     words: list[str] = []
     if messages.damaged_places:
         words.append(

@@ -50,7 +50,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImuChannels:
-    """What one IMU recorded; `gyro_lowpass` is the cut-off on board [Hz], None where unknown."""
+    """What one IMU recorded; `gyro_lowpass` is the cut-off on board [Hz], None if unknown."""
 
     gyro: Channel | None
     accel: Channel | None
@@ -80,8 +80,8 @@ class ImuChoice:
 
 def read_imu(messages: Messages, parameters: Parameters, choice: ImuChoice) -> ImuChannels:
     """Read gyro and accelerometer of the IMU that was chosen, body axes FLU."""
-    loop = _loop(messages, choice.instance)
-    raw = _raw(messages, choice.instance)
+    loop = _read_loop(messages, choice.instance)
+    raw = _read_raw(messages, choice.instance)
     gyro, accel = raw or loop or (None, None)
     if loop and raw:
         loop_rate = max(rate_of(series.time) for series in loop)
@@ -95,8 +95,8 @@ def read_imu(messages: Messages, parameters: Parameters, choice: ImuChoice) -> I
     if gyro is not None and gyro.source.startswith("GYR"):
         notes += _raw_notes(parameters)
     return ImuChannels(
-        gyro=_channel(gyro, "rad/s"),
-        accel=_channel(accel, "m/s^2"),
+        gyro=_flu_channel(gyro, "rad/s"),
+        accel=_flu_channel(accel, "m/s^2"),
         notes=tuple(notes),
         gyro_lowpass=lowpass,
     )
@@ -107,27 +107,27 @@ def choose_imu(messages: Messages, parameters: Parameters) -> ImuChoice:
 
     Of the messages `GLIMPSED` some are enough.
     """
-    present = _instances(messages)
+    present = _list_instances(messages)
     if not present:
         return ImuChoice(instance=0, notes=())
-    chosen, why = _chosen(messages, parameters, present)
+    chosen, why = _choose_imu(messages, parameters, present)
     words = f"IMU {chosen + 1} of {len(present)} is used: {why}"
     return ImuChoice(instance=chosen, notes=(words,) if len(present) > 1 else ())
 
 
-def _instances(messages: Messages) -> list[int]:
+def _list_instances(messages: Messages) -> list[int]:
     """List the IMUs that a log has messages of, from 0."""
     if has_fields(messages, "IMU", ("I", *GYRO)):
-        return _numbers(messages, "IMU")
+        return _instance_numbers(messages, "IMU")
     found = [n for n, name in enumerate(LOOP_NAMES) if has_fields(messages, name, GYRO)]
     if found:
         return found
     if has_fields(messages, "GYR", ("I", *GYRO)):
-        return _numbers(messages, "GYR")
+        return _instance_numbers(messages, "GYR")
     return [n for n in range(3) if has_fields(messages, f"GYR{n + 1}", GYRO)]
 
 
-def _numbers(messages: Messages, name: str) -> list[int]:
+def _instance_numbers(messages: Messages, name: str) -> list[int]:
     """Find the instances that messages of a name are of."""
     numbers = columns(messages, name, ("I",)).get("I")
     if numbers is None or numbers.dtype.kind not in "iu":
@@ -138,7 +138,7 @@ def _numbers(messages: Messages, name: str) -> list[int]:
     return np.flatnonzero(counts > 0.02 * counts.max()).tolist()
 
 
-def _chosen(messages: Messages, parameters: Parameters, present: list[int]) -> tuple[int, str]:
+def _choose_imu(messages: Messages, parameters: Parameters, present: list[int]) -> tuple[int, str]:
     """Choose the IMU of the estimator's primary core, else the first that is in use; and why."""
     primary = _primary_core(messages)
     mask = parameters.integer("EK3_IMU_MASK") or parameters.integer("EK2_IMU_MASK") or 0
@@ -164,7 +164,7 @@ def _primary_core(messages: Messages) -> int | None:
     return None
 
 
-def _series(
+def _read_series(
     messages: Messages, name: str, labels: tuple[str, ...], instance: int | None
 ) -> Series | None:
     """Return time and vectors of messages of a name, of one instance where they have several."""
@@ -198,29 +198,29 @@ def _sample_time(
     return taken if float(np.median(np.abs(taken - time))) < 1.0 else time
 
 
-def _loop(messages: Messages, instance: int) -> tuple[Series, Series] | None:
+def _read_loop(messages: Messages, instance: int) -> tuple[Series, Series] | None:
     """Return gyro and accelerometer as the autopilot's loop used them (message IMU)."""
     has_instances = has_fields(messages, "IMU", ("I",))
     if not has_instances and instance >= len(LOOP_NAMES):
         return None
     name = "IMU" if has_instances else LOOP_NAMES[instance]
-    both = [_series(messages, name, labels, instance) for labels in (GYRO, ACCEL)]
+    both = [_read_series(messages, name, labels, instance) for labels in (GYRO, ACCEL)]
     return (both[0], both[1]) if both[0] is not None and both[1] is not None else None
 
 
-def _raw(messages: Messages, instance: int) -> tuple[Series, Series] | None:
+def _read_raw(messages: Messages, instance: int) -> tuple[Series, Series] | None:
     """Return gyro and accelerometer as sampled (messages GYR and ACC)."""
     found: list[Series] = []
     for base, labels in (("GYR", GYRO), ("ACC", ACCEL)):
         name = base if has_fields(messages, base, ("I",)) else f"{base}{instance + 1}"
-        series = _series(messages, name, labels, instance)
+        series = _read_series(messages, name, labels, instance)
         if series is None:
             return None
         found.append(series)
     return found[0], found[1]
 
 
-def _channel(series: Series | None, unit: str) -> Channel | None:
+def _flu_channel(series: Series | None, unit: str) -> Channel | None:
     if series is None:
         return None
     values = vectors_to_flu(series.values, "FRD")
@@ -228,7 +228,7 @@ def _channel(series: Series | None, unit: str) -> Channel | None:
 
 
 def _filter_notes(parameters: Parameters) -> list[str]:
-    """Say how IMU messages are filtered on board."""
+    """State how IMU messages are filtered on board."""
     gyro = parameters.number("INS_GYRO_FILTER")
     accel = parameters.number("INS_ACCEL_FILTER")
     if not gyro or not accel:
@@ -286,7 +286,7 @@ def read_pose(messages: Messages) -> dict[str, Channel]:
             time, fields = found
             place = vectors_to_flu(vector(fields, ("PX", "PY", "PZ")), "FRD")
             source = "VISP.PX,PY,PZ [m], north-east-down turned to north-west-up"
-            attitude = _attitude(fields, angles)
+            attitude = _read_attitude(fields, angles)
             words = f"VISP.{','.join(angles)} [deg], FRD turned to FLU"
             return {
                 "position": Channel(time=time, values=place, source=source),
@@ -296,10 +296,14 @@ def read_pose(messages: Messages) -> dict[str, Channel]:
     if found is None or len(found[0]) == 0:
         return {}
     words = "ATT.Roll,Pitch,Yaw [deg], FRD turned to FLU, estimate on board"
-    return {"attitude": Channel(time=found[0], values=_attitude(found[1], _ANGLES), source=words)}
+    return {
+        "attitude": Channel(time=found[0], values=_read_attitude(found[1], _ANGLES), source=words)
+    }
 
 
-def _attitude(fields: dict[str, np.ndarray], angles: tuple[str, ...]) -> Float[np.ndarray, "n 4"]:
+def _read_attitude(
+    fields: dict[str, np.ndarray], angles: tuple[str, ...]
+) -> Float[np.ndarray, "n 4"]:
     return attitude_to_flu(attitude_from_euler(vector(fields, angles, factor=_DEGREE)), "FRD")
 
 
@@ -314,7 +318,7 @@ def read_velocity(messages: Messages) -> Channel | None:
         time, fields = found
         first = fields["C"] == 0 if core else np.ones(len(time), dtype=bool)
         world = vectors_to_flu(vector(fields, _VELOCITY), "FRD")
-        body = world_to_body(world, _attitude(fields, _ANGLES))
+        body = world_to_body(world, _read_attitude(fields, _ANGLES))
         source = f"{name}.VN,VE,VD [m/s], turned into the body by its angles"
         return Channel(time=time[first], values=body[first], source=source)
     return None

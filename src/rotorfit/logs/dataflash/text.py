@@ -58,10 +58,10 @@ class _Line:
 def binary_blocks(path: Path) -> list[bytes]:
     """Return a text log as pieces of the binary form; lines that are no messages stay damage."""
     known: dict[str, _Line] = {}
-    return list(_encoded(path, known))
+    return list(_encode_lines(path, known))
 
 
-def _encoded(path: Path, known: dict[str, _Line]) -> Iterator[bytes]:
+def _encode_lines(path: Path, known: dict[str, _Line]) -> Iterator[bytes]:
     rest = ""
     for block in read_blocks(path, (0.0, 0.4)):
         lines = (rest + block.decode("latin-1")).split("\n")
@@ -73,7 +73,7 @@ def _encoded(path: Path, known: dict[str, _Line]) -> Iterator[bytes]:
 
 
 def _message_of(line: str, known: dict[str, _Line]) -> bytes:
-    """Return one line as a binary message; its own bytes where it is none."""
+    """Convert a line to a binary message; return its bytes unchanged if it is no message."""
     name, _, fields = line.partition(",")
     name = name.strip()
     if name == "FMT":
@@ -105,13 +105,13 @@ def _definition_of(line: str, known: dict[str, _Line]) -> bytes:
             head=HEAD + bytes([number]),
             letters=letters,
             packer=packer,
-            converters=tuple(_converter(letter) for letter in letters),
+            converters=tuple(_cell_converter(letter) for letter in letters),
         )
     texts = (name.encode("latin-1"), letters.encode("latin-1"), labels.encode("latin-1"))
     return HEAD + bytes([FMT_TYPE]) + struct.pack("<BB4s16s64s", number, length, *texts)
 
 
-def _converter(letter: str) -> Callable[[str], object]:
+def _cell_converter(letter: str) -> Callable[[str], object]:
     """Return the function from a cell to the number or text that the binary form has."""
     if letter in _TEXTS:
         return lambda cell: cell.encode("latin-1")

@@ -3,14 +3,14 @@
 
 def is_qualisys(head: bytes) -> bool:
     """Tell an export of Qualisys Track Manager by its first bytes."""
-    return _begins(head, b"NO_OF_FRAMES\t", b"FILE_VERSION\t")
+    return _begins_with(head, b"NO_OF_FRAMES\t", b"FILE_VERSION\t")
 
 
 def is_motive(head: bytes) -> bool:
     """Tell a CSV export of OptiTrack Motive by its first bytes."""
-    return _begins(head, b"Format Version,")
+    return _begins_with(head, b"Format Version,")
 
 
-def _begins(head: bytes, *beginnings: bytes) -> bool:
+def _begins_with(head: bytes, *beginnings: bytes) -> bool:
     # Behind the mark of the encoding that some programs put first.
     return head.removeprefix(b"\xef\xbb\xbf").startswith(beginnings)

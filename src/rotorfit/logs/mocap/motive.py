@@ -39,11 +39,11 @@ def read_motive(
     The world is turned from y up to z up, x staying as it is, and the body's axes with it: a rigid
     body that was defined with the vehicle's nose along x has x forward, y left, z up.
     """
-    return log_of_file(path, _take, columns=columns, axes=axes)
+    return log_of_file(path, _read_take, columns=columns, axes=axes)
 
 
-def _take(text: bytes) -> Take:
-    rows, start = _header(text)
+def _read_take(text: bytes) -> Take:
+    rows, start = _read_header(text)
     settings = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     unit = settings.get("Length Units", "Meters")
     _refuse_other_settings(settings, unit)
@@ -55,7 +55,7 @@ def _take(text: bytes) -> Take:
         format="motive",
         time=values[:, 1],
         bodies={
-            name: _body(values[:, columns], LENGTHS[unit.lower()])
+            name: _upright_body(values[:, columns], LENGTHS[unit.lower()])
             for name, columns in places.items()
         },
         source=f"position in {unit.lower()}, quaternion, turned from y up to z up (Motive)",
@@ -63,7 +63,7 @@ def _take(text: bytes) -> Take:
     )
 
 
-def _header(text: bytes) -> tuple[list[list[str]], int]:
+def _read_header(text: bytes) -> tuple[list[list[str]], int]:
     """Read the cells of the header's lines, and where the rows of numbers begin."""
     rows: list[list[str]] = []
     start = 0
@@ -121,7 +121,7 @@ def _columns_of_bodies(rows: list[list[str]]) -> dict[str, list[int]]:
     return {name: [columns[k] for k in range(len(_AXES))] for name, columns in found.items()}
 
 
-def _body(pose: Float[np.ndarray, "n 7"], metre: float) -> Body:
+def _upright_body(pose: Float[np.ndarray, "n 7"], metre: float) -> Body:
     """Return a body in a world with z up: a quarter turn about x on both ends.
 
     With C the turn, positions become C p and rotations C R C^T: the same angle, the axis turned.

@@ -29,11 +29,11 @@ def read_qualisys(
     path: Path, *, columns: Mapping[str, ColumnSpec] | None = None, axes: Axes = "FLU"
 ) -> FlightLog:
     """Read the pose of a rigid body from QTM's 6DOF export."""
-    return log_of_file(path, _take, columns=columns, axes=axes)
+    return log_of_file(path, _read_take, columns=columns, axes=axes)
 
 
-def _take(text: bytes) -> Take:
-    header, start, line = _header(text)
+def _read_take(text: bytes) -> Take:
+    header, start, line = _read_header(text)
     kind = "".join(header.get("DATA_INCLUDED", [])[:1])
     if kind != "6D":
         raise LogError(
@@ -59,9 +59,9 @@ def _take(text: bytes) -> Take:
     )
     return Take(
         format="qualisys",
-        time=_time(values, lead, header),
+        time=_frame_times(values, lead, header),
         bodies={
-            name: _body(values[:, lead + _PER_BODY * k : lead + _PER_BODY * (k + 1)])
+            name: _body_of_block(values[:, lead + _PER_BODY * k : lead + _PER_BODY * (k + 1)])
             for k, name in enumerate(names)
         },
         source="position in mm, rotation matrix, z up (Qualisys)",
@@ -69,7 +69,7 @@ def _take(text: bytes) -> Take:
     )
 
 
-def _header(text: bytes) -> tuple[dict[str, list[str]], int, int]:
+def _read_header(text: bytes) -> tuple[dict[str, list[str]], int, int]:
     """Read the header by name, and where the rows of numbers begin: offset and line number."""
     header: dict[str, list[str]] = {}
     start = 0
@@ -98,7 +98,7 @@ def _without_end_tabs(text: bytes, start: int) -> bytes:
     return text
 
 
-def _time(
+def _frame_times(
     values: Float[np.ndarray, "n k"], lead: int, header: dict[str, list[str]]
 ) -> Float[np.ndarray, " n"]:
     """Return the time of the frames: as exported, else from their number and the frequency."""
@@ -117,7 +117,7 @@ def _time(
     return frame / frequency
 
 
-def _body(block: Float[np.ndarray, "n 16"]) -> Body:
+def _body_of_block(block: Float[np.ndarray, "n 16"]) -> Body:
     """Return a body; frames whose matrix is no rotation (all zeros when it is lost) become NaN."""
     from scipy.spatial.transform import Rotation
 

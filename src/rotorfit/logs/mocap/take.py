@@ -49,7 +49,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Take:
-    """One recording: bodies by name (an empty one where the file names none), time of frames [s].
+    """One recording: bodies by name (empty if the file has no names), times of the frames [s].
 
     `format` is the name of the reader, `source` says units and axes of the file.
     """
@@ -79,7 +79,7 @@ def log_of_file(
 
 
 def _log_of_take(path: Path, data: bytes, take: Take, *, body: str | None) -> FlightLog:
-    name = _chosen(take, body)
+    name = _choose_body(take, body)
     chosen = take.bodies[name]
     _refuse_wrong_clock(take.time)
     pose = np.concatenate([chosen.position, chosen.attitude_wxyz], axis=1)
@@ -96,7 +96,7 @@ def _log_of_take(path: Path, data: bytes, take: Take, *, body: str | None) -> Fl
         notes.append(f"The {label} is not seen in {lost} of {len(seen)} frames.")
     if len(take.bodies) > 1:
         others = ", ".join(repr(other) for other in take.bodies if other != name)
-        notes.append(f"Read the body {name!r}; the file also has {_shortened(others)}.")
+        notes.append(f"Read the body {name!r}; the file also has {_shorten_names(others)}.")
     source = f"{label}, {take.source}" if name else take.source
     values = {"position": chosen.position, "attitude": chosen.attitude_wxyz}
     return FlightLog(
@@ -159,9 +159,9 @@ def finite(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _chosen(take: Take, body: str | None) -> str:
+def _choose_body(take: Take, body: str | None) -> str:
     names = list(take.bodies)
-    listed = _shortened(", ".join(repr(name) for name in names))
+    listed = _shorten_names(", ".join(repr(name) for name in names))
     if not names:
         raise LogError(
             "the file has no rigid body, only markers: define a rigid body on the vehicle and "
@@ -177,7 +177,7 @@ def _chosen(take: Take, body: str | None) -> str:
     return names[0] if body is None else body
 
 
-def _shortened(names: str) -> str:
+def _shorten_names(names: str) -> str:
     parts = names.split(", ")
     more = len(parts) - _NAMES_SHOWN
     clean = ", ".join(part[:40] for part in parts[:_NAMES_SHOWN])
@@ -208,19 +208,19 @@ _DELIMITERS: Final = (",", ";", "\t")
 
 
 def is_trajectory(head: bytes) -> bool:
-    """Tell whether bytes from the beginning of a file are poses, eight numbers a line."""
+    """Return whether bytes from the beginning of a file are poses, eight numbers a line."""
     text = with_line_feeds(head) if not head.startswith((b"\xff\xfe", b"\xfe\xff")) else b""
     if b"\0" in text:
         return False
     try:
-        start, _, delimiter, _ = _beginning(text)
+        start, _, delimiter, _ = _find_beginning(text)
     except LogError:
         return False
     # A row without a pose, NaN or a zero quaternion, says nothing: the first pose decides.
     for row in text[start:].split(b"\n"):
         if not row.strip() or row.lstrip().startswith((b"#", b"%")):
             continue
-        pose = [number_or_nan(cell) for cell in _cells(row, delimiter)]
+        pose = [number_or_nan(cell) for cell in _split_cells(row, delimiter)]
         if len(pose) != _COLUMNS or not math.isfinite(pose[0]):
             return False
         if _is_pose(pose):
@@ -229,17 +229,17 @@ def is_trajectory(head: bytes) -> bool:
 
 
 def _is_pose(row: Sequence[float]) -> bool:
-    """Tell whether a row has numbers, and a quaternion that is not all zeros."""
+    """Return whether a row has numbers, and a quaternion that is not all zeros."""
     return all(map(math.isfinite, row)) and any(row[4:])
 
 
 def read_trajectory(path: Path, *, axes: Axes = "FLU") -> FlightLog:
     """Read a trajectory in TUM's form."""
-    return log_of_file(path, lambda text: _take(text, axes))
+    return log_of_file(path, lambda text: _read_poses(text, axes))
 
 
-def _take(text: bytes, axes: Axes) -> Take:
-    start, line, delimiter, header = _beginning(text)
+def _read_poses(text: bytes, axes: Axes) -> Take:
+    start, line, delimiter, header = _find_beginning(text)
     values = numbers(text, start, columns=_COLUMNS, delimiter=delimiter, first_line=line)
     attitude = attitude_to_flu(unit_or_nan(values[:, [7, 4, 5, 6]]), axes)
     position = vectors_to_flu(finite(values[:, 1:4]), axes)
@@ -252,7 +252,7 @@ def _take(text: bytes, axes: Axes) -> Take:
     )
 
 
-def _beginning(text: bytes) -> tuple[int, int, str | None, str]:
+def _find_beginning(text: bytes) -> tuple[int, int, str | None, str]:
     """Find where the poses begin: offset, line number, delimiter; and the row of names."""
     start, line, header = 0, 1, ""
     while start < len(text):
@@ -261,7 +261,7 @@ def _beginning(text: bytes) -> tuple[int, int, str | None, str]:
         words = row.decode("utf-8", "replace").strip()
         if words and not words.startswith(("#", "%")):
             delimiter = next((mark for mark in _DELIMITERS if words.count(mark) == 7), None)
-            cells = _cells(row, delimiter)
+            cells = _split_cells(row, delimiter)
             if math.isfinite(number_or_nan(cells[0])) and all(map(_is_number, cells)):
                 return start, line, delimiter, header
             if header or not _are_names(cells):
@@ -271,13 +271,13 @@ def _beginning(text: bytes) -> tuple[int, int, str | None, str]:
     raise LogError("no poses: expected lines of t x y z qx qy qz qw")
 
 
-def _cells(row: bytes, delimiter: str | None) -> list[str]:
+def _split_cells(row: bytes, delimiter: str | None) -> list[str]:
     words = row.decode("utf-8", "replace").strip()
     return [cell.strip().strip('"') for cell in words.split(delimiter)]
 
 
 def _is_number(cell: str) -> bool:
-    """Tell whether a cell is empty or a number, finite or not."""
+    """Return whether a cell is empty or a number, finite or not."""
     try:
         float(cell or "nan")
     except ValueError:
@@ -286,7 +286,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _are_names(cells: list[str]) -> bool:
-    """Tell whether a row names time, position and quaternion in TUM's order."""
+    """Return whether a row names time, position and quaternion in TUM's order."""
     names = [_UNIT.sub("", cell.strip().lower()) for cell in cells]
     return (
         len(names) == _COLUMNS

@@ -53,11 +53,11 @@ class _Block:
 
 
 def is_vicon(head: bytes) -> bool:
-    """Tell whether bytes from the beginning of a file are a CSV export of Nexus or Tracker."""
+    """Return whether bytes from the beginning of a file are a CSV export of Nexus or Tracker."""
     first, _, rest = head.removeprefix(b"\xef\xbb\xbf").partition(b"\n")
-    if _word(first[:200]).lower() not in _OTHER_BLOCKS | _PROGRAMS.keys():
+    if _strip_word(first[:200]).lower() not in _OTHER_BLOCKS | _PROGRAMS.keys():
         return False
-    return math.isfinite(number_or_nan(_word(rest[:200].partition(b"\n")[0])))
+    return math.isfinite(number_or_nan(_strip_word(rest[:200].partition(b"\n")[0])))
 
 
 def read_vicon(
@@ -67,14 +67,16 @@ def read_vicon(
     bodies = dict(columns or {})
     attitude = bodies.pop("attitude", None)
     rotation = None if attitude is None else attitude.name
-    return log_of_file(path, lambda text: _take(_block(text), rotation), columns=bodies, axes=axes)
+    return log_of_file(
+        path, lambda text: _take_of_block(_find_block(text), rotation), columns=bodies, axes=axes
+    )
 
 
-def _block(text: bytes) -> _Block:
+def _find_block(text: bytes) -> _Block:
     """Find the first block of rigid bodies."""
     start, number, met = 0, 1, list[str]()
     while start < len(text):
-        kind = _word(text[start : start + 200].partition(b"\n")[0]).lower()
+        kind = _strip_word(text[start : start + 200].partition(b"\n")[0]).lower()
         if kind in _PROGRAMS:
             return _block_of_bodies(kind, text, start, number)
         if kind:
@@ -99,7 +101,7 @@ def _block_of_bodies(kind: str, text: bytes, start: int, number: int) -> _Block:
         raise LogError(f"the block {kind.title()} at line {number} has no frames: export again")
     columns = lines[3].decode("utf-8", "replace")
     delimiter = max(",;\t", key=columns.count)
-    names, labels, units = (_cells(line, delimiter) for line in lines[2:_HEADER_LINES])
+    names, labels, units = (_split_cells(line, delimiter) for line in lines[2:_HEADER_LINES])
     while labels and not labels[-1]:
         labels.pop()
     if labels[:2] != ["Frame", "Sub Frame"] or units[0]:
@@ -109,7 +111,7 @@ def _block_of_bodies(kind: str, text: bytes, start: int, number: int) -> _Block:
         )
     return _Block(
         kind=kind,
-        rate=_word(lines[1][:200]),
+        rate=_strip_word(lines[1][:200]),
         header=(names, labels, units),
         text=text[: _blank_line(text, start)],
         start=start,
@@ -118,7 +120,7 @@ def _block_of_bodies(kind: str, text: bytes, start: int, number: int) -> _Block:
     )
 
 
-def _take(block: _Block, rotation: str | None) -> Take:
+def _take_of_block(block: _Block, rotation: str | None) -> Take:
     names, labels, units = block.header
     places = _columns_of_bodies(names, labels)
     _refuse_unknown_rotation(block.kind, places, rotation)
@@ -134,8 +136,8 @@ def _take(block: _Block, rotation: str | None) -> Take:
     program = _PROGRAMS[block.kind]
     return Take(
         format="vicon",
-        time=_time(values, block.rate),
-        bodies={name: _body(values, columns, units) for name, columns in places.items()},
+        time=_frame_times(values, block.rate),
+        bodies={name: _body_of_columns(values, columns, units) for name, columns in places.items()},
         source=f"position, {_kind_of_rotation(places)}, z up (Vicon {program})",
         metadata={"block": block.kind, "frame rate": block.rate[:40]},
         notes=(f"{empty} frames are empty: nothing was seen.",) if empty else (),
@@ -148,7 +150,7 @@ def _columns_of_bodies(names: list[str], labels: list[str]) -> dict[str, dict[st
     current: dict[str, int] = {}
     for column in range(2, len(labels)):
         if column < len(names) and names[column]:
-            name = _name(names[column])
+            name = _body_name(names[column])
             if name in found:
                 raise LogError(f"two rigid bodies are named {name[:40]!r}: rename one")
             current = found[name] = {}
@@ -166,7 +168,7 @@ def _columns_of_bodies(names: list[str], labels: list[str]) -> dict[str, dict[st
     return found
 
 
-def _name(cell: str) -> str:
+def _body_name(cell: str) -> str:
     """Shorten the name of a body; Tracker writes ``Global Angle Quad:Quad`` for Quad."""
     name = cell.removeprefix(_PREFIX)
     subject, _, segment = name.partition(":")
@@ -180,7 +182,7 @@ def _kind_of_rotation(places: dict[str, dict[str, int]]) -> str:
 def _refuse_unknown_rotation(
     kind: str, places: dict[str, dict[str, int]], rotation: str | None
 ) -> None:
-    """Raise where three numbers of a rotation may be a vector or Euler angles."""
+    """Raise an error if three numbers of a rotation may be a vector or Euler angles."""
     if rotation not in (None, "helical"):
         raise LogError(
             f"attitude = {rotation[:40]!r}: expected 'helical', the only three angles that are "
@@ -198,15 +200,15 @@ def _without_empty_frames(block: _Block) -> tuple[bytes, int]:
     """Return the text with frames that have a number only made comments, and how many they are."""
     rows = block.text[block.start :].split(b"\n")
     delimiter = block.delimiter.encode()
-    empty = [k for k, row in enumerate(rows) if row and not _seen(row, delimiter)]
+    empty = [k for k, row in enumerate(rows) if row and not _has_seen_body(row, delimiter)]
     for k in empty:
         rows[k] = b"#"
     text = block.text[: block.start] + b"\n".join(rows) if empty else block.text
     return text, len(empty)
 
 
-def _seen(row: bytes, delimiter: bytes) -> bool:
-    """Tell whether anything stands behind the number of a frame and its part."""
+def _has_seen_body(row: bytes, delimiter: bytes) -> bool:
+    """Return whether anything stands behind the number of a frame and its part."""
     cells = row.split(delimiter, 2)
     return len(cells) > 2 and bool(cells[2].strip(_BLANK))
 
@@ -219,7 +221,7 @@ def _width_of_frames(text: bytes, block: _Block) -> int:
     return len(block.header[1])
 
 
-def _time(values: Float[np.ndarray, "n k"], rate: str) -> Float[np.ndarray, " n"]:
+def _frame_times(values: Float[np.ndarray, "n k"], rate: str) -> Float[np.ndarray, " n"]:
     frequency = number_or_nan(rate)
     if not 0.1 < frequency < 1e5:
         raise LogError(f"{rate[:40]!r} frames per second in the second line: export again")
@@ -229,21 +231,23 @@ def _time(values: Float[np.ndarray, "n k"], rate: str) -> Float[np.ndarray, " n"
         return (values[:, 0] - values[0, 0]) / frequency
 
 
-def _body(values: Float[np.ndarray, "n k"], columns: dict[str, int], units: list[str]) -> Body:
-    """Return a body in SI; NaN where its cells are empty."""
+def _body_of_columns(
+    values: Float[np.ndarray, "n k"], columns: dict[str, int], units: list[str]
+) -> Body:
+    """Return a body in SI; NaN if its cells are empty."""
     position = values[:, [columns[label] for label in _POSITION]]
     rotation = values[
         :, [columns[label] for label in (_QUATERNION if "RW" in columns else _ANGLES)]
     ]
-    metre = _unit(units, columns["TX"], _LENGTHS)
+    metre = _unit_factor(units, columns["TX"], _LENGTHS)
     if "RW" in columns:
         attitude = unit_or_nan(np.roll(rotation, 1, axis=1))
     else:
-        attitude = _turned(_unit(units, columns["RX"], _TURNS) * finite(rotation))
+        attitude = _turn_by_vectors(_unit_factor(units, columns["RX"], _TURNS) * finite(rotation))
     return Body(position=metre * finite(position), attitude_wxyz=attitude)
 
 
-def _turned(vector: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
+def _turn_by_vectors(vector: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
     """Compute the quaternions of rotation vectors [rad]; NaN for what is none."""
     from scipy.spatial.transform import Rotation
 
@@ -254,7 +258,7 @@ def _turned(vector: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
     return attitude
 
 
-def _unit(units: list[str], column: int, known: dict[str, float]) -> float:
+def _unit_factor(units: list[str], column: int, known: dict[str, float]) -> float:
     unit = units[column].lower() if column < len(units) else ""
     if unit not in known:
         raise LogError(
@@ -275,10 +279,10 @@ def _blank_line(text: bytes, start: int) -> int:
     return len(text)
 
 
-def _cells(line: bytes, delimiter: str) -> list[str]:
+def _split_cells(line: bytes, delimiter: str) -> list[str]:
     words = line.decode("utf-8", "replace").split(delimiter)
     return [word.strip().strip('"').strip() for word in words]
 
 
-def _word(line: bytes) -> str:
+def _strip_word(line: bytes) -> str:
     return line.decode("utf-8", "replace").strip(' \t\r,;"')

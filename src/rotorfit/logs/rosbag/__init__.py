@@ -13,12 +13,12 @@ _PACKED: Final = tuple(f"{ending}.zstd" for ending in _ENDINGS)
 
 
 def is_rosbag(head: bytes) -> bool:
-    """Tell whether bytes from the beginning of a file are a ROS recording, perhaps one."""
+    """Return whether bytes from the beginning of a file are a ROS recording, perhaps one."""
     return head.startswith((ROS1_BEGINS, MCAP_MAGIC, SQLITE_MAGIC))
 
 
 def is_rosbag_folder(path: Path) -> bool:
-    """Tell whether a path is a folder as ``ros2 bag record`` makes it."""
+    """Return whether a path is a folder as ``ros2 bag record`` makes it."""
     return path.is_dir() and bool(_in_folder(path, (*_ENDINGS, *_PACKED)))
 
 

@@ -61,7 +61,7 @@ class MessageKind:
     definitions: tuple[str, ...]
 
 
-def _read() -> dict[str, MessageKind]:
+def _read_kinds() -> dict[str, MessageKind]:
     """Read the table beside this module."""
     text = Path(__file__).with_name("messages.toml").read_text(encoding="utf-8")
     return {
@@ -77,7 +77,7 @@ def _read() -> dict[str, MessageKind]:
     }
 
 
-MESSAGES: Final[Mapping[str, MessageKind]] = _read()
+MESSAGES: Final[Mapping[str, MessageKind]] = _read_kinds()
 """What is read without a columns map."""
 
 NOT_MOTORS: Final[Mapping[str, str]] = {
@@ -136,12 +136,12 @@ def candidates(
             known = ~np.all(np.isnan(values), axis=1)
             if values.shape[1] == 0 or np.count_nonzero(known) < _FEWEST:
                 continue
-            candidate = _candidate(recorded, timing, values, known, detail)
+            candidate = _make_candidate(recorded, timing, values, known, detail)
             found.setdefault(name, []).append(candidate)
     return found
 
 
-def _candidate(
+def _make_candidate(
     recorded: Recorded,
     timing: Timing,
     values: Float[np.ndarray, "n k"],
@@ -168,15 +168,15 @@ def converted(
     values = np.where(np.isfinite(numbers), numbers, np.nan)
     if form in ("vector", "position"):
         whole = values if values.shape[1] == 3 else np.full((len(values), 3), np.nan)
-        return vectors_to_flu(whole, axes), _turned(axes)
+        return vectors_to_flu(whole, axes), _turned_words(axes)
     if form in ("xyzw", "wxyz"):
         whole = values if values.shape[1] == 4 else np.full((len(values), 4), np.nan)
         wxyz = np.roll(whole, 1, axis=1) if form == "xyzw" else whole
-        return attitude_to_flu(unit_or_nan(wxyz), axes), _turned(axes)
+        return attitude_to_flu(unit_or_nan(wxyz), axes), _turned_words(axes)
     if form == "outputs":
         return _motor_outputs(values)
     if form == "fraction":
-        return _fractions(values)
+        return _clip_fractions(values)
     if form == "rpm":
         return _until_last_used(np.abs(values) * _RPM), "rpm"
     if form == "rad/s":
@@ -184,7 +184,7 @@ def converted(
     return values[:, :1], ""
 
 
-def _turned(axes: Axes) -> str:
+def _turned_words(axes: Axes) -> str:
     return "turned from FRD" if axes == "FRD" else ""
 
 
@@ -194,7 +194,7 @@ def _until_last_used(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n m
     return values[:, : int(used[-1]) + 1 if len(used) else 0]
 
 
-def _fractions(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, "n m"], str]:
+def _clip_fractions(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, "n m"], str]:
     """Clip commands to 0 to 1; motors that are stopped (NaN) command 0."""
     used = np.flatnonzero(np.isfinite(values).any(axis=0))
     kept = values[:, : int(used[-1]) + 1 if len(used) else 0]
@@ -234,9 +234,11 @@ def chosen(
     for pair in _PAIRS:
         _take_pair(pair, found, taken)
     for name, options in found.items():
-        if name not in taken and (best := _best(name, options, taken)) is not None:
+        if name not in taken and (best := _best_candidate(name, options, taken)) is not None:
             taken[name] = best
-    others = [note for name, one in taken.items() if (note := _others(name, one, found[name]))]
+    others = [
+        note for name, one in taken.items() if (note := _unused_topics(name, one, found[name]))
+    ]
     return taken, [*others, *aims]
 
 
@@ -274,7 +276,7 @@ def _asked_for(name: str, topic: str, options: Iterable[Candidate]) -> Candidate
 def _take_pair(
     pair: tuple[str, str], found: Mapping[str, list[Candidate]], taken: dict[str, Candidate]
 ) -> None:
-    """Take both channels of a pair from one topic, unless the user chose for one of them."""
+    """Take both channels of a pair from the same topic, unless the user chose a topic."""
     a, b = pair
     if a in taken or b in taken:
         # The other one of the same topic goes with it.
@@ -285,22 +287,22 @@ def _take_pair(
         return
     second = {option.topic: option for option in found.get(b, [])}
     both = [option for option in found.get(a, []) if option.topic in second]
-    best = _best(a, both, taken)
+    best = _best_candidate(a, both, taken)
     if best is not None:
         taken[a], taken[b] = best, second[best.topic]
 
 
-def _best(
+def _best_candidate(
     name: str, options: Sequence[Candidate], taken: Mapping[str, Candidate]
 ) -> Candidate | None:
     """Select the candidate of the best kind, the fastest of these."""
     if name == "velocity":
         place = taken.get("position")
         options = [o for o in options if place is not None and o.topic == place.topic]
-    return max(options, key=lambda o: (_merit(name, o), o.rate), default=None)
+    return max(options, key=lambda o: (_rank_candidate(name, o), o.rate), default=None)
 
 
-def _merit(name: str, option: Candidate) -> int:
+def _rank_candidate(name: str, option: Candidate) -> int:
     """Rank the kind of a topic for a channel."""
     words = option.topic.lower()
     merit = -4 if any(word in words for word in AIMS) else 0
@@ -314,11 +316,11 @@ def _merit(name: str, option: Candidate) -> int:
 
 
 def is_aim(option: Candidate) -> bool:
-    """Tell whether a topic's name says that it is a set-point."""
+    """Return whether a topic's name says that it is a set-point."""
     return any(word in option.topic.lower() for word in AIMS)
 
 
-def _others(name: str, one: Candidate, options: Sequence[Candidate]) -> str:
+def _unused_topics(name: str, one: Candidate, options: Sequence[Candidate]) -> str:
     left = [f"{o.topic} ({o.rate:.0f} Hz)" for o in options if o.topic != one.topic]
     if not left:
         return ""
@@ -363,12 +365,12 @@ def mapped_channels(
             )
     groups, _ = complete_groups(columns, columns)
     return {
-        group.channel: _channel(group, topics, clocks, columns, axes, motor_poles)
+        group.channel: _mapped_channel(group, topics, clocks, columns, axes, motor_poles)
         for group in groups
     }
 
 
-def _channel(
+def _mapped_channel(
     group: Group,
     topics: Sequence[Recorded],
     clocks: Sequence[Timing],
@@ -377,7 +379,7 @@ def _channel(
     motor_poles: int | None,
 ) -> Channel:
     """Return one channel, its columns all from one topic."""
-    recorded, timing = _home(group, topics, clocks, columns)
+    recorded, timing = _home_topic(group, topics, clocks, columns)
     parts: list[np.ndarray] = []
     for name in group.names:
         spec = columns[name]
@@ -399,7 +401,7 @@ def _channel(
     return Channel(time=timing.time[order], values=values[order], source=f"{paths} (columns map)")
 
 
-def _home(
+def _home_topic(
     group: Group,
     topics: Sequence[Recorded],
     clocks: Sequence[Timing],

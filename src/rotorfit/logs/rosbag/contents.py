@@ -81,13 +81,13 @@ class Definitions:
         encoding: Encoding = topic.encoding or "cdr"
         known = MESSAGES[topic.kind].definitions if topic.kind in MESSAGES else ("",)
         texts = (topic.definition,) if topic.definition else known
-        return tuple(self._made(topic.kind, text, encoding) for text in texts)
+        return tuple(self._made_definition(topic.kind, text, encoding) for text in texts)
 
-    def _made(self, kind: str, text: str, encoding: Encoding) -> Definition:
+    def _made_definition(self, kind: str, text: str, encoding: Encoding) -> Definition:
         key = (kind, text, encoding)
         if key not in self.made:
             try:
-                self.made[key] = self._make(normalize_msgtype(kind), text, encoding)
+                self.made[key] = self._make_definition(normalize_msgtype(kind), text, encoding)
             except DamageError as error:
                 self.made[key] = error
         made = self.made[key]
@@ -95,7 +95,7 @@ class Definitions:
             raise made
         return made
 
-    def _make(self, kind: str, text: str, encoding: Encoding) -> Definition:
+    def _make_definition(self, kind: str, text: str, encoding: Encoding) -> Definition:
         if text:
             types = {**built_in(encoding), **parsed(kind, text)}
         else:
@@ -117,7 +117,7 @@ def parsed(kind: str, text: str) -> Typesdict:
         raise DamageError(
             f"the definition of {kind_of(kind)[:80]} has {len(text)} characters: damaged"
         )
-    lines = [line for raw in text.splitlines() if (line := _plain(raw))]
+    lines = [line for raw in text.splitlines() if (line := _plain_line(raw))]
     plain = "".join(f"{line}\n" for line in lines)
     if len(lines) > _MOST_LINES or len(plain) > _LONGEST_LINES:
         raise DamageError(f"the definition of {kind_of(kind)[:80]} has {len(lines)} lines: damaged")
@@ -129,7 +129,7 @@ def parsed(kind: str, text: str) -> Typesdict:
         ) from error.__cause__
 
 
-def _plain(line: str) -> str:
+def _plain_line(line: str) -> str:
     """Strip a line of all but fields; rosbags is strict about the rest."""
     bare = line.partition("#")[0].strip()
     if bare.startswith("@") or _SEPARATOR.match(bare) or _CONSTANT.match(bare):
@@ -199,29 +199,29 @@ _INDEX: Final = re.compile("[0-9]{0,9}")
 def taken_by(types: Typesdict, kind: str, paths: Sequence[str]) -> Taken:
     """Make a function that takes the numbers of paths from messages of a type."""
     if len(paths) > 1 and are_numbers(types, kind, paths):
-        return attrgetter(*map(_attribute, paths))  # nearly always, and much faster
-    found = [taken for path in paths if (taken := _taken(types, kind, path)) is not None]
+        return attrgetter(*map(_attribute_path, paths))  # nearly always, and much faster
+    found = [taken for path in paths if (taken := _taking_function(types, kind, path)) is not None]
     return lambda message: [number for taken in found for number in taken(message)]
 
 
 def are_numbers(types: Typesdict, kind: str, paths: Sequence[str]) -> bool:
-    """Tell whether each path leads to one number without passing an array."""
-    fields = [_field(types, kind, path) for path in paths]
+    """Return whether each path leads to one number without passing an array."""
+    fields = [_field_of_path(types, kind, path) for path in paths]
     return all(field is not None and _is_number(field) for field in fields)
 
 
-def _taken(types: Typesdict, kind: str, path: str) -> Taken | None:
-    """Make the function of one path; None where the type does not have it."""
+def _taking_function(types: Typesdict, kind: str, path: str) -> Taken | None:
+    """Make the function of one path; None if the type does not have it."""
     before, mark, after = path.partition("[")
-    field = _field(types, kind, before)
+    field = _field_of_path(types, kind, before)
     if field is None:
         return None
-    get = attrgetter(_attribute(before))
+    get = attrgetter(_attribute_path(before))
     if mark:
         return _taken_of_items(types, get, field, after)
     if _is_number(field):
         return lambda message: (get(message),)
-    item = _item(field)
+    item = _item_of_field(field)
     return (lambda message: get(message).tolist()) if item and _is_number(item) else None
 
 
@@ -230,12 +230,12 @@ def _taken_of_items(
 ) -> Taken | None:
     """Make the function of one item or of all, by what follows the bracket."""
     index, _, rest = after.partition("]")
-    item = _item(field)
+    item = _item_of_field(field)
     if item is None or not _INDEX.fullmatch(index):
         return None
     part = slice(int(index), int(index) + 1) if index else slice(None)
     if rest.startswith(".") and item[0] == Nodetype.NAME:
-        inner = _taken(types, item[1], rest[1:])
+        inner = _taking_function(types, item[1], rest[1:])
         if inner is None:
             return None
         return lambda message: [x for one in get(message)[part] for x in inner(one)]
@@ -244,7 +244,7 @@ def _taken_of_items(
     return lambda message: get(message)[part].tolist()
 
 
-def _field(types: Typesdict, kind: str, path: str) -> FieldDesc | None:
+def _field_of_path(types: Typesdict, kind: str, path: str) -> FieldDesc | None:
     """Return the field that names lead to, past no array."""
     field: FieldDesc | None = None
     for name in path.split("."):
@@ -255,7 +255,7 @@ def _field(types: Typesdict, kind: str, path: str) -> FieldDesc | None:
     return field
 
 
-def _item(field: FieldDesc) -> BaseDesc | NameDesc | None:
+def _item_of_field(field: FieldDesc) -> BaseDesc | NameDesc | None:
     if field[0] == Nodetype.ARRAY or field[0] == Nodetype.SEQUENCE:
         return field[1][0]
     return None
@@ -265,7 +265,7 @@ def _is_number(field: FieldDesc) -> bool:
     return field[0] == Nodetype.BASE and field[1][0] != "string"
 
 
-def _attribute(path: str) -> str:
+def _attribute_path(path: str) -> str:
     return ".".join(normalize_fieldname(name) for name in path.split("."))
 
 
@@ -288,13 +288,13 @@ class _Form:
         """Read what is taken from a message, and the place where the message ends."""
         if len(data) > _LARGEST_MESSAGE:
             raise DamageError(f"a message has {len(data)} bytes: no sensor's")
-        message, end = decoded(self._message, data, encoding)
+        message, end = decoded(self._decode_message, data, encoding)
         numbers = [taken(message) for taken in self.taken]
         if max(map(len, numbers)) > _MOST_COLUMNS:
             raise DamageError(f"a message has more than {_MOST_COLUMNS} numbers of one kind")
         return numbers, end
 
-    def _message(self, data: bytes, encoding: Encoding) -> tuple[object, int]:
+    def _decode_message(self, data: bytes, encoding: Encoding) -> tuple[object, int]:
         """Return a message; `Typestore.deserialize_cdr` would refuse a longer one."""
         made, store = self.definition.made, self.definition.store
         if encoding == "ros1":
@@ -356,9 +356,11 @@ class Decoder:
         self._unreadable = 0
         self._why = ""
         try:
-            self._forms = tuple(_form(one, quantities, stamps) for one in definitions.of(topic))
+            self._forms = tuple(
+                _form_of_messages(one, quantities, stamps) for one in definitions.of(topic)
+            )
         except DamageError as error:
-            self._note(error, str(error))
+            self._note_error(error, str(error))
 
     def add(self, received: int, data: bytes) -> None:
         """Take in a message."""
@@ -375,7 +377,7 @@ class Decoder:
         return Recorded(
             topic=self.topic,
             received=np.asarray(self._received).view(np.int64),
-            stamps=_nanoseconds(self._stamps.table()),
+            stamps=_stamps_in_nanoseconds(self._stamps.table()),
             values={name: rows.table() for name, rows in self._values.items()},
             unreadable=(self._unreadable, self._why),
         )
@@ -387,7 +389,7 @@ class Decoder:
             try:
                 numbers, end = form.numbers(data, self._encoding)
             except DamageError as error:
-                self._note(error, _misfit(error))
+                self._note_error(error, _explain_misfit(error))
                 continue
             # CDR may be followed by three bytes that fill a word.
             if len(data) <= end + 3:
@@ -395,14 +397,14 @@ class Decoder:
             best = best or numbers
         return best
 
-    def _note(self, error: DamageError, why: str) -> None:
+    def _note_error(self, error: DamageError, why: str) -> None:
         """Keep the first reason why messages cannot be read, without the trace that holds them."""
         if not self._why:
             self._why = why
             self.cause = (error.__cause__ or error).with_traceback(None)
 
 
-def _form(
+def _form_of_messages(
     definition: Definition, quantities: Mapping[str, Sequence[str]], stamps: Sequence[Sequence[str]]
 ) -> _Form:
     types, kind = definition.store.fielddefs, definition.kind
@@ -411,15 +413,15 @@ def _form(
     return _Form(definition=definition, taken=tuple(taken))
 
 
-def _misfit(error: DamageError) -> str:
-    """Say why a message could not be decoded; what rosbags says of it is in its own terms."""
+def _explain_misfit(error: DamageError) -> str:
+    """Explain why a message could not be decoded; the text of rosbags uses its own terms."""
     if error.__cause__ is None:
         return str(error)
     return f"a message does not fit its definition ({error})"
 
 
-def _nanoseconds(stamps: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
-    """Return stamps, of seconds and nanoseconds or of microseconds [ns]; -1 where there is none."""
+def _stamps_in_nanoseconds(stamps: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
+    """Return stamps, of seconds and nanoseconds or of microseconds [ns]; -1 if there is none."""
     if stamps.shape[1] == 0:
         return np.full(len(stamps), -1, dtype=np.int64)
     # Below 2^53 the numbers are exact; they are put together as integers.
@@ -457,7 +459,7 @@ def contents_of(files: Sequence[Path], mapped: Mapping[str, ColumnSpec]) -> Cont
     sizes = [file.stat().st_size for file in files]
     for k, file in enumerate(files):
         tally = Tally(file_size=sizes[k], before=sum(sizes[:k]), recording_size=sum(sizes))
-        for topic, received, data in _scan(file, wanted, tally):
+        for topic, received, data in _scan_file(file, wanted, tally):
             decoders[(topic.name, topic.kind)].add(received, data)
         for what, count in tally.damage.items():
             damage[what] = damage.get(what, 0) + count
@@ -468,7 +470,7 @@ def contents_of(files: Sequence[Path], mapped: Mapping[str, ColumnSpec]) -> Cont
     return Contents(topics=recorded, others=list(others.values()), damage=damage, cause=cause)
 
 
-def _scan(path: Path, wanted: Wanted, tally: Tally) -> Messages:
+def _scan_file(path: Path, wanted: Wanted, tally: Tally) -> Messages:
     """Yield the messages of one file, by its format."""
     head = read_head(path, 16)
     if head.startswith(SQLITE_MAGIC):

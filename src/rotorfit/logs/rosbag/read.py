@@ -46,7 +46,7 @@ def read_rosbag(
         from rotorfit.logs.rosbag.contents import contents_of
 
         contents = contents_of(files, mapped)
-        log = _log(path, files, contents, asked, mapped, axes, motor_poles)
+        log = _make_log(path, files, contents, asked, mapped, axes, motor_poles)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
     except (MemoryError, RecursionError) as error:
@@ -59,7 +59,7 @@ def read_rosbag(
     return log
 
 
-def _log(
+def _make_log(
     path: Path,
     files: Sequence[Path],
     contents: Contents,
@@ -76,7 +76,7 @@ def _log(
     channels = {name: one.channel for name, one in taken.items()}
     channels |= mapped_channels(topics, clocks, mapped, axes=axes, motor_poles=motor_poles)
     if not channels:
-        raise LogError(_nothing(contents)) from contents.cause
+        raise LogError(_explain_nothing(contents)) from contents.cause
     used = {one.topic for one in taken.values()}
     unclear: list[str] = []
     if "command" in taken and channels["command"] is taken["command"].channel:
@@ -84,15 +84,15 @@ def _log(
         notes = [*notes, *idle]
     return FlightLog(
         path=path,
-        sha256=_sha256(files),
+        sha256=_sha256_of_files(files),
         format="rosbag",
         channels={name: channels[name] for name in CHANNELS if name in channels},
         seconds=seconds_of(channels.values()),
-        metadata=_metadata(contents, start),
+        metadata=_read_metadata(contents, start),
         notes=(*notes, *_clock_notes(topics, clocks, used), *_left_out(contents)),
         findings=(
-            *doubts("damaged-log", _damage(contents)),
-            *doubts("speed-asked-for", _aims(taken)),
+            *doubts("damaged-log", _describe_damage(contents)),
+            *doubts("speed-asked-for", _note_aims(taken)),
             *doubts("unclear-outputs", unclear),
         ),
     )
@@ -125,12 +125,12 @@ def _without_idle_outputs(
     return replace(channel, values=channel.values[:, drives], source=source), [note], []
 
 
-def _nothing(contents: Contents) -> str:
+def _explain_nothing(contents: Contents) -> str:
     names = [f"{t.name} ({t.kind})" for t in contents.others]
-    empty = [f"{r.topic.name} ({_state(r)})" for r in contents.topics]
+    empty = [f"{r.topic.name} ({_topic_state(r)})" for r in contents.topics]
     listed = ", ".join([*empty, *names][:_SHOWN]) or "none"
     more = len(names) + len(empty) - _SHOWN
-    damage = "; ".join(_damage(contents))
+    damage = "; ".join(_describe_damage(contents))
     return (
         f"no message that rotorfit knows; topics: {listed}{f' and {more} more' if more > 0 else ''}"
         f"{f'; {damage}' if damage else ''}: record sensor_msgs/Imu and the motors (ESC telemetry "
@@ -139,12 +139,12 @@ def _nothing(contents: Contents) -> str:
     )
 
 
-def _state(recorded: Recorded) -> str:
+def _topic_state(recorded: Recorded) -> str:
     count, why = recorded.unreadable
     return f"{count} messages unreadable: {why}" if count else f"{len(recorded.received)} messages"
 
 
-def _metadata(contents: Contents, start: int) -> dict[str, str]:
+def _read_metadata(contents: Contents, start: int) -> dict[str, str]:
     known = [f"{r.topic.name} ({r.topic.kind}) {len(r.received)}" for r in contents.topics]
     begin = start if start < 2**62 else 0
     return {
@@ -155,7 +155,7 @@ def _metadata(contents: Contents, start: int) -> dict[str, str]:
 
 
 def _clock_notes(topics: Sequence[Recorded], clocks: Sequence[Timing], used: set[str]) -> list[str]:
-    """Say which clock each used topic is on, the same words together."""
+    """State which clock each used topic is on, the same words together."""
     words: dict[str, list[str]] = {}
     for recorded, timing in zip(topics, clocks, strict=True):
         if recorded.topic.name in used:
@@ -175,7 +175,7 @@ def _left_out(contents: Contents) -> list[str]:
     return notes[:_SHOWN]
 
 
-def _damage(contents: Contents) -> list[str]:
+def _describe_damage(contents: Contents) -> list[str]:
     words = [f"{what} ({count} times)" for what, count in contents.damage.items()]
     for recorded in contents.topics:
         count, why = recorded.unreadable
@@ -184,7 +184,7 @@ def _damage(contents: Contents) -> list[str]:
     return words
 
 
-def _aims(taken: Mapping[str, Candidate]) -> list[str]:
+def _note_aims(taken: Mapping[str, Candidate]) -> list[str]:
     speed = taken.get("rotor_speed")
     if speed is None or not is_aim(speed):
         return []
@@ -194,7 +194,7 @@ def _aims(taken: Mapping[str, Candidate]) -> list[str]:
     ]
 
 
-def _sha256(files: Sequence[Path]) -> str:
+def _sha256_of_files(files: Sequence[Path]) -> str:
     """Compute the SHA-256 of the files one after the other."""
     digest = hashlib.sha256()
     for file in files:

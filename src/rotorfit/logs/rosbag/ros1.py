@@ -44,22 +44,22 @@ def scan_ros1(file: Source, wanted: Wanted, tally: Tally) -> Messages:
         )
     topics: _Topics = {}
     try:
-        for header, length in _records(file, tally.file_size):
-            is_chunk = _opcode(header) == _CHUNK
+        for header, length in _walk_records(file, tally.file_size):
+            is_chunk = _opcode_of(header) == _CHUNK
             if length > min(tally.file_size - file.tell(), _LARGEST_RECORD):
                 tally.passed_over("the end is cut off")
                 is_plain = is_chunk and header.get("compression") == b"none"
                 if not is_plain or length > _LARGEST_RECORD:
                     return
             if is_chunk:
-                yield from _chunk(header, file.read(length), topics, wanted, tally)
+                yield from _chunk_messages(header, file.read(length), topics, wanted, tally)
             else:
-                yield from _one(header, file, length, topics, wanted, tally)
+                yield from _one_record(header, file, length, topics, wanted, tally)
     except DamageError as error:
         tally.passed_over("the end is cut off", error)
 
 
-def _records(file: Source, end: int) -> Iterator[tuple[Header, int]]:
+def _walk_records(file: Source, end: int) -> Iterator[tuple[Header, int]]:
     """Yield header and length of each record, with the file at its data.
 
     A header that is damaged, in a record whose lengths are not, has no fields.
@@ -81,7 +81,7 @@ def _records(file: Source, end: int) -> Iterator[tuple[Header, int]]:
         file.seek(data + length)
 
 
-def _chunk(
+def _chunk_messages(
     header: Header, stored: bytes, topics: _Topics, wanted: Wanted, tally: Tally
 ) -> Messages:
     """Yield the messages in a chunk, up to where it is damaged."""
@@ -92,20 +92,20 @@ def _chunk(
         whole = len(records)
         with BytesIO(records) as file:
             del records, stored  # one chunk at a time in memory
-            for inner, length in _records(file, whole):
+            for inner, length in _walk_records(file, whole):
                 if length > whole - file.tell():
                     tally.passed_over("a chunk is cut off")
                     return
-                yield from _one(inner, file, length, topics, wanted, tally)
+                yield from _one_record(inner, file, length, topics, wanted, tally)
     except DamageError as error:
         tally.passed_over("a chunk is damaged", error)
 
 
-def _one(
+def _one_record(
     header: Header, file: Source, length: int, topics: _Topics, wanted: Wanted, tally: Tally
 ) -> Messages:
     """Take in a connection, or yield a message that is wanted."""
-    number, opcode = header.get("conn", b""), _opcode(header)
+    number, opcode = header.get("conn", b""), _opcode_of(header)
     if opcode == _MESSAGE:
         topic, is_wanted = topics.get(number, (None, False))
         if topic is None or not is_wanted:
@@ -120,7 +120,7 @@ def _one(
         if len(topics) >= _MOST_TOPICS:
             raise LogError(f"more than {_MOST_TOPICS} topics: damaged or no flight log")
         try:
-            topic = tally.declare(_topic(header, file.read(length)))
+            topic = tally.declare(_topic_of_connection(header, file.read(length)))
         except DamageError as error:
             tally.passed_over("the description of a topic is damaged", error)
             return
@@ -129,21 +129,21 @@ def _one(
         tally.passed_over("a record is damaged")
 
 
-def _topic(header: Header, data: bytes) -> Topic:
+def _topic_of_connection(header: Header, data: bytes) -> Topic:
     """Return the topic of a connection; its data have the form of a header."""
     about = decoded(Header.read, BytesIO(len(data).to_bytes(4, "little") + data))
     return Topic(
-        name=_text(header.get("topic", about.get("topic", b""))),
-        kind=kind_of(_text(about.get("type", b""))),
+        name=_decode_text(header.get("topic", about.get("topic", b""))),
+        kind=kind_of(_decode_text(about.get("type", b""))),
         encoding="ros1",
-        definition=_text(about.get("message_definition", b"")),
+        definition=_decode_text(about.get("message_definition", b"")),
     )
 
 
-def _opcode(header: Header) -> int:
+def _opcode_of(header: Header) -> int:
     return int.from_bytes(header.get("op", b"")[:1], "little")
 
 
-def _text(value: bytes) -> str:
+def _decode_text(value: bytes) -> str:
     # Comments of definitions may be in another code, which rosbags' own `get_string` refuses.
     return value.decode("utf-8", "replace")

@@ -62,10 +62,10 @@ class _Declared:
     def add(self, opcode: int, content: BytesIO) -> None:
         """Take in a schema or a channel."""
         if opcode == _SCHEMA:
-            number, name, encoding, text = decoded(_schema, content)
+            number, name, encoding, text = decoded(_read_schema, content)
             self._schemas[number] = (kind_of(name), text if encoding in _TEXT_SCHEMAS else "")
             return
-        number, schema, name, encoding = decoded(_channel, content)
+        number, schema, name, encoding = decoded(_read_channel, content)
         kind, definition = self._schemas.get(schema, ("", ""))
         if len(self._tally.topics) >= _MOST_NAMES:
             raise LogError(f"more than {_MOST_NAMES} topics: damaged or no flight log")
@@ -85,7 +85,7 @@ def scan_mcap(file: Source, wanted: Wanted, tally: Tally) -> Messages:
     file.seek(len(MCAP_MAGIC))
     declared = _Declared(wanted, tally)
     try:
-        for opcode, length in _records(file, tally.file_size):
+        for opcode, length in _walk_records(file, tally.file_size):
             left = tally.file_size - file.tell()
             if opcode == _DATA_END:
                 return
@@ -94,14 +94,14 @@ def scan_mcap(file: Source, wanted: Wanted, tally: Tally) -> Messages:
                 if opcode != _CHUNK or length > _LARGEST_RECORD:
                     return
             if opcode == _CHUNK and length <= _LARGEST_RECORD:
-                yield from _chunk(file, min(length, left), declared, tally)
+                yield from _chunk_messages(file, min(length, left), declared, tally)
             elif length <= _LARGEST_RECORD:
-                yield from _one(opcode, file, length, declared, tally)
+                yield from _one_record(opcode, file, length, declared, tally)
     except DamageError as error:
         tally.passed_over("the end is cut off", error)
 
 
-def _records(file: Source, end: int) -> Iterator[tuple[int, int]]:
+def _walk_records(file: Source, end: int) -> Iterator[tuple[int, int]]:
     """Yield opcode and length of each record, with the file at its content."""
     while (start := file.tell()) < end:
         head = decoded(read_exact, file, 9)
@@ -110,24 +110,24 @@ def _records(file: Source, end: int) -> Iterator[tuple[int, int]]:
         file.seek(min(start + 9 + length, end))
 
 
-def _chunk(file: Source, length: int, declared: _Declared, tally: Tally) -> Messages:
+def _chunk_messages(file: Source, length: int, declared: _Declared, tally: Tally) -> Messages:
     """Yield the messages in a chunk, up to where it is damaged."""
     try:
-        records = _unfolded(file, length, tally)
+        records = _unfold_chunk(file, length, tally)
         whole = len(records)
         with BytesIO(records) as chunk:
             del records  # one chunk at a time in memory
-            for opcode, size in _records(chunk, whole):
+            for opcode, size in _walk_records(chunk, whole):
                 if size > whole - chunk.tell() or opcode in (0, _CHUNK):
                     is_cut = opcode not in (0, _CHUNK)
                     tally.passed_over("a chunk is cut off" if is_cut else "a chunk is damaged")
                     return
-                yield from _one(opcode, chunk, size, declared, tally)
+                yield from _one_record(opcode, chunk, size, declared, tally)
     except DamageError as error:
         tally.passed_over("a chunk is damaged", error)
 
 
-def _unfolded(file: Source, length: int, tally: Tally) -> bytes:
+def _unfold_chunk(file: Source, length: int, tally: Tally) -> bytes:
     """Return the records in a chunk; one that is not compressed may be cut off."""
     start = file.tell()
     # Not from the file itself: a name declared to be gigabytes long would be made room for.
@@ -144,7 +144,9 @@ def _unfolded(file: Source, length: int, tally: Tally) -> bytes:
     return unfolded(file.read(min(stored, left)), compression, size, tally)
 
 
-def _one(opcode: int, file: Source, length: int, declared: _Declared, tally: Tally) -> Messages:
+def _one_record(
+    opcode: int, file: Source, length: int, declared: _Declared, tally: Tally
+) -> Messages:
     """Take in a schema or channel, or yield a message that is wanted."""
     if opcode == _MESSAGE and length >= _MESSAGE_HEAD:
         number, _, received, _ = deserialize_hiqq(file.read(_MESSAGE_HEAD))
@@ -164,19 +166,19 @@ def _one(opcode: int, file: Source, length: int, declared: _Declared, tally: Tal
             tally.passed_over("the description of a topic is damaged", error)
 
 
-def _schema(content: BytesIO) -> tuple[int, str, str, str]:
+def _read_schema(content: BytesIO) -> tuple[int, str, str, str]:
     """Return number, name, encoding and text of a schema."""
     (number,) = deserialize_uint16(content.read(2))
-    return number, _text(content), _text(content), _text(content)
+    return number, _decode_text(content), _decode_text(content), _decode_text(content)
 
 
-def _channel(content: BytesIO) -> tuple[int, int, str, str]:
+def _read_channel(content: BytesIO) -> tuple[int, int, str, str]:
     """Return number, schema, topic and encoding of a channel."""
     (number,), (schema,) = (deserialize_uint16(content.read(2)) for _ in range(2))
-    return number, schema, _text(content), _text(content)
+    return number, schema, _decode_text(content), _decode_text(content)
 
 
-def _text(content: BytesIO) -> str:
+def _decode_text(content: BytesIO) -> str:
     # Comments of definitions may be in another code, which rosbags' own `read_string` refuses.
     return read_bytes(content).decode("utf-8", "replace")
 
@@ -214,9 +216,9 @@ def scan_sqlite(path: Path, wanted: Wanted, tally: Tally) -> Messages:
     # rosbags puts the path into a URI as it is.
     quoted = Path(quote(str(path.absolute())))
     reader = Sqlite3Reader(quoted)
-    with _bounded(tally.file_size):
+    with _bound_database(tally.file_size):
         try:
-            decoded(_check, quoted)
+            decoded(_check_database, quoted)
             decoded(reader.open)
         except DamageError as error:
             raise LogError(
@@ -224,15 +226,15 @@ def scan_sqlite(path: Path, wanted: Wanted, tally: Tally) -> Messages:
                 "sqlite3 .recover"
             ) from error.__cause__
     try:
-        topics = {one.id: tally.declare(_topic(one)) for one in reader.connections}
+        topics = {one.id: tally.declare(_topic_of_connection(one)) for one in reader.connections}
         chosen = [one for one in reader.connections if wanted(topics[one.id])]
-        yield from _messages(reader, chosen, topics, tally)
+        yield from _database_messages(reader, chosen, topics, tally)
     finally:
         reader.close()
 
 
 @contextmanager
-def _bounded(file_size: int) -> Generator[None]:
+def _bound_database(file_size: int) -> Generator[None]:
     """Bound the memory and time of the databases that are opened meanwhile, and what they show."""
     left = 1 + 100 + _STEPS_PER_BYTE * file_size // _STEPS_AT_ONCE
 
@@ -256,8 +258,8 @@ def _bounded(file_size: int) -> Generator[None]:
         apsw.connection_hooks.remove(bound)
 
 
-def _check(path: Path) -> None:
-    """Raise where the database is no bag."""
+def _check_database(path: Path) -> None:
+    """Raise an error if the database is no bag."""
     flags = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
     opened: Any = apsw.Connection(f"file:{path}?immutable=1", flags=flags)
     with closing(opened) as database:
@@ -275,7 +277,7 @@ def _check(path: Path) -> None:
             raise LogError(f"more than {_MOST_TOPICS} topics: damaged or no flight log")
 
 
-def _topic(connection: Connection) -> Topic:
+def _topic_of_connection(connection: Connection) -> Topic:
     about, definition = connection.ext, connection.msgdef
     is_cdr = isinstance(about, ConnectionExtRosbag2) and about.serialization_format == "cdr"
     is_text = definition.format == MessageDefinitionFormat.MSG
@@ -287,7 +289,7 @@ def _topic(connection: Connection) -> Topic:
     )
 
 
-def _messages(
+def _database_messages(
     reader: Sqlite3Reader, chosen: list[Connection], topics: dict[int, Topic], tally: Tally
 ) -> Messages:
     if not chosen:

@@ -132,14 +132,14 @@ class Timing:
 
 def timings(topics: Sequence[Recorded], start: int) -> list[Timing]:
     """Choose the clock of each topic."""
-    offsets = [_offset(topic) for topic in topics]
+    offsets = [_stamp_offset(topic) for topic in topics]
     return [
-        _timing(topic, offset, _shared(offset, offsets), start)
+        _topic_timing(topic, offset, _shared_offset(offset, offsets), start)
         for topic, offset in zip(topics, offsets, strict=True)
     ]
 
 
-def _offset(topic: Recorded) -> float | None:
+def _stamp_offset(topic: Recorded) -> float | None:
     """Compute by how much stamps are to be moved [s]: 0 or more than that; None: no good stamps."""
     stamps, received = topic.stamps, topic.received
     if len(stamps) == 0 or (stamps <= 0).any():
@@ -147,25 +147,25 @@ def _offset(topic: Recorded) -> float | None:
     steps = np.diff(stamps)
     if len(steps) and ((steps < 0).mean() > _BACKWARDS or (steps == 0).mean() > _REPEATED):
         return None
-    delay = _seconds(received, stamps)
+    delay = _seconds_between(received, stamps)
     low, middle, high = np.percentile(delay, [5.0, 50.0, 95.0]).tolist()
     if abs(middle) < _SAME_CLOCK:
         return 0.0
     return float(delay.min()) if high - low < _STEADY else None
 
 
-def _shared(offset: float | None, offsets: Sequence[float | None]) -> float | None:
+def _shared_offset(offset: float | None, offsets: Sequence[float | None]) -> float | None:
     """Return the offset of the clock that several topics share: the least, of the fastest one."""
     if not offset:
         return offset
     return min(o for o in offsets if o and abs(o - offset) < _ONE_SOURCE)
 
 
-def _timing(topic: Recorded, own: float | None, offset: float | None, start: int) -> Timing:
-    received = _seconds(topic.received, np.full(1, start))
+def _topic_timing(topic: Recorded, own: float | None, offset: float | None, start: int) -> Timing:
+    received = _seconds_between(topic.received, np.full(1, start))
     if own is None or offset is None:
         return Timing(time=received, why=_why_not(topic))
-    delay = _seconds(topic.received, topic.stamps)
+    delay = _seconds_between(topic.received, topic.stamps)
     time = received - delay + offset
     if offset == 0.0:
         why = f"stamps, received {1e3 * float(np.median(delay)):.1f} ms later (median)"
@@ -187,7 +187,7 @@ def _why_not(topic: Recorded) -> str:
     return "times of receipt: its stamps belong to no steady clock"
 
 
-def _seconds(
+def _seconds_between(
     later: Int[np.ndarray, " n"], earlier: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, " n"]:
     """Subtract nanoseconds without overflow [s]."""
@@ -251,8 +251,8 @@ def unfolded(data: bytes, compression: str, size: int, tally: Tally) -> bytes:
         return data
     if size > LARGEST_CHUNK:
         raise DamageError("a chunk declares more than can be meant")
-    _count(size, tally)
-    result = _decompressed(data, compression, size)
+    _count_unfolded(size, tally)
+    result = _decompress_limited(data, compression, size)
     if len(result) != size:
         raise DamageError("a chunk unfolds to another size than declared")
     return result
@@ -262,13 +262,13 @@ def unfolded_message(data: bytes, tally: Tally) -> bytes:
     """Decompress a message of a bag with ``compression_mode: MESSAGE``; others as they are."""
     if not data.startswith(ZSTD_MAGIC):
         return data
-    result = _decompressed(data, "zstd", _LARGEST_MESSAGE)
-    _count(len(result), tally)
+    result = _decompress_limited(data, "zstd", _LARGEST_MESSAGE)
+    _count_unfolded(len(result), tally)
     return result
 
 
-def _count(size: int, tally: Tally) -> None:
-    """Raise where all parts of a file together come to more than can be meant."""
+def _count_unfolded(size: int, tally: Tally) -> None:
+    """Raise an error if all parts of a file together come to more than can be meant."""
     tally.unfolded += size
     if tally.unfolded > _ALWAYS_ALLOWED + _LARGEST_EXPANSION * tally.file_size:
         raise LogError(
@@ -277,12 +277,12 @@ def _count(size: int, tally: Tally) -> None:
         )
 
 
-def _decompressed(data: bytes, compression: str, limit: int) -> bytes:
+def _decompress_limited(data: bytes, compression: str, limit: int) -> bytes:
     """Decompress to at most one byte more than the limit."""
     parts: list[bytes] = []
     left = limit + 1
     while data and left > 0:
-        decompressor = _decompressor(compression)
+        decompressor = _make_decompressor(compression)
         part: bytes = decoded(decompressor.decompress, data, left)
         parts.append(part)
         left -= len(part)
@@ -292,7 +292,7 @@ def _decompressed(data: bytes, compression: str, limit: int) -> bytes:
     return b"".join(parts)
 
 
-def _decompressor(compression: str) -> Any:  # neither library has types
+def _make_decompressor(compression: str) -> Any:  # neither library has types
     if compression == "bz2":
         return bz2.BZ2Decompressor()
     if compression == "lz4":

@@ -74,7 +74,7 @@ SETTINGS: Final = settings_of(
 
 
 def log_faster(current: float | None) -> str:
-    """Say how to log motors and sensors fast, from the SDLOG_PROFILE that a log has."""
+    """State how to log motors and sensors fast, from the SDLOG_PROFILE that a log has."""
     if current is None:
         return (
             "set bits 0 and 4 of SDLOG_PROFILE (default set and high rate; 17, if no other is set)"

@@ -66,17 +66,17 @@ def read_blocks(file: BinaryIO, begin: int, end: int, *, judge: Judge) -> Iterat
     while left > 0:
         fresh = file.read(min(BLOCK_BYTES, left))
         left = left - len(fresh) if fresh else 0
-        block, used = _walk(rest + fresh, judge, is_last=left == 0)
+        block, used = _walk_messages(rest + fresh, judge, is_last=left == 0)
         yield block
         rest = block.content[used:]
 
 
-def _walk(content: bytes, judge: Judge, *, is_last: bool) -> tuple[Block, int]:
+def _walk_messages(content: bytes, judge: Judge, *, is_last: bool) -> tuple[Block, int]:
     """Return the messages of some bytes, and how many of the bytes are done with."""
     parts: list[Int[np.ndarray, " n"]] = []
     position = skipped = places = 0
     while True:
-        starts, position = _chain(content, position)
+        starts, position = _chain_messages(content, position)
         sound = judge.accept(content, starts)
         cut = sound == len(starts) and _is_cut(content, position)
         position = position if sound == len(starts) else int(starts[sound])
@@ -105,7 +105,7 @@ def _walk(content: bytes, judge: Judge, *, is_last: bool) -> tuple[Block, int]:
 
 
 def refuse_ruin(places: int) -> None:
-    """Raise where a file is damaged in so many places that it is hardly a log."""
+    """Raise an error if a file is damaged in so many places that it is hardly a log."""
     if places > MOST_PLACES:
         raise LogError(
             f"damaged in more than {MOST_PLACES} places, expected a log of PX4: copy it again from "
@@ -113,7 +113,7 @@ def refuse_ruin(places: int) -> None:
         )
 
 
-def _chain(content: bytes, position: int) -> tuple[Int[np.ndarray, " n"], int]:
+def _chain_messages(content: bytes, position: int) -> tuple[Int[np.ndarray, " n"], int]:
     """Find where whole messages begin that follow each other, and where the next would."""
     starts: list[int] = []
     append, unpack, is_known = starts.append, struct.Struct("<HB").unpack_from, _IS_KNOWN
@@ -129,7 +129,7 @@ def _chain(content: bytes, position: int) -> tuple[Int[np.ndarray, " n"], int]:
 
 
 def _is_cut(content: bytes, position: int) -> bool:
-    """Tell whether what begins at a place looks like a message that goes on past the end."""
+    """Return whether what begins at a place looks like a message that goes on past the end."""
     if len(content) - position < 3:
         return True
     size, kind = struct.unpack_from("<HB", content, position)
@@ -210,19 +210,19 @@ def parse_format(text: str) -> tuple[str, tuple[Field, ...]] | None:
 
 
 def row_of(formats: Mapping[str, tuple[Field, ...]], name: str) -> Row | None:
-    """Return the row of a topic; None where its format is missing, circular or too large."""
+    """Return the row of a topic; None if its format is missing, circular or too large."""
     fields = formats.get(name, ())
     kept = list(fields)
     while kept and kept[-1].name.startswith("_padding"):
         kept.pop()
-    whole = _dtype(formats, fields, DEEPEST)
-    dtype = _dtype(formats, tuple(kept), DEEPEST)
+    whole = _packed_type(formats, fields, DEEPEST)
+    dtype = _packed_type(formats, tuple(kept), DEEPEST)
     if whole is None or dtype is None:
         return None
     return Row(dtype=dtype, largest=whole.itemsize)
 
 
-def _dtype(
+def _packed_type(
     formats: Mapping[str, tuple[Field, ...]], fields: tuple[Field, ...], depth: int
 ) -> np.dtype[Any] | None:
     """Return the packed type of some fields, nested formats as types within it."""
@@ -235,7 +235,7 @@ def _dtype(
         inner = (
             np.dtype(TYPES[field.type])
             if field.type in TYPES
-            else _dtype(formats, formats.get(field.type, ()), depth - 1)
+            else _packed_type(formats, formats.get(field.type, ()), depth - 1)
         )
         if inner is None:
             return None
@@ -269,27 +269,31 @@ class Topic:
         return f"{self.name}[{self.instance}]" if self.instance else self.name
 
     def has(self, *fields: str) -> bool:
-        """Tell whether the topic has all these fields, as numbers or arrays of numbers."""
+        """Return whether the topic has all these fields, as numbers or arrays of numbers."""
         names = self.rows.dtype.names or ()
         return all(name in names for name in fields)
 
     def column(self, name: str, rows: slice = slice(None)) -> Float[np.ndarray, "*shape"]:
-        """Read a field as floats: one value a row, or one array; what is no number is NaN."""
-        return _floats(self.rows[name][rows])
+        """Read a field as floats, a value or an array per row; anything but a number is NaN."""
+        return _copy_as_floats(self.rows[name][rows])
 
     def has_vector(self, name: str, columns: int) -> bool:
-        """Tell whether a field is an array of at least so many numbers."""
+        """Return whether a field is an array of at least so many numbers."""
         if not self.has(name) or self.rows.dtype[name].names:
             return False
         return self.rows[name].ndim == 2 and self.rows[name].shape[1] >= columns
 
     def has_number(self, name: str) -> bool:
-        """Tell whether a field is one number."""
+        """Return whether a field is one number."""
         return self.has(name) and not self.rows.dtype[name].names and self.rows[name].ndim == 1
 
     def vector(self, name: str, columns: int) -> Float[np.ndarray, "n k"] | None:
         """Return a field that is an array of at least so many numbers; None if it is not."""
-        return _floats(self.rows[name][:, :columns]) if self.has_vector(name, columns) else None
+        return (
+            _copy_as_floats(self.rows[name][:, :columns])
+            if self.has_vector(name, columns)
+            else None
+        )
 
     def number(self, name: str) -> Float[np.ndarray, " n"] | None:
         """Read a field that is one number; None if it is not."""
@@ -318,7 +322,7 @@ class Topic:
         return 1.0 / max(float(np.median(steps)), 1e-6) if len(steps) else 0.0
 
 
-def _floats(recorded: np.ndarray) -> Float[np.ndarray, "*shape"]:
+def _copy_as_floats(recorded: np.ndarray) -> Float[np.ndarray, "*shape"]:
     """Copy as floats; what is no number is NaN."""
     with np.errstate(invalid="ignore"):  # some NaN of single precision signal
         values = recorded.astype(np.float64)
@@ -347,19 +351,19 @@ def appended(kept: np.ndarray | None, rows: np.ndarray, names: Container[str] | 
     what stands before the last one that ever says anything is kept: most vehicles have four.
     """
     if names is None:
-        return _grown(np.empty(0, rows.dtype) if kept is None else kept, rows)
+        return _append_in_place(np.empty(0, rows.dtype) if kept is None else kept, rows)
     part = np.empty(len(rows), part_of(rows.dtype, names))
-    _copy(rows, part)
-    wanted = np.dtype([_cut(part, name, kept) for name in part.dtype.names or ()])
+    _copy_fields(rows, part)
+    wanted = np.dtype([_cut_array(part, name, kept) for name in part.dtype.names or ()])
     if kept is None or kept.dtype != wanted:
         longer = np.zeros(0 if kept is None else len(kept), wanted)
         if kept is not None:
-            _copy(kept, longer)
+            _copy_fields(kept, longer)
         kept = longer
-    return _grown(kept, part)
+    return _append_in_place(kept, part)
 
 
-def _cut(part: np.ndarray, name: str, kept: np.ndarray | None) -> tuple[Any, ...]:
+def _cut_array(part: np.ndarray, name: str, kept: np.ndarray | None) -> tuple[Any, ...]:
     """Return name, type and shape of a field, an array cut behind the last part with content."""
     dtype = part.dtype[name]
     if len(dtype.shape) != 1 or not (dtype.base.names or _is_long(dtype)):
@@ -374,19 +378,19 @@ def _cut(part: np.ndarray, name: str, kept: np.ndarray | None) -> tuple[Any, ...
 
 
 def _is_long(dtype: np.dtype[Any]) -> bool:
-    """Tell whether an array is of floats and longer than a quaternion, as that of controls."""
+    """Return whether an array is of floats and longer than a quaternion, as that of controls."""
     return dtype.base.kind == "f" and dtype.shape[0] > 4
 
 
-def _grown(kept: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def _append_in_place(kept: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Append rows in place: pieces that are joined in the end would take twice the memory."""
     known = len(kept)
     kept.resize(known + len(rows), refcheck=False)
-    _copy(rows, kept[known:])
+    _copy_fields(rows, kept[known:])
     return kept
 
 
-def _copy(rows: np.ndarray, target: np.ndarray) -> None:
+def _copy_fields(rows: np.ndarray, target: np.ndarray) -> None:
     """Copy the fields that the target has, and as much of them."""
     if not target.dtype.names:
         target[...] = rows
@@ -397,4 +401,4 @@ def _copy(rows: np.ndarray, target: np.ndarray) -> None:
             if there.dtype.kind == "f":
                 there[:, count:] = np.nan  # what was cut off before
             there, here = there[:, :count], here[:, :count]
-        _copy(here, there)
+        _copy_fields(here, there)

@@ -51,14 +51,14 @@ TELEMETRY: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motors:
-    """A motor channel where there is one, and what to say of it."""
+    """The motor channel, or None, with notes about it."""
 
     channel: Channel | None = None
     notes: tuple[str, ...] = ()
 
 
 def motor_count(scan: Scan) -> int | None:
-    """Read the number of motors by the parameters; None where they do not say."""
+    """Read the number of motors by the parameters; None if they do not say."""
     declared = scan.number("CA_ROTOR_COUNT")
     if declared is not None and 0 < declared <= MOST_MOTORS:
         return int(declared)
@@ -67,7 +67,7 @@ def motor_count(scan: Scan) -> int | None:
 
 
 def has_pwm_motors(scan: Scan) -> bool:
-    """Tell whether the motors are on outputs of which no timer speaks DShot (PX4 1.13 on)."""
+    """Return whether the motors are on outputs of which no timer speaks DShot (PX4 1.13 on)."""
     wired = any(
         re.fullmatch(r"PWM_(MAIN|AUX)_FUNC\d+", name) and FIRST_MOTOR <= value <= LAST_MOTOR
         for name, value in scan.parameters.items()
@@ -77,7 +77,7 @@ def has_pwm_motors(scan: Scan) -> bool:
 
 
 def is_vtol(scan: Scan) -> bool:
-    """Tell whether the parameters are those of a vehicle that hovers and flies on a wing."""
+    """Return whether the parameters are those of a vehicle that hovers and flies on a wing."""
     own = {name: scan.number(name) for name in ("CA_AIRFRAME", "MAV_TYPE", "SYS_AUTOSTART")}
     airframe = own["SYS_AUTOSTART"]
     return (
@@ -162,7 +162,7 @@ def _on_one_clock(
         return published, rpm, ""
     time = published[is_new]
     joined = [
-        _joined(time, 1e-6 * _of_esc(escs, "timestamp", place)[is_new], rpm[is_new, i])
+        _join_reports(time, 1e-6 * _of_esc(escs, "timestamp", place)[is_new], rpm[is_new, i])
         for i, place in enumerate(places)
     ]
     rate = 1.0 / max(float(np.median(np.diff(time))), 1e-6) if len(time) > 1 else 0.0
@@ -180,7 +180,7 @@ def _of_esc(escs: np.ndarray, name: str, place: int) -> Float[np.ndarray, " n"]:
     return escs[name][:, place].astype(float)
 
 
-def _joined(
+def _join_reports(
     time: Float[np.ndarray, " n"], own: Float[np.ndarray, " n"], rpm: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
     """Return one motor's speed by lines between its reports; NaN over holes, and at the ends."""
@@ -224,7 +224,7 @@ def find_command(scan: Scan) -> Motors:
 
 
 def thrust_curve(scan: Scan) -> float:
-    """Return THR_MDL_FAC, 0 where it is none that PX4 acts on."""
+    """Return THR_MDL_FAC, 0 if it is not one that PX4 acts on."""
     factor = scan.number("THR_MDL_FAC") or 0.0
     return factor if 0.0 < factor <= 1.0 else 0.0
 
@@ -289,7 +289,7 @@ class _Outputs:
 
 def _from_outputs(scan: Scan) -> Motors:
     """Return actuator_outputs, the values sent, over their ranges."""
-    assigned = _assigned(scan)
+    assigned = _assigned_outputs(scan)
     if assigned is None and motor_count(scan) is None and is_vtol(scan):
         note = (
             "the vehicle is a VTOL, and the log does not say which of its outputs are motors and "
@@ -322,7 +322,7 @@ def _from_outputs(scan: Scan) -> Motors:
     return Motors(channel=channel)
 
 
-def _assigned(scan: Scan) -> _Outputs | None:
+def _assigned_outputs(scan: Scan) -> _Outputs | None:
     """Find the outputs that the parameters ..._FUNC1 and so on give to motors (PX4 1.13 on)."""
     found: dict[str, dict[int, int]] = {}
     for name, value in scan.parameters.items():
@@ -446,7 +446,7 @@ def output_speeds(scan: Scan) -> tuple[float, float] | None:
 
 
 def commanded_law(scan: Scan) -> str:
-    """Write the ``law`` of the experiment file by the parameters; empty where unknown.
+    """Write the ``law`` of the experiment file by the parameters; empty if unknown.
 
     Outside Gazebo PX4 only assumes how thrust goes with the output.
     """

@@ -31,9 +31,9 @@ WITHIN: Final = 0.5
 
 def controller_of(scan: Scan, path: Path) -> ControllerLog:
     """Read the rate controller of a PX4 log, whose scan has `CONTROLLER_TOPICS`."""
-    measured, asked, torque = (_topic(scan, name, path) for name in CONTROLLER_TOPICS)
+    measured, asked, torque = (_required_topic(scan, name, path) for name in CONTROLLER_TOPICS)
     rates, slopes, outputs = (
-        _vector(topic, field, path)
+        _required_vector(topic, field, path)
         for topic, field in ((measured, "xyz"), (measured, "xyz_derivative"), (torque, "xyz"))
     )
     # The controller runs on a sample of the gyro, and its output bears the time of that sample.
@@ -41,11 +41,11 @@ def controller_of(scan: Scan, path: Path) -> ControllerLog:
     row = np.minimum(np.searchsorted(at, sampled - 1e-6), len(at) - 1)
     known = np.abs(at[row] - sampled) < 1e-6
     set_points = np.stack([asked.column(axis) for axis in ("roll", "pitch", "yaw")], axis=1)
-    used = _used(asked.time, set_points, torque.time)
+    used = _used_set_points(asked.time, set_points, torque.time)
     known &= np.isfinite(outputs).all(axis=1) & np.isfinite(rates[row]).all(axis=1)
     known &= np.isfinite(used).all(axis=1)
     if known.sum() < 2:
-        raise LogError(f"{path}: no run of the rate controller is complete: {_cure(scan)}")
+        raise LogError(f"{path}: no run of the rate controller is complete: {_cure_words(scan)}")
     return ControllerLog(
         autopilot="PX4",
         firmware=str(scan.info.get("ver_sw", "version unknown"))[:12],
@@ -62,7 +62,7 @@ def controller_of(scan: Scan, path: Path) -> ControllerLog:
     )
 
 
-def _used(
+def _used_set_points(
     published: Float[np.ndarray, " m"],
     set_points: Float[np.ndarray, "m 3"],
     time: Float[np.ndarray, " n"],
@@ -79,20 +79,20 @@ def _used(
     return np.stack(columns, axis=1)
 
 
-def _cure(scan: Scan) -> str:
+def _cure_words(scan: Scan) -> str:
     return f"{log_faster(scan.number('SDLOG_PROFILE'))} and fly again"
 
 
-def _topic(scan: Scan, name: str, path: Path) -> Topic:
+def _required_topic(scan: Scan, name: str, path: Path) -> Topic:
     topic = scan.first(name)
     if topic is None or len(topic.rows) < 2:
         raise LogError(
-            f"{path}: the log has no {name}, which the rate controller is: {_cure(scan)}"
+            f"{path}: the log has no {name}, which the rate controller is: {_cure_words(scan)}"
         )
     return topic
 
 
-def _vector(topic: Topic, name: str, path: Path) -> Float[np.ndarray, "n 3"]:
+def _required_vector(topic: Topic, name: str, path: Path) -> Float[np.ndarray, "n 3"]:
     values = topic.vector(name, 3)
     if values is None:
         raise LogError(f"{path}: {topic.label} has no field {name}: use PX4 1.14 or later")
@@ -112,19 +112,19 @@ _LISTED: Final = 20
 
 def read_ulog(path: Path) -> FlightLog:
     """Read a log of PX4."""
-    return _read(path, {})[0]
+    return _read_with_scan(path, {})[0]
 
 
 def read_with_controller(path: Path) -> tuple[FlightLog, ControllerLog]:
     """Read a log of PX4, and its rate controller, in one pass."""
-    log, scan = _read(path, CONTROLLER_TOPICS)
+    log, scan = _read_with_scan(path, CONTROLLER_TOPICS)
     return log, controller_of(scan, path)
 
 
-def _read(path: Path, also: Mapping[str, tuple[str, ...]]) -> tuple[FlightLog, Scan]:
+def _read_with_scan(path: Path, also: Mapping[str, tuple[str, ...]]) -> tuple[FlightLog, Scan]:
     """Read a log of PX4, and a scan of other topics that are wanted."""
     try:
-        channels, notes, scan, kept = _channels(path, also)
+        channels, notes, scan, kept = _read_channels(path, also)
         if not channels:
             raise LogError(_no_channels(scan))
     except LogError as error:
@@ -160,7 +160,7 @@ def _read(path: Path, also: Mapping[str, tuple[str, ...]]) -> tuple[FlightLog, S
     return log, kept
 
 
-def _channels(
+def _read_channels(
     path: Path, also: Mapping[str, tuple[str, ...]]
 ) -> tuple[dict[str, Channel], list[str], Scan, Scan]:
     """Return channels in the order of `CHANNELS`, words, what is left, and the topics of `also`.
@@ -218,7 +218,7 @@ def _slow_motors(channels: dict[str, Channel], scan: Scan) -> Iterator[Finding]:
 
 
 def _law_notes(scan: Scan, channels: dict[str, Channel]) -> list[str]:
-    """Say how commands and speed belong together, by the parameters."""
+    """State how commands and speed belong together, by the parameters."""
     law = motors.commanded_law(scan)
     if "command" not in channels or not law or vehicle.simulator_of(scan) == SIH:
         return []

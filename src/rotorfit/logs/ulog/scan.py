@@ -98,12 +98,12 @@ class Scan:
         return next(iter(self.all(name)), None)
 
     def number(self, name: str) -> float | None:
-        """Read a parameter; None where the log does not have it."""
+        """Read a parameter; None if the log does not have it."""
         value = self.parameters.get(name)
         return None if value is None else float(value)
 
     def last(self, name: str) -> float | None:
-        """Return a parameter as the log left it; None where the log does not have it."""
+        """Return a parameter as the log left it; None if the log does not have it."""
         changed = [after for known, _, after in self.changes if known == name]
         return float(changed[-1]) if changed else self.number(name)
 
@@ -149,11 +149,11 @@ class _Reading:
         kinds = raw[starts + 2]
         for start in starts[(kinds != DATA) & (kinds != ord("S"))].tolist():
             size, kind = struct.unpack_from("<HB", content, start)
-            self._declare(chr(kind), content[start + 3 : start + 3 + size])
+            self._declare_message(chr(kind), content[start + 3 : start + 3 + size])
         data = np.flatnonzero(kinds == DATA)
         places = starts[data]
-        sizes = _uint16(raw, places)
-        numbers = np.where(sizes >= 2, _uint16(raw, np.minimum(places + 3, len(raw) - 2)), 0)
+        sizes = _uint16_at(raw, places)
+        numbers = np.where(sizes >= 2, _uint16_at(raw, np.minimum(places + 3, len(raw) - 2)), 0)
         fits = (sizes >= self.smallest[numbers]) & (sizes <= self.largest[numbers])
         # Of a number whose subscription was lost; before the first subscription there are no data.
         doubtful = self.is_known[numbers] | (not self.subscribed)
@@ -169,7 +169,7 @@ class _Reading:
         if len(raw) < 5:
             return None
         places = np.flatnonzero(raw[2:-2] == DATA)
-        numbers, sizes = _uint16(raw, places + 3), _uint16(raw, places)
+        numbers, sizes = _uint16_at(raw, places + 3), _uint16_at(raw, places)
         fits = (sizes >= self.smallest[numbers]) & (sizes <= self.largest[numbers])
         found = [*places[fits][:1].tolist(), *self._first_declaration(raw.tobytes())]
         return min(found, default=None)
@@ -198,7 +198,7 @@ class _Reading:
         self.trailing += block.trailing
         raw = np.frombuffer(block.content, dtype=np.uint8)
         places = block.starts[raw[block.starts + 2] == DATA]
-        numbers = _uint16(raw, places + 3)
+        numbers = _uint16_at(raw, places + 3)
         self.counts += np.bincount(numbers, minlength=LARGEST_NUMBER)
         for number in np.unique(numbers).tolist():
             topic = self.subscribed.get(number)
@@ -211,7 +211,7 @@ class _Reading:
             names = self.wanted[topic.name]
             self.rows[number] = appended(self.rows.get(number), rows, names)
 
-    def _declare(self, kind: str, content: bytes) -> None:
+    def _declare_message(self, kind: str, content: bytes) -> None:
         """Take in a message that is no data; what is no sound message of its kind is passed."""
         match kind:
             case "F":
@@ -219,9 +219,9 @@ class _Reading:
                 if parsed is not None:
                     self.formats.setdefault(*parsed)
             case "A":
-                self._subscribe(content)
+                self._subscribe_topic(content)
             case "I":
-                self._inform(content)
+                self._take_information(content)
             case "P":
                 self._set_parameter(content)
             case "Q":
@@ -235,7 +235,7 @@ class _Reading:
             case _:
                 pass
 
-    def _subscribe(self, content: bytes) -> None:
+    def _subscribe_topic(self, content: bytes) -> None:
         if len(content) < 4:
             return
         instance, number = struct.unpack_from("<BH", content)
@@ -251,7 +251,7 @@ class _Reading:
         self.smallest[number] = 2 if row is None else 2 + row.dtype.itemsize
         self.largest[number] = LARGEST_NUMBER if row is None else 2 + row.largest
 
-    def _inform(self, content: bytes) -> None:
+    def _take_information(self, content: bytes) -> None:
         end = 1 + content[0] if content else 0
         kind, _, key = content[1:end].decode("utf-8", "replace").partition(" ")
         if not key or len(self.info) >= MOST_TEXTS:
@@ -275,7 +275,7 @@ class _Reading:
 
 
 def _key_and_value(content: bytes) -> tuple[str, Value] | None:
-    """Read name and value of a parameter; None where it is damaged."""
+    """Read name and value of a parameter; None if it is damaged."""
     end = 1 + content[0] if content else 0
     kind, _, key = content[1:end].decode("utf-8", "replace").partition(" ")
     if not key or not key.isprintable() or len(key) > 40 or len(content) != end + 4:
@@ -291,7 +291,9 @@ def _key_and_value(content: bytes) -> tuple[str, Value] | None:
     return None
 
 
-def _uint16(raw: UInt8[np.ndarray, " n"], places: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
+def _uint16_at(
+    raw: UInt8[np.ndarray, " n"], places: Int[np.ndarray, " m"]
+) -> Int[np.ndarray, " m"]:
     return raw[places].astype(np.int64) | raw[places + 1].astype(np.int64) << 8
 
 
@@ -304,14 +306,14 @@ def scan_file(path: Path, wanted: Wanted) -> Scan:
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
             size = os.fstat(file.fileno()).st_size
-            offsets, damage = _appended(head, size)
+            offsets, damage = _find_appended(head, size)
             _read_sections(file, [HEADER_BYTES, *offsets, size], reading)
     except OSError as error:
         raise LogError(f"cannot be read ({error}): check the path and the disk") from error
-    topics, unordered = _topics(reading)
+    topics, unordered = _ordered_topics(reading)
     return Scan(
         topics=topics,
-        counts=_counts(reading),
+        counts=_count_messages(reading),
         parameters=reading.parameters,
         system_defaults=reading.defaults[SYSTEM_DEFAULT],
         airframe_defaults=reading.defaults[AIRFRAME_DEFAULT],
@@ -320,7 +322,7 @@ def scan_file(path: Path, wanted: Wanted) -> Scan:
         info=reading.info,
         dropouts=tuple(reading.dropouts),
         appended=len(offsets),
-        damage=(*damage, *_damage(reading, unordered)),
+        damage=(*damage, *_describe_damage(reading, unordered)),
         sha256=digest,
     )
 
@@ -341,7 +343,7 @@ def _read_sections(file: BinaryIO, edges: list[int], reading: _Reading) -> None:
             report_progress(file.tell(), edges[-1])
 
 
-def _appended(head: bytes, size: int) -> tuple[list[int], list[str]]:
+def _find_appended(head: bytes, size: int) -> tuple[list[int], list[str]]:
     """Find where appended stretches begin, from the flags, and doubts about them."""
     length, kind = struct.unpack_from("<HB", head, HEADER_BYTES)
     flags = head[HEADER_BYTES + 3 :][:length]
@@ -361,7 +363,7 @@ def _appended(head: bytes, size: int) -> tuple[list[int], list[str]]:
     return sound, []
 
 
-def _topics(reading: _Reading) -> tuple[dict[str, tuple[Topic, ...]], int]:
+def _ordered_topics(reading: _Reading) -> tuple[dict[str, tuple[Topic, ...]], int]:
     """Return the topics that have times, in order, and how many messages were out of order."""
     topics: dict[str, list[Topic]] = {}
     unordered = 0
@@ -377,7 +379,7 @@ def _topics(reading: _Reading) -> tuple[dict[str, tuple[Topic, ...]], int]:
             name=subscription.name,
             instance=subscription.instance,
             rows=rows,
-            lengths=_lengths(subscription.row),
+            lengths=_array_lengths(subscription.row),
         )
         topics.setdefault(topic.name, []).append(topic)
     ordered = {
@@ -387,21 +389,21 @@ def _topics(reading: _Reading) -> tuple[dict[str, tuple[Topic, ...]], int]:
     return ordered, unordered
 
 
-def _lengths(row: Row | None) -> dict[str, int]:
+def _array_lengths(row: Row | None) -> dict[str, int]:
     """Return the declared lengths of the arrays in a row."""
     dtype = np.dtype([]) if row is None else row.dtype
     inner = {name: dtype[name] for name in dtype.names or ()}
     return {name: int(dtype.shape[0]) for name, dtype in inner.items() if dtype.shape}
 
 
-def _counts(reading: _Reading) -> dict[str, int]:
+def _count_messages(reading: _Reading) -> dict[str, int]:
     counts: dict[str, int] = {}
     for number, subscription in reading.subscribed.items():
         counts[subscription.name] = counts.get(subscription.name, 0) + int(reading.counts[number])
     return counts
 
 
-def _damage(reading: _Reading, unordered: int) -> list[str]:
+def _describe_damage(reading: _Reading, unordered: int) -> list[str]:
     damage: list[str] = []
     if reading.dropouts:
         total, longest = sum(reading.dropouts), max(reading.dropouts)

@@ -49,7 +49,7 @@ COMPLETE: Final = 0.98
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imu:
-    """Gyro and accelerometer of one path, and what to say of it."""
+    """Gyro and accelerometer from one source, with notes about it."""
 
     gyro: Channel | None
     accel: Channel | None
@@ -57,7 +57,7 @@ class Imu:
 
     @property
     def rate(self) -> float:
-        """Median rate of the slower of the two [Hz]; 0 where one is missing."""
+        """Median rate of the slower of the two [Hz]; 0 if one is missing."""
         return min(rate_of(self.gyro), rate_of(self.accel))
 
     @property
@@ -67,7 +67,7 @@ class Imu:
 
 
 def rate_of(channel: Channel | None) -> float:
-    """Compute the median rate of a channel [Hz]; 0 where there is none."""
+    """Compute the median rate of a channel [Hz]; 0 if there is none."""
     if channel is None or len(channel.time) < 2:
         return 0.0
     return 1.0 / max(float(np.median(np.diff(channel.time))), 1e-6)
@@ -80,10 +80,10 @@ def find_imu(scan: Scan, *, raw: Callable[[], Scan]) -> Imu:
     """
     best = Imu(gyro=None, accel=None)
     makers = (
-        lambda: _combined(scan),
-        lambda: _integrated(scan),
-        lambda: _filtered(scan),
-        lambda: _fifo(scan, raw),
+        lambda: _read_sensor_combined(scan),
+        lambda: _read_vehicle_imu(scan),
+        lambda: _read_filtered(scan),
+        lambda: _read_fifo(scan, raw),
     )
     for maker in makers:
         found = maker()
@@ -94,10 +94,10 @@ def find_imu(scan: Scan, *, raw: Callable[[], Scan]) -> Imu:
     return best
 
 
-def _channel(
+def _flu_channel(
     time: Float[np.ndarray, " n"], frd: Float[np.ndarray, "n 3"] | None, source: str
 ) -> Channel | None:
-    """Return a channel of body vectors, turned to FLU; None where nothing usable is in it."""
+    """Return a channel of body vectors, turned to FLU; None if nothing usable is in it."""
     if frd is None:
         return None
     values = vectors_to_flu(frd, "FRD")
@@ -108,13 +108,13 @@ def _channel(
     return Channel(time=time, values=values, source=f"{source}, FRD turned to FLU")
 
 
-def _combined(scan: Scan) -> Imu:
+def _read_sensor_combined(scan: Scan) -> Imu:
     """Return sensor_combined: means over the time between two samples, not filtered otherwise."""
     topic = scan.first("sensor_combined")
     if topic is None:
         return Imu(gyro=None, accel=None)
     label = topic.label
-    gyro = _channel(topic.time, topic.vector("gyro_rad", 3), f"{label}.gyro_rad")
+    gyro = _flu_channel(topic.time, topic.vector("gyro_rad", 3), f"{label}.gyro_rad")
     relative = topic.number("accelerometer_timestamp_relative")
     values = topic.vector("accelerometer_m_s2", 3)
     if relative is None or values is None:
@@ -122,27 +122,27 @@ def _combined(scan: Scan) -> Imu:
     there = relative != NO_ACCEL
     relative *= 1e-6
     relative += topic.time
-    time, values = _picked(there, relative, values)
+    time, values = _pick_samples(there, relative, values)
     # A sample whose own time is wrong is left out; the clock must not run backwards.
-    time, values = _picked(_rising(time), time, values)
-    return Imu(gyro=gyro, accel=_channel(time, values, f"{label}.accelerometer_m_s2"))
+    time, values = _pick_samples(_rising_samples(time), time, values)
+    return Imu(gyro=gyro, accel=_flu_channel(time, values, f"{label}.accelerometer_m_s2"))
 
 
-def _rising(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+def _rising_samples(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Select which samples are not earlier than one before."""
     return time >= np.maximum.accumulate(time)
 
 
-def _picked(
+def _pick_samples(
     rows: Bool[np.ndarray, " n"], time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n k"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m k"]]:
     """Return some of the samples; where it is all of them, without a copy."""
     return (time, values) if rows.all() else (time[rows], values[rows])
 
 
-def _integrated(scan: Scan) -> Imu:
+def _read_vehicle_imu(scan: Scan) -> Imu:
     """Return vehicle_imu: angles and velocities over their times, so means between samples."""
-    topic = _selected(scan, scan.all("vehicle_imu"), "gyro_device_id")
+    topic = _select_instance(scan, scan.all("vehicle_imu"), "gyro_device_id")
     if topic is None:
         return Imu(gyro=None, accel=None)
     gyro = _over_time(topic, "delta_angle")
@@ -157,11 +157,11 @@ def _over_time(topic: Topic, name: str) -> Channel | None:
         return None
     change /= np.where(span > 0, 1e-6 * span, np.nan)[:, None]
     time = topic.sample_time
-    time, rates = _picked(_rising(time), time, change)
-    return _channel(time, rates, f"{topic.label}.{name} over {name}_dt")
+    time, rates = _pick_samples(_rising_samples(time), time, change)
+    return _flu_channel(time, rates, f"{topic.label}.{name} over {name}_dt")
 
 
-def _filtered(scan: Scan) -> Imu:
+def _read_filtered(scan: Scan) -> Imu:
     """Read the signals of the controllers, low-passed on board."""
     gyro, accel = scan.first("vehicle_angular_velocity"), scan.first("vehicle_acceleration")
     cutoffs = [
@@ -183,11 +183,11 @@ def _controller_signal(topic: Topic | None) -> Channel | None:
     time, values = topic.sample_time, topic.vector("xyz", 3)
     if values is None:
         return None
-    time, values = _picked(_rising(time), time, values)
-    return _channel(time, values, f"{topic.label}.xyz, filtered on board")
+    time, values = _pick_samples(_rising_samples(time), time, values)
+    return _flu_channel(time, values, f"{topic.label}.xyz, filtered on board")
 
 
-def _selected(scan: Scan, instances: tuple[Topic, ...], device: str) -> Topic | None:
+def _select_instance(scan: Scan, instances: tuple[Topic, ...], device: str) -> Topic | None:
     """Find the instance of the sensor that the autopilot flew with, else the first."""
     selection = scan.first("sensor_selection")
     chosen = None if selection is None else selection.number(device)
@@ -198,7 +198,7 @@ def _selected(scan: Scan, instances: tuple[Topic, ...], device: str) -> Topic | 
     return next(iter(instances), None)
 
 
-def _fifo(scan: Scan, raw: Callable[[], Scan]) -> Imu:
+def _read_fifo(scan: Scan, raw: Callable[[], Scan]) -> Imu:
     """Average the raw samples of each transfer."""
     turned = scan.number("SENS_BOARD_ROT")
     if not any(name in scan.counts for name in FIFO_TOPICS) or turned not in (None, 0.0):
@@ -214,7 +214,7 @@ def _fifo(scan: Scan, raw: Callable[[], Scan]) -> Imu:
 
 
 def _selected_fifo(found: Scan, kind: str) -> Channel | None:
-    selected = _selected(found, found.all(f"sensor_{kind}_fifo"), "device_id")
+    selected = _select_instance(found, found.all(f"sensor_{kind}_fifo"), "device_id")
     return None if selected is None else _transfer_means(selected)
 
 
@@ -237,8 +237,8 @@ def _transfer_means(topic: Topic) -> Channel | None:
     with np.errstate(all="ignore"):
         means = np.stack(sums, axis=1) * (scale / np.where(sound, count, np.nan))[:, None]
     middle = time - 1e-6 * np.where(sound, 0.5 * (count - 1) * step, 0.0)
-    middle, means = _picked(_rising(middle), middle, means)
-    return _channel(middle, means, f"{topic.label}.x/y/z, the mean of each transfer")
+    middle, means = _pick_samples(_rising_samples(middle), middle, means)
+    return _flu_channel(middle, means, f"{topic.label}.x/y/z, the mean of each transfer")
 
 
 MOCAP: Final = ("vehicle_mocap_odometry", "vehicle_visual_odometry")
@@ -266,21 +266,21 @@ def find_pose(scan: Scan) -> tuple[dict[str, Channel], list[str]]:
     for name in MOCAP:
         topic = scan.first(name)
         if topic is not None and len(topic.rows) > 1:
-            return _pose(topic)
+            return _read_pose(topic)
     return {}, []
 
 
-def _pose(topic: Topic) -> tuple[dict[str, Channel], list[str]]:
+def _read_pose(topic: Topic) -> tuple[dict[str, Channel], list[str]]:
     time = topic.sample_time
     rising = time >= np.maximum.accumulate(time)
     if not rising.all():
         time, topic = time[rising], replace(topic, rows=topic.rows[rising])
-    world = _world(topic)
-    if _position(topic, slice(1)) is None or not topic.has_vector("q", 4) or world is None:
+    world = _world_frame(topic)
+    if _find_position(topic, slice(1)) is None or not topic.has_vector("q", 4) or world is None:
         return {}, [f"{topic.label} is left out: its frame is neither NED nor FRD."]
     found = {"position": np.empty((len(topic.rows), 3)), "attitude": np.empty((len(topic.rows), 4))}
     for rows in pieces(len(topic.rows)):
-        position, attitude = _position(topic, rows), topic.column("q", rows)[:, :4]
+        position, attitude = _find_position(topic, rows), topic.column("q", rows)[:, :4]
         assert position is not None  # as of the first row
         length = np.sqrt(np.einsum("nk,nk->n", attitude, attitude))
         good = np.abs(length - 1.0) < 0.05
@@ -295,7 +295,7 @@ def _pose(topic: Topic) -> tuple[dict[str, Channel], list[str]]:
     }, []
 
 
-def _position(topic: Topic, rows: slice) -> Float[np.ndarray, "n 3"] | None:
+def _find_position(topic: Topic, rows: slice) -> Float[np.ndarray, "n 3"] | None:
     """Find the position as an array (from PX4 1.14 on), or from x, y and z."""
     if topic.has_vector("position", 3):
         return topic.column("position", rows)[:, :3]
@@ -304,7 +304,7 @@ def _position(topic: Topic, rows: slice) -> Float[np.ndarray, "n 3"] | None:
     return np.stack([topic.column(axis, rows) for axis in "xyz"], axis=1)
 
 
-def _world(topic: Topic) -> str | None:
+def _world_frame(topic: Topic) -> str | None:
     for field, names in _FRAMES.items():
         frame = topic.number(field)
         if frame is not None:
@@ -327,7 +327,7 @@ def find_velocity(scan: Scan) -> Channel | None:
     velocity = np.empty((len(time), 3))
     for rows in pieces(len(time)):
         columns = [place.column(name, rows) for name in ("vx", "vy", "vz")]
-        attitude = _interpolated(time[rows], turned_time, turned)
+        attitude = _interpolate_quaternions(time[rows], turned_time, turned)
         velocity[rows] = vectors_to_flu(world_to_body(np.stack(columns, axis=1), attitude), "FRD")
     velocity[~known] = np.nan
     if not np.isfinite(velocity).all(axis=1).any():
@@ -342,7 +342,7 @@ def _on_one_side(q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
     return q * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
 
 
-def _interpolated(
+def _interpolate_quaternions(
     time: Float[np.ndarray, " n"], t: Float[np.ndarray, " m"], turned: Topic
 ) -> Float[np.ndarray, "n 4"]:
     """Interpolate unit quaternions at other times, by the straight line between neighbours."""

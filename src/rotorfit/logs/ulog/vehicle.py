@@ -71,7 +71,7 @@ class RotorSite:
 
 
 def rotor_sites(scan: Scan) -> tuple[RotorSite, ...]:
-    """Return the rotors by CA_ROTOR*; none where the log has no geometry."""
+    """Return the rotors by CA_ROTOR*; empty if the log has no geometry."""
     count = motor_count(scan) or 0
     sites = [_rotor_site(scan, i) for i in range(count)]
     if any(site is None for site in sites) or "CA_ROTOR_COUNT" not in scan.parameters:
@@ -98,13 +98,13 @@ def _rotor_site(scan: Scan, number: int) -> RotorSite | None:
         return None
     # A positive moment coefficient is that of a rotor turning counter-clockwise seen from above.
     return RotorSite(
-        position=(x, _negative(y), _negative(z)),
-        axis=(ax, _negative(ay), _negative(az)),
+        position=(x, _negate_value(y), _negate_value(z)),
+        axis=(ax, _negate_value(ay), _negate_value(az)),
         spin="ccw" if moment > 0 else "cw",
     )
 
 
-def _negative(value: float) -> float:
+def _negate_value(value: float) -> float:
     return -value if value else 0.0
 
 
@@ -148,7 +148,7 @@ def geometry_notes(scan: Scan) -> tuple[str, ...]:
 
 
 def _is_template(scan: Scan, sites: tuple[RotorSite, ...]) -> bool:
-    """Tell whether the geometry was left as it is delivered.
+    """Return whether the geometry was left as it is delivered.
 
     The log names a default where a parameter differs from it: where none of the airframe's is
     named for the places of the rotors, they are the airframe's own. That of a generic airframe is
@@ -168,7 +168,7 @@ def metadata_of(scan: Scan) -> dict[str, str]:
     """Read what the log says of vehicle, firmware and settings."""
     found: dict[str, str] = {}
     if isinstance(scan.info.get("ver_sw_release"), int):
-        found["Firmware revision"] = f"PX4 {_version(int(scan.info['ver_sw_release']))}"
+        found["Firmware revision"] = f"PX4 {_version_text(int(scan.info['ver_sw_release']))}"
     for key, name in (("ver_sw", "Commit"), ("ver_hw", "Board")):
         if key in scan.info:
             found[name] = str(scan.info[key])
@@ -184,7 +184,7 @@ def metadata_of(scan: Scan) -> dict[str, str]:
     return found
 
 
-def _version(packed: int) -> str:
+def _version_text(packed: int) -> str:
     """Return a version of four bytes: three numbers and the kind of the release."""
     major, minor, patch, kind = (packed >> shift & 255 for shift in (24, 16, 8, 0))
     kinds = ((255, ""), (192, " release candidate"), (128, " beta"), (64, " alpha"))
@@ -204,13 +204,13 @@ def change_notes(scan: Scan) -> tuple[str, ...]:
 
 
 def flown_notes(scan: Scan, begin: float) -> tuple[str, ...]:
-    """Say when the vehicle was armed, and when it was off the ground, as the autopilot saw it."""
+    """State when the vehicle was armed, and when it was off the ground, as the autopilot saw it."""
     notes: list[str] = []
-    for what, state in (("Armed", _armed(scan)), ("Off the ground", _in_air(scan))):
+    for what, state in (("Armed", _armed_state(scan)), ("Off the ground", _in_air(scan))):
         if state is not None and state[1].any():
             spans = ", ".join(
                 f"{max(a - begin, 0.0):.1f} to {b - begin:.1f} s"
-                for a, b in _spans(*state)
+                for a, b in _true_spans(*state)
                 if b > begin
             )
             notes.append(f"{what} {spans}.")
@@ -221,7 +221,7 @@ def flight_doubts(scan: Scan) -> Iterator[Finding]:
     """Find where the vehicle never flew, by its own account, or not on rotors alone."""
     if is_vtol(scan):
         yield doubt("vtol", VTOL)
-    armed, air = _armed(scan), _in_air(scan)
+    armed, air = _armed_state(scan), _in_air(scan)
     if armed is not None and not armed[1].any():
         yield doubt(
             "never-armed",
@@ -239,7 +239,7 @@ def flight_doubts(scan: Scan) -> Iterator[Finding]:
 _State = tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]
 
 
-def _armed(scan: Scan) -> _State | None:
+def _armed_state(scan: Scan) -> _State | None:
     topic, flag = scan.first("actuator_armed"), None
     if topic is not None:
         flag = topic.number("armed")
@@ -256,7 +256,7 @@ def _in_air(scan: Scan) -> _State | None:
     return None if topic is None or landed is None else (topic.time, landed == 0)
 
 
-def _spans(
+def _true_spans(
     time: Float[np.ndarray, " n"], state: Bool[np.ndarray, " n"]
 ) -> list[tuple[float, float]]:
     """Find the first few stretches of True [s]; each ends at the first False after it."""
@@ -329,17 +329,17 @@ _A_DATE: Final = 1e9
 
 def circumstances_of(scan: Scan, begin: float) -> Circumstances:
     """Collect the metadata of the log; `begin` is its first sample [s]."""
-    pressure, temperature = _air(scan)
+    pressure, temperature = _read_air(scan)
     number = str(scan.info.get("sys_uuid", "")).strip()
     return Circumstances(
         hardware=number if number.strip("0") else "",  # simulators have none
-        started=_started(scan, begin),
+        started=_start_time(scan, begin),
         air_pressure=pressure,
         air_temperature=temperature,
     )
 
 
-def _air(scan: Scan) -> tuple[float | None, float | None]:
+def _read_air(scan: Scan) -> tuple[float | None, float | None]:
     topic = scan.first("vehicle_air_data")
     pressure = None if topic is None else topic.number("baro_pressure_pa")
     if topic is None or pressure is None:
@@ -352,7 +352,7 @@ def _air(scan: Scan) -> tuple[float | None, float | None]:
     return None, None
 
 
-def _started(scan: Scan, begin: float) -> float | None:
+def _start_time(scan: Scan, begin: float) -> float | None:
     """Find when the log began, by the clock of the satellites."""
     for name in _GPS:
         topic = scan.first(name)

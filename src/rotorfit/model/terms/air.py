@@ -167,7 +167,7 @@ def translational_lift(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Bloc
     return {"translational_lift": block(layout, {(FZ, "vxy2"): -1.0})}
 
 
-def _drag(axis: str, words: str) -> ParameterInfo:
+def _drag_parameter(axis: str, words: str) -> ParameterInfo:
     return ParameterInfo(
         "N s/m",
         1,
@@ -231,9 +231,9 @@ DRAG: Final = Term(
     words="air drag of the frame, in proportion to its velocity",
     when="likelihood",
     parameters={
-        "drag_x": _drag("x", "forward"),
-        "drag_y": _drag("y", "to the left"),
-        "drag_z": _drag("z", "up"),
+        "drag_x": _drag_parameter("x", "forward"),
+        "drag_y": _drag_parameter("y", "to the left"),
+        "drag_z": _drag_parameter("z", "up"),
         **{name: _drag_moment(name[-2], name[-1]) for name in DRAG_MOMENTS},
     },
     owner="configuration",

@@ -110,7 +110,7 @@ def _first_moment(axis: str) -> ParameterInfo:
     )
 
 
-def _moment(name: str, motion: Motion, axis: str) -> ParameterInfo:
+def _moment_parameter(name: str, motion: Motion, axis: str) -> ParameterInfo:
     return ParameterInfo(
         "kg m^2",
         1,
@@ -121,7 +121,7 @@ def _moment(name: str, motion: Motion, axis: str) -> ParameterInfo:
     )
 
 
-def _product(name: str, motion: Motion, relevant: Rule) -> ParameterInfo:
+def _product_parameter(name: str, motion: Motion, relevant: Rule) -> ParameterInfo:
     return ParameterInfo(
         "kg m^2",
         1,
@@ -132,7 +132,7 @@ def _product(name: str, motion: Motion, relevant: Rule) -> ParameterInfo:
     )
 
 
-def _bias(axis: str) -> ParameterInfo:
+def _bias_parameter(axis: str) -> ParameterInfo:
     tilt = "" if axis == "z" else ", mounting tilt included"
     return ParameterInfo(
         "m/s^2",
@@ -160,12 +160,18 @@ FIRST_MOMENTS: Final = Term(
 INERTIA: Final = Term(
     name="inertia",
     parameters={
-        "Ixx": _moment("Ixx", "roll", "Roll"),
-        "Iyy": _moment("Iyy", "pitch", "Pitch"),
-        "Izz": _moment("Izz", "yaw", "Yaw"),
-        "Ixy": _product("Ixy", "roll", lambda s: product_scale(s.moments[0], s.moments[1])),
-        "Ixz": _product("Ixz", "roll", lambda s: product_scale(s.moments[0], s.moments[2])),
-        "Iyz": _product("Iyz", "pitch", lambda s: product_scale(s.moments[1], s.moments[2])),
+        "Ixx": _moment_parameter("Ixx", "roll", "Roll"),
+        "Iyy": _moment_parameter("Iyy", "pitch", "Pitch"),
+        "Izz": _moment_parameter("Izz", "yaw", "Yaw"),
+        "Ixy": _product_parameter(
+            "Ixy", "roll", lambda s: product_scale(s.moments[0], s.moments[1])
+        ),
+        "Ixz": _product_parameter(
+            "Ixz", "roll", lambda s: product_scale(s.moments[0], s.moments[2])
+        ),
+        "Iyz": _product_parameter(
+            "Iyz", "pitch", lambda s: product_scale(s.moments[1], s.moments[2])
+        ),
     },
     owner="configuration",
     entries=body_inertia,
@@ -174,7 +180,7 @@ ACCEL_BIAS: Final = Term(
     name="accel_bias",
     words="the bias of the accelerometer",
     when="default",
-    parameters={f"accel_bias_{axis}": _bias(axis) for axis in "xyz"},
+    parameters={f"accel_bias_{axis}": _bias_parameter(axis) for axis in "xyz"},
     owner="configuration",
     # Force m (alpha - b), torque ms x (alpha - b).
     moves=(

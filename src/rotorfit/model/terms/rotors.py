@@ -183,7 +183,7 @@ def spread_std(rotor: Rotor) -> float:
     return ROTOR_SPREAD_STD if rotor.group is None else GROUP_SPREAD_STD
 
 
-def _thrust(rotor: str) -> ParameterInfo:
+def _thrust_parameter(rotor: str) -> ParameterInfo:
     return ParameterInfo(
         "N s^2/rad^2",
         1,
@@ -196,7 +196,7 @@ def _thrust(rotor: str) -> ParameterInfo:
 
 THRUST: Final = Term(
     name="thrust",
-    parameters={"kt": replace(_thrust("a rotor"), between_flights="air")},
+    parameters={"kt": replace(_thrust_parameter("a rotor"), between_flights="air")},
     owner="shared",
     entries=rotor_thrust,
 )
@@ -243,7 +243,7 @@ ROTOR_SPREAD: Final = Term(
     name="rotor_spread",
     words="a thrust coefficient of each rotor's own (kt_1, kt_2, ...)",
     when="default",
-    parameters={f"kt_{i}": _thrust(f"rotor {i}") for i in range(1, MOST_ROTORS + 1)},
+    parameters={f"kt_{i}": _thrust_parameter(f"rotor {i}") for i in range(1, MOST_ROTORS + 1)},
     owner="rotor",
     dropped=4,
 )

@@ -115,7 +115,7 @@ class Term:
     - `name`, `words`: in the experiment file; "the model includes ..." in results.
     - `parameters`: by name, as results have them.
     - `owner`: who has a value of its own for each parameter.
-    - `entries`: function for A_p of its entries of theta; None where those of other terms serve.
+    - `entries`: function for A_p of its entries of theta; None if those of other terms serve.
     - `moves`: entries that its parameters move; empty: each parameter is its own entry.
     - `when`: it is in the model always, by default, if the likelihood asks for it, or if declared.
     - `needs`: of the flights or the vehicle.

@@ -64,12 +64,12 @@ def is_lost(flight: ModelFlight) -> bool:
 
 
 def departure(flight: ModelFlight) -> float:
-    """Compute how far the height got from what was asked of it in hover [m]."""
+    """Compute the largest height error in hover [m]."""
     return float(np.abs(flight.flown - flight.asked).max())
 
 
 def overshoot(flight: ModelFlight) -> float:
-    """Compute how far a step went beyond what was asked, as a share of it."""
+    """Compute the overshoot of a step as a share of the step."""
     return max(float(flight.flown.max()) / float(flight.asked[-1]) - 1.0, 0.0)
 
 
@@ -119,7 +119,7 @@ class FlyOutcome:
 
     def to_json(self) -> str:
         """Return the numbers as JSON text."""
-        return json.dumps(_plain(self), indent=1, allow_nan=False) + "\n"
+        return json.dumps(_plain_outcome(self), indent=1, allow_nan=False) + "\n"
 
 
 def reported_times(outcome: FlyOutcome) -> tuple[float, ...]:
@@ -130,15 +130,15 @@ def reported_times(outcome: FlyOutcome) -> tuple[float, ...]:
 
 def rate_errors(outcome: FlyOutcome, label: str, time: float) -> Float[np.ndarray, " 3"]:
     """Compute the rms error of the rates so long after the start of a window [rad/s]."""
-    return _at(outcome, error_growth(outcome.replays, label), time)
+    return _growth_at(outcome, error_growth(outcome.replays, label), time)
 
 
 def band(outcome: FlyOutcome, time: float) -> Float[np.ndarray, " 3"]:
     """Compute the half-width that the intervals of the parameters give the rates [rad/s]."""
-    return _at(outcome, band_growth(outcome.replays, IDENTIFIED), time)
+    return _growth_at(outcome, band_growth(outcome.replays, IDENTIFIED), time)
 
 
-def _at(
+def _growth_at(
     outcome: FlyOutcome, growth: Float[np.ndarray, "S 3"], time: float
 ) -> Float[np.ndarray, " 3"]:
     return growth[int(np.argmin(np.abs(growth_time(outcome.replays) - time)))]
@@ -164,7 +164,7 @@ def steady_share(outcome: FlyOutcome) -> Float[np.ndarray, " 3"]:
     return np.abs(errors.mean(axis=0)) / size
 
 
-def _plain(outcome: FlyOutcome) -> dict[str, Any]:
+def _plain_outcome(outcome: FlyOutcome) -> dict[str, Any]:
     compared = (*outcome.labels, HOLD)
     return {
         "name": outcome.name,
@@ -198,7 +198,7 @@ def _plain(outcome: FlyOutcome) -> dict[str, Any]:
             },
         },
         "manoeuvres": {
-            label: {flight.manoeuvre: _flown(flight) for flight in flights}
+            label: {flight.manoeuvre: _plain_flight(flight) for flight in flights}
             for label, flights in outcome.manoeuvres.items()
         },
         "notes": list(outcome.notes),
@@ -219,7 +219,7 @@ def _by_axis(values: Float[np.ndarray, " 3"]) -> dict[str, float | None]:
     }
 
 
-def _flown(flight: ModelFlight) -> dict[str, Any]:
+def _plain_flight(flight: ModelFlight) -> dict[str, Any]:
     if is_lost(flight):
         return {"lost": True}
     if flight.manoeuvre not in STEPS:

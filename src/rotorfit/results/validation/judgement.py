@@ -97,13 +97,14 @@ class Judgement:
     def sentence(self) -> str:
         """The answer with the number that decides, then the axes that are better."""
         rests = f" It rests on doubtful numbers: {', '.join(self.doubtful)}."
+        why = _explain_level(self.level, self._worst_axis)
         return (
-            f"Does it fly as flown? {HEADS[self.level]}: {_decided(self.level, self._worst)}."
-            f"{self._better}{rests if self.doubtful else ''}"
+            f"Does it fly as flown? {HEADS[self.level]}: {why}."
+            f"{self._better_axes}{rests if self.doubtful else ''}"
         )
 
     @property
-    def _worst(self) -> AxisJudgement:
+    def _worst_axis(self) -> AxisJudgement:
         """The axis that decides the level, by the number that decides it."""
         level, of_level = self.level, [one for one in self.axes if one.level == self.level]
         if level == "with-feedback":
@@ -111,12 +112,16 @@ class Judgement:
         return max(of_level, key=lambda one: (one.wrench_error or 0.0) / GOOD_ERROR[one.axis])
 
     @property
-    def _better(self) -> str:
+    def _better_axes(self) -> str:
         """The axes that do not decide, by their level."""
         parts = [
             f"{WORDS[level]}: {', '.join(map(_with_number, found))}"
             for level in LEVELS
-            if (found := [one for one in self.axes if one.level == level and one != self._worst])
+            if (
+                found := [
+                    one for one in self.axes if one.level == level and one != self._worst_axis
+                ]
+            )
         ]
         return f" {'; '.join(parts).capitalize()}." if parts else ""
 
@@ -130,7 +135,7 @@ class Judgement:
         }
 
 
-def _decided(level: Level, worst: AxisJudgement) -> str:
+def _explain_level(level: Level, worst: AxisJudgement) -> str:
     """Explain a level by the axis and the number that decide it."""
     what = "thrust" if worst.axis == "thrust" else f"{worst.axis} moment"
     good = f"up to {short(100.0 * GOOD_ERROR[worst.axis])} % is good"
@@ -170,7 +175,9 @@ def judgement(
         of_rates = dict(zip(AXES, zip(held, right, strict=True), strict=True))
     return Judgement(
         axes=tuple(
-            _judged_axis(axis, _error(compared, component), *of_rates.get(axis, (None, None)))
+            _judged_axis(
+                axis, _relative_error(compared, component), *of_rates.get(axis, (None, None))
+            )
             for axis, component in COMPONENT_OF.items()
         ),
         doubtful=doubtful,
@@ -203,7 +210,7 @@ def _judged_axis(
     )
 
 
-def _error(comparisons: Sequence[WrenchComparison], component: str) -> float | None:
+def _relative_error(comparisons: Sequence[WrenchComparison], component: str) -> float | None:
     """Compute what the rotors leave of a component over theirs, of all flights that have it."""
     known = [c for c in comparisons if component in c.relative_error]
     if not known:
@@ -233,12 +240,12 @@ def _beyond_band(replays: Sequence[Replay]) -> dict[str, str]:
             continue
         words[axis] = (
             f"{axis}: the error is {ratio:.1f} times what the parameters' intervals allow. "
-            f"{_cause(steady, moved, of='the error')}"
+            f"{_explain_cause(steady, moved, of='the error')}"
         )
     return words
 
 
-def _cause(steady: float, moved: float, *, of: str) -> str:
+def _explain_cause(steady: float, moved: float, *, of: str) -> str:
     """Explain an error by the shares of its power: steady, with the motion, and the rest."""
     rest = 1.0 - steady - moved
     if rest >= max(steady, moved):
@@ -295,16 +302,16 @@ def moment_splits(comparisons: Sequence[WrenchComparison]) -> list[MomentSplit]:
 def moment_sentences(
     comparisons: Sequence[WrenchComparison], *, axes: Sequence[str] = AXES
 ) -> list[str]:
-    """Explain moments that are not good: what the rotors made of them, and what the rest is."""
+    """Explain badly predicted moments: the rotors' share, and what the rest looks like."""
     words: list[str] = []
     for split in moment_splits(comparisons):
-        error = _error(comparisons, COMPONENT_OF[split.axis])
+        error = _relative_error(comparisons, COMPONENT_OF[split.axis])
         if split.axis not in axes or error is None or error <= GOOD_ERROR[split.axis]:
             continue
         share = f"{100 * split.by_rotors:.0f} %" if split.by_rotors > 0.0 else "nothing"
         words.append(
             f"{split.axis}: the rotors explain {share} of the moment in this flight. "
-            f"{_cause(split.steady, split.with_motion, of='the rest')}"
+            f"{_explain_cause(split.steady, split.with_motion, of='the rest')}"
         )
     return words
 

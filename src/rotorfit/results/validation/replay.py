@@ -78,7 +78,7 @@ class Replay:
     - `block`: duration of a block of the accelerations [s].
     - `rates`, `force`: as flown, smoothed [rad/s], and means over blocks [m/s^2].
     - `predicted`: the first one is the result's.
-    - `comparison`: of the wrenches of the same flight; None where it is too short.
+    - `comparison`: of the wrenches of the same flight; None if it is too short.
     """
 
     flight: str
@@ -136,7 +136,7 @@ def replay(
         )
     rows = starts[:, None] + np.arange(steps + 1)
     size = max(round(BLOCK * data.sample_rate), 1)
-    w, a = _smoothed(data, data.angular_velocity), data.specific_force
+    w, a = _smooth_segments(data, data.angular_velocity), data.specific_force
     return Replay(
         flight=flight,
         sha256=sha256,
@@ -144,9 +144,9 @@ def replay(
         time=data.time[rows] - data.time[0],
         block=size / data.sample_rate,
         rates=w[rows],
-        force=_blocks(a[rows], size),
+        force=_average_blocks(a[rows], size),
         predicted=tuple(
-            _predicted(label, entrant, dt, rows=rows, start=w[starts], size=size)
+            _predict_windows(label, entrant, dt, rows=rows, start=w[starts], size=size)
             for label, entrant in entrants.items()
         ),
     )
@@ -163,20 +163,22 @@ def window_starts(data: FlightData, steps: int) -> Int[np.ndarray, " K"]:
     return starts[np.linspace(0, len(starts) - 1, MOST_WINDOWS).astype(np.int64)]
 
 
-def _smoothed(data: FlightData, values: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+def _smooth_segments(
+    data: FlightData, values: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
     out = values.copy()
     for s in data.segments:
         out[s.start : s.stop] = smooth(values[s.start : s.stop], data.sample_rate, SMOOTH)
     return out
 
 
-def _blocks(values: Float[np.ndarray, "K S 3"], size: int) -> Float[np.ndarray, "K B 3"]:
+def _average_blocks(values: Float[np.ndarray, "K S 3"], size: int) -> Float[np.ndarray, "K B 3"]:
     """Average consecutive samples; an incomplete block at the end is dropped."""
     count = max((values.shape[1] - 1) // size, 1)
     return values[:, : count * size].reshape(len(values), count, -1, 3).mean(axis=2)
 
 
-def _predicted(
+def _predict_windows(
     label: str,
     entrant: Entrant,
     dt: float,
@@ -197,14 +199,14 @@ def _predicted(
         slope = (end - begin) / dt
         rates[:, k] = w[0]
         spread[:, k] = w[1:].std(axis=0) if draws > 2 else 0.0
-        dw = _acceleration(vehicle, inverse, w[:1], speed[:, k], slope)
-        force[:, k] = _force(vehicle, w[0], dw[0], speed[:, k])
+        dw = _angular_acceleration(vehicle, inverse, w[:1], speed[:, k], slope)
+        force[:, k] = _predict_force(vehicle, w[0], dw[0], speed[:, k])
         if not last:
-            w = _stepped(vehicle, inverse, w, (begin, end), dt)
-    return Predicted(label=label, rates=rates, rates_std=spread, force=_blocks(force, size))
+            w = _step_motion(vehicle, inverse, w, (begin, end), dt)
+    return Predicted(label=label, rates=rates, rates_std=spread, force=_average_blocks(force, size))
 
 
-def _acceleration(
+def _angular_acceleration(
     vehicle: ReplayVehicle,
     inverse: Float[np.ndarray, "D 3 3"],
     w: Float[np.ndarray, "E K 3"],
@@ -220,7 +222,7 @@ def _acceleration(
     return (torque - np.cross(w, turning)) @ inverse[first]
 
 
-def _stepped(
+def _step_motion(
     vehicle: ReplayVehicle,
     inverse: Float[np.ndarray, "D 3 3"],
     w: Float[np.ndarray, "D K 3"],
@@ -230,14 +232,14 @@ def _stepped(
     """Take one Runge-Kutta step of fourth order; the speed goes straight between two samples."""
     begin, end = speeds
     slope, middle = (end - begin) / dt, 0.5 * (begin + end)
-    k1 = _acceleration(vehicle, inverse, w, begin, slope)
-    k2 = _acceleration(vehicle, inverse, w + 0.5 * dt * k1, middle, slope)
-    k3 = _acceleration(vehicle, inverse, w + 0.5 * dt * k2, middle, slope)
-    k4 = _acceleration(vehicle, inverse, w + dt * k3, end, slope)
+    k1 = _angular_acceleration(vehicle, inverse, w, begin, slope)
+    k2 = _angular_acceleration(vehicle, inverse, w + 0.5 * dt * k1, middle, slope)
+    k3 = _angular_acceleration(vehicle, inverse, w + 0.5 * dt * k2, middle, slope)
+    k4 = _angular_acceleration(vehicle, inverse, w + dt * k3, end, slope)
     return w + dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
 
 
-def _force(
+def _predict_force(
     vehicle: ReplayVehicle,
     w: Float[np.ndarray, "K 3"],
     dw: Float[np.ndarray, "K 3"],
@@ -255,12 +257,12 @@ def error_growth(replays: Sequence[Replay], label: str) -> Float[np.ndarray, "S 
 
     Of `HOLD`: the error of the prediction of constant rates.
     """
-    return _rms([_rates(r, label) - r.rates for r in replays])
+    return _rms_of_errors([_rates_of_label(r, label) - r.rates for r in replays])
 
 
 def band_growth(replays: Sequence[Replay], label: str) -> Float[np.ndarray, "S 3"]:
     """Compute the half-width of the 95 % band of the parameters, rms over all windows [rad/s]."""
-    return NORMAL_95 * _rms([_of(r, label).rates_std for r in replays])
+    return NORMAL_95 * _rms_of_errors([_prediction_of(r, label).rates_std for r in replays])
 
 
 def force_errors(replays: Sequence[Replay], label: str) -> Float[np.ndarray, " 3"]:
@@ -268,29 +270,32 @@ def force_errors(replays: Sequence[Replay], label: str) -> Float[np.ndarray, " 3
 
     Of `HOLD`: of the first block of each window, held.
     """
-    errors = [(r.force[:, :1] if label == HOLD else _of(r, label).force) - r.force for r in replays]
+    errors = [
+        (r.force[:, :1] if label == HOLD else _prediction_of(r, label).force) - r.force
+        for r in replays
+    ]
     return np.sqrt(np.mean(np.concatenate([e.reshape(-1, 3) for e in errors]) ** 2, axis=0))
 
 
-def _rms(errors: Sequence[Float[np.ndarray, "_ _ 3"]]) -> Float[np.ndarray, "S 3"]:
+def _rms_of_errors(errors: Sequence[Float[np.ndarray, "_ _ 3"]]) -> Float[np.ndarray, "S 3"]:
     """Compute the root mean square over windows; faster logs are thinned evenly to the slowest."""
     least = min(e.shape[1] for e in errors)
-    thinned = [e[:, _spread(e.shape[1], least)] for e in errors]
+    thinned = [e[:, _spread_places(e.shape[1], least)] for e in errors]
     return np.sqrt(np.mean(np.concatenate(thinned) ** 2, axis=0))
 
 
-def _spread(count: int, least: int) -> Int[np.ndarray, " k"]:
+def _spread_places(count: int, least: int) -> Int[np.ndarray, " k"]:
     """Return `least` of `count` places, evenly spread, both ends among them."""
     return (np.linspace(0, count - 1, least) + 0.5).astype(np.int64)
 
 
-def _rates(replay: Replay, label: str) -> Float[np.ndarray, "K S 3"]:
+def _rates_of_label(replay: Replay, label: str) -> Float[np.ndarray, "K S 3"]:
     if label == HOLD:
         return np.repeat(replay.rates[:, :1], replay.rates.shape[1], axis=1)
-    return _of(replay, label).rates
+    return _prediction_of(replay, label).rates
 
 
-def _of(replay: Replay, label: str) -> Predicted:
+def _prediction_of(replay: Replay, label: str) -> Predicted:
     return next(p for p in replay.predicted if p.label == label)
 
 
@@ -329,12 +334,16 @@ def replay_flights(
     for entry in entries or _flights_of(experiment, owner):
         if report is not None:
             report(f"replaying {Path(entry.file).name}")
-        used = load_flight(entry, experiment) if entries else _unchanged(result, experiment, entry)
-        replays.append(_replayed(result, used, owner, vehicles))
+        used = (
+            load_flight(entry, experiment)
+            if entries
+            else _load_unchanged(result, experiment, entry)
+        )
+        replays.append(_replay_flight(result, used, owner, vehicles))
     return replays
 
 
-def _replayed(
+def _replay_flight(
     result: IdentificationResult,
     used: LoadedFlight,
     owner: str,
@@ -370,7 +379,7 @@ def validated_flight(
     try:
         vehicle = replay_vehicle(result, owner)
         timed = Timed(vehicle=vehicle, response=fitted_response(result))
-        return compared, (_replayed(result, used, owner, {IDENTIFIED: timed}),)
+        return compared, (_replay_flight(result, used, owner, {IDENTIFIED: timed}),)
     except (ExperimentError, FlightError):
         return compared, ()
 
@@ -384,7 +393,7 @@ def _flights_of(experiment: Experiment, owner: str) -> list[FlightEntry]:
     ]
 
 
-def _unchanged(
+def _load_unchanged(
     result: IdentificationResult, experiment: Experiment, entry: FlightEntry
 ) -> LoadedFlight:
     """Load a flight of the result; refuse it where it has changed since the fit."""

@@ -128,7 +128,9 @@ def replay_vehicle(
     given = unknown_body(result, owner, assumed) | dict(assumed or {})
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
-    values = about_com(_with(_drawn(result, owner, SPARE * draws), given, result, owner))
+    values = about_com(
+        _insert_given(_draw_numbers(result, owner, SPARE * draws), given, result, owner)
+    )
     # About the CoM the result may know what at the origin it does not: then without draws.
     scale = given.get("mass", 1.0) if result.parameter("mass", owner).value is None else 1.0
     for d in result.derived:
@@ -144,8 +146,8 @@ def replay_vehicle(
             f"{', '.join(missing)} of configuration {owner}: not known from these flights, and "
             "the model cannot fly without; give your own (--assume NAME=VALUE)"
         )
-    stack = _stack(values, vehicle)
-    good = _possible(stack)
+    stack = _stack_values(values, vehicle)
+    good = _can_fly(stack)
     if not good[0]:
         raise ExperimentError(
             "no body has the inertia about the CoM that these numbers give (or thrust is not "
@@ -156,7 +158,7 @@ def replay_vehicle(
     return replace(stack, **{name: getattr(stack, name)[rows] for name in stacked})
 
 
-def _drawn(result: IdentificationResult, owner: str, draws: int) -> Values:
+def _draw_numbers(result: IdentificationResult, owner: str, draws: int) -> Values:
     """Draw the known parameters of a configuration, the nominal ones first."""
     shift = np.zeros((1 + draws, len(result.covariance_names)))
     if draws and result.covariance_names:
@@ -174,7 +176,7 @@ def _drawn(result: IdentificationResult, owner: str, draws: int) -> Values:
     return values
 
 
-def _with(
+def _insert_given(
     values: Values, given: Mapping[str, float], result: IdentificationResult, owner: str
 ) -> Values:
     """Insert assumed numbers; an assumed mass makes what is per kilogram absolute.
@@ -192,7 +194,7 @@ def _with(
     return out | {name: np.full_like(out["mass"], given[name]) for name in given if name in out}
 
 
-def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
+def _stack_values(values: Values, vehicle: Vehicle) -> ReplayVehicle:
     """Stack the values as arrays for a step of the motion."""
     zero = np.zeros_like(values["mass"])
 
@@ -229,7 +231,7 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
     )
 
 
-def _possible(stack: ReplayVehicle) -> Bool[np.ndarray, " D"]:
+def _can_fly(stack: ReplayVehicle) -> Bool[np.ndarray, " D"]:
     """Select the vehicles that can fly: finite, inertia positive, thrust upwards."""
     whole = np.concatenate([stack.inertia, stack.torque, stack.thrust], axis=1)
     finite: Bool[np.ndarray, " D"] = np.all(np.isfinite(whole), axis=(1, 2))

@@ -178,7 +178,7 @@ def validation_comparisons(
 def drawn_comparisons(
     result: IdentificationResult, experiment: Experiment
 ) -> list[WrenchComparison]:
-    """Compare wrenches on validation flights; where there is none, on those of the fit."""
+    """Compare wrenches on validation flights, or on the fitted flights if there are none."""
     return validation_comparisons(result, experiment) or fitted_comparisons(result)
 
 
@@ -207,8 +207,8 @@ def compare_wrenches(
     fitted: bool = False,
 ) -> WrenchComparison:
     """Compare both sides of the equations of motion on one prepared flight."""
-    owner = _owner(result, configuration)
-    known = _known(result, owner)
+    owner = _select_owner(result, configuration)
+    known = _known_values(result, owner)
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     present = [term for term in OPTIONAL if set(term.parameters) & set(known)]
@@ -228,7 +228,7 @@ def compare_wrenches(
         )
     parts = [filtered_signals(data, vehicle, s, lowpass, added=added)[end:-end] for s in inner]
     Z = np.concatenate(parts)
-    body, rotors = _wrenches(_without_bias(Z, known), model, known)
+    body, rotors = _compute_wrenches(_without_bias(Z, known), model, known)
     time = np.concatenate([data.time[s.start + end : s.stop - end] for s in inner])
     time = time - used.recorded.start
     predicted = [
@@ -261,7 +261,7 @@ def _speed_range(prepared: PreparedFlight) -> tuple[float, float]:
     return low, high
 
 
-def _owner(result: IdentificationResult, configuration: str | None) -> str:
+def _select_owner(result: IdentificationResult, configuration: str | None) -> str:
     """Select the configuration of the body."""
     names = configuration_names(result)
     owner = meant_configuration(names, configuration)
@@ -273,7 +273,7 @@ def _owner(result: IdentificationResult, configuration: str | None) -> str:
     )
 
 
-def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
+def _known_values(result: IdentificationResult, owner: str) -> dict[str, float]:
     """Return the values of a configuration; what was removed as unessential counts as zero.
 
     Where mass and rotors are is that of a replay: both judge the same vehicle.
@@ -321,7 +321,7 @@ def _without_bias(
     return clean
 
 
-def _wrenches(
+def _compute_wrenches(
     Z: Float[np.ndarray, "n z"], model: Regressor, known: Mapping[str, float]
 ) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "n 6"]]:
     """Compute body wrench and rotor wrench; drag and constant torque belong to the rotors."""

@@ -43,7 +43,7 @@ class WrenchComparison:
         Largest autocorrelation of the difference beyond the low-pass's own memory, by component:
         near 0 where nothing of the motion is left in it.
     speeds
-        Between which 99.8 % of the rotor speeds in the air were [rad/s]; None where not known.
+        Between which 99.8 % of the rotor speeds in the air were [rad/s]; None if not known.
     """
 
     configuration: str
@@ -98,13 +98,13 @@ def wrench_spectra(comparisons: Sequence[WrenchComparison]) -> WrenchSpectra | N
     for comparison in comparisons:
         error = comparison.relative_error
         shown = [name for name in SHOWN if math.isfinite(error.get(name, math.nan))]
-        for rows, rate in _stretches(comparison):
+        for rows, rate in _whole_stretches(comparison):
             count = 2 * len(rows) // whole_samples(WINDOW_SECONDS * rate) - 1
             seconds += len(rows) / rate
             for name in shown:
                 i = COMPONENTS.index(name)
                 body, rotor = comparison.body_wrench[rows, i], comparison.rotor_wrench[rows, i]
-                sums[name] += count * _spectra(body, rotor, rate, grid)
+                sums[name] += count * _estimate_spectra(body, rotor, rate, grid)
                 windows[name] += count
     enough = [name for name in SHOWN if INDEPENDENT * windows[name] >= FEWEST_WINDOWS]
     if not enough:
@@ -130,7 +130,7 @@ def _coherence_and_ratio(
     return coherence, np.sqrt(rotor / np.maximum(left, 1e-12 * rotor + TINY))
 
 
-def _stretches(comparison: WrenchComparison) -> Iterator[tuple[np.ndarray, float]]:
+def _whole_stretches(comparison: WrenchComparison) -> Iterator[tuple[np.ndarray, float]]:
     """Yield the rows of stretches without a cut that hold a window, and their sample rate."""
     time = comparison.time
     if len(time) < 2:
@@ -146,7 +146,7 @@ def _stretches(comparison: WrenchComparison) -> Iterator[tuple[np.ndarray, float
             yield rows, 1.0 / step
 
 
-def _spectra(
+def _estimate_spectra(
     body: Float[np.ndarray, " n"],
     rotor: Float[np.ndarray, " n"],
     rate: float,

@@ -41,7 +41,7 @@ class RateController:
     u = P e + I int e + D e' (or - D y') + FF r, e = r - y; cut-offs [Hz] are 0 without a filter.
 
     - `P`, `I`, `D`, `FF`: gains on the rate error, its integral, the slope, and the set point.
-    - `angle`: rate asked for per angle [1/s]; 0 where the outer loop is not known.
+    - `angle`: rate asked for per angle [1/s]; 0 if the outer loop is not known.
     - `period`: between two runs [s].
     - `set_point_lowpass`, `error_lowpass`, `slope_lowpass`, `output_lowpass`: of first order.
     - `slope_of`: whether D acts on the error or on the measured rate.
@@ -74,30 +74,33 @@ class RateController:
         return response
 
     def derivative_share(self, frequency: float) -> float:
-        """Compute the size of what D adds to the output over that of P and I, at one frequency."""
+        """Compute the amplitude ratio of the D part to the P and I parts at a frequency."""
         z, T = delays(np.array([frequency]), self.period), self.period
         by_error = self._on_error(z)
         if self.slope_of == "rate":
             by_error = by_error * first_order(z, self.error_lowpass, T)
-        return float(abs(self._slope(z)[0]) / max(abs(by_error[0]), np.finfo(float).tiny))
+        return float(abs(self._slope_path(z)[0]) / max(abs(by_error[0]), np.finfo(float).tiny))
 
     def from_rate(self, frequency: Float[np.ndarray, " f"]) -> Response:
         """Compute the response of the output to the rate, with the sign turned."""
         z, T = delays(frequency, self.period), self.period
-        slope = self._slope(z)
-        return self._out(z) * (self._on_error(z) * first_order(z, self.error_lowpass, T) + slope
-                               if self.slope_of == "rate"
-                               else (self._on_error(z) + slope)
-                               * first_order(z, self.error_lowpass, T))  # fmt: skip
+        slope, low = self._slope_path(z), first_order(z, self.error_lowpass, T)
+        error = self._on_error(z)
+        filtered = error * low + slope if self.slope_of == "rate" else (error + slope) * low
+        return self._output_path(z) * filtered
 
     def from_set_point(self, frequency: Float[np.ndarray, " f"]) -> Response:
         """Compute the response of the output to the set point as it is used."""
         z, T = delays(frequency, self.period), self.period
         on_error = self._on_error(z)
         if self.slope_of == "error":
-            on_error = on_error + self._slope(z)
+            on_error = on_error + self._slope_path(z)
         asked = first_order(z, self.set_point_lowpass, T)
-        return self._out(z) * asked * (on_error * first_order(z, self.error_lowpass, T) + self.FF)
+        return (
+            self._output_path(z)
+            * asked
+            * (on_error * first_order(z, self.error_lowpass, T) + self.FF)
+        )
 
     def from_angle(self, frequency: Float[np.ndarray, " f"]) -> Response:
         """Compute the response of the output to the rate by way of the attitude loop, turned."""
@@ -107,11 +110,11 @@ class RateController:
     def _on_error(self, z: Response) -> Response:
         return self.P + self.I * integral(z, self.period, late=self.slope_of == "rate")
 
-    def _slope(self, z: Response) -> Response:
+    def _slope_path(self, z: Response) -> Response:
         T = self.period
         return self.D * difference(z, T) * first_order(z, self.slope_lowpass, T)
 
-    def _out(self, z: Response) -> Response:
+    def _output_path(self, z: Response) -> Response:
         return first_order(z, self.output_lowpass, self.period)
 
     def replayed(
@@ -121,8 +124,8 @@ class RateController:
         slope: Float[np.ndarray, " n"] | None = None,
     ) -> Float[np.ndarray, " n"]:
         """Compute the output for set points as used and rates; `slope`: as the log has it."""
-        asked = self._low(set_point, self.set_point_lowpass)
-        error = self._low(asked - rate, self.error_lowpass)
+        asked = self._low_passed(set_point, self.set_point_lowpass)
+        error = self._low_passed(asked - rate, self.error_lowpass)
         followed = error if self.slope_of == "error" else -rate
         steep = self.derivative(followed) if slope is None else -slope
         late = self.slope_of == "rate"
@@ -131,14 +134,16 @@ class RateController:
         if late:
             total = np.concatenate([[0.0], total[:-1]])
         out = self.P * error + self.I * total + self.D * steep + self.FF * asked
-        return self._low(out, self.output_lowpass)
+        return self._low_passed(out, self.output_lowpass)
 
     def derivative(self, values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Compute the derivative that D acts on."""
         change = np.diff(values, prepend=values[:1]) / self.period
-        return self._low(change, self.slope_lowpass)
+        return self._low_passed(change, self.slope_lowpass)
 
-    def _low(self, values: Float[np.ndarray, " n"], cutoff: float) -> Float[np.ndarray, " n"]:
+    def _low_passed(
+        self, values: Float[np.ndarray, " n"], cutoff: float
+    ) -> Float[np.ndarray, " n"]:
         alpha = smoothing(cutoff, self.period)
         if alpha == 1.0:
             return values
@@ -279,7 +284,7 @@ class ThrustCurve:
 
 
 def thrust_curve(log: ControllerLog) -> ThrustCurve | None:
-    """Read the curve by which the mixer commands motors; None where the log does not have it.
+    """Read the curve by which the mixer commands motors; None if the log does not have it.
 
     PX4: src/lib/mixer_module, THR_MDL_FAC; ArduCopter: AP_Motors_Thrust_Linearization.cpp.
     """
@@ -299,7 +304,7 @@ def thrust_curve(log: ControllerLog) -> ThrustCurve | None:
 
 
 def _low_pass(log: ControllerLog, name: str) -> tuple[GyroFilter, ...]:
-    """Read the low-pass of the gyro; none where it is off."""
+    """Read the low-pass of the gyro; empty if it is off."""
     cutoff = log.parameters.get(name, 0.0)
     return (GyroFilter(frequency=cutoff, order=2),) if cutoff > 0.0 else ()
 

@@ -87,7 +87,7 @@ class AxisLoop:
     controller
         As flown.
     replay, mixer
-        Of its output, and of the motors' commands by it; None where the log has no curve of them.
+        Of its output, and of the motors' commands by it; None if the log has no curve of them.
     contradicts
         Whether its closed loop contradicts the result.
     rate_loop, with_attitude
@@ -95,12 +95,12 @@ class AxisLoop:
     bands, error
         Of the measured closed loop, and what they say of effectiveness and delay.
     doubts
-        Why no margin of it is proved; empty where it is.
+        Why no margin of it is proved; empty if it is.
     derivative_share
         Size of what D adds to the output over that of P and I, at the crossover.
     gains
         Factor of P, I and D, and the peak of the sensitivity that 97.5 % of the vehicles stay
-        below; infinite where more oscillate.
+        below; infinite if more oscillate.
     step
         Of the rate loop alone.
     frequency, open_loop, closed_loop
@@ -137,7 +137,7 @@ class AxisLoop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopOutcome:
-    """The loops of a flight, and what to know of them.
+    """The rate loops of a flight, with notes about them.
 
     Attributes
     ----------
@@ -224,7 +224,7 @@ def judge_flight(
     """
     flight = flown(log, controller, result)
     axes = [
-        _axis(result, owner, log, flight, i, read(flight.log, i), draws, seed)
+        _axis_loop(result, owner, log, flight, i, read(flight.log, i), draws, seed)
         for i in range(len(AXES))
     ]
     return LoopOutcome(
@@ -232,12 +232,12 @@ def judge_flight(
         configuration=owner,
         autopilot=controller.autopilot,
         firmware=controller.firmware,
-        axes=_jointly(axes),
+        axes=_withhold_jointly(axes),
         notes=tuple(notes_of(flight, log)),
     )
 
 
-def _jointly(axes: Sequence[AxisLoop]) -> tuple[AxisLoop, ...]:
+def _withhold_jointly(axes: Sequence[AxisLoop]) -> tuple[AxisLoop, ...]:
     """Withhold the margins of an axis, too, where the other one contradicts the result.
 
     Both rest on one vehicle with one lag and delay: where that is another one, an axis with a
@@ -256,7 +256,7 @@ def _jointly(axes: Sequence[AxisLoop]) -> tuple[AxisLoop, ...]:
     return tuple(out)
 
 
-def _axis(
+def _axis_loop(
     result: IdentificationResult,
     owner: str,
     log: FlightLog,
@@ -280,7 +280,11 @@ def _axis(
     measured = measured_loop(controller, flight, axis)
     grid = loop_frequencies(controller)
     error = _closed_loop_error(
-        body.nominal, loops, partial(_bands, measured, controller), grid, flight.log.set_point_std
+        body.nominal,
+        loops,
+        partial(_compare_bands, measured, controller),
+        grid,
+        flight.log.set_point_std,
     )
     replay, mixer = replay_output(controller, flight, axis), replay_mixer(flight, axis)
     wrong = axis in PROVED_AXES and error.is_wrong(body)
@@ -288,7 +292,7 @@ def _axis(
     vehicles = body if doubts else error.corrected(body, seed)
     frequency = fine_grid(grid, partial(_judged_loops, controller, loops, vehicles))
     inner = loops(vehicles, frequency)
-    bands = _bands(measured, controller, inner[0], frequency)
+    bands = _compare_bands(measured, controller, inner[0], frequency)
     found = margins(frequency, inner)
     closed = closed_loop(controller, inner, frequency)
     rate_loop = measures_of(found, bandwidth(frequency, closed))
@@ -309,7 +313,7 @@ def _axis(
         doubts=tuple(doubts),
         derivative_share=controller.derivative_share(rate_loop.crossover.value),
         gains=_gain_peaks(controller, inner, frequency),
-        step=_step(controller, loops, vehicles, found),
+        step=_step_response(controller, loops, vehicles, found),
         frequency=frequency,
         open_loop=outer,
         closed_loop=closed,
@@ -350,7 +354,7 @@ def _scaled_loops(
         yield factor, _with_attitude(factor * inner, controller.scaled(factor), frequency)
 
 
-def _step(
+def _step_response(
     controller: RateController, loops: RateLoops, vehicles: Plant, found: Margins
 ) -> StepResponse:
     """Compute the response of the rate loop alone to a step of the rate reference."""
@@ -391,7 +395,7 @@ def _with_attitude(
     return inner * (1.0 + controller.from_angle(frequency) / controller.from_rate(frequency))
 
 
-def _bands(
+def _compare_bands(
     measured: MeasuredLoop,
     controller: RateController,
     loop: Complex[np.ndarray, " f"],
@@ -422,7 +426,7 @@ def _closed_loop_error(
 
 
 def loop_to_json(outcome: LoopOutcome) -> str:
-    """Return the outcome as JSON text; null where there is no number."""
+    """Return the outcome as JSON text; null if there is no number."""
     plain = {
         "name": outcome.name,
         "configuration": outcome.configuration,

@@ -26,7 +26,7 @@ TINY: Final = np.finfo(float).tiny
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins:
-    """Margins of D open loops, each the smallest over all crossings; NaN where a loop has none.
+    """Margins of D open loops, each the smallest over all crossings; NaN if a loop has none.
 
     - `crossover`: frequency at which the gain falls to 1 for the last time [Hz].
     - `phase`: smallest distance of the phase from -180 degrees at gain 1, on either side [deg];
@@ -62,14 +62,14 @@ def margins(frequency: Float[np.ndarray, " f"], loops: Complex[np.ndarray, "D f"
     phase = open_phase(loops)
     branch: Int[np.ndarray, "D f"] = np.floor((phase + np.pi) / (2.0 * np.pi)).astype(int)
     turns = _negative_axis(size, phase, branch)
-    stable = _encirclements(size, branch, turns) == 0
+    stable = _count_encirclements(size, branch, turns) == 0
     stable &= size[:, -1] < 0.0
     crossings = _gain_one(np.log(frequency), size, phase)
     falling = crossings.rising < 0
     gain, lower_gain = _gain_margins(turns, stable)
     phase_margin, delay = _phase_margins(crossings, stable)
     return Margins(
-        crossover=_extreme(np.maximum, crossings.loop[falling], crossings.frequency[falling],
+        crossover=_choose_extreme(np.maximum, crossings.loop[falling], crossings.frequency[falling],
                            len(loops)),
         phase=phase_margin,
         gain=gain,
@@ -144,7 +144,7 @@ def _gain_one(
     )
 
 
-def _encirclements(
+def _count_encirclements(
     size: Float[np.ndarray, "D f"], branch: Int[np.ndarray, "D f"], turns: _Turns
 ) -> Int[np.ndarray, " D"]:
     """Count how often each loop encircles -1: pairs of unstable poles of the closed loop."""
@@ -160,8 +160,8 @@ def _gain_margins(
     """Find the factors of the gain nearest to 1, on either side, at which the loop passes -1."""
     higher = turns.size < 0.0
     factor = np.exp(-turns.size)
-    above = _extreme(np.minimum, turns.loop[higher], factor[higher], len(stable))
-    below = _extreme(np.maximum, turns.loop[~higher], factor[~higher], len(stable))
+    above = _choose_extreme(np.minimum, turns.loop[higher], factor[higher], len(stable))
+    below = _choose_extreme(np.maximum, turns.loop[~higher], factor[~higher], len(stable))
     return np.where(stable, above, below), np.where(stable, below, above)
 
 
@@ -172,13 +172,13 @@ def _phase_margins(
     lag, lead = crossings.above, 2.0 * np.pi - crossings.above
     pulse = 2.0 * np.pi * crossings.frequency
     nearest, later, earlier = (
-        _extreme(np.minimum, crossings.loop, values, len(stable))
+        _choose_extreme(np.minimum, crossings.loop, values, len(stable))
         for values in (np.degrees(np.minimum(lag, lead)), lag / pulse, lead / pulse)
     )
     return np.where(stable, nearest, -nearest), np.where(stable, later, -earlier)
 
 
-def _extreme(
+def _choose_extreme(
     choose: np.ufunc, loop: Int[np.ndarray, " c"], values: Float[np.ndarray, " c"], count: int
 ) -> Float[np.ndarray, " D"]:
     """Choose the smallest or largest value of each loop; NaN for a loop without one."""

@@ -20,7 +20,7 @@ HALF_POWER: Final = 0.5**0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
-    """A number of the loop with its 95 % interval; NaN where the loop has none.
+    """A number of the loop with its 95 % interval; NaN if the loop has none.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class LoopMeasures:
 class StepResponse:
     """Rate over the rate asked for, that steps to 1 at time 0 [s], with its 95 % band.
 
-    Without noise, at no motor's limit; NaN where the nominal loop oscillates.
+    Without noise, at no motor's limit; NaN if the nominal loop oscillates.
     """
 
     time: Float[np.ndarray, " t"]
@@ -143,18 +143,18 @@ def bandwidth(
 def measures_of(found: Margins, bandwidths: Float[np.ndarray, " D"]) -> LoopMeasures:
     """Collect the margins and bandwidths [Hz] of vehicles, the nominal one first."""
     return LoopMeasures(
-        crossover=_measure(found.crossover),
-        phase=_measure(found.phase),
-        gain=_measure(found.gain),
-        lower_gain=_measure(found.lower_gain),
-        delay=_measure(found.delay),
-        sensitivity=_measure(found.sensitivity),
-        bandwidth=_measure(bandwidths),
+        crossover=_measure_of(found.crossover),
+        phase=_measure_of(found.phase),
+        gain=_measure_of(found.gain),
+        lower_gain=_measure_of(found.lower_gain),
+        delay=_measure_of(found.delay),
+        sensitivity=_measure_of(found.sensitivity),
+        bandwidth=_measure_of(bandwidths),
         stable=float(found.stable.mean()),
     )
 
 
-def _measure(values: Float[np.ndarray, " D"]) -> Measure:
+def _measure_of(values: Float[np.ndarray, " D"]) -> Measure:
     """Return the nominal number, which comes first, and the interval of all."""
     known = values[np.isfinite(values)]
     if not np.isfinite(values[0]):

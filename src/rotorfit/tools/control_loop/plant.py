@@ -26,7 +26,7 @@ def smoothing(cutoff: float, period: float) -> float:
 
 
 def first_order(z: Response, cutoff: float, period: float) -> Response:
-    """Compute the response of a first-order low-pass with a cut-off [Hz]; 1 where that is 0."""
+    """Compute the response of a first-order low-pass with a cut-off [Hz]; 1 if that is 0."""
     alpha = smoothing(cutoff, period)
     return alpha / (1.0 - (1.0 - alpha) / z)
 

@@ -95,7 +95,7 @@ class ReplayedMixer:
 
 
 def replay_mixer(flight: Flown, axis: int) -> ReplayedMixer | None:
-    """Measure the curve by which commands follow the outputs; None where the log has no curve.
+    """Measure the curve by which commands follow the outputs; None if the log has no curve.
 
     Thrust u + f (u^2 - u) of a motor is linear in the outputs and the mean thrust: what of u is not
     is - f times what of u^2 - u is not. Pieces of the flight show how well f is known.
@@ -218,17 +218,17 @@ def replay_output(controller: RateController, flight: Flown, axis: int) -> Repla
     made = controller.replayed(
         log.set_point[:, axis], log.rate[:, axis], None if log.slope is None else log.slope[:, axis]
     )
-    slope, left = _followed(made, log.output[:, axis], log.period)
+    slope, left = _follows_log(made, log.output[:, axis], log.period)
     derivative = 1.0
     if log.slope is not None:
         smooth = butterworth(2, SMOOTH, 1.0 / log.period)
         both = [controller.derivative(log.rate[:, axis]), log.slope[:, axis]]
         low = [filter_both_ways(smooth, x) for x in both]
-        derivative, _ = _followed(low[0], low[1], log.period)
+        derivative, _ = _follows_log(low[0], low[1], log.period)
     return ReplayedOutput(slope=slope, left=left, derivative=derivative)
 
 
-def _followed(
+def _follows_log(
     made: Float[np.ndarray, " n"], logged: Float[np.ndarray, " n"], period: float
 ) -> tuple[float, float]:
     """Return slope of a logged series over a made one, and the share that is left."""
@@ -377,7 +377,7 @@ def contradictions(
     error: LoopError | None,
     flight: Flown,
 ) -> list[str]:
-    """Say what contradicts the controller and mixer as they were read, or an error the result."""
+    """State what contradicts the controller and mixer as they were read, or an error the result."""
     if axis not in PROVED_AXES:
         return [
             "unproven, whatever is flown: its loop is computed from the rotors' drag torque alone, "
@@ -416,7 +416,7 @@ def contradictions(
 
 
 def too_little(crossover: float, bands: Sequence[Band], error: LoopError) -> list[str]:
-    """Say where the flight does not show the closed loop about the crossover [Hz], and why."""
+    """State where the flight does not show the closed loop about the crossover [Hz], and why."""
     near = [b for b in bands if b.high > crossover and b.low < crossover * NEAR]
     gain, late = error.half_widths
     turn = 2.0 * np.pi * crossover * late
@@ -436,7 +436,7 @@ def too_little(crossover: float, bands: Sequence[Band], error: LoopError) -> lis
 
 
 def notes_of(flight: Flown, log: FlightLog) -> list[str]:
-    """Say what the loops rest on."""
+    """State what the loops rest on."""
     battery = log.channels.get("battery")
     mean = float(flight.commands.mean())
     notes = [

@@ -81,7 +81,7 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
     mean = squares.mean(axis=1)
     flying = (mean > FLYING * np.median(mean)) & (row < len(values))
     flying &= np.isfinite(squares).all(axis=1)
-    begin, end = _longest(flying)
+    begin, end = _longest_flight(flying)
     if (end - begin) * controller.period < LEAST:
         raise LogError(
             f"{log.path}: {(end - begin) * controller.period:.1f} s of flight are too short to "
@@ -112,14 +112,14 @@ def _between_ends(commands: Float[np.ndarray, "n N"]) -> Bool[np.ndarray, " n"]:
     return ((commands > commands.min()) & (commands < commands.max())).all(axis=1)
 
 
-def _longest(flying: np.ndarray) -> tuple[int, int]:
+def _longest_flight(flying: np.ndarray) -> tuple[int, int]:
     runs = true_runs(flying)
     if not runs:
         raise LogError("no flight is in the log: the motors never ran")
     return max(runs, key=lambda run: run[1] - run[0])
 
 
-def _mixing(flight: Flown) -> Float[np.ndarray, "5 N"]:
+def _measure_mixing(flight: Flown) -> Float[np.ndarray, "5 N"]:
     """Measure each rotor's squared speed by the three outputs, the mean square, and a constant.
 
     Where no motor is at an end of its range: there it follows the output no more.
@@ -132,12 +132,12 @@ def _mixing(flight: Flown) -> Float[np.ndarray, "5 N"]:
 
 def mix(flight: Flown) -> Float[np.ndarray, "3 N"]:
     """Measure the change of each rotor's squared speed by the output of each axis."""
-    return _mixing(flight)[:3]
+    return _measure_mixing(flight)[:3]
 
 
 def withheld_output(flight: Flown) -> Float[np.ndarray, "n 3"]:
     """Compute what motors at an end of their range add to the output of each axis."""
-    found = _mixing(flight)
+    found = _measure_mixing(flight)
     put_out = (flight.squares - found[4]) @ np.linalg.pinv(found[:4])[:, :3]
     return np.where(flight.free[:, None], 0.0, put_out - flight.log.output)
 
@@ -156,16 +156,16 @@ def plant(
 
     Raises `EstimationError` if the result does not know the axis.
     """
-    drawn = _drawn(result, owner, draws, seed)
-    torque = _torque(result, owner, flight, axis)
+    drawn = _draw_together(result, owner, draws, seed)
+    torque = _torque_per_output(result, owner, flight, axis)
     if axis == 2:
-        gain = torque * _of(result, "kd_over_Izz", owner, drawn)
+        gain = torque * _draw_ratio(result, "kd_over_Izz", owner, drawn)
         damping = np.zeros_like(gain)
     else:
-        moment = _of(result, INERTIA[axis], owner, drawn)
+        moment = _draw_ratio(result, INERTIA[axis], owner, drawn)
         gain = torque / moment
-        damping = _damping(result, owner, axis) / moment
-    lag, delay = _times(result, drawn)
+        damping = _read_damping(result, owner, axis) / moment
+    lag, delay = _draw_times(result, drawn)
     # Identified with commands that hold until the next one of the log; in flight, to the next run.
     # Without a lag, the mean lateness of what holds is in the delay that is found.
     lagless = any(p.name == "motor_lag" and p.value == 0.0 for p in result.parameters)
@@ -175,7 +175,7 @@ def plant(
     return Plant(gain=gain, damping=damping, lag=lag, delay=delay)
 
 
-def _torque(result: IdentificationResult, owner: str, flight: Flown, axis: int) -> float:
+def _torque_per_output(result: IdentificationResult, owner: str, flight: Flown, axis: int) -> float:
     """Compute the torque over k_t (or k_d, about z) per output, with the arms about the CoM."""
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
@@ -183,36 +183,36 @@ def _torque(result: IdentificationResult, owner: str, flight: Flown, axis: int) 
     if axis == 2:
         return float(-vehicle.spins @ factors)
     other = 1 - axis
-    place = vehicle.positions[:, other] - _value(result, ("com_x", "com_y")[other], owner)
+    place = vehicle.positions[:, other] - _read_value(result, ("com_x", "com_y")[other], owner)
     if vehicle.imu_position is None:
         name = ("rotor_center_x", "rotor_center_y")[other]
-        place = place + _value(result, name, owner)
-    kt = _value(result, "kt", None) or 1.0
-    share = [(_value(result, f"kt_{i + 1}", None) or kt) / kt for i in range(len(factors))]
+        place = place + _read_value(result, name, owner)
+    kt = _read_value(result, "kt", None) or 1.0
+    share = [(_read_value(result, f"kt_{i + 1}", None) or kt) / kt for i in range(len(factors))]
     return float((place if axis == 0 else -place) @ (share * factors))
 
 
-def _damping(result: IdentificationResult, owner: str, axis: int) -> float:
-    """Read the damping of a turn over k_t; 0 where the model has none."""
-    kt = _value(result, "kt", None)
-    return _value(result, f"turn_damping_{'xy'[axis]}", owner) / kt if kt else 0.0
+def _read_damping(result: IdentificationResult, owner: str, axis: int) -> float:
+    """Read the damping of a turn over k_t; 0 if the model has none."""
+    kt = _read_value(result, "kt", None)
+    return _read_value(result, f"turn_damping_{'xy'[axis]}", owner) / kt if kt else 0.0
 
 
-def _value(result: IdentificationResult, name: str, owner: str | None) -> float:
-    """Read a number; 0 where the result has none."""
+def _read_value(result: IdentificationResult, name: str, owner: str | None) -> float:
+    """Read a number; 0 if the result has none."""
     for number in (*result.parameters, *result.derived):
         if number.name == name and number.configuration in (None, owner):
             return number.value or 0.0
     return 0.0
 
 
-def _drawn(result: IdentificationResult, owner: str, draws: int, seed: int) -> Values:
+def _draw_together(result: IdentificationResult, owner: str, draws: int, seed: int) -> Values:
     """Draw a configuration's numbers together with the motors' times, the nominal ones first."""
     random = np.random.default_rng(seed)
     shift = np.zeros((1 + draws, len(result.covariance_names)))
     shift[1:] = normal_draws(result.covariance, draws, random)
     columns = {name: i for i, name in enumerate(result.covariance_names)}
-    values: Values = {"mass": np.full(1 + draws, _value(result, "mass", owner) or 1.0)}
+    values: Values = {"mass": np.full(1 + draws, _read_value(result, "mass", owner) or 1.0)}
     for p in result.parameters:
         if p.configuration not in (None, owner) or p.value is None:
             continue
@@ -230,14 +230,14 @@ RATIOS = {
 }
 
 
-def _advice(result: IdentificationResult, parts: tuple[str, str], owner: str) -> str:
-    """Say what a result advises for the moment of inertia of a ratio."""
+def _advice_for(result: IdentificationResult, parts: tuple[str, str], owner: str) -> str:
+    """State what a result advises for the moment of inertia of a ratio."""
     names = [part.removesuffix("_com") for part in parts]
     found = (p.advice for p in result.parameters if p.name in names and p.configuration == owner)
     return next((one for one in found if one), "fly the axis briskly")
 
 
-def _of(
+def _draw_ratio(
     result: IdentificationResult, name: str, owner: str, drawn: Values
 ) -> Float[np.ndarray, " D"]:
     """Draw a ratio: as wide as its interval, together with the others as the numbers in it are."""
@@ -246,7 +246,7 @@ def _of(
     if number is None or number.value is None or number.interval is None:
         raise EstimationError(
             f"{name} of configuration {owner} is not known from these flights: the loop of that "
-            f"axis has no gain; {_advice(result, RATIOS[name], owner)}, and identify again"
+            f"axis has no gain; {_advice_for(result, RATIOS[name], owner)}, and identify again"
         )
     above, below = parts
     if above is None or below is None:
@@ -258,25 +258,25 @@ def _of(
     return number.value * (1.0 + wide * off)
 
 
-def _times(
+def _draw_times(
     result: IdentificationResult, drawn: Values
 ) -> tuple[Float[np.ndarray, " D"], Float[np.ndarray, " D"]]:
     """Draw lag and delay [s]."""
-    lag = _value(result, "motor_lag", None)
+    lag = _read_value(result, "motor_lag", None)
     if not any(p.name == "motor_lag" and p.value is not None for p in result.parameters):
         raise EstimationError(
             "the motor lag is not known from these flights: nobody can say how late the loop is; "
             "fly roll and pitch briskly and identify again"
         )
     still = np.zeros_like(drawn["mass"])
-    delay = drawn.get("motor_delay", still + _value(result, "motor_delay", None))
+    delay = drawn.get("motor_delay", still + _read_value(result, "motor_delay", None))
     return np.maximum(drawn.get("motor_lag", still + lag), 0.0), delay
 
 
 def known_words(result: IdentificationResult, owner: str) -> str:
-    """Say what a result knows of the loop without its controller: effectiveness and delays."""
+    """State what a result knows of the loop without its controller: effectiveness and delays."""
     found = [
-        *(_turned(number, per_command=is_per_command(result)) for number in result.derived
+        *(_effect_text(number, per_command=is_per_command(result)) for number in result.derived
           if number.name in RATIOS and number.configuration == owner),
         *(_in_milliseconds(p) for p in result.parameters if p.name in TIMES),
     ]  # fmt: skip
@@ -287,15 +287,15 @@ def known_words(result: IdentificationResult, owner: str) -> str:
 
 
 def _in_milliseconds(time: Parameter) -> str:
-    """Write a motor's lag or delay; nothing where it is not known."""
+    """Write a motor's lag or delay; nothing if it is not known."""
     if time.value is None:
         return ""
     ends = None if time.interval is None else (1e3 * time.interval[0], 1e3 * time.interval[1])
     return f"{time.name} {with_interval(1e3 * time.value, ends)} ms"
 
 
-def _turned(number: Derived, *, per_command: bool) -> str:
-    """Write an effectiveness, kt / I or kd / I; nothing where it is not known."""
+def _effect_text(number: Derived, *, per_command: bool) -> str:
+    """Write an effectiveness, kt / I or kd / I; nothing if it is not known."""
     if not number.value or number.interval is None:
         return ""
     low, high = number.interval

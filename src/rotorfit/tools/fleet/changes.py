@@ -140,9 +140,9 @@ Model = tuple[tuple[int, ...], ...]
 def shapes_of(n: int) -> Shapes:
     """List the shapes that are tried on a series of `n` values, similar ones side by side."""
     j = np.arange(n)
-    inside = _places(1, n - 1)  # at the last value all three would be one
+    inside = _spread_places(1, n - 1)  # at the last value all three would be one
     tried: tuple[tuple[Kind, Int[np.ndarray, " k"]], ...] = (
-        ("step", _places(1, n)),
+        ("step", _spread_places(1, n)),
         ("ramp", inside),
         ("once", inside),
     )
@@ -160,7 +160,7 @@ def shapes_of(n: int) -> Shapes:
     )
 
 
-def _places(start: int, end: int) -> Int[np.ndarray, " k"]:
+def _spread_places(start: int, end: int) -> Int[np.ndarray, " k"]:
     count = max(min(end - start, MOST_PLACES), 0)
     return np.unique(np.linspace(start, end - 1, count).astype(int))
 
@@ -180,7 +180,7 @@ def find_changes(
     share. `alarm` is the chance of a false alarm in a group in which nothing changed.
     """
     wide = overstated and len(values) - len(np.unique(group)) >= LEAST_STEPS
-    total, log_weight, share = _scatters(values, variance, group, wide)
+    total, log_weight, share = _list_scatters(values, variance, group, wide)
     series = [
         _Series(
             values=values[group == g],
@@ -191,12 +191,14 @@ def find_changes(
         for g in range(int(group.max(initial=-1)) + 1)
     ]
     model = _best_model(series, log_weight)
-    posterior = _posterior(series, model, log_weight)
-    found = [_described(one, rows, posterior) for one, rows in zip(series, model, strict=True)]
+    posterior = _scatter_posterior(series, model, log_weight)
+    found = [
+        _describe_changes(one, rows, posterior) for one, rows in zip(series, model, strict=True)
+    ]
     return Changes(of_group=tuple(found), share=float(np.exp(posterior @ np.log(share))))
 
 
-def _scatters(
+def _list_scatters(
     values: Float[np.ndarray, " n"],
     variance: Float[np.ndarray, " n"],
     group: Int[np.ndarray, " n"],
@@ -222,7 +224,7 @@ def _best_model(series: Sequence[_Series], log_weight: Float[np.ndarray, " s"]) 
     """Find the model with the largest score, among the best ones for each scatter."""
 
     def score(model: Model) -> float:
-        return _score(series, model, log_weight)
+        return _model_score(series, model, log_weight)
 
     tried = {
         tuple(_best_rows(one, one.variance[k]) for one in series)
@@ -245,11 +247,13 @@ def _with_one_less(model: Model) -> list[Model]:
     ]
 
 
-def _score(series: Sequence[_Series], model: Model, log_weight: Float[np.ndarray, " s"]) -> float:
+def _model_score(
+    series: Sequence[_Series], model: Model, log_weight: Float[np.ndarray, " s"]
+) -> float:
     """Return the criterion by which whole models are compared."""
-    posterior = _posterior(series, model, log_weight)
+    posterior = _scatter_posterior(series, model, log_weight)
     price = sum(
-        len(rows) * one.price(_freedom(one, posterior))
+        len(rows) * one.price(_degrees_of_freedom(one, posterior))
         for one, rows in zip(series, model, strict=True)
         if rows
     )
@@ -257,7 +261,7 @@ def _score(series: Sequence[_Series], model: Model, log_weight: Float[np.ndarray
     return float(logsumexp(best + log_weight)) - price
 
 
-def _posterior(
+def _scatter_posterior(
     series: Sequence[_Series], model: Model, log_weight: Float[np.ndarray, " s"]
 ) -> Float[np.ndarray, " s"]:
     """Return how likely each scatter is."""
@@ -266,7 +270,7 @@ def _posterior(
     return np.exp(total - logsumexp(total))
 
 
-def _freedom(one: _Series, posterior: Float[np.ndarray, " s"]) -> float:
+def _degrees_of_freedom(one: _Series, posterior: Float[np.ndarray, " s"]) -> float:
     """Return the degrees of freedom with which the variance of the values is known.
 
     By how far its logarithm is open (`degrees_of`).
@@ -301,7 +305,7 @@ def _best_rows(one: _Series, variance: Float[np.ndarray, " n"]) -> tuple[int, ..
     """Find the changes that pay their price at one scatter: singly or in pairs, while any does."""
     price, rows = one.price(MOST_FREEDOM), list[int]()
     while len(rows) < one.most:
-        Z, U, _ = _statistics(one, variance, rows)
+        Z, U, _ = _shape_statistics(one, variance, rows)
         gains: dict[tuple[int, ...], float] = {
             (int(np.argmax(np.abs(Z))),): 0.5 * float(np.max(Z**2)) - price
         }
@@ -327,7 +331,7 @@ def _best_pair(
     return (first, second), float(gain[first, second])
 
 
-def _statistics(
+def _shape_statistics(
     one: _Series, variance: Float[np.ndarray, " n"], rows: Sequence[int]
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k n"], Float[np.ndarray, " k"]]:
     """Return each shape's statistic beside the level and the changes in `rows`.
@@ -347,24 +351,24 @@ def _statistics(
     return U @ (root * (one.values - np.median(one.values))), U, np.where(seen, length, 0.0)
 
 
-def _described(
+def _describe_changes(
     one: _Series, rows: Sequence[int], posterior: Float[np.ndarray, " s"]
 ) -> tuple[Change, ...]:
     """Return the changes of one vehicle with their intervals, the clearest first."""
-    freedom = _freedom(one, posterior)
+    freedom = _degrees_of_freedom(one, posterior)
     variance = np.exp(posterior @ np.log(one.variance))
     found = [
-        _change(one, variance, row, [other for other in rows if other != row], freedom)
+        _describe_change(one, variance, row, [other for other in rows if other != row], freedom)
         for row in rows
     ]
     return tuple(sorted(found, key=lambda change: change.p))
 
 
-def _change(
+def _describe_change(
     one: _Series, variance: Float[np.ndarray, " n"], row: int, others: Sequence[int], freedom: float
 ) -> Change:
     """Return one change beside the others of its vehicle, with its intervals."""
-    Z, _, length = _statistics(one, variance, others)
+    Z, _, length = _shape_statistics(one, variance, others)
     kinds, kind = np.array(one.shapes.kind), one.shapes.kind[row]
     t = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
     near = (Z[row] ** 2 - Z**2 <= t**2) & (length > 0.0) & (kinds == kind)

@@ -54,9 +54,9 @@ IN_METRES: Final = ("com_x", "com_y", "com_z", *TRIM[:2])
 class NumberTable:
     """Some numbers of some flights, in order of vehicle and time.
 
-    - `configuration`: in which they were flown; None where it does not matter.
+    - `configuration`: in which they were flown; None if it does not matter.
     - `rows`: indices of the records.
-    - `values`, `covariance`: SI, NaN where a flight does not have a number.
+    - `values`, `covariance`: SI, NaN if a flight does not have a number.
     - `weather`: of each number: whether the density of the air is taken out.
     """
 
@@ -79,7 +79,7 @@ def in_order(records: Sequence[FlightRecord]) -> list[int]:
     def key(i: int) -> tuple[str, float, tuple[tuple[int, int, str], ...], int]:
         r = records[i]
         moment = r.started if r.vehicle in dated and r.started is not None else 0.0
-        return r.vehicle, moment, _natural(r.file), r.log_number
+        return r.vehicle, moment, _natural_order(r.file), r.log_number
 
     return sorted(range(len(records)), key=key)
 
@@ -89,22 +89,22 @@ def number_tables(records: Sequence[FlightRecord]) -> list[NumberTable]:
     ordered = in_order(records)
     configurations = sorted({r.configuration for r in records})
     single = configurations[0] if len(configurations) == 1 else None
-    count = {name: _count(records, name) for name in (*THRUST, *PROPULSION, *BODY, *RATIOS)}
+    count = {name: _count_known(records, name) for name in (*THRUST, *PROPULSION, *BODY, *RATIOS)}
     half = 0.5 * max(max(count.values(), default=0), 1)
     thrust = next((name for name in THRUST if count[name] >= half), "kt")
     ratios = [n for n, parts in RATIOS.items() if min(count[p] for p in parts) < 0.5 * count[n]]
     together = TOGETHER if single is not None and all(count[n] for n in TOGETHER) else ()
     plain = [name for name in (thrust, *PROPULSION, "kd_over_kt") if name not in together]
     plain = [name for name in plain if name not in RATIOS or name in ratios]
-    out = [_table(records, ordered, (name,), None) for name in plain]
+    out = [_tabulate_numbers(records, ordered, (name,), None) for name in plain]
     if together:
-        out.append(_table(records, ordered, together, None))
+        out.append(_tabulate_numbers(records, ordered, together, None))
     body = [name for name in BODY if name not in together]
     body += [name for name in ratios if name != "kd_over_kt"]
     for configuration in configurations:
         rows = [i for i in ordered if records[i].configuration == configuration]
         label = None if single is not None else configuration
-        out += [_table(records, rows, (name,), label) for name in body]
+        out += [_tabulate_numbers(records, rows, (name,), label) for name in body]
     return [table for table in out if len(table.rows) > 1]
 
 
@@ -116,7 +116,7 @@ def unit_of(name: str) -> str:
     return known["kt" if name == KT_WEIGHT else name].unit
 
 
-def _table(
+def _tabulate_numbers(
     records: Sequence[FlightRecord],
     ordered: Sequence[int],
     names: tuple[str, ...],
@@ -125,15 +125,15 @@ def _table(
     """Tabulate some numbers of the flights that have at least one of them."""
     weighed = any(records[i].mass is not None for i in ordered)
     kept = [i for i in ordered if records[i].mass is not None or not weighed]
-    weather: list[Weather] = [_weather(records, kept, name) for name in names]
+    weather: list[Weather] = [_weather_of(records, kept, name) for name in names]
     factor = np.ones((len(kept), len(names)))
     for k, name in enumerate(names):
         if weather[k] == "taken out":
             density = np.array([records[i].air_density or np.nan for i in kept])
             factor[:, k] = (REFERENCE_DENSITY / density) ** DENSITY_POWER[name]
-    values = np.array([[_value(records[i], name) for name in names] for i in kept])
+    values = np.array([[_estimated_value(records[i], name) for name in names] for i in kept])
     values = values.reshape(len(kept), len(names)) * factor
-    covariance = np.array([_covariance(records[i], names) for i in kept])
+    covariance = np.array([_record_covariance(records[i], names) for i in kept])
     covariance = covariance.reshape(len(kept), len(names), len(names))
     covariance = covariance * factor[:, :, None] * factor[:, None, :]
     present = np.isfinite(values).any(axis=1)
@@ -147,24 +147,24 @@ def _table(
     )
 
 
-def _weather(records: Sequence[FlightRecord], rows: Sequence[int], name: str) -> Weather:
+def _weather_of(records: Sequence[FlightRecord], rows: Sequence[int], name: str) -> Weather:
     if name not in DENSITY_POWER:
         return "none"
-    has = [records[i].air_density is not None for i in rows if _count([records[i]], name)]
+    has = [records[i].air_density is not None for i in rows if _count_known([records[i]], name)]
     return "taken out" if has and np.mean(has) >= WITH_DENSITY else "in it"
 
 
-def _count(records: Sequence[FlightRecord], name: str) -> int:
-    return sum(bool(np.isfinite(_value(record, name))) for record in records)
+def _count_known(records: Sequence[FlightRecord], name: str) -> int:
+    return sum(bool(np.isfinite(_estimated_value(record, name))) for record in records)
 
 
-def _value(record: FlightRecord, name: str) -> float:
-    """Return a number that this flight estimated; NaN where it was given, or is not known."""
+def _estimated_value(record: FlightRecord, name: str) -> float:
+    """Return a number that this flight estimated; NaN if it was given, or is not known."""
     estimated = record.verdict(name) not in ("given", "removed", "not-identified", "ratio-only")
     return record.value(name) if estimated and np.isfinite(record.deviation(name)) else np.nan
 
 
-def _covariance(record: FlightRecord, names: tuple[str, ...]) -> Float[np.ndarray, "p p"]:
+def _record_covariance(record: FlightRecord, names: tuple[str, ...]) -> Float[np.ndarray, "p p"]:
     """Return the covariance of some numbers; without correlations where the record has none."""
     if all(name in record.compared for name in names):
         at = [record.compared.index(name) for name in names]
@@ -173,7 +173,7 @@ def _covariance(record: FlightRecord, names: tuple[str, ...]) -> Float[np.ndarra
     return np.diag(np.where(np.isfinite(std), std, 0.0) ** 2)
 
 
-def _natural(file: str) -> tuple[tuple[int, int, str], ...]:
+def _natural_order(file: str) -> tuple[tuple[int, int, str], ...]:
     """Split a name so that ``log9`` sorts before ``log10``."""
     parts = re.findall(r"\d+|\D+", file)
     return tuple((0, int(p), "") if p.isascii() and p.isdigit() else (1, 0, p) for p in parts)

@@ -97,12 +97,12 @@ Found = TypeVar("Found")
 def process_log(task: FlightTask, space: Workspace) -> TaskOutcome:
     """Identify a log; its entry is in the cache then."""
     with _ONE_AT_A_TIME:
-        earlier = _abandoned(task, space)
+        earlier = _abandoned_outcome(task, space)
         if earlier is not None:
             return earlier
         try:
             with _time_limited(task, space):
-                return _processed(task, space.cache)
+                return _process_task(task, space.cache)
         except (RotorfitError, OSError) as error:
             return TaskOutcome(task=task, refusal=refusal_of(str(error)), fresh=True)
 
@@ -112,7 +112,7 @@ def process_batch(tasks: Batch, space: Workspace) -> tuple[TaskOutcome, ...]:
     return tuple(process_log(task, space) for task in tasks)
 
 
-def _processed(task: FlightTask, cache: Path) -> TaskOutcome:
+def _process_task(task: FlightTask, cache: Path) -> TaskOutcome:
     path = Path(task.file)
     logs = logs_in_file(path) if task.log_number is None else ()
     if len(logs) > 1:
@@ -127,8 +127,8 @@ def _processed(task: FlightTask, cache: Path) -> TaskOutcome:
     return TaskOutcome(task=task, key=key, fresh=True)
 
 
-def _abandoned(task: FlightTask, space: Workspace) -> TaskOutcome | None:
-    """Return the outcome of a log over which processes ended; None where it may be tried again."""
+def _abandoned_outcome(task: FlightTask, space: Workspace) -> TaskOutcome | None:
+    """Return the outcome of a log over which processes ended; None if it may be tried again."""
     mark = space.mark_of(task)
     if not mark.exists():
         return None
@@ -180,8 +180,8 @@ def by_processes(
     fruitless = 0
     while waiting:
         interrupted: list[Batch] = []
-        with _processes(min(workers, len(waiting))) as pool:
-            yield from _outcomes(
+        with _process_pool(min(workers, len(waiting))) as pool:
+            yield from _yield_outcomes(
                 pool, waiting, work, ahead=AHEAD * workers, interrupted=interrupted
             )
         begun = [batch for batch in interrupted if space.mark_of(batch[0]).exists()]
@@ -189,7 +189,7 @@ def by_processes(
         if fruitless > TRIES:
             _refuse_unfinished(interrupted)
         waiting.extendleft(batch for batch in interrupted if batch not in begun)
-        yield from _alone([batch[0] for batch in begun], space, work)
+        yield from _work_alone([batch[0] for batch in begun], space, work)
 
 
 def by_cluster(
@@ -201,16 +201,18 @@ def by_cluster(
     is not installed, nothing responds at `scheduler`, or the workers have another rotorfit.
     """
     work = partial(process_batch, space=space)
-    with _cluster(scheduler) as client:
+    with _cluster_client(scheduler) as client:
         threads = max(sum(client.nthreads().values()), 1)
         waiting = deque(tuple(tasks[i : i + BATCH]) for i in range(0, len(tasks), BATCH))
         pool: Executor = client.get_executor(pure=False)
         interrupted: list[Batch] = []
-        yield from _outcomes(pool, waiting, work, ahead=AHEAD * threads, interrupted=interrupted)
+        yield from _yield_outcomes(
+            pool, waiting, work, ahead=AHEAD * threads, interrupted=interrupted
+        )
         for _ in range(TRIES + 1):
             waiting = deque((task,) for batch in interrupted for task in batch)
             interrupted = []
-            yield from _outcomes(pool, waiting, work, ahead=1, interrupted=interrupted)
+            yield from _yield_outcomes(pool, waiting, work, ahead=1, interrupted=interrupted)
         _refuse_unfinished(interrupted)
 
 
@@ -228,10 +230,10 @@ def mapped(
     if not items or (workers == 0 and scheduler is None):
         return [function(item) for item in items]
     if scheduler is not None:
-        with _cluster(scheduler) as client:
+        with _cluster_client(scheduler) as client:
             return list(client.get_executor(pure=False).map(function, items))
     try:
-        with _processes(min(workers, len(items))) as pool:
+        with _process_pool(min(workers, len(items))) as pool:
             return list(pool.map(function, items))
     except BrokenExecutor:
         raise OutputError(
@@ -240,7 +242,7 @@ def mapped(
         ) from None
 
 
-def _outcomes(
+def _yield_outcomes(
     pool: Executor, waiting: deque[Batch], work: Work, *, ahead: int, interrupted: list[Batch]
 ) -> Iterator[TaskOutcome]:
     """Yield outcomes until nothing waits, or the pool is broken.
@@ -270,16 +272,16 @@ def _outcomes(
                 interrupted.append(batch)
 
 
-def _alone(tasks: Sequence[FlightTask], space: Workspace, work: Work) -> Iterator[TaskOutcome]:
+def _work_alone(tasks: Sequence[FlightTask], space: Workspace, work: Work) -> Iterator[TaskOutcome]:
     """Yield outcomes of what was at work when a process ended, each from a process of its own."""
     for task in tasks:
-        outcome = _abandoned(task, space)
+        outcome = _abandoned_outcome(task, space)
         for _ in range(TRIES):
             if outcome is not None:
                 break
-            with _processes(1) as pool:
-                found = list(_outcomes(pool, deque([(task,)]), work, ahead=1, interrupted=[]))
-            outcome = found[0] if found else _abandoned(task, space)
+            with _process_pool(1) as pool:
+                found = list(_yield_outcomes(pool, deque([(task,)]), work, ahead=1, interrupted=[]))
+            outcome = found[0] if found else _abandoned_outcome(task, space)
         if outcome is None:
             _refuse_unfinished([(task,)])
         else:
@@ -287,7 +289,7 @@ def _alone(tasks: Sequence[FlightTask], space: Workspace, work: Work) -> Iterato
 
 
 def _refuse_unfinished(interrupted: Sequence[Batch]) -> None:
-    """Raise where processes end before they can say which log they work on."""
+    """Raise an error if processes end before they can say which log they work on."""
     if interrupted:
         raise OutputError(
             "worker processes end as soon as they begin: see what they say above; a script that "
@@ -296,7 +298,7 @@ def _refuse_unfinished(interrupted: Sequence[Batch]) -> None:
 
 
 @contextmanager
-def _processes(workers: int) -> Generator[Executor]:
+def _process_pool(workers: int) -> Generator[Executor]:
     """Give a pool of fresh processes; where the work is broken off they are ended."""
     earlier = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(
@@ -329,7 +331,7 @@ def _end_with(sentinel: int) -> None:
 
 
 @contextmanager
-def _cluster(scheduler: str) -> Generator[Any]:
+def _cluster_client(scheduler: str) -> Generator[Any]:
     """Give a client of a Dask cluster whose workers have this rotorfit."""
     try:
         distributed = import_module("distributed")
@@ -345,7 +347,7 @@ def _cluster(scheduler: str) -> Generator[Any]:
             "it runs (dask scheduler)"
         ) from error
     with client:
-        found = client.run(_version)
+        found = client.run(_worker_version)
         if not found:
             raise OutputError(
                 f"the cluster at {scheduler} has no workers: start some (dask worker)"
@@ -359,5 +361,5 @@ def _cluster(scheduler: str) -> Generator[Any]:
         yield client
 
 
-def _version() -> str:
+def _worker_version() -> str:
     return version.__version__

@@ -83,14 +83,14 @@ def findings(statistics: FleetStatistics, records: Sequence[FlightRecord]) -> li
     """Return everything to look at, vehicle by vehicle."""
     out: list[VehicleFinding] = []
     for vehicle in range(len(statistics.vehicles)):
-        out += _changes(statistics, vehicle, records)
-        out += _outlier(statistics, vehicle)
-        out += _loadings(statistics, vehicle)
+        out += _find_changes(statistics, vehicle, records)
+        out += _outlier_finding(statistics, vehicle)
+        out += _find_loadings(statistics, vehicle)
     return out
 
 
 def nothing_found(statistics: FleetStatistics) -> str:
-    """Say that nothing was found, or what a fleet needs before anything can be."""
+    """State that nothing was found, or what a fleet needs before anything can be."""
     needs: list[str] = []
     if not statistics.tests:
         needs.append(f"a change takes {LEAST_SERIES} flights of one vehicle")
@@ -168,7 +168,7 @@ def _full_name(number: NumberStatistics) -> str:
     return f"{number.name}@{number.configuration}" if number.configuration else number.name
 
 
-def _changes(
+def _find_changes(
     statistics: FleetStatistics, vehicle: int, records: Sequence[FlightRecord]
 ) -> list[VehicleFinding]:
     """Describe the changes in a vehicle: each cause once."""
@@ -186,7 +186,7 @@ def _changes(
         causes.append([s for s in seen if s is seen[0] or _same_cause(seen[0], s, flights)])
         seen = [s for s in seen if all(s is not one for one in causes[-1])]
     causes.sort(key=lambda cause: cause[0].change.p)
-    return [_change(cause, vehicle, flights, records) for cause in causes]
+    return [_change_finding(cause, vehicle, flights, records) for cause in causes]
 
 
 def _same_cause(lead: _Seen, second: _Seen, flights: Sequence[int]) -> bool:
@@ -204,14 +204,14 @@ def _same_cause(lead: _Seen, second: _Seen, flights: Sequence[int]) -> bool:
     return a - SLACK <= d and c - SLACK <= b
 
 
-def _change(
+def _change_finding(
     seen: Sequence[_Seen], vehicle: int, flights: Sequence[int], records: Sequence[FlightRecord]
 ) -> VehicleFinding:
     """Return the finding of one cause, by the number that names it best and the others."""
     lead = seen[0]
     record = lead.rows[lead.change.first]
     others = dict.fromkeys(s.number.name for s in seen if s.number.name != lead.number.name)
-    also = f" Also: {_listed([number_phrase(name) for name in others])}." if others else ""
+    also = f" Also: {_join_phrases([number_phrase(name) for name in others])}." if others else ""
     return VehicleFinding(
         kind=CHANGE,
         severity="note",
@@ -268,10 +268,10 @@ def _change_advice(seen: _Seen) -> str:
         return f"check or replace propeller {i}; if it is sound, check motor {i} and its bearing"
     if name in THRUST:
         return "check all propellers, and that the vehicle still weighs what was given" + weather
-    return _advice(name) + weather
+    return _advice_on_change(name) + weather
 
 
-def _advice(name: str) -> str:
+def _advice_on_change(name: str) -> str:
     if name in IN_METRES:
         return CHECK_BALANCE
     if name.endswith("_com"):
@@ -281,8 +281,8 @@ def _advice(name: str) -> str:
     return "check propellers and motors: shape, damage, dirt"
 
 
-def _outlier(statistics: FleetStatistics, vehicle: int) -> list[VehicleFinding]:
-    """Return in what a vehicle differs from the others; nothing where it is no outlier."""
+def _outlier_finding(statistics: FleetStatistics, vehicle: int) -> list[VehicleFinding]:
+    """Return the differences of an outlying vehicle from the others; empty if it is none."""
     seen = [
         (number, place)
         for number in statistics.numbers
@@ -334,19 +334,19 @@ def _outlier_advice(names: Sequence[str]) -> str:
             "another propeller? Compare its propellers (size, pitch, make) and motors with those "
             "of the other vehicles, and weigh it"
         )
-    return _advice(names[0])
+    return _advice_on_change(names[0])
 
 
-def _loadings(statistics: FleetStatistics, vehicle: int) -> list[VehicleFinding]:
-    """Return in what each loading of a vehicle differs from its most flown one."""
+def _find_loadings(statistics: FleetStatistics, vehicle: int) -> list[VehicleFinding]:
+    """Return how each loading of a vehicle differs from its most flown loading."""
     groups: dict[str | None, list[LoadingDifference]] = {}
     for d in sorted(statistics.loadings, key=lambda d: d.p):
         if d.vehicle == vehicle:
             groups.setdefault(d.number.configuration, []).append(d)
-    return [_loading(seen) for seen in groups.values()]
+    return [_loading_finding(seen) for seen in groups.values()]
 
 
-def _loading(seen: Sequence[LoadingDifference]) -> VehicleFinding:
+def _loading_finding(seen: Sequence[LoadingDifference]) -> VehicleFinding:
     configuration, reference = seen[0].number.configuration, seen[0].reference
     phrases = [
         _difference_phrase(d.number.name, d.difference, d.low, d.high, d.reference_level)
@@ -356,7 +356,7 @@ def _loading(seen: Sequence[LoadingDifference]) -> VehicleFinding:
         kind=LOADING,
         severity="note",
         vehicle=seen[0].vehicle,
-        sentence=f"Loaded as {configuration}, against {reference}: {_listed(phrases)}.",
+        sentence=f"Loaded as {configuration}, against {reference}: {_join_phrases(phrases)}.",
         next_step=f"nothing, if {configuration} carries what explains it; else check the load, and "
         "which flights are listed under which configuration",
         numbers=tuple(_full_name(d.number) for d in seen),
@@ -367,7 +367,7 @@ def _loading(seen: Sequence[LoadingDifference]) -> VehicleFinding:
     )
 
 
-def _listed(phrases: Sequence[str]) -> str:
+def _join_phrases(phrases: Sequence[str]) -> str:
     """Join phrases, the last ones counted."""
     shown = list(phrases[:MOST_NAMED])
     more = len(phrases) - len(shown)

@@ -34,7 +34,7 @@ SET_ASIDE: Final = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contrasts:
-    """How far the first group of each pair is from the second; NaN where the scatter is not known.
+    """How far the first group of each pair is from the second; NaN if the scatter is not known.
 
     - `difference`, `low`, `high`: with its 95 % interval.
     - `p`: chance of a difference as large between groups that are alike.
@@ -52,7 +52,7 @@ class OutlierTest:
 
     - `difference`: from the mean of the others.
     - `std`: of the difference: of the group's number and the mean, and the groups' spread.
-    - `p`: chance of a difference as large in a group that is like the others; NaN where not known.
+    - `p`: chance of a difference as large in a group that is like the others; NaN if not known.
     """
 
     difference: Float[np.ndarray, " g"]
@@ -91,11 +91,11 @@ def contrasts(
         return Contrasts(difference=unknown, low=unknown, high=unknown, p=unknown)
 
     def chi2(scatter: Float[np.ndarray, ""]) -> Float[np.ndarray, ""]:
-        mean, _ = _means(values, variance + scatter, group)
+        mean, _ = _group_means(values, variance + scatter, group)
         return np.asarray(np.sum((values - mean[group]) ** 2 / (variance + scatter)))
 
     scatter = float(additional_scatter(chi2, np.array(float(freedom)), values))
-    mean, squared = _means(values, variance + scatter, group)
+    mean, squared = _group_means(values, variance + scatter, group)
     first, second = np.array(pairs).T
     difference = mean[first] - mean[second]
     std = np.sqrt(squared[first] + squared[second])
@@ -110,10 +110,10 @@ def contrasts(
     )
 
 
-def _means(
+def _group_means(
     values: Float[np.ndarray, " n"], variance: Float[np.ndarray, " n"], group: Int[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
-    """Return the mean of each group and its variance; infinite where a group has no value."""
+    """Return the mean of each group and its variance; infinite if a group has no value."""
     weight = np.bincount(group, 1.0 / variance)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.bincount(group, values / variance) / weight, 1.0 / weight
@@ -140,7 +140,7 @@ def discoveries(p: Float[np.ndarray, "g k"], rate: float) -> Bool[np.ndarray, "g
     is false, in the mean (Benjamini and Hochberg). Of a selected group, numbers at the same rate
     times the share of groups that was selected (Benjamini and Bogomolov). NaN: no test.
     """
-    one = np.array([_simes(row) for row in p])
+    one = np.array([_simes_chance(row) for row in p])
     selected = _benjamini_hochberg(one, rate)
     judged = max(int(np.isfinite(one).sum()), 1)
     inside = rate * selected.sum() / judged
@@ -150,8 +150,8 @@ def discoveries(p: Float[np.ndarray, "g k"], rate: float) -> Bool[np.ndarray, "g
     return out
 
 
-def _simes(p: Float[np.ndarray, " k"]) -> float:
-    """Return one chance for several tests; NaN where there is none."""
+def _simes_chance(p: Float[np.ndarray, " k"]) -> float:
+    """Combine the p-values of several tests (Simes); NaN if there are none."""
     ranked = np.sort(p[np.isfinite(p)])
     k = len(ranked)
     return float(np.min(ranked * k / np.arange(1, k + 1))) if k else float("nan")

@@ -65,7 +65,7 @@ class Joined:
     flights: int
 
     def number(self, name: str) -> tuple[float, float] | None:
-        """Return value and standard deviation of a number; None where it is not estimated."""
+        """Return value and standard deviation of a number; None if it is not estimated."""
         if name not in self.names:
             return None
         i = self.names.index(name)
@@ -140,9 +140,9 @@ def join_tasks(
 
 
 def joined_vehicle(task: JoinTask) -> Joined | None:
-    """Fit the flights of a vehicle together; None where the passes do not settle."""
+    """Fit the flights of a vehicle together; None if the passes do not settle."""
     experiment = experiment_of(task.flights[0].task)
-    loads = [partial(_load, task.cache, flight.key, experiment) for flight in task.flights]
+    loads = [partial(_load_factors, task.cache, flight.key, experiment) for flight in task.flights]
     with threadpool_limits(limits=1, user_api="blas"):
         try:
             return joined(loads)
@@ -150,7 +150,7 @@ def joined_vehicle(task: JoinTask) -> Joined | None:
             return None
 
 
-def _load(cache: Path, key: str, experiment: Experiment) -> FittedFactors:
+def _load_factors(cache: Path, key: str, experiment: Experiment) -> FittedFactors:
     entry = read_entry(cache, key, factors=True)
     if entry is None:
         raise EstimationError("what was kept of a flight was spoilt meanwhile: run again")
@@ -162,8 +162,8 @@ def joined(flights: Sequence[Load]) -> Joined:
 
     Raises `EstimationError` where the passes do not settle.
     """
-    vehicle = _vehicle(flights)
-    phi, differ = _initial(vehicle, flights), UNSEEN
+    vehicle = _collect_vehicle(flights)
+    phi, differ = _initial_estimate(vehicle, flights), UNSEEN
     flights = _with_common_correlation(vehicle, flights, phi)
     for _ in range(MOST_PASSES):
         H, scores = np.diag(vehicle.precision), np.zeros((len(flights), len(phi)))
@@ -177,14 +177,14 @@ def joined(flights: Sequence[Load]) -> Joined:
         phi = phi + step
         if (np.abs(step) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))).all():
             if differ is not UNSEEN or len(flights) == 1:
-                return _finished(vehicle, phi, covariance, scores)
-            differ = _scatter(vehicle, trims)
+                return _finish_joined(vehicle, phi, covariance, scores)
+            differ = _trim_scatter(vehicle, trims)
     raise EstimationError(
         f"the joint fit of {len(flights)} flights did not settle in {MOST_PASSES} passes"
     )
 
 
-def _vehicle(flights: Sequence[Load]) -> _Vehicle:
+def _collect_vehicle(flights: Sequence[Load]) -> _Vehicle:
     """Collect the parameters that any of the flights has, but for the flights' own times."""
     terms: dict[str, None] = {}
     first: JointConfiguration | None = None
@@ -211,7 +211,7 @@ def _with_common_correlation(
     found: list[list[Pushes]] = []
     for load in flights:
         fitted = load()
-        problem = replace(_problem(fitted, UNSEEN), error_correlation=())
+        problem = replace(_flight_problem(fitted, UNSEEN), error_correlation=())
         error = evaluated(problem, _flight_start(vehicle, fitted, problem, phi)).residual
         found.append(pushes(fitted.configurations[0], error))
     shares = error_correlation(found, vehicle.configuration.vehicle)
@@ -232,7 +232,7 @@ def _flight_start(
     return np.array([known.get(n, fitted.values.get(n, 0.0)) for n in problem.map.names])
 
 
-def _problem(fitted: FittedFactors, differ: Scatter) -> BandedProblem:
+def _flight_problem(fitted: FittedFactors, differ: Scatter) -> BandedProblem:
     """Set up the problem of one flight, with priors on its own times and trims alone."""
     one = [replace(c, scatter=differ) for c in fitted.configurations]
     problem = joint_problem(one, terms=fitted.terms, of_many=True)
@@ -240,7 +240,7 @@ def _problem(fitted: FittedFactors, differ: Scatter) -> BandedProblem:
     return replace(problem, prior_std=own)
 
 
-def _scatter(vehicle: _Vehicle, trims: Sequence[_Trims]) -> Scatter:
+def _trim_scatter(vehicle: _Vehicle, trims: Sequence[_Trims]) -> Scatter:
     """Estimate how much the flights differ from their trims at the vehicle's numbers."""
     estimate = Estimate(
         names=tuple(f"{TRIM}{own}@{k}" for k in range(len(trims)) for own in OWN),
@@ -253,7 +253,7 @@ def _scatter(vehicle: _Vehicle, trims: Sequence[_Trims]) -> Scatter:
     return scatters(estimate, [0] * len(trims), [moment] * len(trims))[0]
 
 
-def _initial(vehicle: _Vehicle, flights: Sequence[Load]) -> Float[np.ndarray, " f"]:
+def _initial_estimate(vehicle: _Vehicle, flights: Sequence[Load]) -> Float[np.ndarray, " f"]:
     """Combine the flights' own estimates, each with its information, as start of the passes."""
     H, target = np.diag(vehicle.precision), vehicle.precision * vehicle.mean
     for load in flights:
@@ -269,7 +269,7 @@ def _flight_equations(
     vehicle: _Vehicle, fitted: FittedFactors, phi: Float[np.ndarray, " f"], differ: Scatter
 ) -> _FlightEquations:
     """Linearise one flight at the vehicle's `phi`, where the flight's own numbers fit best."""
-    problem = _problem(fitted, differ)
+    problem = _flight_problem(fitted, differ)
     names = problem.map.names
     at = _flight_start(vehicle, fitted, problem, phi)
     # Its times and trims, and what only its signals have: drag over a velocity that others log.
@@ -299,7 +299,7 @@ def _flight_equations(
     )
 
 
-def _finished(
+def _finish_joined(
     vehicle: _Vehicle,
     phi: Float[np.ndarray, " f"],
     covariance: Float[np.ndarray, "f f"],

@@ -79,7 +79,7 @@ def listed_logs(
     if not rows:
         raise ExperimentError(f"{source}: there is no flight log in it; check the folder")
     base = source if source.is_dir() else source.parent
-    logs = [_listed(row, base, defaults) for row in rows]
+    logs = [_list_row(row, base, defaults) for row in rows]
     logs.sort(key=lambda log: (log.name, log.task.log_number or 0))
     for one, other in pairwise(logs):
         if (one.task.file, one.task.log_number) == (other.task.file, other.task.log_number):
@@ -118,18 +118,18 @@ def _rows_of(table: Path) -> list[dict[str, str]]:
     return [{key: (value or "").strip() for key, value in row.items()} for row in rows]
 
 
-def _listed(row: Mapping[str, str], base: Path, defaults: Defaults) -> ListedLog:
+def _list_row(row: Mapping[str, str], base: Path, defaults: Defaults) -> ListedLog:
     """Return one log, its row completed by the defaults."""
     path = base / row["file"] if base not in Path(row["file"]).parents else Path(row["file"])
     name = path.relative_to(base).as_posix() if path.is_relative_to(base) else str(path)
     vehicle, configuration = _by_pattern(name, defaults.vehicle_of)
-    airframe = _airframe(row.get("airframe", ""), base, defaults)
+    airframe = _airframe_of_cell(row.get("airframe", ""), base, defaults)
     return ListedLog(
         name=name,
         task=FlightTask(
             file=str(path.absolute()),
             airframe=str(airframe.absolute()),
-            mass=_mass(row.get("mass", ""), name, defaults),
+            mass=_mass_of_cell(row.get("mass", ""), name, defaults),
             log_number=_log_number(row.get("log", ""), name),
         ),
         vehicle=row.get("vehicle") or vehicle,
@@ -152,7 +152,7 @@ def _by_pattern(name: str, pattern: re.Pattern[str] | None) -> tuple[str | None,
     return named.get("vehicle", first), named.get("configuration")
 
 
-def _airframe(cell: str, base: Path, defaults: Defaults) -> Path:
+def _airframe_of_cell(cell: str, base: Path, defaults: Defaults) -> Path:
     if cell:
         return base / cell
     if defaults.airframe is None:
@@ -163,7 +163,7 @@ def _airframe(cell: str, base: Path, defaults: Defaults) -> Path:
     return defaults.airframe
 
 
-def _mass(cell: str, name: str, defaults: Defaults) -> Mass:
+def _mass_of_cell(cell: str, name: str, defaults: Defaults) -> Mass:
     if not cell:
         if defaults.mass is None:
             raise ExperimentError(

@@ -74,7 +74,7 @@ def entry_of(experiment: Experiment) -> Entry:
         try:
             found = identify_flights(experiment)
             return Entry(
-                record=_record(found),
+                record=_record_flight(found),
                 refusal=None,
                 hardware=found.dataset.configurations[0].flights[0].log.circumstances.hardware,
                 factors={}
@@ -82,14 +82,14 @@ def entry_of(experiment: Experiment) -> Entry:
                 else factor_arrays(found.fit.factors, found.dataset),
             )
         except RotorfitError as error:
-            return _refused(experiment, str(error))
+            return _refused_entry(experiment, str(error))
         except Exception as error:  # a fault of ours costs this log, not the fleet
             fault = f"internal error ({type(error).__name__}: {error})"
-            return _refused(experiment, f"{fault}; please report it with the log")
+            return _refused_entry(experiment, f"{fault}; please report it with the log")
 
 
 def refusal_of(message: str) -> Finding:
-    """Split an error's message into what was met and what to do next."""
+    """Split an error's message into the problem and the next step."""
     line = " ".join(message.split())
     for mark in ("; ", ": "):
         reason, found, next_step = line.rpartition(mark)
@@ -98,7 +98,7 @@ def refusal_of(message: str) -> Finding:
     return refusal("not-identified", line, "")
 
 
-def _refused(experiment: Experiment, message: str) -> Entry:
+def _refused_entry(experiment: Experiment, message: str) -> Entry:
     """Record why a log was not identified, and what its motors show all the same."""
     flight = experiment.configuration[0].flights[0]
     for name in (flight.file, Path(flight.file).name):
@@ -112,28 +112,30 @@ def _refused(experiment: Experiment, message: str) -> Entry:
     numbers = _trim_of_log(log, vehicle_of(experiment.airframe))
     if not numbers:
         return Entry(record=None, refusal=reason, hardware=hardware)
-    record = replace(_row(numbers, log, mass=experiment.configuration[0].mass), refused=message)
+    record = replace(
+        _record_of_numbers(numbers, log, mass=experiment.configuration[0].mass), refused=message
+    )
     return Entry(record=record, refusal=reason, hardware=hardware)
 
 
-def _record(found: Identified) -> FlightRecord:
+def _record_flight(found: Identified) -> FlightRecord:
     result, configured = found.result, found.dataset.configurations[0]
     flight = configured.flights[0]
-    numbers = _numbers(result)
+    numbers = _numbers_of_result(result)
     weighed = kt_from_weight(
         found.dataset.configurations, found.dataset.vehicle, timing=found.dataset.timing
     )
     if weighed is not None:
-        numbers[KT_WEIGHT] = _measured(weighed.value, weighed.std)
+        numbers[KT_WEIGHT] = _measured_number(weighed.value, weighed.std)
     data = flight.prepared.data
-    numbers |= _trim(
+    numbers |= _trim_numbers(
         [data.rotor_speed[s.start : s.stop] for s in data.segments],
         found.dataset.vehicle,
         rows=round(PART_SECONDS * data.sample_rate),
     )
-    compared, covariance = _covariance(result, numbers)
+    compared, covariance = _comparable_covariance(result, numbers)
     return replace(
-        _row(numbers, flight.log, mass=configured.entry.mass),
+        _record_of_numbers(numbers, flight.log, mass=configured.entry.mass),
         seconds_used=result.flights[0].seconds_used,
         compared=compared,
         covariance=covariance,
@@ -143,11 +145,13 @@ def _record(found: Identified) -> FlightRecord:
     )
 
 
-def _row(numbers: Mapping[str, Number], log: FlightLog, *, mass: Mass) -> FlightRecord:
+def _record_of_numbers(
+    numbers: Mapping[str, Number], log: FlightLog, *, mass: Mass
+) -> FlightRecord:
     """Return a record of these numbers, each by itself, with the log's circumstances."""
     circumstances = log.circumstances
     columns = np.array([number[:4] for number in numbers.values()], dtype=float)
-    compared = _comparable(numbers)
+    compared = _comparable_names(numbers)
     return FlightRecord(
         file="",
         sha256=log.sha256,
@@ -171,7 +175,7 @@ def _row(numbers: Mapping[str, Number], log: FlightLog, *, mass: Mass) -> Flight
     )
 
 
-def _numbers(result: IdentificationResult) -> dict[str, Number]:
+def _numbers_of_result(result: IdentificationResult) -> dict[str, Number]:
     """Return every parameter and derived number of a result."""
     found: dict[str, Number] = {}
     for entry in (*result.parameters, *result.derived):
@@ -181,12 +185,12 @@ def _numbers(result: IdentificationResult) -> dict[str, Number]:
     return found
 
 
-def _measured(value: float, std: float) -> Number:
+def _measured_number(value: float, std: float) -> Number:
     """Return a number whose deviation is known, without a verdict."""
     return value, std, value - 1.96 * std, value + 1.96 * std, ""
 
 
-def _covariance(
+def _comparable_covariance(
     result: IdentificationResult, numbers: Mapping[str, Number]
 ) -> tuple[tuple[str, ...], Float[np.ndarray, "c c"]]:
     """Select the numbers that can be compared, and compute their covariance.
@@ -194,7 +198,7 @@ def _covariance(
     Correlations are propagated from those of the parameters; numbers that are measured by
     themselves are independent of the others.
     """
-    names = _comparable(numbers)
+    names = _comparable_names(numbers)
     std = np.array([numbers[name][1] for name in names])
     R = np.eye(len(names))
     propagated, correlation = _propagated_correlation(result, numbers)
@@ -223,7 +227,7 @@ def _propagated_correlation(
     return list(_from_parameters(bases, values, mass)), correlation
 
 
-def _comparable(numbers: Mapping[str, Number]) -> tuple[str, ...]:
+def _comparable_names(numbers: Mapping[str, Number]) -> tuple[str, ...]:
     return tuple(n for n in COMPARED if n in numbers and np.isfinite(numbers[n][:2]).all())
 
 
@@ -254,10 +258,10 @@ def _trim_of_log(log: FlightLog, vehicle: Vehicle) -> dict[str, Number]:
     total = (motors * motors).sum(axis=1)
     airborne = total > AIRBORNE_SHARE * np.percentile(total, 75)
     rate = (len(time) - 1) / (time[-1] - time[0])
-    return _trim([motors[airborne]], vehicle, rows=round(PART_SECONDS * rate))
+    return _trim_numbers([motors[airborne]], vehicle, rows=round(PART_SECONDS * rate))
 
 
-def _trim(
+def _trim_numbers(
     stretches: Sequence[Float[np.ndarray, "_ N"]], vehicle: Vehicle, *, rows: int
 ) -> dict[str, Number]:
     """Return the mean centre of thrust and the motors' root mean square, with their deviations."""
@@ -274,7 +278,7 @@ def _trim(
     table = np.column_stack([places, speeds])
     std = table.std(axis=0, ddof=1) / np.sqrt(count)
     return {
-        name: _measured(*pair)
+        name: _measured_number(*pair)
         for name, *pair in zip(TRIM, table.mean(axis=0).tolist(), std.tolist(), strict=True)
     }
 
@@ -321,7 +325,7 @@ def fitted_factors(arrays: Mapping[str, np.ndarray], experiment: Experiment) -> 
         counted=arrays.get("counted"),
         with_response=arrays.get("answered"),
         error_correlation=arrays.get("tied"),
-        timing=None if fit["timing"] is None else _timing(fit["timing"]),
+        timing=None if fit["timing"] is None else _timing_from_plain(fit["timing"]),
     )
     return FittedFactors(configurations=(one,), terms=tuple(fit["terms"]), values=fit["values"])
 
@@ -335,7 +339,7 @@ def _plain_timing(timing: FreeTiming) -> dict[str, object]:
     }
 
 
-def _timing(plain: Mapping[str, Any]) -> FreeTiming:
+def _timing_from_plain(plain: Mapping[str, Any]) -> FreeTiming:
     lag, delay, lag_down = plain["at"]
     return FreeTiming(
         at=MotorResponse(lag=lag, delay=delay, lag_down=lag_down),

@@ -41,7 +41,7 @@ LEAST_CURVATURE: Final = 0.5
 class Repeated:
     """Numbers that were estimated several times for each of several groups.
 
-    - `values`: one row a repeat; NaN where it does not have the number.
+    - `values`: one row a repeat; NaN if it does not have the number.
     - `covariance`: of each row's error; ignored for numbers that a row does not have.
     - `group`: of each repeat, from 0.
     - `changes`: columns of what changed within a group; each has one coefficient for every group in
@@ -71,7 +71,7 @@ class RandomEffects:
     - `mean`, `mean_covariance`: of the population the groups are drawn from.
     - `between`, `within`: standard deviations between groups and between the repeats of a group;
       NaN with too few groups or repeats.
-    - `level`, `level_covariance`: each group's level by its own repeats only; NaN where they do not
+    - `level`, `level_covariance`: each group's level by its own repeats only; NaN if they do not
       have it. Levels are those where all columns of changes are zero.
     - `shrunk`, `shrunk_covariance`: each group's level by its repeats and the population, with the
       uncertainty of the mean and of both deviations in the covariance; NaN with fewer than
@@ -117,16 +117,16 @@ def random_effects(data: Repeated) -> RandomEffects:
     if not data.known.any(axis=0).all():
         raise EstimationError("a number has no value in any flight: leave it out")
     center = np.nanmedian(data.values, axis=0)
-    scale = _spread(data.values - center, data.covariance)
+    scale = _scatter_size(data.values - center, data.covariance)
     unit = Repeated(
         values=(data.values - center) / scale,
         covariance=data.covariance / np.outer(scale, scale),
         group=data.group,
         changes=data.changes,
     )
-    log_std, free = _start(unit)
-    mode, root = _mode(lambda x: restricted_cost(unit, x), log_std, free)
-    return _averaged(unit, mode, root, free, center=center, scale=scale)
+    log_std, free = _search_start(unit)
+    mode, root = _find_mode(lambda x: restricted_cost(unit, x), log_std, free)
+    return _average_over_mode(unit, mode, root, free, center=center, scale=scale)
 
 
 def restricted_cost(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> float:
@@ -134,11 +134,11 @@ def restricted_cost(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> float:
 
     `log_std` holds the logarithms of the deviations within groups, then of those between groups.
     """
-    levels, p = _levels(data, log_std), data.values.shape[1]
+    levels, p = _estimate_levels(data, log_std), data.values.shape[1]
     return levels.cost + _towards_mean(levels, np.exp(log_std[p:])).cost
 
 
-def _spread(
+def _scatter_size(
     values: Float[np.ndarray, "n p"], covariance: Float[np.ndarray, "n p p"]
 ) -> Float[np.ndarray, " p"]:
     """Return the size of each number's scatter: the unit in which it is worked with."""
@@ -147,7 +147,7 @@ def _spread(
     return np.where(size > 0, size, 1.0)
 
 
-def _start(data: Repeated) -> tuple[Float[np.ndarray, " p2"], Bool[np.ndarray, " p2"]]:
+def _search_start(data: Repeated) -> tuple[Float[np.ndarray, " p2"], Bool[np.ndarray, " p2"]]:
     """Return where the search begins, and which deviations can be estimated at all."""
     known, g = data.known, data.groups
     count = np.array([np.bincount(data.group, known_k, g) for known_k in known.T]).T
@@ -161,7 +161,7 @@ def _start(data: Repeated) -> tuple[Float[np.ndarray, " p2"], Bool[np.ndarray, "
     return start, np.concatenate([within_free, between_free])
 
 
-def _mode(
+def _find_mode(
     cost: Callable[[Float[np.ndarray, " d"]], float],
     start: Float[np.ndarray, " d"],
     free: Bool[np.ndarray, " d"],
@@ -182,11 +182,11 @@ def _mode(
     found = optimize.minimize(posterior, start[free], method="L-BFGS-B", bounds=bounds).x
     mode = start.copy()
     mode[free] = found
-    values, vectors = np.linalg.eigh(_curvature(posterior, found))
+    values, vectors = np.linalg.eigh(_numerical_curvature(posterior, found))
     return mode, vectors / np.sqrt(np.maximum(values, LEAST_CURVATURE))
 
 
-def _curvature(
+def _numerical_curvature(
     function: Callable[[Float[np.ndarray, " f"]], float], at: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, "f f"]:
     """Compute second derivatives by central differences."""
@@ -203,7 +203,7 @@ def _curvature(
     return H
 
 
-def _levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Levels:
+def _estimate_levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Levels:
     """Estimate each group's level by its repeats, changes projected out."""
     known, p, m = data.known, data.values.shape[1], data.changes.shape[2]
     both = known[:, :, None] & known[:, None, :]
@@ -213,13 +213,17 @@ def _levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Levels:
     y, A = np.where(known, data.values, 0.0), np.where(both, np.linalg.inv(V), 0.0)
     r = np.einsum("npk,nk->np", A, y)
     cost = float(np.linalg.slogdet(V)[1].sum() + np.sum(r * y))
-    total: Float[np.ndarray, "g p p"] = _sums(A, data)
-    q: Float[np.ndarray, "g p"] = _sums(r, data)
+    total: Float[np.ndarray, "g p p"] = _sum_by_group(A, data)
+    q: Float[np.ndarray, "g p"] = _sum_by_group(r, data)
     if m:
         AX = A @ data.changes
-        cross: Float[np.ndarray, "g p m"] = _sums(AX, data)
-        square: Float[np.ndarray, "g m m"] = _sums(data.changes.transpose(0, 2, 1) @ AX, data)
-        rest: Float[np.ndarray, "g m"] = _sums(np.einsum("npm,np->nm", data.changes, r), data)
+        cross: Float[np.ndarray, "g p m"] = _sum_by_group(AX, data)
+        square: Float[np.ndarray, "g m m"] = _sum_by_group(
+            data.changes.transpose(0, 2, 1) @ AX, data
+        )
+        rest: Float[np.ndarray, "g m"] = _sum_by_group(
+            np.einsum("npm,np->nm", data.changes, r), data
+        )
         idle = np.einsum("gmm->gm", square) <= 0.0
         square += np.eye(m) * idle[:, :, None]
         gain: Float[np.ndarray, "g p m"] = np.linalg.solve(
@@ -232,7 +236,7 @@ def _levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Levels:
     return _Levels(A=total, q=q, cost=cost)
 
 
-def _sums(each: Float[np.ndarray, "n *k"], data: Repeated) -> Float[np.ndarray, "g *k"]:
+def _sum_by_group(each: Float[np.ndarray, "n *k"], data: Repeated) -> Float[np.ndarray, "g *k"]:
     out = np.zeros((data.groups, *each.shape[1:]))
     np.add.at(out, data.group, each)
     return out
@@ -262,7 +266,7 @@ def _towards_mean(levels: _Levels, between: Float[np.ndarray, " p"]) -> _Posteri
 def _by_group(
     levels: _Levels,
 ) -> tuple[Float[np.ndarray, "g p"], Float[np.ndarray, "g p p"]]:
-    """Estimate each group's level by its own repeats; NaN where they do not have it."""
+    """Estimate each group's level by its own repeats; NaN if they do not have it."""
     inverse = np.linalg.pinv(levels.A, rcond=1e-12, hermitian=True)
     level = np.einsum("gij,gj->gi", inverse, levels.q)
     seen = np.einsum("gij,gji->gi", inverse, levels.A)
@@ -271,7 +275,7 @@ def _by_group(
     return np.where(known, level, np.nan), np.where(both, inverse, np.nan)
 
 
-def _averaged(
+def _average_over_mode(
     data: Repeated,
     mode: Float[np.ndarray, " p2"],
     root: Float[np.ndarray, "f f"],
@@ -284,11 +288,11 @@ def _averaged(
     p = data.values.shape[1]
     points = np.repeat(mode[None], max(2 * len(root), 1), axis=0)
     points[:, free] += _spread_points(root)
-    levels = [_levels(data, x) for x in points]
+    levels = [_estimate_levels(data, x) for x in points]
     drawn = [_towards_mean(a, np.exp(x[p:])) for a, x in zip(levels, points, strict=True)]
-    mean, mean_cov = _mixed([(d.mean[None], d.mean_covariance[None]) for d in drawn])
-    shrunk, shrunk_cov = _mixed([(d.level, d.covariance) for d in drawn])
-    level, level_cov = _mixed([_by_group(a) for a in levels])
+    mean, mean_cov = _mix_normals([(d.mean[None], d.mean_covariance[None]) for d in drawn])
+    shrunk, shrunk_cov = _mix_normals([(d.level, d.covariance) for d in drawn])
+    level, level_cov = _mix_normals([_by_group(a) for a in levels])
     deviations = np.where(free, np.exp(mode), np.nan) * np.concatenate([scale, scale])
     square = np.outer(scale, scale)
     few = ~free[p:]
@@ -311,7 +315,7 @@ def _spread_points(root: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "k f"]:
     return np.concatenate([np.sqrt(f) * root.T, -np.sqrt(f) * root.T]) if f else np.zeros((1, 0))
 
 
-def _mixed(
+def _mix_normals(
     parts: list[tuple[Float[np.ndarray, "g p"], Float[np.ndarray, "g p p"]]],
 ) -> tuple[Float[np.ndarray, "g p"], Float[np.ndarray, "g p p"]]:
     """Compute mean and covariance of a mixture of normal distributions, all of one weight."""

@@ -2,7 +2,7 @@
 
 The cache has a file for each log, named by the hash of log, options and version: a NumPy archive
 with the record as JSON, and the factors of the flight. It is written under another name and moved
-into place; a file that cannot be read is made anew.
+into place; a file that cannot be read is made again.
 """
 
 import dataclasses
@@ -66,19 +66,19 @@ class FlightRecord:
     file, log_number, sha256
         The log as found or listed, which log of the file (from 1), and its fingerprint.
     mass
-        As it flew [kg]; None where it is unknown, and all numbers are per kilogram.
+        As it flew [kg]; None if it is unknown, and all numbers are per kilogram.
     started
-        When the log began, seconds since 1970 (UTC); None where the log does not say.
+        When the log began, seconds since 1970 (UTC); None if the log does not say.
     seconds_used
         In the air and without gaps [s].
     names, values, std, low, high, verdicts
-        Every number of the result, SI, with its 95 % interval; NaN where this flight does not give
+        Every number of the result, SI, with its 95 % interval; NaN if this flight does not give
         it.
     compared, covariance
         Those of `COMPARED` that this flight gives, in that order, and their covariance, with the
         deviations of their intervals.
     air_density, air_temperature, air_pressure, battery
-        Means over the log [kg/m^3], [K], [Pa], and in flight [V]; None where the log has none.
+        Means over the log [kg/m^3], [K], [Pa], and in flight [V]; None if the log has none.
     warnings, checks
         Of the result and of the flight, one sentence each, and the numbers behind them.
     refused
@@ -110,15 +110,15 @@ class FlightRecord:
     refused: str = ""
 
     def value(self, name: str) -> float:
-        """Return a number, NaN where this flight does not give it."""
+        """Return a number, NaN if this flight does not give it."""
         return float(self.values[self.names.index(name)]) if name in self.names else float("nan")
 
     def deviation(self, name: str) -> float:
-        """Return a number's standard deviation, NaN where this flight does not give it."""
+        """Return a number's standard deviation, NaN if this flight does not give it."""
         return float(self.std[self.names.index(name)]) if name in self.names else float("nan")
 
     def verdict(self, name: str) -> str:
-        """Return a number's verdict, empty where there is no such number."""
+        """Return a number's verdict, empty if there is no such number."""
         return self.verdicts[self.names.index(name)] if name in self.names else ""
 
 
@@ -144,8 +144,8 @@ class Entry:
     - `record`: its row, with file, vehicle and configuration left empty: they do not follow from
       the log.
     - `refusal`: why it was not identified; there may be a record of its motors all the same.
-    - `hardware`: the autopilot's own number; empty where the log has none.
-    - `factors`: arrays by `one_flight.factor_arrays`; empty where there are none, or not asked for.
+    - `hardware`: the autopilot's own number; empty if the log has none.
+    - `factors`: arrays by `one_flight.factor_arrays`; empty if there are none, or not asked for.
     """
 
     record: FlightRecord | None
@@ -187,7 +187,7 @@ def write_entry(cache: Path, key: str, entry: Entry) -> None:
 
 
 def read_entry(cache: Path, key: str, *, factors: bool = False) -> Entry | None:
-    """Read an entry, with its factors if asked for; None where there is none, or it is damaged."""
+    """Read an entry, with its factors if asked for; None if there is none, or it is damaged."""
     path = path_of(cache, key)
     if not path.exists():
         return None
@@ -217,14 +217,14 @@ def _record_to_plain(record: FlightRecord) -> dict[str, Any]:
 def _record_from_plain(plain: Mapping[str, Any]) -> FlightRecord:
     fields = dict(plain)
     fields |= {name: np.array(fields[name], dtype=float) for name in _ARRAYS}
-    fields |= {name: _shared(tuple(fields[name])) for name in _TUPLES}
+    fields |= {name: _share_tuple(tuple(fields[name])) for name in _TUPLES}
     size = len(fields["compared"])
     fields["covariance"] = fields["covariance"].reshape(size, size)
     return FlightRecord(**fields)
 
 
 @lru_cache(maxsize=1000)
-def _shared(texts: tuple[str, ...]) -> tuple[str, ...]:
+def _share_tuple(texts: tuple[str, ...]) -> tuple[str, ...]:
     """Return one object for equal tuples: thousands of records have the names of one."""
     return texts
 

@@ -134,7 +134,7 @@ def read_fleet(
     new, total, fresh = list(logs), len(logs), 0
     while new:
         by_task, new = {log.task: log for log in new}, list[ListedLog]()
-        with closing(_outcomes(list(by_task), space, workers)) as outcomes:
+        with closing(_run_tasks(list(by_task), space, workers)) as outcomes:
             for outcome in outcomes:
                 log = by_task[outcome.task]
                 if outcome.numbers:
@@ -147,7 +147,7 @@ def read_fleet(
                 progress(Progress(done=len(found), total=total, fresh=fresh))
     shutil.rmtree(space.running, ignore_errors=True)
     found.sort(key=lambda pair: (pair[0].name, pair[0].task.log_number or 0))
-    return _rows(found, cache)
+    return _collect_rows(found, cache)
 
 
 def types_of(fleet: Fleet) -> tuple[FleetType, ...]:
@@ -194,7 +194,7 @@ def refusals_file(fleet: Fleet) -> bytes:
     return csv_bytes([refusal_columns(fleet.refused)])
 
 
-def _outcomes(
+def _run_tasks(
     tasks: Sequence[FlightTask], space: Workspace, workers: Workers
 ) -> Generator[TaskOutcome]:
     if workers.scheduler is not None:
@@ -204,14 +204,14 @@ def _outcomes(
     return by_processes(tasks, space, workers=workers.count)
 
 
-def _rows(found: Iterable[tuple[ListedLog, TaskOutcome]], cache: Path) -> Fleet:
+def _collect_rows(found: Iterable[tuple[ListedLog, TaskOutcome]], cache: Path) -> Fleet:
     """Collect the rows of the logs; a log with the content of an earlier one has none."""
     records: list[FlightRecord] = []
     cached: list[CachedFlight] = []
     refused: list[RefusedLog] = []
     first_names: dict[tuple[str, int], str] = {}
     for log, outcome in found:
-        entry = _entry(outcome, cache)
+        entry = _entry_of_outcome(outcome, cache)
         record, why = entry.record, entry.refusal
         if record is not None:
             first = first_names.setdefault((record.sha256, record.log_number), log.name)
@@ -242,7 +242,7 @@ def _rows(found: Iterable[tuple[ListedLog, TaskOutcome]], cache: Path) -> Fleet:
     return Fleet(records=tuple(records), cached=tuple(cached), refused=tuple(refused))
 
 
-def _entry(outcome: TaskOutcome, cache: Path) -> Entry:
+def _entry_of_outcome(outcome: TaskOutcome, cache: Path) -> Entry:
     if outcome.key is None:
         return Entry(record=None, refusal=outcome.refusal)
     damaged = refusal("cache", "what was kept of it was spoilt meanwhile", "run again")

@@ -26,7 +26,7 @@ FALSE_DISCOVERY_RATE: Final = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberStatistics:
-    """One number of the type, of each vehicle, and of each flight. SI; NaN where not known.
+    """One number of the type, of each vehicle, and of each flight. SI; NaN if not known.
 
     - `name`, `configuration`, `weather`: as in `NumberTable`.
     - `rows`, `vehicle_of_row`, `values`, `std`: flights that have it, by the index of their record;
@@ -112,7 +112,7 @@ class FleetStatistics:
     tests: int
 
     def number(self, name: str, configuration: str | None = None) -> NumberStatistics | None:
-        """Return the statistics of a number; None where it is not compared."""
+        """Return the statistics of a number; None if it is not compared."""
         found = (n for n in self.numbers if (n.name, n.configuration) == (name, configuration))
         return next(found, None)
 
@@ -137,21 +137,21 @@ def fleet_statistics(records: Sequence[FlightRecord], *, alarm: float = ALARM) -
     of_vehicle = {name: i for i, name in enumerate(vehicles)}
     whose = np.array([of_vehicle[r.vehicle] for r in records], dtype=int)
     found = number_tables(records)
-    tests = sum(_series(table, whose) for table in found)
-    fits = [_fitted(table, whose, alarm / max(tests, 1)) for table in found]
-    numbers = [n for fit in fits for n in _numbers(fit)]
-    numbers = _without_outliers(fits, _judged(numbers, len(vehicles)))
+    tests = sum(_count_series(table, whose) for table in found)
+    fits = [_fit_table(table, whose, alarm / max(tests, 1)) for table in found]
+    numbers = [n for fit in fits for n in _numbers_of_fit(fit)]
+    numbers = _without_outliers(fits, _mark_outliers(numbers, len(vehicles)))
     return FleetStatistics(
         vehicles=vehicles,
         numbers=tuple(numbers),
-        loadings=tuple(_loadings(numbers, records)),
+        loadings=tuple(_compare_loadings(numbers, records)),
         alarm=alarm,
         rate=FALSE_DISCOVERY_RATE,
         tests=tests,
     )
 
 
-def _judged(numbers: Sequence[NumberStatistics], vehicles: int) -> list[NumberStatistics]:
+def _mark_outliers(numbers: Sequence[NumberStatistics], vehicles: int) -> list[NumberStatistics]:
     """Mark the outliers, each vehicle judged as a whole first."""
     p = np.full((vehicles, len(numbers)), np.nan)
     for k, number in enumerate(numbers):
@@ -160,7 +160,7 @@ def _judged(numbers: Sequence[NumberStatistics], vehicles: int) -> list[NumberSt
     return [replace(n, outlying=flags[list(n.vehicles), k]) for k, n in enumerate(numbers)]
 
 
-def _series(table: NumberTable, whose: Int[np.ndarray, " r"]) -> int:
+def _count_series(table: NumberTable, whose: Int[np.ndarray, " r"]) -> int:
     """Count the series of a table in which a change can be looked for."""
     known = np.isfinite(table.values)
     owner = whose[list(table.rows)]
@@ -169,20 +169,22 @@ def _series(table: NumberTable, whose: Int[np.ndarray, " r"]) -> int:
     )
 
 
-def _fitted(table: NumberTable, whose: Int[np.ndarray, " r"], alarm: float) -> _Fitted:
+def _fit_table(table: NumberTable, whose: Int[np.ndarray, " r"], alarm: float) -> _Fitted:
     """Find what changed in a table, then the levels beside it."""
     vehicles, group = np.unique(whose[list(table.rows)], return_inverse=True)
     n, p = table.values.shape
     data = Repeated(
         values=table.values, covariance=table.covariance, group=group, changes=np.zeros((n, p, 0))
     )
-    found = [_changes(data, k, table.names[k] in MEANS_OVER_FLIGHT, alarm) for k in range(p)]
+    found = [
+        _find_changes_in(data, k, table.names[k] in MEANS_OVER_FLIGHT, alarm) for k in range(p)
+    ]
     changes = tuple(one.of_group for one in found)
     scale = np.sqrt([one.share for one in found])
     data = replace(
         data,
         covariance=data.covariance * np.outer(scale, scale),
-        changes=_columns(data, changes),
+        changes=_change_columns(data, changes),
     )
     return _Fitted(
         table=table,
@@ -193,8 +195,8 @@ def _fitted(table: NumberTable, whose: Int[np.ndarray, " r"], alarm: float) -> _
     )
 
 
-def _changes(data: Repeated, k: int, overstated: bool, alarm: float) -> Changes:
-    """Find what changed in one number; `overstated` where its deviations may be too large."""
+def _find_changes_in(data: Repeated, k: int, overstated: bool, alarm: float) -> Changes:
+    """Find the changes in a number; `overstated`: its deviations may be too large."""
     known = data.known[:, k]
     found = find_changes(
         data.values[known, k],
@@ -207,7 +209,7 @@ def _changes(data: Repeated, k: int, overstated: bool, alarm: float) -> Changes:
     return replace(found, of_group=found.of_group + none)
 
 
-def _columns(
+def _change_columns(
     data: Repeated, changes: tuple[tuple[tuple[Change, ...], ...], ...]
 ) -> Float[np.ndarray, "n p m"]:
     """Return a column for each change; groups share columns."""
@@ -224,16 +226,16 @@ def _columns(
     return out
 
 
-def _numbers(fit: _Fitted) -> list[NumberStatistics]:
+def _numbers_of_fit(fit: _Fitted) -> list[NumberStatistics]:
     """Return each number of a table, before outliers are marked."""
     table, data, effects = fit.table, fit.data, fit.effects
     out: list[NumberStatistics] = []
     for k, name in enumerate(table.names):
         known = data.known[:, k]
         level = _among_flights(effects.level[:, k], data, k)
-        level_std = _std(effects.level_covariance, k)
+        level_std = _deviations_of(effects.level_covariance, k)
         test = outlier_test(level, level_std**2)
-        now, now_std = _now(fit, k)
+        now, now_std = _current_levels(fit, k)
         out.append(
             NumberStatistics(
                 name=name,
@@ -251,7 +253,7 @@ def _numbers(fit: _Fitted) -> list[NumberStatistics]:
                 level=level,
                 level_std=level_std,
                 shrunk=effects.shrunk[:, k],
-                shrunk_std=_std(effects.shrunk_covariance, k),
+                shrunk_std=_deviations_of(effects.shrunk_covariance, k),
                 now=_among_flights(now, data, k),
                 now_std=now_std,
                 changes=fit.changes[k],
@@ -264,7 +266,7 @@ def _numbers(fit: _Fitted) -> list[NumberStatistics]:
     return out
 
 
-def _std(covariance: Float[np.ndarray, "g p p"], k: int) -> Float[np.ndarray, " g"]:
+def _deviations_of(covariance: Float[np.ndarray, "g p p"], k: int) -> Float[np.ndarray, " g"]:
     return np.sqrt(covariance[:, k, k])
 
 
@@ -281,10 +283,12 @@ def _among_flights(
     return np.clip(level, low, high)
 
 
-def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
+def _current_levels(
+    fit: _Fitted, k: int
+) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
     """Estimate each vehicle's number after its changes, by its own flights."""
     effects, data = fit.effects, fit.data
-    value, std = effects.level[:, k].copy(), _std(effects.level_covariance, k)
+    value, std = effects.level[:, k].copy(), _deviations_of(effects.level_covariance, k)
     within = effects.within[k] if np.isfinite(effects.within[k]) else 0.0
     for g, changes in enumerate(fit.changes[k]):
         if not any(change.shape[-1] for change in changes):
@@ -327,11 +331,11 @@ def _with_type(number: NumberStatistics, effects: RandomEffects, k: int) -> Numb
         between=float(effects.between[k]),
         within=float(effects.within[k]),
         shrunk=np.where(number.outlying, np.nan, effects.shrunk[:, k]),
-        shrunk_std=np.where(number.outlying, np.nan, _std(effects.shrunk_covariance, k)),
+        shrunk_std=np.where(number.outlying, np.nan, _deviations_of(effects.shrunk_covariance, k)),
     )
 
 
-def _loadings(
+def _compare_loadings(
     numbers: Sequence[NumberStatistics], records: Sequence[FlightRecord]
 ) -> list[LoadingDifference]:
     """Find differences between the loadings of a vehicle, each loading judged as a whole."""

@@ -56,7 +56,7 @@ def parquet_bytes(parts: Iterable[Columns]) -> bytes:
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     sink, writer = io.BytesIO(), None
     for columns in parts:
-        schema = arrow.schema([(name, _type(arrow, name)) for name in columns])
+        schema = arrow.schema([(name, _column_type(arrow, name)) for name in columns])
         writer = writer or parquet.ParquetWriter(sink, schema, compression="zstd")
         writer.write_table(arrow.table(columns, schema=schema))
     if writer is not None:
@@ -64,7 +64,7 @@ def parquet_bytes(parts: Iterable[Columns]) -> bytes:
     return sink.getvalue()
 
 
-def _type(arrow: Any, name: str) -> Any:
+def _column_type(arrow: Any, name: str) -> Any:
     """Return the type of a column by its name: a part may hold nothing but None."""
     if name in TEXTS or name.endswith("_verdict"):
         return arrow.string()
@@ -74,7 +74,7 @@ def _type(arrow: Any, name: str) -> Any:
 
 
 def stacked(tables: Sequence[Columns]) -> Columns:
-    """Join tables with different columns, None where a row has nothing."""
+    """Join tables with different columns, None if a row has nothing."""
     names = dict.fromkeys(name for columns in tables for name in columns)
     rows = [len(next(iter(columns.values()))) for columns in tables]
     return {
@@ -107,7 +107,7 @@ def flight_columns(records: Sequence[FlightRecord], numbers: Sequence[str]) -> C
         at = [place.get(name) for place in places]
         for ending, array in (("", "values"), ("_std", "std"), ("_low", "low"), ("_high", "high")):
             columns[f"{name}{ending}"] = [
-                None if i is None else _finite(float(getattr(r, array)[i]))
+                None if i is None else _finite_or_none(float(getattr(r, array)[i]))
                 for r, i in zip(records, at, strict=True)
             ]
         columns[f"{name}_verdict"] = [
@@ -163,8 +163,8 @@ def vehicle_columns(
         "mass": [mass for _, _, mass in ordered],
         "flights": [len(rows[row]) for row in ordered],
         "identified": [sum(not r.refused for r in rows[row]) for row in ordered],
-        "first": [_moment_text(_moment(rows[row], min)) for row in ordered],
-        "last": [_moment_text(_moment(rows[row], max)) for row in ordered],
+        "first": [_moment_text(_moment_of_records(rows[row], min)) for row in ordered],
+        "last": [_moment_text(_moment_of_records(rows[row], max)) for row in ordered],
     }
     for name in NUMBERS:
         columns |= _number_columns(name, ordered, statistics, joint_fits)
@@ -177,7 +177,7 @@ def _number_columns(
     statistics: FleetStatistics,
     joint_fits: Mapping[LoadedVehicle, Joined | None],
 ) -> Columns:
-    """Return the columns of one number; none where no vehicle has it."""
+    """Return the columns of a number; empty if no vehicle has it."""
     cells = [_vehicle_cells(name, row, statistics) for row in rows]
     columns: Columns = {
         column: [row.get(column) for row in cells]
@@ -207,8 +207,8 @@ def _vehicle_cells(name: str, row: LoadedVehicle, statistics: FleetStatistics) -
     }
     cells: dict[str, Any] = {}
     for ending, (value, std) in pairs.items():
-        cells[f"{name}{ending}"] = _finite(float(value[place]))
-        cells[f"{name}{ending}_std"] = _finite(float(std[place]))
+        cells[f"{name}{ending}"] = _finite_or_none(float(value[place]))
+        cells[f"{name}{ending}_std"] = _finite_or_none(float(std[place]))
     return {**cells, f"{name}_apart": bool(number.outlying[place])}
 
 
@@ -219,12 +219,12 @@ def _moment_text(seconds: float | None) -> str | None:
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
-def _moment(
+def _moment_of_records(
     records: Sequence[FlightRecord], pick: Callable[[Iterable[float]], float]
 ) -> float | None:
     dated = [r.started for r in records if r.started is not None]
     return pick(dated) if dated else None
 
 
-def _finite(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if np.isfinite(value) else None

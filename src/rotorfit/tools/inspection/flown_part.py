@@ -36,12 +36,12 @@ def prepare_if_usable(log: FlightLog) -> tuple[PreparedFlight | None, str | None
     if not motors or not all(name in log.channels for name in NEEDED):
         return None, None
     try:
-        return _prepared(log), None
+        return _prepare_log(log), None
     except (LogError, FlightError) as error:
         return None, str(error)
 
 
-def _prepared(log: FlightLog) -> PreparedFlight:
+def _prepare_log(log: FlightLog) -> PreparedFlight:
     """Prepare a log with whatever motors it has; commands by the law that the log states."""
     measured = "rotor_speed" in log.channels
     motors = log.channels["rotor_speed" if measured else "command"]

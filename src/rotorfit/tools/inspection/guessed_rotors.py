@@ -111,7 +111,10 @@ def guessed_vehicles(data: FlightData) -> list[Vehicle]:
     unknown, and excitation does not depend on it. Rotor speeds are those at the time of the motion.
     """
     turn, squares, slopes = _slow_signals(data)
-    roll, pitch = _centred(_solved(squares, turn[:, 0])), _centred(_solved(squares, turn[:, 1]))
+    roll, pitch = (
+        _scale_to_places(_solve_columns(squares, turn[:, 0])),
+        _scale_to_places(_solve_columns(squares, turn[:, 1])),
+    )
     places = [(float(-p), float(r), 0.0) for r, p in zip(roll, pitch, strict=True)]
     return [
         Vehicle(
@@ -120,7 +123,7 @@ def guessed_vehicles(data: FlightData) -> list[Vehicle]:
                 for place, spin in zip(places, spins, strict=True)
             )
         )
-        for spins in _spins(turn[:, 2], squares, slopes)
+        for spins in _find_spins(turn[:, 2], squares, slopes)
     ]
 
 
@@ -151,14 +154,14 @@ def _slow_signals(
     return factor[:, :3], factor[:, 3 : 3 + count], factor[:, 3 + count :]
 
 
-def _solved(
+def _solve_columns(
     columns: Float[np.ndarray, "z k"], target: Float[np.ndarray, " z"]
 ) -> Float[np.ndarray, " k"]:
     solved: Float[np.ndarray, " k"] = scipy.linalg.pinv(columns, rtol=LEAST_MOVED) @ target
     return solved
 
 
-def _centred(response: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+def _scale_to_places(response: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
     """Scale the response of an axis to each rotor to places along the other axis [m]."""
     places = response - response.mean()
     size = float(np.sqrt((places**2).mean()))
@@ -166,7 +169,7 @@ def _centred(response: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
     return np.linspace(-SPREAD, SPREAD, len(response)) if size == 0.0 else SPREAD * places / size
 
 
-def _spins(
+def _find_spins(
     turn: Float[np.ndarray, " z"],
     squares: Float[np.ndarray, "z N"],
     slopes: Float[np.ndarray, "z N"],
@@ -174,11 +177,11 @@ def _spins(
     """Find the spins, +1 for ccw, whose drag and spin-up explain yaw, the best first."""
     count = squares.shape[1]
     tried: list[tuple[float, Float[np.ndarray, " N"]]] = []
-    for pattern in _patterns(count):
+    for pattern in _spin_patterns(count):
         columns = np.column_stack([squares @ pattern, slopes @ pattern])
         lengths = np.linalg.norm(columns, axis=0)
         columns = columns / np.where(lengths > 0, lengths, 1.0)
-        weights = _solved(columns, turn)
+        weights = _solve_columns(columns, turn)
         # Drag and spin-up both turn the body against the rotor.
         spins = -pattern if weights.sum() > 0 else pattern
         tried.append((float(turn @ columns @ weights), spins))
@@ -188,7 +191,7 @@ def _spins(
     return [spins for _, spins in likely[:MOST_SPINS]]
 
 
-def _patterns(count: int) -> Iterator[Float[np.ndarray, " N"]]:
+def _spin_patterns(count: int) -> Iterator[Float[np.ndarray, " N"]]:
     """Yield the patterns of as many ccw as cw (or one more), each once but for its sign."""
     if count > MOST_TRIED:
         yield np.array([(-1.0) ** i for i in range(count)])

@@ -108,21 +108,21 @@ class LogReport:
     @property
     def verdicts(self) -> tuple[str, ...]:
         """Verdicts of an identification with the given airframe."""
-        return self._notes(VERDICT)
+        return self._notes_of_kind(VERDICT)
 
     @property
     def not_judged(self) -> tuple[str, ...]:
         """Checks that more options allow."""
         # The next step may name the same command.
         said = "" if self.next_step is None else self.next_step.action
-        return tuple(n for n in self._notes(NO_AIRFRAME) if n.rsplit(": ")[-1] not in said)
+        return tuple(n for n in self._notes_of_kind(NO_AIRFRAME) if n.rsplit(": ")[-1] not in said)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes of the log's reader."""
-        return self._notes(READER_NOTE)
+        return self._notes_of_kind(READER_NOTE)
 
-    def _notes(self, kind: str) -> tuple[str, ...]:
+    def _notes_of_kind(self, kind: str) -> tuple[str, ...]:
         return sentences(one for one in self.findings if one.kind == kind)
 
 
@@ -145,12 +145,12 @@ class _Look:
 def inspect_log(
     log: FlightLog, *, airframe: Path | None = None, entry: "FlightEntry | None" = None
 ) -> LogReport:
-    """Find what a log holds and lacks, which part of it is flight, and what that can show."""
+    """Inspect a log: its channels, its gaps, its airborne part, and what this can identify."""
     channels = channel_reports(log)
     prepared, unprepared = prepare_if_usable(log)
     late = None if prepared is None else motor_lateness(prepared.data)
-    foreseen, unforeseen = _foreseen(log, prepared, late)
-    result, unidentified = _identified(log, airframe, entry)
+    foreseen, unforeseen = _predict_prospects(log, prepared, late)
+    result, unidentified = _identify_log(log, airframe, entry)
     look = _Look(
         log=log,
         airframe=airframe,
@@ -172,9 +172,9 @@ def inspect_log(
         log=f"{log.log_number} of {log.logs_in_file}",
         seconds=log.seconds,
         channels=tuple(channels.values()),
-        airborne=() if prepared is None else _airborne(prepared),
+        airborne=() if prepared is None else _airborne_spans(prepared),
         vibration=() if prepared is None else vibration(prepared.data),
-        sweeps=() if prepared is None else _sweeps(prepared),
+        sweeps=() if prepared is None else _find_sweeps(prepared),
         motor_lateness=late,
         telemetry=look.telemetry,
         gravity=look.gravity,
@@ -206,7 +206,7 @@ def _bandwidth_words(log: FlightLog, foreseen: Prospects | None) -> Iterator[str
 def _next_step(
     look: _Look, foreseen: Prospects | None, lacking: frozenset[Lack]
 ) -> NextStep | None:
-    """Choose what to do next: that of the identification, else what it is going to be."""
+    """Choose the next step: the one of the identification, else the predicted one."""
     if look.result is not None:
         return next_step(look.result)
     if look.prepared is None:
@@ -222,7 +222,7 @@ def _next_step(
     return foreseen_step(look.log, look.prepared, foreseen)
 
 
-def _foreseen(
+def _predict_prospects(
     log: FlightLog, prepared: PreparedFlight | None, late: float | None
 ) -> tuple[Prospects | None, str | None]:
     """Predict what a flight can show, or say why that fails."""
@@ -237,7 +237,7 @@ def _foreseen(
         return None, str(error)
 
 
-def _identified(
+def _identify_log(
     log: FlightLog, airframe: Path | None, entry: "FlightEntry | None"
 ) -> "tuple[IdentificationResult | None, str | None]":
     """Identify a log with an airframe, per kilogram, or say why that fails."""
@@ -276,7 +276,7 @@ def _missing_channels(look: _Look) -> Iterator[Finding]:
     """Yield findings on the log's lacks for an identification, with advice where it is usable."""
     present = look.log.channels.keys()
     if present and present <= {"position", "attitude", "velocity"}:
-        yield _refusal("pose-alone", _pose_alone(look.log))
+        yield _make_refusal("pose-alone", _pose_alone(look.log))
         return
     has_motors = bool({"rotor_speed", "command"} & present)
     loss = (
@@ -288,9 +288,9 @@ def _missing_channels(look: _Look) -> Iterator[Finding]:
     lacking = [f"no {name} channel ({what})" for name, what in measured if name not in present]
     # By its poses the flight may have been identified all the same.
     if lacking and look.result is None:
-        yield _refusal("missing-channel", f"{' and '.join(lacking)}: {loss}")
+        yield _make_refusal("missing-channel", f"{' and '.join(lacking)}: {loss}")
     if not has_motors:
-        yield _refusal("missing-motors", "no motor data: log ESC telemetry or motor outputs")
+        yield _make_refusal("missing-motors", "no motor data: log ESC telemetry or motor outputs")
     elif "rotor_speed" not in present:
         yield doubt(
             "commands-alone",
@@ -317,9 +317,9 @@ def _pose_alone(log: FlightLog) -> str:
     return f'{lack}: {use}"THIS FILE" }}])'
 
 
-def _preparation(look: _Look) -> Iterator[Finding]:
+def _preparation_findings(look: _Look) -> Iterator[Finding]:
     if look.unprepared is not None:
-        yield _refusal("preparation", look.unprepared)
+        yield _make_refusal("preparation", look.unprepared)
     if look.prepared is None:
         return
     yield from look.prepared.findings
@@ -330,12 +330,12 @@ def _preparation(look: _Look) -> Iterator[Finding]:
         yield doubt("gyro-in-degrees", degrees)
 
 
-def _prediction(look: _Look) -> Iterator[Finding]:
+def _prediction_findings(look: _Look) -> Iterator[Finding]:
     if look.unforeseen is not None:
         yield doubt("prospects", look.unforeseen)
 
 
-def _telemetry(look: _Look) -> Iterator[Finding]:
+def _telemetry_findings(look: _Look) -> Iterator[Finding]:
     seen = look.telemetry
     if seen is not None:
         late = seen.lateness
@@ -343,7 +343,7 @@ def _telemetry(look: _Look) -> Iterator[Finding]:
         yield from (doubt("telemetry", sentence, evidence=evidence) for sentence in seen.doubts)
 
 
-def _gravity(look: _Look) -> Iterator[Finding]:
+def _gravity_findings(look: _Look) -> Iterator[Finding]:
     if look.gravity is None:
         return
     # With an airframe the identification has looked at the flight itself.
@@ -363,14 +363,14 @@ def _is_against_gravity(result: "IdentificationResult") -> bool:
     return any(one.kind == AGAINST_GRAVITY and one.sentence for one in result.findings)
 
 
-def _identification(look: _Look) -> Iterator[Finding]:
+def _identification_findings(look: _Look) -> Iterator[Finding]:
     if look.unidentified is not None:
-        yield _refusal("identification", look.unidentified)
+        yield _make_refusal("identification", look.unidentified)
     if look.result is not None:
         yield from look.result.findings
 
 
-def _verdicts(look: _Look) -> Iterator[Finding]:
+def _verdict_notes(look: _Look) -> Iterator[Finding]:
     """Yield one note for each verdict, with the numbers that have it."""
     by_verdict: dict[str, list[str]] = {}
     for parameter in () if look.result is None else look.result.parameters:
@@ -397,33 +397,33 @@ def _missing_airframe(look: _Look) -> Iterator[Finding]:
         yield note(NO_AIRFRAME, WITH_AIRFRAME.format(log=look.log.as_argument))
 
 
-def _refusal(kind: str, sentence: str) -> Finding:
+def _make_refusal(kind: str, sentence: str) -> Finding:
     return Finding(kind=kind, severity="refusal", sentence=sentence)
 
 
 CHECKS: Final[tuple[Callable[[_Look], Iterable[Finding]], ...]] = (
     _reader_findings,
     _missing_channels,
-    _preparation,
-    _prediction,
-    _telemetry,
-    _gravity,
-    _identification,
-    _verdicts,
+    _preparation_findings,
+    _prediction_findings,
+    _telemetry_findings,
+    _gravity_findings,
+    _identification_findings,
+    _verdict_notes,
     _stated_law,
     _missing_airframe,
 )
 """The doctor's checks, in the order of a report."""
 
 
-def _airborne(prepared: PreparedFlight) -> tuple[tuple[float, float], ...]:
+def _airborne_spans(prepared: PreparedFlight) -> tuple[tuple[float, float], ...]:
     t = prepared.data.time
     return tuple(
         (float(t[s.start] - t[0]), float(t[s.stop - 1] - t[0])) for s in prepared.data.segments
     )
 
 
-def _sweeps(prepared: PreparedFlight) -> tuple[Sweep, ...]:
+def _find_sweeps(prepared: PreparedFlight) -> tuple[Sweep, ...]:
     """Find the frequency sweeps in flight, in seconds since the first sample."""
     data = prepared.data
     time = data.time - data.time[0]

@@ -25,7 +25,7 @@ LEAST_EXPLAINED: Final = 0.3
 
 
 def motor_lateness(data: FlightData) -> float | None:
-    """Estimate how much later than the motors the vehicle turns [s]; None where it does not show.
+    """Estimate how much later than the motors the vehicle turns [s]; None if it does not show.
 
     The time shift at which the squared motor data explain the angular acceleration best.
     Negative: the motor data were recorded late. Of commands it holds the motors' lag, too.

@@ -95,7 +95,7 @@ class Activity:
 
     @property
     def level(self) -> Int[np.ndarray, " w"]:
-        """Index into `LEVELS` of each window; -1 where nothing was recorded."""
+        """Index into `LEVELS` of each window; -1 if nothing was recorded."""
         ends = THRUST_LEVELS if self.axis == "thrust" else TURN_LEVELS
         return np.where(np.isfinite(self.size), np.searchsorted(ends, self.size, "right"), -1)
 
@@ -137,7 +137,7 @@ def time_picture(
     marks: list[Mark] = []
     why: list[str] = []
     for name in names:
-        curves, problems = _curves(log.channels[name], name, zero)
+        curves, problems = _thin_curves(log.channels[name], name, zero)
         why += [f"{NAMES[name]}, in full or in part: {problem}" for problem in problems]
         if curves:
             traces.append(Trace(channel=name, unit=CHANNELS[name][1], curves=curves))
@@ -152,11 +152,11 @@ def time_picture(
         end=end,
         traces=tuple(traces),
         marks=tuple(marks),
-        activity=_activities(log, zero),
+        activity=_measure_activities(log, zero),
     ), why
 
 
-def _curves(channel: Channel, name: str, zero: float) -> tuple[tuple[Series, ...], list[str]]:
+def _thin_curves(channel: Channel, name: str, zero: float) -> tuple[tuple[Series, ...], list[str]]:
     """Thin the columns, those with samples at equal times together."""
     values = channel.values
     present = np.abs(np.nan_to_num(values, nan=np.inf)) < LARGEST_VALUE
@@ -196,15 +196,15 @@ def _channel_marks(channel: Channel, name: str, zero: float, share: float) -> li
     steps = np.diff(t)
     late = np.flatnonzero(steps > GAP_STEPS * float(np.median(steps)))
     gaps = [(float(t[i]), float(t[i + 1])) for i in late.tolist()]
-    limited, words = _limited(x, name, repeats=round(1.0 / share))
+    limited, words = _find_limits(x, name, repeats=round(1.0 / share))
     stuck = [(float(t[a]), float(t[b - 1])) for a, b in true_runs(limited)]
     return [
-        *_marks("gap", name, f"gap in {NAMES[name]}", gaps, distance),
-        *_marks("limit", name, words, stuck, distance),
+        *_join_marks("gap", name, f"gap in {NAMES[name]}", gaps, distance),
+        *_join_marks("limit", name, words, stuck, distance),
     ]
 
 
-def _limited(
+def _find_limits(
     values: Float[np.ndarray, "n k"], name: str, *, repeats: int
 ) -> tuple[Bool[np.ndarray, " n"], str]:
     """Find where a channel stands at its limit, and name that."""
@@ -222,7 +222,7 @@ def _cut_marks(cuts: Sequence[Cut], zero: float, distance: float) -> list[Mark]:
     return [
         mark
         for reason in reasons
-        for mark in _marks(
+        for mark in _join_marks(
             "cut",
             None,
             reason,
@@ -232,7 +232,7 @@ def _cut_marks(cuts: Sequence[Cut], zero: float, distance: float) -> list[Mark]:
     ]
 
 
-def _marks(
+def _join_marks(
     kind: MarkKind,
     channel: str | None,
     words: str,
@@ -249,16 +249,16 @@ def _marks(
     return [Mark(kind=kind, channel=channel, start=a, end=b, words=words) for a, b in joined]
 
 
-def _activities(log: FlightLog, zero: float) -> tuple[Activity, ...]:
+def _measure_activities(log: FlightLog, zero: float) -> tuple[Activity, ...]:
     """Measure how much roll, pitch, yaw and thrust moved."""
     found: list[Activity] = []
     gyro = _slow_means(log, "gyro")
     if gyro is not None:
         for i, axis in enumerate(AXES):
-            found.append(_activity(axis, gyro[0] - zero, np.degrees(gyro[1][:, i])))
+            found.append(_measure_activity(axis, gyro[0] - zero, np.degrees(gyro[1][:, i])))
     accel = _slow_means(log, "accel")
     if accel is not None:
-        found.append(_activity("thrust", accel[0] - zero, accel[1][:, 2] / GRAVITY - 1.0))
+        found.append(_measure_activity("thrust", accel[0] - zero, accel[1][:, 2] / GRAVITY - 1.0))
     return tuple(found)
 
 
@@ -279,7 +279,7 @@ def _slow_means(
     return np.add.reduceat(channel.time, starts) / count, means
 
 
-def _activity(
+def _measure_activity(
     axis: str, time: Float[np.ndarray, " m"], values: Float[np.ndarray, " m"]
 ) -> Activity:
     start = float(time[0])
@@ -302,7 +302,7 @@ def _activity(
 class LogPictures:
     """The pictures of one log; their size does not grow with the log's length.
 
-    - `bands`: of the rotors' harmonics; none where rotor speed was not measured.
+    - `bands`: of the rotors' harmonics; empty if rotor speed was not measured.
     - `filters`: on board, by the log's settings.
     - `left_out`: what cannot be drawn, and why: one sentence each.
     """
@@ -325,7 +325,7 @@ def log_pictures(
         cuts=() if prepared is None else prepared.cuts,
         new_share=shares,
     )
-    spans = _flown(prepared)
+    spans = _flown_spans(prepared)
     rotor_speed = log.channels.get("rotor_speed")
     spectra: list[Spectrum] = []
     for name in ("gyro", "accel"):
@@ -363,7 +363,7 @@ def first_sample(log: FlightLog) -> float:
     return firsts.get("gyro", min(firsts.values(), default=0.0))
 
 
-def _flown(prepared: PreparedFlight | None) -> Sequence[tuple[float, float]]:
+def _flown_spans(prepared: PreparedFlight | None) -> Sequence[tuple[float, float]]:
     """Return the airborne stretches on the log's clock."""
     if prepared is None:
         return ()

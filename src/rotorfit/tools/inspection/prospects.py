@@ -98,7 +98,7 @@ class Excitation:
     @property
     def prospect(self) -> Prospect:
         """How well its number can be found: the verdict that an estimate would have."""
-        return _prospect(self.width, axis=self.axis, excitation=self.rho)
+        return _judge_prospect(self.width, axis=self.axis, excitation=self.rho)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +136,7 @@ class Thrust:
     @property
     def prospect(self) -> Prospect:
         """How well kt can be found."""
-        return _prospect(self.width, axis="force")
+        return _judge_prospect(self.width, axis="force")
 
     @property
     def of_inertia(self) -> float | None:
@@ -174,7 +174,7 @@ class Commands:
 class Prospects:
     """The prospects of a flight; `motors` names the layout and order that explain the motion.
 
-    `useless_because`: why no other flight shows more in such a log; None where one does.
+    `useless_because`: why no other flight shows more in such a log; None if one does.
     `bandwidths`: of the sensors that the flight shows to be behind a low-pass.
     """
 
@@ -205,7 +205,7 @@ def foreseen_step(log: FlightLog, prepared: PreparedFlight, found: Prospects) ->
     return NextStep(kind="fly", action=FLOWN[lacking[0]])
 
 
-def _prospect(width: float | None, *, axis: str, excitation: float | None = None) -> Prospect:
+def _judge_prospect(width: float | None, *, axis: str, excitation: float | None = None) -> Prospect:
     half_width = np.inf if width is None else width
     found = judge(1.0, half_width, scale=0.0, axis=axis, excitation=excitation)
     return PROSPECT[found.verdict]
@@ -229,13 +229,13 @@ def prospects(
     body = lines_of_body(prepared)
     timed = replace(prepared, data=retimed(prepared, seen))
     known = confirmed_motors(timed, body=body)
-    vehicle = known[0] if known is not None else _likeliest(timed, body)
+    vehicle = known[0] if known is not None else _likeliest_rotors(timed, body)
     if commanded and seen is not None:
         fitted = _commanded_rows(prepared, vehicle, seen, body=body)
         timed, fits, lag = fitted.flight, fitted.fits, fitted.lag
         commands = Commands(
             law_known=law is not None,
-            limited=_limited(prepared),
+            limited=_share_at_limits(prepared),
             lag=lag,
             seen_lag=seen.lag,
             rate=prepared.slowest_rate,
@@ -243,9 +243,9 @@ def prospects(
     else:
         factors, commands = prepared_bands(timed, vehicle, None, body=body), None
         fits = _by_weight(fit_rows(factors, regressor(vehicle), mass=1.0), factors)
-    followed = _followed(fits)
+    followed = _follows_motors(fits)
     rows = _with_widths(fits)
-    thrust = _thrust(
+    thrust = _estimate_thrust(
         timed.data,
         vehicle,
         rows,
@@ -259,9 +259,9 @@ def prospects(
                 axis=axis,
                 turning=size,
                 rho=fits.excitation[axis],
-                width=_width(axis, fits, rows, thrust),
+                width=_predict_width(axis, fits, rows, thrust),
             )
-            for axis, size in zip(AXES, _turning(timed.data), strict=True)
+            for axis, size in zip(AXES, _turning_deviations(timed.data), strict=True)
         ),
         thrust=thrust,
         commanded=commanded,
@@ -272,14 +272,14 @@ def prospects(
     )
 
 
-def _limited(prepared: PreparedFlight) -> float:
+def _share_at_limits(prepared: PreparedFlight) -> float:
     """Compute the share of the flight in which a motor's speed is at its least or largest."""
     speed = prepared.data.rotor_speed[prepared.data.used_rows]
     low, high = np.nanmin(speed), np.nanmax(speed)
     return float(((speed <= low) | (speed >= high)).any(axis=1).mean())
 
 
-def _likeliest(prepared: PreparedFlight, body: tuple[Lines, ...]) -> Vehicle:
+def _likeliest_rotors(prepared: PreparedFlight, body: tuple[Lines, ...]) -> Vehicle:
     """Select the guessed rotors that explain the turns best."""
     likely = guessed_vehicles(prepared.data)
     if len(likely) == 1:
@@ -315,7 +315,7 @@ def _commanded_rows(
         response=motors, factors=prepared_bands(prepared, vehicle, motors, body=body)
     )
     fitted, fits = usual, fit_rows(usual.factors, model, mass=1.0)
-    if not _followed(fits):
+    if not _follows_motors(fits):
         fitted = clearer_lag(tried, model, usual)
         fits = fits if fitted is usual else fit_rows(fitted.factors, model, mass=1.0)
     return _CommandedRows(
@@ -336,12 +336,12 @@ def _by_weight(fits: RowFits, factors: Factors) -> RowFits:
     return replace(fits, excitation=enough_by_weight(fits.excitation, weighed))
 
 
-def _followed(fits: RowFits) -> bool:
+def _follows_motors(fits: RowFits) -> bool:
     """Test whether roll or pitch shows more of the motors than of disturbances."""
     return max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
 
 
-def _thrust(
+def _estimate_thrust(
     data: FlightData,
     vehicle: Vehicle,
     rows: Rows,
@@ -355,31 +355,31 @@ def _thrust(
     kt, random = rows["force.kt"]
     changes = Measured(value=kt, std=float(np.hypot(random / 1.96, CHANGES_STD * kt)))
     weighed = kt_by_weight(data, vehicle)
-    agree, width, reach, full = True, _relative(random, kt), 0.0, 0.0
+    agree, width, reach, full = True, _relative_width(random, kt), 0.0, 0.0
     if commanded and law is None:
         # Commands that do not explain the motion do not show how thrust grows with them either.
         ratio = thrust_ratio(changes, weighed) if followed else None
         found = FoundLaw(exponent=exponent_of(ratio), flown=ratio, hover=rms_speed([data]))
         reach, full = 1.96 * found.slope_std, 1.96 * found.thrust_std
-        held = width if weighed is None else _relative(1.96 * weighed.std, weighed.value)
+        held = width if weighed is None else _relative_width(1.96 * weighed.std, weighed.value)
         width = float(np.hypot(held, full))
     elif weighed is not None:
         agree = Balance(changes=changes, weight=weighed).deviations <= DOUBTED
         if law is None:
             balance = Balance(changes=changes, weight=weighed)
-            width = _relative(1.96 * balance.kt.std, balance.kt.value)
+            width = _relative_width(1.96 * balance.kt.std, balance.kt.value)
         else:  # where changes contradict a law, they say nothing of k_t
             found = _given_law(data, law, thrust_ratio(changes, weighed) if followed else None)
             reach = 1.96 * found.slope_std
             full = 1.96 * found.thrust_std if law.stated else 0.0
-            held = _relative(1.96 * weighed.std, weighed.value)
+            held = _relative_width(1.96 * weighed.std, weighed.value)
             width = float(np.hypot(held, full))
     return Thrust(
         change=float(squares.std() / squares.mean()) if len(squares) else 0.0,
         from_changes=kt,
         from_weight=None if weighed is None else weighed.value,
         agree=agree,
-        width=_finite(width),
+        width=_finite_or_none(width),
         followed=followed or not commanded,
         law_reach=reach,
         law_full=full,
@@ -412,17 +412,17 @@ def kt_by_weight(data: FlightData, vehicle: Vehicle) -> Measured | None:
     return pooled_weight(list(held))
 
 
-def _width(axis: Axis, fits: RowFits, rows: Rows, thrust: Thrust) -> float | None:
+def _predict_width(axis: Axis, fits: RowFits, rows: Rows, thrust: Thrust) -> float | None:
     """Predict the half-width of the number of an axis, over its value."""
     name = {"roll": "Ixx", "pitch": "Iyy", "yaw": "kd_over_Izz"}[axis]
     bias = attenuation_allowance(name, 1.0, fits.excitation[axis], with_response=True)
     value, random = rows["yaw.kd" if axis == "yaw" else f"{axis}.kt"]
     if axis == "yaw":
-        return _finite(float(np.hypot(_relative(random, value), bias)))
+        return _finite_or_none(float(np.hypot(_relative_width(random, value), bias)))
     scale = thrust.of_inertia
     if scale is None:
         return None
-    return _finite(float(np.hypot(np.hypot(_relative(random, value), bias), scale)))
+    return _finite_or_none(float(np.hypot(np.hypot(_relative_width(random, value), bias), scale)))
 
 
 def _with_widths(fits: RowFits) -> Rows:
@@ -431,16 +431,16 @@ def _with_widths(fits: RowFits) -> Rows:
     return dict(zip(fits.names, pairs, strict=True))
 
 
-def _relative(half_width: float, value: float) -> float:
+def _relative_width(half_width: float, value: float) -> float:
     """Return a half-width over a value that must be positive to mean anything."""
     return half_width / value if value > 0 else float("inf")
 
 
-def _finite(width: float) -> float | None:
+def _finite_or_none(width: float) -> float | None:
     return width if np.isfinite(width) else None
 
 
-def _turning(data: FlightData) -> list[float]:
+def _turning_deviations(data: FlightData) -> list[float]:
     """Return the deviation of each angular acceleration below 15 Hz [rad/s^2]."""
     parts = [
         smooth(data.angular_acceleration[s.start : s.stop], data.sample_rate, LOW_PASS)

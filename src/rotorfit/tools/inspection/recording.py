@@ -35,7 +35,7 @@ def settings_for(
 
 
 def settings_file(log_format: str, metadata: Mapping[str, str] = UNKNOWN) -> Path | None:
-    """Return the file that holds the settings of a log's firmware; None where there is none."""
+    """Return the file that holds the settings of a log's firmware; None if there is none."""
     advice = advice_for(log_format, frozenset(), metadata)
     return None if advice is None else Path(__file__).parent / "settings_files" / advice.file
 
@@ -140,7 +140,7 @@ def new_share(values: Float[np.ndarray, "n k"]) -> float:
         return 1.0
     first = np.diff(values, axis=0)
     moves = (first != 0.0).any(axis=1)
-    bent = _bent(first, np.abs(values).max(axis=0))
+    bent = _find_bends(first, np.abs(values).max(axis=0))
     return min(
         _share_at_even_intervals(moves), _share_of_corners(bent, moves), _share_fine(first, moves)
     )
@@ -185,7 +185,9 @@ def _share_of_corners(bent: Bool[np.ndarray, " b"], moves: Bool[np.ndarray, " m"
     return _share_at_even_intervals(corners)
 
 
-def _bent(first: Float[np.ndarray, "n k"], size: Float[np.ndarray, " k"]) -> Bool[np.ndarray, " m"]:
+def _find_bends(
+    first: Float[np.ndarray, "n k"], size: Float[np.ndarray, " k"]
+) -> Bool[np.ndarray, " m"]:
     """Find where a line through the samples bends; everywhere, where they are too coarse.
 
     Samples up to `size` were written with seven to nine digits.

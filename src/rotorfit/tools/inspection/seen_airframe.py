@@ -23,13 +23,13 @@ from rotorfit.tools.inspection.flown_part import (
 class SeenAirframe:
     """The airframe as far as a log shows it.
 
-    - `rotors`: how many; None where the log has no motors.
+    - `rotors`: how many; None if the log has no motors.
     - `layout`, `order`: that the flight confirms, else the order that is usual for such a log.
     - `borne_out`: whether it is the flight that says so.
     - `spins_shown`: whether the flight yaws enough to show the spins, too.
-    - `turned`: whether every rotor turns the other way (props out); False where that is not shown.
+    - `turned`: whether every rotor turns the other way (props out); False if that is not shown.
     - `speed`: ``measured`` or ``commanded``.
-    - `sites`: forward, left and spin of each rotor by the log's parameters, of any size; none where
+    - `sites`: forward, left and spin of each rotor by the log's parameters, of any size; empty if
       it has no such, or the flight itself shows the layout.
     - `rotors_table`: the rotors with their places [m] by the log's parameters, as ``[airframe]``
       has them, where somebody has set them; empty otherwise.
@@ -112,7 +112,7 @@ def seen_airframe(log: FlightLog, confirmed: str | None) -> SeenAirframe:
 
 
 def logged_tables(log: FlightLog) -> dict[str, Any] | None:
-    """Return ``[airframe]`` and ``[motors]`` by a log's parameters; None where nobody set them."""
+    """Return ``[airframe]`` and ``[motors]`` by a log's parameters; None if nobody set them."""
     motors = log.channels.get("rotor_speed", log.channels.get("command"))
     if motors is None or log.metadata.get("airframe is") != "set":
         return None

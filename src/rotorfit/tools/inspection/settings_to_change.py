@@ -17,11 +17,11 @@ WHOLE_LINE: Final = ":"
 """Ends the name of a setting whose value is a whole line of the file or the CLI."""
 
 
-def _px4(name: str, value: str) -> str:
+def _px4_line(name: str, value: str) -> str:
     return f"1\t1\t{name}\t{value}\t6"
 
 
-def _ardupilot(name: str, value: str) -> str:
+def _ardupilot_line(name: str, value: str) -> str:
     return f"{name},{value}"
 
 
@@ -29,16 +29,16 @@ def _command_line(name: str, value: str) -> str:
     return f"set {name} = {value}"
 
 
-def _card(name: str, value: str) -> str:
+def _card_line(name: str, value: str) -> str:
     return value
 
 
 LINES: Final[dict[str, tuple[Line, tuple[str, ...]]]] = {
-    "px4.params": (_px4, ()),
-    "ardupilot.parm": (_ardupilot, ()),
+    "px4.params": (_px4_line, ()),
+    "ardupilot.parm": (_ardupilot_line, ()),
     "betaflight.txt": (_command_line, ("# Write and restart.", "save")),
     "inav.txt": (_command_line, ("# Write and restart.", "save")),
-    "config.txt": (_card, ()),
+    "config.txt": (_card_line, ()),
 }
 """How a file of each autopilot writes a setting, and how it ends."""
 
@@ -64,8 +64,11 @@ def diff_lines(report: AdvisedSettings) -> list[str]:
     out: list[str] = []
     for setting in to_write(report):
         if setting.old is not None:
-            out.append(f"-{_line(report, setting, setting.old)}")
-        out += [f"+{_line(report, setting, setting.new or '')}", f"   {_reason(setting)}"]
+            out.append(f"-{_setting_line(report, setting, setting.old)}")
+        out += [
+            f"+{_setting_line(report, setting, setting.new or '')}",
+            f"   {_explain_setting(setting)}",
+        ]
     return out
 
 
@@ -85,12 +88,15 @@ def file_text(report: AdvisedSettings) -> str:
     lines = [f"# Settings for a better log than {file_name(report.file)}, by rotorfit settings."]
     for setting in to_write(report):
         was = "" if setting.old is None else f" It was {setting.old}."
-        lines += [f"# {_reason(setting)}.{was}", _line(report, setting, setting.new or "")]
+        lines += [
+            f"# {_explain_setting(setting)}.{was}",
+            _setting_line(report, setting, setting.new or ""),
+        ]
     lines += [f"# For you to decide: {line}" for line in decision_lines(report)]
     return "\n".join([*lines, *(end if to_write(report) else ()), ""])
 
 
-def _reason(setting: Setting) -> str:
+def _explain_setting(setting: Setting) -> str:
     """Explain a setting, with the words that stand beside its value."""
     more = (
         setting.value.removeprefix(setting.new or "")
@@ -102,7 +108,7 @@ def _reason(setting: Setting) -> str:
     return "; ".join(parts)
 
 
-def _line(report: AdvisedSettings, setting: Setting, value: str) -> str:
+def _setting_line(report: AdvisedSettings, setting: Setting, value: str) -> str:
     if setting.name.endswith(WHOLE_LINE):
         return value
     line, _ = LINES[file_of(report) or ""]

@@ -64,7 +64,7 @@ class Peak:
 
     - `frequency`: where it stands in the log [Hz].
     - `rise`: power over that of its surroundings.
-    - `harmonic`: of the rotors, where they make it; None where they do not, or their speed is not
+    - `harmonic`: of the rotors, where they make it; None if they do not, or their speed is not
       known.
     - `true_frequency`: of the vibration, where the log is too slow for it and folds it [Hz].
     """
@@ -151,7 +151,7 @@ def spectrum(
     without a gap is long enough.
     """
     uniform = uniform_channels({name: usable_samples(channel, name)}, clock=name)
-    stretches = list(_within(uniform, spans))
+    stretches = list(_stretches_within(uniform, spans))
     rows = max((b - a for a, b in stretches), default=0)
     window = max(round(WINDOW_SECONDS * uniform.sample_rate), SHORTEST_WINDOW)
     window = min(window, LONGEST_WINDOW, rows)
@@ -161,15 +161,15 @@ def spectrum(
             f"no {where} of {name} without a gap holds {SHORTEST_STRETCH} samples: fly longer, or "
             "log faster"
         )
-    blocks = _blocks(stretches, uniform.sample_rate, window)
+    blocks = _cut_blocks(stretches, uniform.sample_rate, window)
     values = uniform.values[name]
-    f, mean, power = _welch(values, blocks, uniform.sample_rate, window)
+    f, mean, power = _welch_density(values, blocks, uniform.sample_rate, window)
     # Above half the rate of new samples stands what the recorder drew between them.
     shown = (f > 0.0) & (f <= 0.5 * uniform.sample_rate * new_share)
     averages = sum(max(2 * (b - a) // window - 1, 1) for a, b in blocks)
     times = [(float(uniform.time[a]), float(uniform.time[b - 1])) for a, b in blocks]
     rotors = None if rotor_speed is None else _rotor_times(rotor_speed, times)
-    peaks = _peaks(f[shown], power[:, shown], averages, rotors, uniform.sample_rate)
+    peaks = _find_peaks(f[shown], power[:, shown], averages, rotors, uniform.sample_rate)
     return Spectrum(
         channel=name,
         unit=CHANNELS[name][1],
@@ -184,10 +184,10 @@ def spectrum(
     )
 
 
-def _within(
+def _stretches_within(
     uniform: UniformChannels, spans: Sequence[tuple[float, float]]
 ) -> Iterator[tuple[int, int]]:
-    """Yield the stretches without a gap inside the spans; all of them where there is none."""
+    """Yield the stretches without gaps inside the spans; all stretches if there are no spans."""
     for a, b in uniform.stretches:
         if not spans:
             yield a, b
@@ -198,7 +198,7 @@ def _within(
                 yield first, last
 
 
-def _blocks(
+def _cut_blocks(
     stretches: Sequence[tuple[int, int]], sample_rate: float, window: int
 ) -> list[tuple[int, int]]:
     """Cut the stretches into blocks of about two seconds, longer ones in long flights."""
@@ -212,7 +212,7 @@ def _blocks(
     ]
 
 
-def _welch(
+def _welch_density(
     values: Float[np.ndarray, "n k"],
     blocks: Sequence[tuple[int, int]],
     sample_rate: float,
@@ -230,7 +230,7 @@ def _welch(
 
 
 def _rotor_times(rotor_speed: Channel, times: Sequence[tuple[float, float]]) -> RotorTimes | None:
-    """Measure how fast the rotors turned in each block; None where that was not recorded."""
+    """Measure how fast the rotors turned in each block; None if that was not recorded."""
     t, hertz = rotor_speed.time, rotor_speed.values / (2.0 * np.pi)
     count = hertz.shape[1]
     mean, std = np.full((len(times), count), np.nan), np.full((len(times), count), np.nan)
@@ -242,7 +242,7 @@ def _rotor_times(rotor_speed: Channel, times: Sequence[tuple[float, float]]) -> 
     return RotorTimes(mean=mean, std=std) if np.isfinite(mean).any() else None
 
 
-def _peaks(
+def _find_peaks(
     frequency: Float[np.ndarray, " f"],
     power: Float[np.ndarray, "b f"],
     averages: int,
@@ -256,13 +256,13 @@ def _peaks(
     kept = [(rise, i) for i, rise in prominent_peaks(level, least) if frequency[i] >= LOWEST_PEAK]
     strongest = sorted(kept, reverse=True)[:MOST_PEAKS]
     return tuple(
-        _named(float(frequency[i]), 10.0**rise, power[:, max(i - 1, 0) : i + 2].max(axis=1),
+        _name_harmonic(float(frequency[i]), 10.0**rise, power[:, max(i - 1, 0) : i + 2].max(axis=1),
                rotors, float(frequency[1] - frequency[0]), sample_rate)
         for rise, i in sorted(strongest, key=lambda one: one[1])
     )  # fmt: skip
 
 
-def _named(
+def _name_harmonic(
     at: float,
     rise: float,
     power: Float[np.ndarray, " b"],
@@ -277,7 +277,7 @@ def _named(
     if rotors is None:
         return Peak(frequency=at, rise=rise)
     for harmonic in HARMONICS:
-        near = _near(at, harmonic, rotors, step, sample_rate)
+        near = _near_harmonic(at, harmonic, rotors, step, sample_rate)
         if not near.any():
             continue
         turning = harmonic * float(np.median(rotors.mean[near]))
@@ -286,19 +286,19 @@ def _named(
             continue
         any_near: Bool[np.ndarray, " b"] = np.any(near, axis=1)
         if _goes_with(power, any_near, sure=folded):
-            true = _unfolded(at, turning, sample_rate) if folded else None
+            true = _unfold_frequency(at, turning, sample_rate) if folded else None
             return Peak(frequency=at, rise=rise, harmonic=harmonic, true_frequency=true)
     return Peak(frequency=at, rise=rise)
 
 
-def _unfolded(at: float, near: float, sample_rate: float) -> float:
+def _unfold_frequency(at: float, near: float, sample_rate: float) -> float:
     """Return the frequency near to one that a log of so many samples shows at another."""
     whole = sample_rate * np.arange(1 + int(near / sample_rate) + 1)
     candidates = np.concatenate([whole + at, whole - at])
     return float(candidates[np.argmin(np.abs(candidates - near))])
 
 
-def _near(
+def _near_harmonic(
     at: float, harmonic: int, rotors: RotorTimes, step: float, sample_rate: float
 ) -> Bool[np.ndarray, "b N"]:
     """Return in which blocks which rotor makes a frequency."""
@@ -368,12 +368,12 @@ def frequency_sweeps(
     used = (frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.4 * fs))
     found: list[Sweep] = []
     for i, axis in enumerate(AXES):
-        strongest, share = _sine(frequency[used], power[:, used, i].T)
-        found += _rises(axis, at + time[0], strongest, share > PURE)
+        strongest, share = _strongest_sine(frequency[used], power[:, used, i].T)
+        found += _find_rises(axis, at + time[0], strongest, share > PURE)
     return tuple(found)
 
 
-def _sine(
+def _strongest_sine(
     frequency: Float[np.ndarray, " f"], power: Float[np.ndarray, "f t"]
 ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
     """Find the strongest frequency of each window, and the share of the power about it."""
@@ -383,7 +383,7 @@ def _sine(
     return strongest, (power * near).sum(axis=0) / np.maximum(power.sum(axis=0), 1e-30)
 
 
-def _rises(
+def _find_rises(
     axis: str,
     at: Float[np.ndarray, " t"],
     strongest: Float[np.ndarray, " t"],

@@ -99,8 +99,8 @@ class Missing:
 
     - `name`, `full_name`, `verdict`: as in the result; those of a body about its CoM, of the plan's
       configuration.
-    - `now`: half of its interval over the value (or its scale); None where it has none to trust.
-    - `manoeuvre`: which of the plan helps most; None where none helps.
+    - `now`: half of its interval over the value (or its scale); None if it has none to trust.
+    - `manoeuvre`: which of the plan helps most; None if none helps.
     - `relative`, `predicted`: the same as `now` after 20 s of it, never more, and the verdict then.
     - `after`: the same after 20 s of each manoeuvre.
     - `size`: its value, or the size below which its error does not matter.
@@ -168,7 +168,7 @@ def result_mass(result: IdentificationResult, mass: float | None) -> tuple[str, 
 
     Raises `ExperimentError` where the result has no such mass.
     """
-    weighed = _weighed(result)
+    weighed = _weighed_masses(result)
     if not weighed:
         raise ExperimentError(
             "the result was made without a mass, everything in it is per kilogram: identify the "
@@ -188,11 +188,11 @@ def result_mass(result: IdentificationResult, mass: float | None) -> tuple[str, 
 
 def scaled_mass(result: IdentificationResult) -> tuple[str, float | None]:
     """Return the first configuration of a result and its mass [kg], None: all is per kilogram."""
-    weighed = _weighed(result)
+    weighed = _weighed_masses(result)
     return result_mass(result, None) if weighed else (configuration_names(result)[0], None)
 
 
-def _weighed(result: IdentificationResult) -> dict[str, float]:
+def _weighed_masses(result: IdentificationResult) -> dict[str, float]:
     """Collect the masses of the configurations that were weighed [kg]."""
     return {
         p.configuration or "": p.value
@@ -208,7 +208,7 @@ def values_of(result: IdentificationResult, vehicle: Vehicle) -> dict[str, float
     """
     check_same_vehicle(result, vehicle)
     configuration, _ = scaled_mass(result)
-    entries = {name: _entry(result, source, configuration) for name, source in _ROUGH.items()}
+    entries = {name: _find_entry(result, source, configuration) for name, source in _ROUGH.items()}
     values = {name: None if e is None else e.value for name, e in entries.items()}
     speed = result.derived_value("hover_speed", configuration).unit
     if speed != "rad/s":  # of a command without a law: no speed at all
@@ -233,13 +233,13 @@ def knowledge_of(result: IdentificationResult, problem: Problem) -> Knowledge:
     halves: dict[str, float] = {}
     values: dict[str, float] = {}
     for name, full in WANTABLE.items():
-        entry = _trusted(result, full.partition("@")[0], configuration)
+        entry = _trusted_entry(result, full.partition("@")[0], configuration)
         if entry is not None and entry.value is not None and entry.std is not None:
             halves[name], values[name] = 1.96 * entry.std, entry.value
     return Knowledge(
         result=result,
         configuration=configuration,
-        information=_information(result, configuration, problem),
+        information=_result_information(result, configuration, problem),
         half_widths=halves,
         values=values,
     )
@@ -262,7 +262,7 @@ def missing_numbers(
     trials = practised(problem, pieces, known)
     names = next(iter(trials.values())).names
     return tuple(
-        _missing(number, problem, trials, known)
+        _predict_missing(number, problem, trials, known)
         for number in judged_numbers(known.result, known.configuration)
         if number.verdict in LACKING and number.name not in NUISANCE and number.full_name in names
     )
@@ -326,15 +326,15 @@ def _known_asks(parameter: Parameter) -> Parameter:
     return replace(parameter, asks="flight" if parameter.advice in FLOWN.values() else "other")
 
 
-def _missing(
+def _predict_missing(
     number: JudgedNumber, problem: Problem, trials: Mapping[Manoeuvre, Numbers], known: Knowledge
 ) -> Missing:
     """Predict a number after each manoeuvre; none that does not sharpen it is advised."""
-    now, size = _now(number, problem, next(iter(trials.values())), known)
+    now, size = _current_width(number, problem, next(iter(trials.values())), known)
     relative: dict[Manoeuvre, float] = {
         m: min(n.number(number.full_name)[1] / size, now) for m, n in trials.items()
     }
-    manoeuvre = _helpful(number, relative)
+    manoeuvre = _helpful_manoeuvre(number, relative)
     after = relative[manoeuvre]
     verdict = judge(1.0, after, scale=0.0, axis="yaw").verdict
     flyable, helps = number.is_flyable, verdict != "not-identified" and after * AS_GOOD <= now
@@ -354,12 +354,12 @@ def _missing(
     )
 
 
-def _now(
+def _current_width(
     number: JudgedNumber, problem: Problem, numbers: Numbers, known: Knowledge
 ) -> tuple[float, float]:
     """Return half of a number's interval now over its size, infinite for none, and that size."""
     bare = problem.configurations[0]
-    entry = _trusted(known.result, number.name, known.configuration)
+    entry = _trusted_entry(known.result, number.name, known.configuration)
     found = 0.0 if entry is None or entry.value is None else entry.value
     scale = number_scale(numbers, number.full_name, mass=bare.mass, vehicle=bare.vehicle)
     size = max(abs(numbers.number(number.full_name)[0]), abs(found), scale)
@@ -367,7 +367,7 @@ def _now(
     return half / size, size
 
 
-def _helpful(number: JudgedNumber, relative: Mapping[Manoeuvre, float]) -> Manoeuvre:
+def _helpful_manoeuvre(number: JudgedNumber, relative: Mapping[Manoeuvre, float]) -> Manoeuvre:
     """Select the manoeuvre of the result's advice where it is good enough, else the best one."""
     least = min(relative.values())
     good: list[Manoeuvre] = [m for m, value in relative.items() if value <= AS_GOOD * least]
@@ -377,7 +377,7 @@ def _helpful(number: JudgedNumber, relative: Mapping[Manoeuvre, float]) -> Manoe
     return good[0]
 
 
-def _information(
+def _result_information(
     result: IdentificationResult, configuration: str, problem: Problem
 ) -> Float[np.ndarray, "f f"]:
     """Convert a result's covariance and its yaw ratios to information."""
@@ -397,7 +397,7 @@ def _information(
     if rows:
         size = np.array([_planned_over_found(result, names[p], problem) for p in places])
         covariance = result.covariance[np.ix_(rows, rows)] * np.outer(size, size)
-        total[np.ix_(places, places)] += _inverse(covariance)
+        total[np.ix_(places, places)] += _invert_singular(covariance)
     return total + _ratio_information(result, configuration, problem)
 
 
@@ -418,8 +418,8 @@ def _ratio_information(
     total = np.zeros((len(names), len(names)))
     Izz = names.index(f"Izz@{BARE}")
     for ratio, numerator in RATIOS.items():
-        found = _entry(result, ratio, configuration)
-        alone = _entry(result, numerator, None)
+        found = _find_entry(result, ratio, configuration)
+        alone = _find_entry(result, numerator, None)
         if found is None or not found.value or not found.std or alone is None or alone.value:
             continue
         row = np.zeros(len(names))
@@ -429,7 +429,7 @@ def _ratio_information(
     return total
 
 
-def _inverse(covariance: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
+def _invert_singular(covariance: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
     """Invert a covariance whose correlations may be all but singular."""
     s = np.sqrt(np.diagonal(covariance))
     strengths, vectors = np.linalg.eigh(covariance / np.outer(s, s))
@@ -437,15 +437,15 @@ def _inverse(covariance: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
     return (vectors / strengths) @ vectors.T / np.outer(s, s)
 
 
-def _trusted(
+def _trusted_entry(
     result: IdentificationResult, name: str, configuration: str
 ) -> Parameter | Derived | None:
     """Return a number whose interval no finding disowns."""
-    entry = _entry(result, name, configuration)
+    entry = _find_entry(result, name, configuration)
     return None if entry is None or verdict_of(result, entry) == "doubtful" else entry
 
 
-def _entry(
+def _find_entry(
     result: IdentificationResult, name: str, configuration: str | None
 ) -> Parameter | Derived | None:
     """Return a parameter or derived number of a configuration, or a shared one."""

@@ -128,9 +128,9 @@ def planned_problem(
         for name, body in bodies.items()
     )
     mapped = joint_map(configurations)
-    values = _values(rough.truth)
+    values = _free_values(rough.truth)
     phi = np.array([values.get(name, 0.0) for name in mapped.names])
-    scale = _scales(mapped, rough, payload)
+    scale = _parameter_scales(mapped, rough, payload)
 
     def numbers(at: Float[np.ndarray, " f"]) -> dict[str, float]:
         everything = physical(at, mapped, configurations)
@@ -185,11 +185,11 @@ def evidence(problem: Problem, data: FlightData, configuration: str) -> Evidence
     noisy = tuple(own.model.layout.index(name) for name in NOISY)
     model = linearised(own.model.tensor, problem.mapped, problem.phi, configuration=c, noisy=noisy)
     data = replace(data, rotor_speed_std=_speed_noise(problem, configuration))
-    factors = _factors(problem, data)
-    variance = _variances(problem, model, factors)
-    late = _factors(problem, _delayed(data))
+    factors = _bound_factors(problem, data)
+    variance = _assumed_variances(problem, model, factors)
+    late = _bound_factors(problem, _delay_motors(data))
     seconds = data.seconds_used
-    explained, residual = _power(factors, variance, noisy)
+    explained, residual = _turning_power(factors, variance, noisy)
     return Evidence(
         information=information(model, factors, variance) / seconds,
         timing=score(model, late, variance) / (DELAY_STEP * seconds),
@@ -200,7 +200,7 @@ def evidence(problem: Problem, data: FlightData, configuration: str) -> Evidence
 
 def combined(parts: Sequence[tuple[Evidence, float]]) -> Evidence:
     """Return the evidence of several manoeuvres, each flown for some seconds."""
-    return reduce(_added, [_times(part, seconds) for part, seconds in parts])
+    return reduce(_add_evidence, [_scale_evidence(part, seconds) for part, seconds in parts])
 
 
 def predicted(
@@ -210,7 +210,7 @@ def predicted(
 
     `flown`: what would be flown; `known`: information from earlier flights.
     """
-    covariance, jacobian = _covariance(problem, flown, known), problem.jacobian
+    covariance, jacobian = _bound_covariance(problem, flown, known), problem.jacobian
     shift = jacobian @ covariance @ flown.timing * UNSURE_DELAY
     timing = 2.0 * np.abs(shift) * np.sqrt((TRIALS - 1) / TRIALS) * float(problem.timed)
     std = np.sqrt(np.maximum(np.einsum("if,fg,ig->i", jacobian, covariance, jacobian), 0.0))
@@ -232,13 +232,13 @@ def bound(
     problem: Problem, flown: Evidence, known: Float[np.ndarray, "f f"] | None = None
 ) -> dict[str, float]:
     """Compute the Cramér-Rao standard deviation of every physical number."""
-    covariance, jacobian = _covariance(problem, flown, known), problem.jacobian
+    covariance, jacobian = _bound_covariance(problem, flown, known), problem.jacobian
     variance = np.einsum("if,fg,ig->i", jacobian, covariance, jacobian)
     std = np.sqrt(np.maximum(variance, 0.0)).tolist()
     return dict(zip(problem.physical, std, strict=True))
 
 
-def _covariance(
+def _bound_covariance(
     problem: Problem, flown: Evidence, known: Float[np.ndarray, "f f"] | None
 ) -> Float[np.ndarray, "f f"]:
     """Compute the inverse of all information, in units of each parameter's size."""
@@ -279,7 +279,7 @@ def _systematic_terms(problem: Problem, numbers: Numbers) -> tuple[IntervalTerm,
     )
 
 
-def _factors(problem: Problem, data: FlightData) -> Factors:
+def _bound_factors(problem: Problem, data: FlightData) -> Factors:
     plan = BandPlan(edges=EDGES, longest=STRETCH)
     return band_factors(data, problem.configurations[0].vehicle, plan=plan)
 
@@ -292,7 +292,9 @@ def _speed_noise(problem: Problem, configuration: str) -> float:
     return float(problem.assumed.speed_noise * hover * np.sqrt(SAMPLE_RATE / REFERENCE_RATE))
 
 
-def _variances(problem: Problem, model: Linearised, factors: Factors) -> Float[np.ndarray, "b 6"]:
+def _assumed_variances(
+    problem: Problem, model: Linearised, factors: Factors
+) -> Float[np.ndarray, "b 6"]:
     disturbance = disturbance_std(
         problem.assumed,
         problem.bodies[BARE],
@@ -304,7 +306,7 @@ def _variances(problem: Problem, model: Linearised, factors: Factors) -> Float[n
     )
 
 
-def _power(
+def _turning_power(
     factors: Factors, variance: Float[np.ndarray, "b 6"], noisy: tuple[int, ...]
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Compute explained and residual power of the angular accelerations where a pilot flies."""
@@ -318,7 +320,7 @@ def _power(
     )
 
 
-def _delayed(data: FlightData) -> FlightData:
+def _delay_motors(data: FlightData) -> FlightData:
     """Shift a flight's motor data by `DELAY_STEP`, so that the motion shows them late."""
     slope = np.gradient(data.rotor_acceleration, data.time, axis=0)
     return replace(
@@ -328,7 +330,7 @@ def _delayed(data: FlightData) -> FlightData:
     )
 
 
-def _times(part: Evidence, seconds: float) -> Evidence:
+def _scale_evidence(part: Evidence, seconds: float) -> Evidence:
     return Evidence(
         information=part.information * seconds,
         timing=part.timing * seconds,
@@ -337,32 +339,32 @@ def _times(part: Evidence, seconds: float) -> Evidence:
     )
 
 
-def _added(one: Evidence, other: Evidence) -> Evidence:
+def _add_evidence(one: Evidence, other: Evidence) -> Evidence:
     return Evidence(
         information=one.information + other.information,
         timing=one.timing + other.timing,
-        explained=_summed(one.explained, other.explained),
-        residual=_summed(one.residual, other.residual),
+        explained=_sum_tables(one.explained, other.explained),
+        residual=_sum_tables(one.residual, other.residual),
     )
 
 
-def _summed(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+def _sum_tables(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
     return {key: one.get(key, 0.0) + other.get(key, 0.0) for key in {**one, **other}}
 
 
-def _values(truth: Truth) -> dict[str, float]:
+def _free_values(truth: Truth) -> dict[str, float]:
     """Return the free parameters that are not zero."""
     values = truth.parameters()
     shared = {name: values[name] for name in ("kt", "kd", "Jr")}
     return shared | {f"{name}@{BARE}": values[name] for name in MOMENTS}
 
 
-def _scales(
+def _parameter_scales(
     mapped: ParameterMap, rough: RoughVehicle, payload: tuple[PointMass, ...]
 ) -> Float[np.ndarray, " f"]:
     """Return a size of each free parameter, over which nothing bends."""
     truth, arm = rough.truth, rough.vehicle.arm
-    values, speed = _values(truth), hover_speed(truth, rough.vehicle)
+    values, speed = _free_values(truth), hover_speed(truth, rough.vehicle)
     steps = {f"{name}@{LOADED}": std for name, std, _ in tolerances(payload)}
     I = truth.inertia
     own = {"Ixy": I[0], "Ixz": I[0], "Iyz": I[1]}

@@ -74,7 +74,7 @@ class NextStep:
     because
         Why this comes before any flying; None for the others.
     gain
-        What it gives, such as ``kd from +-18 to +-6 %``; None where that is not predicted.
+        What it gives, such as ``kd from +-18 to +-6 %``; None if that is not predicted.
     numbers
         Names of the numbers that it is for.
     """
@@ -98,11 +98,11 @@ def next_step(result: IdentificationResult, *, predicted: Finding | None = None)
 
     `predicted` is the best manoeuvre, where the result itself does not keep it.
     """
-    lacking = _lacking(result)
+    lacking = _lacking_numbers(result)
     stored = next((one for one in result.findings if one.kind == BEST_MANOEUVRE), predicted)
-    step = _before_flying(result, lacking) or _not_by_flying(lacking) or _advised(lacking)
+    step = _before_flying(result, lacking) or _not_by_flying(lacking) or _most_advised(lacking)
     about_flying = step.kind == "fly" or step.action == UNHELPED
-    return _stored(stored) if about_flying and stored is not None else step
+    return _stored_step(stored) if about_flying and stored is not None else step
 
 
 def asks_for_a_plan(result: IdentificationResult) -> bool:
@@ -125,7 +125,7 @@ def with_best_manoeuvre(
     try:
         if report is not None:
             report("simulating what to fly next")
-        problem = _problem(result)
+        problem = _planning_problem(result)
         pieces: dict[Manoeuvre, bound.Evidence] = {
             m: evidence(problem, data, BARE) for m, data in fly(problem, PRACTICE, BARE).items()
         }
@@ -144,7 +144,7 @@ def _with_advice(
     """Replace the advice of each missing number by what its vehicle was simulated to need."""
     advice = {one.full_name: one.advice for one in missing}
     new = {
-        one.parameter: (words, _asked(words, one))
+        one.parameter: (words, _what_is_asked(words, one))
         for one in judged_numbers(result, owner)
         if (words := advice.get(one.full_name))
     }
@@ -155,14 +155,14 @@ def _with_advice(
     return replace(result, parameters=tuple(parameters))
 
 
-def _asked(advice: str, number: JudgedNumber) -> Asks:
+def _what_is_asked(advice: str, number: JudgedNumber) -> Asks:
     if not number.is_flyable:
         return "other"
     return "nothing" if advice == UNAIDED else "flight"
 
 
 def best_manoeuvre(missing: Sequence[Missing]) -> Finding:
-    """Note the manoeuvre that sharpens most of the numbers a result lacks; none where none helps.
+    """Store the manoeuvre that improves most of a result's missing numbers, if any helps.
 
     The most numbers made sharp count, then how much all are sharpened; of equally good ones the
     usual one is named.
@@ -195,7 +195,7 @@ def best_manoeuvre(missing: Sequence[Missing]) -> Finding:
     )
 
 
-def _lacking(result: IdentificationResult) -> list[JudgedNumber]:
+def _lacking_numbers(result: IdentificationResult) -> list[JudgedNumber]:
     """List the numbers that are worth a flight and not known well."""
     return [one for one in _all_lacking(result) if one.name in MAIN]
 
@@ -264,7 +264,7 @@ def _not_by_flying(lacking: Sequence[JudgedNumber]) -> NextStep | None:
     )
 
 
-def _stored(best: Finding) -> NextStep:
+def _stored_step(best: Finding) -> NextStep:
     """Describe the manoeuvre that a result keeps, and what it gives."""
     if best.next_step is None:
         return NextStep(kind="done", action=UNHELPED)
@@ -275,7 +275,7 @@ def _stored(best: Finding) -> NextStep:
     return NextStep(kind="fly", action=best.next_step, gain=gain, numbers=best.numbers)
 
 
-def _advised(lacking: Sequence[JudgedNumber]) -> NextStep:
+def _most_advised(lacking: Sequence[JudgedNumber]) -> NextStep:
     """Choose what is advised for most numbers, without a prediction; flights count together."""
     advised = [one for one in lacking if one.advice is not None]
     flown = [one for one in advised if one.is_flyable]
@@ -297,7 +297,7 @@ def _advised_first(names: Sequence[str]) -> list[Manoeuvre]:
     return sorted(PRACTICE, key=lambda m: (-asked.count(m), PRACTICE.index(m))) if names else []
 
 
-def _problem(result: IdentificationResult) -> Problem:
+def _planning_problem(result: IdentificationResult) -> Problem:
     """Return the problem of a plan for the vehicle of a result, as `rotorfit plan` poses it."""
     _, weighed = scaled_mass(result)
     mass = PER_KILOGRAM if weighed is None else weighed

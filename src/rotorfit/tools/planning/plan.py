@@ -140,7 +140,7 @@ class Remedy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan:
-    """Candidates, and the one to fly, or remedies where none is good enough.
+    """The candidate flights and the recommended one, or remedies if none is good enough.
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ class FlightPlan:
 
     def to_json(self) -> str:
         """Return the plan as JSON text."""
-        return json.dumps(_plain(self), indent=1, allow_nan=False) + "\n"
+        return json.dumps(_plain_plan(self), indent=1, allow_nan=False) + "\n"
 
     def to_frame(self) -> DataFrame:
         """Return the candidates as a pandas DataFrame, one row each.
@@ -204,10 +204,10 @@ class FlightPlan:
         return frame(candidate_columns(self.candidates))
 
     def __str__(self) -> str:
-        return sheet_text(_sheet(self))
+        return sheet_text(_plan_sheet(self))
 
     def _repr_html_(self) -> str:
-        return sheet_html(_sheet(self))
+        return sheet_html(_plan_sheet(self))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,7 +225,7 @@ class _Study:
         return {key: evidence(self.problem, data, key[1]) for key, data in self.flights.items()}
 
 
-def _sheet(plan: FlightPlan) -> Sheet:
+def _plan_sheet(plan: FlightPlan) -> Sheet:
     outcome = "enough is known already" if plan.enough else f"fly {candidate_title(plan.chosen)}"
     reached = plan.enough or plan.recommended is not None
     return Sheet(
@@ -254,7 +254,7 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
         If the vehicle cannot be right, or the earlier result belongs to another.
     """
     assumed = assumptions_for(request.mass, log_rate=request.log_rate)
-    rough = rough_vehicle(request.vehicle, mass=request.mass, known=_known(request))
+    rough = rough_vehicle(request.vehicle, mass=request.mass, known=_known_request(request))
     each = _payload_mass(request)
     # Without one the loaded vehicle is never flown; it only has to exist.
     pair = payload_pair(
@@ -273,14 +273,14 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
     study = _Study(
         request=request,
         problem=problem,
-        flights=_flown(problem, configurations, progress),
+        flights=_fly_manoeuvres(problem, configurations, progress),
         known=None if request.after is None else knowledge_of(request.after, problem),
     )
     pieces, known = study.pieces, study.known
     bare: dict[Manoeuvre, Evidence] = {manoeuvre: pieces[manoeuvre, BARE] for manoeuvre in PRACTICE}
-    candidates = _candidates(study, pieces, request.seconds)
+    candidates = _predict_candidates(study, pieces, request.seconds)
     good = [c for c in candidates if c.meets]
-    shortest = min(good, key=lambda c: (*_effort(c), worst(c, request.wanted)), default=None)
+    shortest = min(good, key=lambda c: (*_flying_effort(c), worst(c, request.wanted)), default=None)
     enough = known is not None and request.wanted.met_by(known.half_widths, known.values)
     return FlightPlan(
         request=request,
@@ -290,8 +290,8 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
         candidates=tuple(candidates),
         recommended=shortest,
         enough=enough,
-        best=min(candidates, key=lambda c: (worst(c, request.wanted), *_effort(c))),
-        remedies=() if shortest or enough else tuple(_remedies(study, pieces)),
+        best=min(candidates, key=lambda c: (worst(c, request.wanted), *_flying_effort(c))),
+        remedies=() if shortest or enough else tuple(_find_remedies(study, pieces)),
         missing=() if known is None else missing_numbers(problem, bare, known),
     )
 
@@ -308,7 +308,7 @@ def _payload_mass(request: PlanRequest) -> float:
     return request.payload
 
 
-def _known(request: PlanRequest) -> dict[str, float]:
+def _known_request(request: PlanRequest) -> dict[str, float]:
     """Collect rough values: those of an earlier result, the user's before them."""
     earlier: dict[str, float] = {}
     if request.after is not None:
@@ -317,11 +317,11 @@ def _known(request: PlanRequest) -> dict[str, float]:
     return {**{k: v for k, v in earlier.items() if k in GUESSABLE}, **request.known}
 
 
-def _effort(candidate: Candidate) -> tuple[float, bool]:
+def _flying_effort(candidate: Candidate) -> tuple[float, bool]:
     return candidate.total_seconds, candidate.payload
 
 
-def _flown(
+def _fly_manoeuvres(
     problem: Problem, configurations: tuple[str, ...], progress: Progress | None
 ) -> dict[tuple[Manoeuvre, str], FlightData]:
     """Simulate every manoeuvre of every schedule once."""
@@ -339,11 +339,13 @@ def _flown(
     return flights
 
 
-def _candidates(study: _Study, pieces: Pieces, lengths: tuple[float, ...]) -> list[Candidate]:
+def _predict_candidates(
+    study: _Study, pieces: Pieces, lengths: tuple[float, ...]
+) -> list[Candidate]:
     """Predict every schedule for every length, bare and with a payload."""
     payloads = (False, True) if any(c == LOADED for _, c in pieces) else (False,)
     return [
-        _candidate(study, pieces, schedule, seconds=seconds, payload=payload)
+        _predict_candidate(study, pieces, schedule, seconds=seconds, payload=payload)
         for payload in payloads
         for schedule in SCHEDULES
         for seconds in lengths
@@ -351,7 +353,7 @@ def _candidates(study: _Study, pieces: Pieces, lengths: tuple[float, ...]) -> li
     ]
 
 
-def _candidate(
+def _predict_candidate(
     study: _Study, pieces: Pieces, schedule: ScheduleName, *, seconds: float, payload: bool
 ) -> Candidate:
     """Predict one way to fly; no number is wider than the earlier result has it."""
@@ -365,7 +367,7 @@ def _candidate(
     known = study.known
     numbers = predicted(study.problem, flown, None if known is None else known.information)
     narrowed = numbers if known is None else known.narrowed(numbers)
-    shown = _shown(study.problem, narrowed)
+    shown = _shown_numbers(study.problem, narrowed)
     half_widths = {name: number.half_width for name, number in shown.items()}
     values = {name: number.value for name, number in shown.items()}
     return Candidate(
@@ -377,7 +379,7 @@ def _candidate(
     )
 
 
-def _shown(problem: Problem, numbers: Numbers) -> dict[str, PredictedNumber]:
+def _shown_numbers(problem: Problem, numbers: Numbers) -> dict[str, PredictedNumber]:
     """Return the numbers that a plan shows, each with its verdict."""
     bare = problem.configurations[0]
     shown: dict[str, PredictedNumber] = {}
@@ -396,27 +398,31 @@ def _shown(problem: Problem, numbers: Numbers) -> dict[str, PredictedNumber]:
     return shown
 
 
-def _remedies(study: _Study, pieces: Pieces) -> list[Remedy]:
+def _find_remedies(study: _Study, pieces: Pieces) -> list[Remedy]:
     """Find the changes that reach the wanted accuracy: measured rotor speed, or longer flights."""
     seconds = study.request.seconds
     found: list[Remedy] = []
     if study.problem.commanded:
         problem = dataclasses.replace(study.problem, commanded=False)
         measured = dataclasses.replace(study, problem=problem)
-        found += _first(_candidates(measured, measured.pieces, seconds), "measured-speed")
+        found += _best_remedy(
+            _predict_candidates(measured, measured.pieces, seconds), "measured-speed"
+        )
     for times in LONGER:
-        candidates = _candidates(study, pieces, (times * max(seconds),))
-        if longer := _first(candidates, "longer"):
+        candidates = _predict_candidates(study, pieces, (times * max(seconds),))
+        if longer := _best_remedy(candidates, "longer"):
             return [*found, *longer]
     return found
 
 
-def _first(candidates: list[Candidate], kind: Literal["measured-speed", "longer"]) -> list[Remedy]:
+def _best_remedy(
+    candidates: list[Candidate], kind: Literal["measured-speed", "longer"]
+) -> list[Remedy]:
     good = [c for c in candidates if c.meets]
-    return [Remedy(kind=kind, candidate=min(good, key=_effort))] if good else []
+    return [Remedy(kind=kind, candidate=min(good, key=_flying_effort))] if good else []
 
 
-def _plain(plan: FlightPlan) -> dict[str, Any]:
+def _plain_plan(plan: FlightPlan) -> dict[str, Any]:
     """Return the plan in the words of its file."""
     truth = plan.rough.truth.parameters()
     return {

@@ -93,8 +93,8 @@ def rough_vehicle(
     _check_known(known)
     check_rotors(vehicle)
     arm = vehicle.arm
-    diameter = PROPELLER * _nearest(vehicle)
-    body = _inertia(mass, arm, known) | dict(known)
+    diameter = PROPELLER * _nearest_distance(vehicle)
+    body = _guess_inertia(mass, arm, known) | dict(known)
     _check_inertia(body)
     kt = _thrust_coefficient(vehicle, mass, diameter, body.get("hover_speed"))
     center = np.mean(vehicle.positions, axis=0) + arm * np.array(OFF_CENTER)
@@ -115,9 +115,9 @@ def rough_vehicle(
 
 
 def check_rotors(vehicle: Vehicle) -> None:
-    """Raise where no plan can be made for the rotors: coaxial ones, or too few to steer."""
+    """Raise an error if no plan can be made for the rotors: coaxial ones, or too few to steer."""
     arm = max(vehicle.arm, 1e-9)
-    if _nearest(vehicle) < COAXIAL * arm:
+    if _nearest_distance(vehicle) < COAXIAL * arm:
         raise ExperimentError(
             "two rotors sit over each other: a coaxial pair shares its wash, which the simulated "
             "flights of a plan do not have; fly the manoeuvres of docs/plan.md and look at the "
@@ -206,7 +206,7 @@ def _check_known(known: Mapping[str, float]) -> None:
             raise ExperimentError(f"{name} = {value:g}, expected more than 0, in SI units")
 
 
-def _inertia(mass: float, arm: float, known: Mapping[str, float]) -> dict[str, float]:
+def _guess_inertia(mass: float, arm: float, known: Mapping[str, float]) -> dict[str, float]:
     """Guess the inertia about the CoM, in proportion to its known elements [kg m^2]."""
     guess = {name: share * mass * arm**2 for name, share in RADII_SQUARED.items()}
     found = [known[name] / guess[name] for name in guess if name in known]
@@ -224,7 +224,7 @@ def _check_inertia(body: Mapping[str, float]) -> None:
         )
 
 
-def _nearest(vehicle: Vehicle) -> float:
+def _nearest_distance(vehicle: Vehicle) -> float:
     """Compute the smallest distance between two rotors, seen from above [m]."""
     places: Float[np.ndarray, "N 2"] = vehicle.positions[:, :2]
     distances = np.linalg.norm(places[:, None] - places[None, :], axis=2)

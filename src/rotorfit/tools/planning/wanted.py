@@ -34,7 +34,7 @@ class Wanted:
     limits: Mapping[str, float]
 
     def met_by(self, half_widths: Mapping[str, float], values: Mapping[str, float]) -> bool:
-        """Say whether half-widths (SI) of these values are all small enough."""
+        """State whether half-widths (SI) of these values are all small enough."""
         return self.worst(half_widths, values) <= 1.0
 
     def worst(self, half_widths: Mapping[str, float], values: Mapping[str, float]) -> float:
@@ -67,7 +67,7 @@ def wanted_accuracy(text: str) -> Wanted:
     """
     parts = [part.strip() for part in text.split(",")]
     if len(parts) == 1 and "=" not in parts[0]:
-        return Wanted(limits=dict.fromkeys(USUAL, _limit(parts[0], "accuracy")))
+        return Wanted(limits=dict.fromkeys(USUAL, _parse_limit(parts[0], "accuracy")))
     limits: dict[str, float] = {}
     for part in parts:
         name, sign, number = (word.strip() for word in part.partition("="))
@@ -76,11 +76,11 @@ def wanted_accuracy(text: str) -> Wanted:
                 f"accuracy {part!r}, expected one percentage such as 5, or names with percentages "
                 f"such as kd=2,Izz=3; names: {', '.join(WANTABLE)} ({', '.join(IN_MM)} in mm)"
             )
-        limits[name] = _limit(number, name)
+        limits[name] = _parse_limit(number, name)
     return Wanted(limits=limits)
 
 
-def _limit(text: str, name: str) -> float:
+def _parse_limit(text: str, name: str) -> float:
     try:
         limit = float(text)
     except ValueError:
