@@ -195,7 +195,7 @@ _GLUED: Final = frozenset(
 
 
 def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
-    """Return what a column may hold by the words of its name; None if they say nothing."""
+    """Guess what a column holds by the words of its name; None if they say nothing."""
     joined = "".join(words)
     bare = tuple(word for word in words if not word.isdecimal() and word not in _FRAMES)
     # "offset" is a fault of a sensor, but the time since a log began, too.

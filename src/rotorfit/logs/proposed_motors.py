@@ -105,7 +105,7 @@ def _unit_by_exporter(
 
 
 def _column_stem(unit: str) -> str:
-    """Return what motor columns of a unit are: ``rotor`` (speeds) or ``command``."""
+    """Classify motor columns by their unit: ``rotor`` (speeds) or ``command``."""
     return "rotor" if unit in ("rad/s", "rpm", "erpm", "Hz") else "command"
 
 
