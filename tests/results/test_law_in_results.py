@@ -22,7 +22,7 @@ BOTH = ("gyro", "accel", "rotor_speed", "command")
 
 @pytest.fixture(scope="module")
 def flight():
-    return flown.simulated("A", "real", seed=5, seconds=20.0)
+    return flown.simulated("A", "real", seed=3, seconds=20.0)
 
 
 @pytest.fixture(scope="module")

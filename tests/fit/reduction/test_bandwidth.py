@@ -9,14 +9,18 @@ from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
 import made_fit
+from flown import simulated
 from rotorfit.fit.reduction.bandwidth import LEAST_FOLLOWED, Bandwidth, bandwidths
 from rotorfit.flight.flight_data import Segment
+from rotorfit.flight.prepare import prepare
+from rotorfit.logs.read import read_log
+from rotorfit.simulation import write_flight_table
 
 RATE = 200.0
 SECONDS = 40.0
 
 
-def flown(seed, *, noise=0.05):
+def made_flight(seed, *, noise=0.05):
     """Thrust and turns that the rotors make, up to about 10 Hz, with some noise of the sensors."""
     rng = np.random.default_rng(seed)
     rows = round(RATE * SECONDS)
@@ -65,7 +69,7 @@ def low_passed(values, cutoff, shape):
     st.integers(0, 1000),
 )
 def test_a_filtered_accelerometer_shows_its_bandwidth(cutoff, shape, seed):
-    vehicle, data = flown(seed)
+    vehicle, data = made_flight(seed)
     force = low_passed(data.specific_force, cutoff, shape)
     found = bandwidths(replace(data, specific_force=force), vehicle, top=40.0)
     assert set(found) == {"accel"}
@@ -76,7 +80,7 @@ def test_a_filtered_accelerometer_shows_its_bandwidth(cutoff, shape, seed):
 @given(st.floats(3.0, 15.0), st.sampled_from(["second order", "smoothed"]), st.integers(0, 1000))
 def test_a_filtered_gyro_shows_its_bandwidth(cutoff, shape, seed):
     """Of smoothed motion capture as of an IMU: only the angular acceleration is looked at."""
-    vehicle, data = flown(seed)
+    vehicle, data = made_flight(seed)
     turns = low_passed(data.angular_acceleration, cutoff, shape)
     found = bandwidths(replace(data, angular_acceleration=turns), vehicle, top=40.0)
     assert set(found) == {"gyro"}
@@ -86,12 +90,12 @@ def test_a_filtered_gyro_shows_its_bandwidth(cutoff, shape, seed):
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.05, 3.0))
 def test_sensors_without_a_filter_show_none(seed, noise):
-    vehicle, data = flown(seed, noise=noise)
+    vehicle, data = made_flight(seed, noise=noise)
     assert bandwidths(data, vehicle, top=40.0) == {}
 
 
 def test_a_flight_too_short_shows_nothing():
-    vehicle, data = flown(0)
+    vehicle, data = made_flight(0)
     force = low_passed(data.specific_force, 4.0, "second order")
     short = replace(data, specific_force=force, segments=(Segment(start=0, stop=900),))
     assert bandwidths(short, vehicle, top=40.0) == {}
@@ -106,3 +110,12 @@ def test_a_late_channel_follows_less_far_than_one_that_is_timed():
     assert one.follows(grid, in_phase=False) == pytest.approx(
         10.0 * (LEAST_FOLLOWED**-2 - 1.0) ** 0.25, abs=0.02
     )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_autopilot_that_works_against_gusts_is_no_filter(seed, tmp_path):
+    """Above the pilot's motion the rotors follow the gusts, late and small, as if filtered."""
+    flight = simulated("A", "real", seed=seed, seconds=20.0)
+    write_flight_table(flight, tmp_path / "flight.csv")
+    data = prepare(read_log(tmp_path / "flight.csv"), rotor_count=4, arm=flight.vehicle.arm).data
+    assert bandwidths(data, flight.vehicle, top=40.0) == {}

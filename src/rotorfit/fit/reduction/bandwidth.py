@@ -52,6 +52,10 @@ LEAST_GAIN: Final = 20.0
 16 (CineRat, Betaflight, PX4's simulator, Crazyflie), those behind one at 4 to 20 Hz 27 to 8500."""
 LEAST_FOLLOWED: Final = 0.85
 """Least gain at which a band counts. What a band says of a number is off by as much as its gain."""
+LEAST_COHERENCE: Final = 0.7
+"""Least coherence of a channel with the rotors in a band that is looked at. Where gusts make more
+of the motion the autopilot works against them, and the rotors follow the channel: late and small,
+as if the channel were behind a low-pass. A filter lowers the gain, and leaves the coherence."""
 SHAPE_ERROR: Final = 0.03
 """Share of the motion by which a filter may differ from its shape: far above the cut-off, where
 hardly any motion is left, noise-free lines would decide by the shape of the tail alone."""
@@ -239,6 +243,9 @@ def _likelihoods_of_gains(
     k, place = x.shape[2], np.digitize(frequency, EDGES)
     band = (place[:, None] == np.unique(place)).astype(float)
     lines = band.sum(axis=0) * len(y) / OWN
+    lines = lines * (_coherence(y, x[:, :, 0], band) >= LEAST_COHERENCE)
+    if not lines.any():
+        return np.zeros(len(H))
     size = np.sqrt((np.abs(x) ** 2).sum(axis=(0, 1)))
     x = x / np.where(size > 0.0, size, 1.0)
     Gxx = np.einsum("wla,wlb->lab", x.conj(), x)
@@ -255,6 +262,15 @@ def _likelihoods_of_gains(
     unfiltered = Gxx[:, 0, 0].real @ band
     gain = float(np.median((yy / unfiltered.clip(min=TINY))[:FIRST_BANDS]))
     return _profile_variances(A, c, yy, lines, least=SHAPE_ERROR**2 * gain * unfiltered)
+
+
+def _coherence(
+    y: Complex[np.ndarray, "w l"], x: Complex[np.ndarray, "w l"], band: Float[np.ndarray, "l b"]
+) -> Float[np.ndarray, " b"]:
+    """Compute the share of a channel's power that goes with a cause, line by line, in each band."""
+    both = np.abs((x.conj() * y).sum(axis=0)) ** 2
+    explained = both / (np.abs(x) ** 2).sum(axis=0).clip(min=TINY)
+    return (explained @ band) / ((np.abs(y) ** 2).sum(axis=0) @ band).clip(min=TINY)
 
 
 def _in_bands(

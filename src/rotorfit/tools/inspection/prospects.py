@@ -268,7 +268,10 @@ def prospects(
         motors=None if known is None else known[1],
         commands=commands,
         useless_because=slow_words(prepared) if prepared.slowest_rate < LEAST_RATE else None,
-        bandwidths=bandwidths(timed.data, vehicle, top=0.4 * prepared.slowest_rate),
+        # The lag of commanded motors is known roughly here, and looks like a filter of the sensors.
+        bandwidths={}
+        if commanded
+        else bandwidths(timed.data, vehicle, top=0.4 * prepared.slowest_rate),
     )
 
 
