@@ -143,7 +143,7 @@ def test_a_later_flight_on_commands_takes_the_law(result, flight, folder):
     assert kt.unit == "N s^2/rad^2"
     assert kt.value == pytest.approx(flight.truth.kt, rel=0.05)
     law = result.command_law.motors["law"]
-    assert later.settings["motors"]["law"] == {**law, "exact": False}
+    assert later.settings["motors"]["law"] == {**law, "exact": False, "stated": False}
 
 
 def with_battery(table, path):
