@@ -100,7 +100,7 @@ def test_a_speed_that_stops_on_the_way_is_named(log, lost):
     assert states(found) == ["follows", "stuck", "follows", "follows"]
     assert found.rotors[1].stuck == pytest.approx(0.5, abs=0.1)
     [said] = found.doubts
-    assert said.startswith("the measured speed of rotor 2 stays constant for ")
+    assert said.startswith("the measured speed of rotor 2 is stuck or zero for ")
 
 
 @pytest.mark.parametrize("factor", [0.8, 7 / 6])

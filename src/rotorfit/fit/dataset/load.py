@@ -14,6 +14,11 @@ from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError, FlightError, RotorfitError
 from rotorfit.findings import doubts
+from rotorfit.fit.dataset.channel_findings import (
+    blame_telemetry,
+    find_stuck_speeds,
+    name_resting_numbers,
+)
 from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.fit.dataset.declared_rotors import check_flights
 from rotorfit.fit.dataset.plausible_units import (
@@ -267,7 +272,8 @@ def _screen_speeds(
         name = Path(flight.entry.file).name
         refuse_rotors_too_fast({name: data}, arm, law=law, takes_columns=takes)
         slow = doubts("slow-rotors", slow_rotor_doubts(data, arm, law=law, takes_columns=takes))
-        prepared = dataclasses.replace(flight.prepared, findings=(*flight.prepared.findings, *slow))
+        every = name_resting_numbers((*flight.prepared.findings, *slow))
+        prepared = dataclasses.replace(flight.prepared, findings=every)
         screened.append(dataclasses.replace(flight, prepared=prepared))
     return screened
 
@@ -337,12 +343,18 @@ def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     else:
         on_clock = on_one_clock(log, rotor_count=count, motors=motor_model)
         log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
-        prepared = prepared_from(on_clock, arm=vehicle.arm, motors=motor_model, window=window)
+        try:
+            prepared = prepared_from(on_clock, arm=vehicle.arm, motors=motor_model, window=window)
+        except FlightError as error:
+            raise blame_telemetry(error, seen) from error
         del on_clock
         recorded, tilt = as_recorded(prepared), imu_tilt_of(experiment.airframe)
         if experiment.identification.in_bands:
             prepared = decimated(prepared, motor_model, top=EDGES[-1])
         prepared = prepared if tilt is None else levelled(prepared, tilt)
+    stuck = find_stuck_speeds(seen, prepared.findings)
+    findings = name_resting_numbers((*prepared.findings, *stuck))
+    prepared = dataclasses.replace(prepared, findings=findings)
     return LoadedFlight(
         entry=entry,
         log=log,

@@ -373,17 +373,20 @@ def _assign_speeds(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
 
 
 def _stuck_share(pair: _Pair, i: int) -> float:
-    """Compute the share of time for which a speed stays constant though its command moves."""
+    """Compute the share of time for which a speed is lost: constant though its command moves, or 0.
+
+    Telemetry that is lost for moments reads 0 for less than a run of constant values; a rotor at
+    no less than half of its usual command turns.
+    """
     speed, command = pair.speed[:, i], pair.command[:, i]
     usual = float(command[pair.used].std())
     same = np.concatenate([np.diff(speed) == 0.0, [False]]) & pair.used
     least = whole_samples(LONGEST_CONSTANT * pair.rate)
-    still = sum(
-        b - a
-        for a, b in true_runs(same)
-        if b - a > least and command[a:b].std() > max(0.3 * usual, 1e-3)
-    )
-    return still / max(int(pair.used.sum()), 1)
+    lost = pair.used & (speed == 0.0) & (command > 0.5 * float(np.median(command[pair.used])))
+    for a, b in true_runs(same):
+        if b - a > least and command[a:b].std() > max(0.3 * usual, 1e-3):
+            lost[a:b] = True
+    return int(lost.sum()) / max(int(pair.used.sum()), 1)
 
 
 def _speed_ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
@@ -464,8 +467,8 @@ def _explain_telemetry(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
             for r in uncorrelated
         ]
     sentences += [
-        f"the measured speed of rotor {r.rotor} stays constant for {100.0 * r.stuck:.0f} % of the "
-        "time while its command moves: its ESC telemetry is stuck or lost"
+        f"the measured speed of rotor {r.rotor} is stuck or zero for {100.0 * r.stuck:.0f} % of the "
+        "time while the rotor turns: its ESC telemetry is stuck or lost"
         for r in rotors
         if r.state == "stuck"
     ]
@@ -482,7 +485,7 @@ def _explain_telemetry(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
 def _stuck_too(rotor: RotorTelemetry) -> str:
     if rotor.stuck <= LEAST_STUCK:
         return ""
-    return f"; besides, it stays constant for {100.0 * rotor.stuck:.0f} % of the time"
+    return f"; besides, it is stuck or zero for {100.0 * rotor.stuck:.0f} % of the time"
 
 
 def _dead_message(rotor: RotorTelemetry, pair: _Pair) -> str:

@@ -1,0 +1,107 @@
+"""Name the numbers that rest on a channel of which the reader or the preparation complains.
+
+The rooms below the model know channels but no parameters; here each kind of their findings gets the
+numbers that it touches, and those that the channel makes wrong become doubtful.
+"""
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from rotorfit.errors import FlightError
+from rotorfit.findings import Finding, doubt
+from rotorfit.flight.motors.rotor_telemetry import RotorTelemetry, State, Telemetry
+from rotorfit.model.parameters import COM, INERTIA, INERTIA_COM, NUISANCE, PARAMETERS
+
+BY_ROTORS: Final = tuple(name for name in PARAMETERS if name not in (*NUISANCE, "mass"))
+"""Numbers that rest on what the rotors do: all but the declared mass and the sensors' biases."""
+BY_TURNS: Final = ("kd", "Jr", *INERTIA, *INERTIA_COM, *COM, "motor_lag", "motor_delay")
+"""Numbers that rest on quick turns."""
+BY_THRUST: Final = ("kt", "hover_speed", "max_thrust", "thrust_to_weight")
+"""Numbers that rest on the size of the thrust."""
+
+STUCK: Final = "stuck-speed"
+"""Kind of the finding that a measured speed is lost now and then."""
+FROZEN: Final = "frozen-motor"
+"""Kind of the finding that a motor channel stands still."""
+LOST: Final = "a motor channel does not show what its rotor does"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestsOn:
+    """What rests on the channel that a kind of finding is about.
+
+    - `numbers`: names of the numbers.
+    - `doubtful_because`: why they may be outside their intervals; None where the intervals hold.
+    """
+
+    numbers: tuple[str, ...]
+    doubtful_because: str | None = None
+
+
+RESTS_ON: Final[Mapping[str, RestsOn]] = {
+    FROZEN: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST),
+    STUCK: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST),
+    "gyro-bias": RestsOn(numbers=BY_TURNS),
+    "slow-motor-data": RestsOn(numbers=BY_TURNS),
+    "slow-cameras": RestsOn(numbers=BY_TURNS),
+    "irregular-frames": RestsOn(numbers=BY_TURNS),
+    "mended-frames": RestsOn(numbers=BY_ROTORS),
+    "poor-alignment": RestsOn(numbers=BY_ROTORS),
+    "thrust-range": RestsOn(numbers=BY_THRUST),
+    "fast-flight": RestsOn(numbers=BY_ROTORS),
+    "on-the-ground": RestsOn(numbers=BY_ROTORS),
+    "slow-rotors": RestsOn(numbers=BY_ROTORS),
+}
+"""Every kind of finding that `flight/` and the screening make; a test compares the two."""
+
+CONTRADICTED: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "unlike", "stuck")
+"""States of a measured speed that explain why a flight makes no sense."""
+
+
+def name_resting_numbers(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return findings with the numbers that rest on their channels; those that name some stay."""
+    return tuple(_with_numbers(one) for one in findings)
+
+
+def _with_numbers(finding: Finding) -> Finding:
+    rests = RESTS_ON.get(finding.kind)
+    if rests is None or finding.numbers:
+        return finding
+    because = finding.doubtful_because or rests.doubtful_because
+    return dataclasses.replace(finding, numbers=rests.numbers, doubtful_because=because)
+
+
+def find_stuck_speeds(seen: Telemetry | None, known: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield a doubt for each measured speed that is lost now and then.
+
+    `seen`: of the telemetry. `known`: findings of the flight; where they name a frozen channel
+    the same is not reported twice.
+    """
+    if seen is None or any(one.kind == FROZEN for one in known):
+        return
+    for rotor in seen.rotors:
+        if rotor.state == "stuck":
+            yield doubt(STUCK, lost_speed_sentence(rotor))
+
+
+def lost_speed_sentence(rotor: RotorTelemetry) -> str:
+    """Say for how much of the time a measured speed is lost, and what to do."""
+    return (
+        f"the measured speed of rotor {rotor.rotor} is stuck or zero for "
+        f"{100.0 * rotor.stuck:.0f} % of the time while the rotor turns: repair its ESC telemetry, "
+        'or take the commands (speed = "commanded" under [motors])'
+    )
+
+
+def blame_telemetry(error: FlightError, seen: Telemetry | None) -> FlightError:
+    """Return the error with the lost or wrong speeds as its cause, where the telemetry has some.
+
+    A rotor that reads zero in the air looks like a vehicle whose acceleration does not follow its
+    rotors.
+    """
+    if seen is None or not any(one.state in CONTRADICTED for one in seen.rotors):
+        return error
+    sentences = "; ".join(seen.doubts)
+    return type(error)(f"{sentences}; therefore the flight cannot be used")
