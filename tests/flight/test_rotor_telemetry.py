@@ -241,4 +241,4 @@ def test_a_rotor_that_reads_half_is_named_alone(log):
     assert found.rotors[0].ratio == pytest.approx(0.5, abs=0.03)
     [words] = found.doubts
     assert words.startswith("rotor 1 turns at 0.50 times the speed of the others")
-    assert "besides, it stays constant for" in words
+    assert "besides, it is stuck or zero for" in words

@@ -173,12 +173,13 @@ def _part_in_ascii(part: Part) -> str:
 def _select_remarks(result: IdentificationResult) -> tuple[tuple[str, ...], tuple[str, ...], int]:
     """Select doubts and notes that say the most, in short, and count what else there is to know."""
     found = [one for one in result.findings if one.severity == "doubt"]
-    disowned = (_disowned_numbers(one, result) for one in found if one.doubtful_because)
+    every = [one for one in result.every_finding if one.severity == "doubt"]
+    disowned = (_disowned_numbers(one, result) for one in every if one.doubtful_because)
     doubts = list(dict.fromkeys(filter(None, disowned)))[:MOST_REMARKS]
     covered = (_in_short(one) for one in found if not one.doubtful_because)
     notes = list(dict.fromkeys(covered))[: MOST_REMARKS - len(doubts)]
-    every = len(result.warnings) + len(flight_notes(result))
-    return tuple(doubts), tuple(notes), max(every - len(doubts) - len(notes), 0)
+    count = len(result.warnings) + len(flight_notes(result))
+    return tuple(doubts), tuple(notes), max(count - len(doubts) - len(notes), 0)
 
 
 def _disowned_numbers(finding: Finding, result: IdentificationResult) -> str:

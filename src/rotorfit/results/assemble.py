@@ -163,7 +163,7 @@ def mark_doubtful(result: IdentificationResult) -> IdentificationResult:
 
     Numbers for which flying is useless get the finding's next step in place of a manoeuvre.
     """
-    disowning = [one for one in result.findings if one.doubtful_because is not None]
+    disowning = [one for one in result.every_finding if one.doubtful_because is not None]
     useless = [one for one in result.findings if one.useless_because is not None]
     parameters = tuple(
         _advised_first(_judged_again(p, disowning), useless) for p in result.parameters

@@ -123,6 +123,11 @@ class IdentificationResult:
         """What to doubt and to know, one sentence each: those of the findings."""
         return sentences(self.findings)
 
+    @property
+    def every_finding(self) -> tuple[Finding, ...]:
+        """The findings, and those of the single flights."""
+        return (*self.findings, *(one for flight in self.flights for one in flight.findings))
+
     def found(self, *findings: Finding) -> "IdentificationResult":
         """Return the result with further findings."""
         return dataclasses.replace(self, findings=(*self.findings, *findings))

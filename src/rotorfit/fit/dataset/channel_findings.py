@@ -5,13 +5,19 @@ numbers that it touches, and those that the channel makes wrong become doubtful.
 """
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from rotorfit.errors import FlightError
 from rotorfit.findings import Finding, doubt
-from rotorfit.flight.motors.rotor_telemetry import RotorTelemetry, State, Telemetry
+from rotorfit.flight.motors.rotor_telemetry import (
+    RotorTelemetry,
+    State,
+    Telemetry,
+    telemetry,
+)
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.parameters import COM, INERTIA, INERTIA_COM, NUISANCE, PARAMETERS
 
 BY_ROTORS: Final = tuple(name for name in PARAMETERS if name not in (*NUISANCE, "mass"))
@@ -73,17 +79,42 @@ def _with_numbers(finding: Finding) -> Finding:
     return dataclasses.replace(finding, numbers=rests.numbers, doubtful_because=because)
 
 
-def find_stuck_speeds(seen: Telemetry | None, known: Iterable[Finding]) -> Iterator[Finding]:
-    """Yield a doubt for each measured speed that is lost now and then.
+def find_stuck_speeds(
+    log: FlightLog, flown: Sequence[tuple[float, float]], known: Iterable[Finding]
+) -> Iterator[Finding]:
+    """Yield a doubt for each measured speed that is lost now and then in the part that is used.
 
-    `seen`: of the telemetry. `known`: findings of the flight; where they name a frozen channel
-    the same is not reported twice.
+    `flown`: from, to of the used stretches, on the clock of the log [s]. `known`: findings of the
+    flight; where they name a frozen channel the same is not reported twice.
     """
+    seen = telemetry(_log_between(log, flown)) if flown else None
     if seen is None or any(one.kind == FROZEN for one in known):
         return
     for rotor in seen.rotors:
         if rotor.state == "stuck":
-            yield doubt(STUCK, lost_speed_sentence(rotor))
+            yield doubt(
+                STUCK,
+                lost_speed_sentence(rotor),
+                next_step=f"repair the ESC telemetry of rotor {rotor.rotor}",
+                doubtful_because=f"the measured speed of rotor {rotor.rotor} is lost now and then",
+            )
+
+
+def motor_channels_of(log: FlightLog) -> FlightLog:
+    """Return the log with its motor channels alone."""
+    kept = {n: c for n, c in log.channels.items() if n in ("command", "rotor_speed")}
+    return dataclasses.replace(log, channels=kept)
+
+
+def _log_between(log: FlightLog, flown: Sequence[tuple[float, float]]) -> FlightLog:
+    """Return the log with the motors' channels between the first and the last used moment."""
+    begin, end = min(a for a, _ in flown), max(b for _, b in flown)
+    cut = {
+        name: dataclasses.replace(c, time=c.time[inside], values=c.values[inside])
+        for name, c in log.channels.items()
+        for inside in [(c.time >= begin) & (c.time <= end)]
+    }
+    return dataclasses.replace(log, channels=cut)
 
 
 def lost_speed_sentence(rotor: RotorTelemetry) -> str:

@@ -17,6 +17,7 @@ from rotorfit.findings import doubts
 from rotorfit.fit.dataset.channel_findings import (
     blame_telemetry,
     find_stuck_speeds,
+    motor_channels_of,
     name_resting_numbers,
 )
 from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
@@ -272,7 +273,7 @@ def _screen_speeds(
         name = Path(flight.entry.file).name
         refuse_rotors_too_fast({name: data}, arm, law=law, takes_columns=takes)
         slow = doubts("slow-rotors", slow_rotor_doubts(data, arm, law=law, takes_columns=takes))
-        every = name_resting_numbers((*flight.prepared.findings, *slow))
+        every = (*flight.prepared.findings, *name_resting_numbers(slow))
         prepared = dataclasses.replace(flight.prepared, findings=every)
         screened.append(dataclasses.replace(flight, prepared=prepared))
     return screened
@@ -335,6 +336,7 @@ def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         log = with_poses(log, recording)
     window, count = (entry.start, entry.end), len(vehicle.rotors)
     battery, command = log.channels.get("battery"), log.channels.get("command")
+    motor_log = motor_channels_of(log) if seen else None
     if source == "mocap":
         prepared = prepare_mocap(
             log, rotor_count=count, arm=vehicle.arm, motors=motor_model, window=window
@@ -352,9 +354,9 @@ def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         if experiment.identification.in_bands:
             prepared = decimated(prepared, motor_model, top=EDGES[-1])
         prepared = prepared if tilt is None else levelled(prepared, tilt)
-    stuck = find_stuck_speeds(seen, prepared.findings)
-    findings = name_resting_numbers((*prepared.findings, *stuck))
-    prepared = dataclasses.replace(prepared, findings=findings)
+    stuck = find_stuck_speeds(motor_log, recorded.spans, prepared.findings) if motor_log else ()
+    every = name_resting_numbers((*prepared.findings, *stuck))
+    prepared = dataclasses.replace(prepared, findings=every)
     return LoadedFlight(
         entry=entry,
         log=log,

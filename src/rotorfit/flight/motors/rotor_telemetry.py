@@ -467,8 +467,8 @@ def _explain_telemetry(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
             for r in uncorrelated
         ]
     sentences += [
-        f"the measured speed of rotor {r.rotor} is stuck or zero for {100.0 * r.stuck:.0f} % of the "
-        "time while the rotor turns: its ESC telemetry is stuck or lost"
+        f"the measured speed of rotor {r.rotor} is stuck or zero for {100.0 * r.stuck:.0f} % of "
+        "the time while the rotor turns: its ESC telemetry is stuck or lost"
         for r in rotors
         if r.state == "stuck"
     ]

@@ -1,0 +1,100 @@
+"""Findings about a channel name the numbers that rest on it, and lost speeds are blamed."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import rotorfit.flight
+from rotorfit.errors import FlightError
+from rotorfit.findings import doubt
+from rotorfit.fit.dataset.channel_findings import (
+    FROZEN,
+    RESTS_ON,
+    STUCK,
+    blame_telemetry,
+    find_stuck_speeds,
+    name_resting_numbers,
+)
+from rotorfit.flight.motors.rotor_telemetry import telemetry
+from rotorfit.logs.flight_log import FlightLog
+from rotorfit.model.parameters import EVERY
+from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, to_flight_log, variant
+
+
+@pytest.fixture(scope="module")
+def log() -> FlightLog:
+    flown, sensors = variant(paper_vehicle("A"), "real")
+    scenario = Scenario(seconds=14.0, ground_seconds=2.0, sensors=sensors)
+    return to_flight_log(simulate_flight(*flown, scenario, seed=3))
+
+
+def with_lost_speed(log: FlightLog, rotor: int, *, every: float, lost: float) -> FlightLog:
+    """Return the log with a speed of 0 for `lost` seconds in every `every`."""
+    channel = log.channels["rotor_speed"]
+    values = channel.values.copy()
+    values[channel.time % every < lost, rotor - 1] = 0.0
+    return replace(log, channels={**log.channels, "rotor_speed": replace(channel, values=values)})
+
+
+@pytest.fixture
+def flown(log) -> tuple[tuple[float, float], ...]:
+    time = log.channels["rotor_speed"].time
+    return ((float(time[0]), float(time[-1])),)
+
+
+def test_every_kind_of_the_preparation_names_its_numbers():
+    sources = Path(rotorfit.flight.__file__).parent.rglob("*.py")
+    found = {k for s in sources for k in re.findall(r"\bdoubt\(\s*\"([a-z-]+)\"", s.read_text())}
+    assert len(found) >= 10
+    assert found <= set(RESTS_ON)
+
+
+@pytest.mark.parametrize("kind", RESTS_ON)
+def test_the_numbers_exist(kind):
+    [named] = name_resting_numbers([doubt(kind, "said")])
+    assert named.numbers == RESTS_ON[kind].numbers
+    assert named.numbers
+    assert set(named.numbers) <= set(EVERY)
+
+
+def test_a_finding_that_names_numbers_keeps_them():
+    own = doubt(FROZEN, "said", numbers=("kd",))
+    assert name_resting_numbers([own]) == (own,)
+
+
+@pytest.mark.parametrize("rotor", [1, 3])
+@pytest.mark.parametrize("every", [0.4, 4.0])
+def test_a_lost_speed_makes_thrust_doubtful(log, flown, rotor, every):
+    lost = with_lost_speed(log, rotor, every=every, lost=0.12 * every)
+    [found] = name_resting_numbers(find_stuck_speeds(lost, flown, ()))
+    assert found.kind == STUCK
+    assert found.is_about("kt")
+    assert found.is_about("Ixx@A")
+    assert not found.is_about("mass@A")
+    assert f"rotor {rotor} " in str(found.doubtful_because)
+
+
+def test_a_sound_log_has_no_lost_speed(log, flown):
+    assert list(find_stuck_speeds(log, flown, ())) == []
+
+
+def test_only_the_part_that_is_used_counts(log, flown):
+    [(begin, end)] = flown
+    lost = with_lost_speed(log, 1, every=1e6, lost=begin + 0.4 * (end - begin))
+    assert list(find_stuck_speeds(lost, ((begin + 0.5 * (end - begin), end),), ())) == []
+    assert len(list(find_stuck_speeds(lost, flown, ()))) == 1
+
+
+def test_a_frozen_channel_is_not_reported_twice(log, flown):
+    lost = with_lost_speed(log, 1, every=4.0, lost=0.5)
+    assert list(find_stuck_speeds(lost, flown, [doubt(FROZEN, "said")])) == []
+
+
+def test_a_lost_speed_is_blamed_for_a_flight_that_makes_no_sense(log):
+    error = FlightError("the vehicle never flies")
+    blamed = blame_telemetry(error, telemetry(with_lost_speed(log, 2, every=0.4, lost=0.1)))
+    assert "rotor 2 is stuck or zero for 25 % of the time" in str(blamed)
+    assert blame_telemetry(error, telemetry(log)) is error
+    assert blame_telemetry(error, None) is error
