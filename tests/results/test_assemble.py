@@ -1,11 +1,19 @@
 """Findings withhold numbers: those known as a ratio are still told as one."""
 
+import dataclasses
+
 import numpy as np
 
 from rotorfit.findings import Finding
 from rotorfit.report.text import result_text
 from rotorfit.results.assemble import mark_doubtful, with_diagnosis
-from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
+from rotorfit.results.result import (
+    Derived,
+    FlightRecord,
+    IdentificationResult,
+    Parameter,
+    verdict_of,
+)
 
 
 def a_number(name, value, **more):
@@ -78,3 +86,13 @@ def test_the_scale_of_yaw_is_withheld_and_its_ratio_stays():
     assert [d.value for d in found.derived] == [None, 2.0]
     assert found.covariance_names == ("kt",)
     assert found.warnings == ("none affects another",)
+
+
+def test_a_finding_of_a_single_flight_makes_its_numbers_doubtful():
+    flight = FlightRecord(
+        file="a.csv", sha256="", configuration="A", seconds_used=9.0, samples_used=900,
+        used=(), cuts=(), findings=(a_late_gyro("kt"),),
+    )  # fmt: skip
+    found = mark_doubtful(dataclasses.replace(a_result(), flights=(flight,)))
+    assert [p.verdict for p in found.parameters] == ["doubtful", "identified", "identified"]
+    assert found.parameters[0].reason == "may be outside its interval, because the gyro is late"

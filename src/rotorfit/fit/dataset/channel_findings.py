@@ -32,6 +32,7 @@ STUCK: Final = "stuck-speed"
 FROZEN: Final = "frozen-motor"
 """Kind of the finding that a motor channel stands still."""
 LOST: Final = "a motor channel does not show what its rotor does"
+MEND: Final = "repair the motor channel that stands still, or leave that part out (--start, --end)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,15 +41,17 @@ class RestsOn:
 
     - `numbers`: names of the numbers.
     - `doubtful_because`: why they may be outside their intervals; None where the intervals hold.
+    - `next_step`: what to do before more flying; None where the sentence says enough.
     """
 
     numbers: tuple[str, ...]
     doubtful_because: str | None = None
+    next_step: str | None = None
 
 
 RESTS_ON: Final[Mapping[str, RestsOn]] = {
-    FROZEN: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST),
-    STUCK: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST),
+    FROZEN: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST, next_step=MEND),
+    STUCK: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST, next_step=MEND),
     "gyro-bias": RestsOn(numbers=BY_TURNS),
     "slow-motor-data": RestsOn(numbers=BY_TURNS),
     "slow-cameras": RestsOn(numbers=BY_TURNS),
@@ -75,8 +78,12 @@ def _with_numbers(finding: Finding) -> Finding:
     rests = RESTS_ON.get(finding.kind)
     if rests is None or finding.numbers:
         return finding
-    because = finding.doubtful_because or rests.doubtful_because
-    return dataclasses.replace(finding, numbers=rests.numbers, doubtful_because=because)
+    return dataclasses.replace(
+        finding,
+        numbers=rests.numbers,
+        doubtful_because=finding.doubtful_because or rests.doubtful_because,
+        next_step=finding.next_step or rests.next_step,
+    )
 
 
 def find_stuck_speeds(

@@ -222,7 +222,7 @@ def _before_flying(
     """Find the step without which more flying is pointless, if there is one."""
     usable = [
         (one, numbers)
-        for one in result.findings
+        for one in result.every_finding
         if one.next_step is not None
         and (numbers := [n.name for n in lacking if one.is_about(n.parameter)])
     ]
