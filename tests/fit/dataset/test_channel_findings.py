@@ -12,9 +12,10 @@ from rotorfit.findings import doubt
 from rotorfit.fit.dataset.channel_findings import (
     FROZEN,
     RESTS_ON,
+    SPIKY,
     STUCK,
     blame_telemetry,
-    find_stuck_speeds,
+    find_motor_faults,
     name_resting_numbers,
 )
 from rotorfit.flight.motors.rotor_telemetry import telemetry
@@ -68,7 +69,7 @@ def test_a_finding_that_names_numbers_keeps_them():
 @pytest.mark.parametrize("every", [0.4, 4.0])
 def test_a_lost_speed_makes_thrust_doubtful(log, flown, rotor, every):
     lost = with_lost_speed(log, rotor, every=every, lost=0.12 * every)
-    [found] = name_resting_numbers(find_stuck_speeds(lost, flown, ()))
+    [found] = name_resting_numbers(find_motor_faults(lost, flown, ()))
     assert found.kind == STUCK
     assert found.is_about("kt")
     assert found.is_about("Ixx@A")
@@ -77,19 +78,19 @@ def test_a_lost_speed_makes_thrust_doubtful(log, flown, rotor, every):
 
 
 def test_a_sound_log_has_no_lost_speed(log, flown):
-    assert list(find_stuck_speeds(log, flown, ())) == []
+    assert list(find_motor_faults(log, flown, ())) == []
 
 
 def test_only_the_part_that_is_used_counts(log, flown):
     [(begin, end)] = flown
     lost = with_lost_speed(log, 1, every=1e6, lost=begin + 0.4 * (end - begin))
-    assert list(find_stuck_speeds(lost, ((begin + 0.5 * (end - begin), end),), ())) == []
-    assert len(list(find_stuck_speeds(lost, flown, ()))) == 1
+    assert list(find_motor_faults(lost, ((begin + 0.5 * (end - begin), end),), ())) == []
+    assert len(list(find_motor_faults(lost, flown, ()))) == 1
 
 
 def test_a_frozen_channel_is_not_reported_twice(log, flown):
     lost = with_lost_speed(log, 1, every=4.0, lost=0.5)
-    assert list(find_stuck_speeds(lost, flown, [doubt(FROZEN, "said")])) == []
+    assert list(find_motor_faults(lost, flown, [doubt(FROZEN, "said")])) == []
 
 
 def test_a_lost_speed_is_blamed_for_a_flight_that_makes_no_sense(log):
@@ -98,3 +99,14 @@ def test_a_lost_speed_is_blamed_for_a_flight_that_makes_no_sense(log):
     assert "rotor 2 is stuck or zero for 25 % of the time" in str(blamed)
     assert blame_telemetry(error, telemetry(log)) is error
     assert blame_telemetry(error, None) is error
+
+
+def test_commands_that_jump_for_single_samples_are_said(log, flown):
+    channel = log.channels["command"]
+    values = channel.values.copy()
+    values[::4] += 0.3
+    spiky = replace(log, channels={**log.channels, "command": replace(channel, values=values)})
+    [found] = name_resting_numbers(find_motor_faults(spiky, flown, ()))
+    assert found.kind == SPIKY
+    assert found.is_about("max_speed")
+    assert found.doubtful_because is None

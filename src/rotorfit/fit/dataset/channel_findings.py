@@ -15,6 +15,7 @@ from rotorfit.flight.motors.rotor_telemetry import (
     RotorTelemetry,
     State,
     Telemetry,
+    describe_spiky_commands,
     telemetry,
 )
 from rotorfit.logs.flight_log import FlightLog
@@ -26,7 +27,11 @@ BY_TURNS: Final = ("kd", "Jr", *INERTIA, *INERTIA_COM, *COM, "motor_lag", "motor
 """Numbers that rest on quick turns."""
 BY_THRUST: Final = ("kt", "hover_speed", "max_thrust", "thrust_to_weight")
 """Numbers that rest on the size of the thrust."""
+BY_COMMANDS: Final = ("max_speed", "max_thrust", "thrust_to_weight", "motor_lag", "command_delay")
+"""Numbers of motors whose speed is measured that rest on their commands."""
 
+SPIKY: Final = "command-spikes"
+"""Kind of the finding that commands jump for single samples."""
 STUCK: Final = "stuck-speed"
 """Kind of the finding that a measured speed is lost now and then."""
 FROZEN: Final = "frozen-motor"
@@ -51,6 +56,7 @@ class RestsOn:
 
 RESTS_ON: Final[Mapping[str, RestsOn]] = {
     FROZEN: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST, next_step=MEND),
+    SPIKY: RestsOn(numbers=BY_COMMANDS),
     STUCK: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST, next_step=MEND),
     "gyro-bias": RestsOn(numbers=BY_TURNS),
     "slow-motor-data": RestsOn(numbers=BY_TURNS),
@@ -86,15 +92,19 @@ def _with_numbers(finding: Finding) -> Finding:
     )
 
 
-def find_stuck_speeds(
+def find_motor_faults(
     log: FlightLog, flown: Sequence[tuple[float, float]], known: Iterable[Finding]
 ) -> Iterator[Finding]:
-    """Yield a doubt for each measured speed that is lost now and then in the part that is used.
+    """Yield doubts about lost speeds, and about commands that jump, in the part that is used.
 
     `flown`: from, to of the used stretches, on the clock of the log [s]. `known`: findings of the
     flight; where they name a frozen channel the same is not reported twice.
     """
-    seen = telemetry(_log_between(log, flown)) if flown else None
+    flown_log = _log_between(log, flown) if flown else None
+    if flown_log is not None and "command" in flown_log.channels:
+        spiky = describe_spiky_commands(flown_log.channels["command"])
+        yield from (doubt(SPIKY, one) for one in spiky)
+    seen = None if flown_log is None else telemetry(flown_log)
     if seen is None or any(one.kind == FROZEN for one in known):
         return
     for rotor in seen.rotors:

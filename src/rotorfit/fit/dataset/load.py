@@ -16,7 +16,7 @@ from rotorfit.errors import ExperimentError, FlightError, RotorfitError
 from rotorfit.findings import doubts
 from rotorfit.fit.dataset.channel_findings import (
     blame_telemetry,
-    find_stuck_speeds,
+    find_motor_faults,
     motor_channels_of,
     name_resting_numbers,
 )
@@ -354,7 +354,7 @@ def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         if experiment.identification.in_bands:
             prepared = decimated(prepared, motor_model, top=EDGES[-1])
         prepared = prepared if tilt is None else levelled(prepared, tilt)
-    stuck = find_stuck_speeds(motor_log, recorded.spans, prepared.findings) if motor_log else ()
+    stuck = find_motor_faults(motor_log, recorded.spans, prepared.findings) if motor_log else ()
     every = name_resting_numbers((*prepared.findings, *stuck))
     prepared = dataclasses.replace(prepared, findings=every)
     return LoadedFlight(

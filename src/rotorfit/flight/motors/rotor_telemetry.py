@@ -128,10 +128,10 @@ def telemetry(log: FlightLog) -> Telemetry | None:
     if pair is None or seconds < LEAST_SECONDS:
         return Telemetry(seconds=seconds, lateness=None, rotors=(), doubts=())
     found = _compare_telemetry(pair, seconds)
-    return replace(found, doubts=(*found.doubts, *_spiky_commands(command)))
+    return replace(found, doubts=(*found.doubts, *describe_spiky_commands(command)))
 
 
-def _spiky_commands(command: Channel) -> list[str]:
+def describe_spiky_commands(command: Channel) -> list[str]:
     """State which commands jump up or down for single samples."""
     sizes = [
         float(np.percentile(np.abs(x - _despike_values(x)), SPIKY_PERCENTILE))
