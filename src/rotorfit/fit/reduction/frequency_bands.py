@@ -155,9 +155,12 @@ def prepared_bands(
     body: tuple[Lines, ...] | None = None,
     top: float = np.inf,
 ) -> Factors:
-    """Reduce one flight to band factors, see `flight_bands`."""
-    moved = [] if free is None else _retime_both_ways(prepared, free)
-    data, plan = banded_data(prepared, response)
+    """Reduce one flight to band factors, see `flight_bands`; with `free`, at its timing."""
+    if free is None:
+        timed, moved = retimed(prepared, response), []
+    else:
+        timed, moved = _retime_both_ways(prepared, free)
+    data, plan = _plan_bands(prepared, timed)
     return band_factors(data, vehicle, plan=plan, added=added, moved=moved, body=body, top=top)
 
 
@@ -165,7 +168,12 @@ def banded_data(
     prepared: PreparedFlight, response: MotorResponse | None
 ) -> tuple[FlightData, BandPlan]:
     """Retime a flight's motors, and plan how its phases are cut."""
-    data = dataclasses.replace(retimed(prepared, response), segments=prepared.phases)
+    return _plan_bands(prepared, retimed(prepared, response))
+
+
+def _plan_bands(prepared: PreparedFlight, timed: FlightData) -> tuple[FlightData, BandPlan]:
+    """Cut a retimed flight into its phases, and plan their bands."""
+    data = dataclasses.replace(timed, segments=prepared.phases)
     top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
     edges = (*(edge for edge in EDGES if edge < top), top)
     return data, BandPlan(edges=edges, longest=STRETCH)
@@ -173,8 +181,8 @@ def banded_data(
 
 def _retime_both_ways(
     prepared: PreparedFlight, free: FreeTiming
-) -> list[tuple[FlightData, FlightData, float]]:
-    """Retime the flight a step later and earlier by each free time, with the step between."""
+) -> tuple[FlightData, list[tuple[FlightData, FlightData, float]]]:
+    """Retime the flight, and a step later and earlier by each free time, with the step between."""
     steps = {name: STEPS[name] for name in free.names}
     found = flights_with_moved_motors(prepared.data, prepared.motor_channel, free.at, steps)
     if found is not None:
@@ -185,7 +193,7 @@ def _retime_both_ways(
         # A lag ends at nothing.
         distance = later.mean_lag - earlier.mean_lag if name == "motor_lag" else 2.0 * STEPS[name]
         moved.append((retimed(prepared, later), retimed(prepared, earlier), distance))
-    return moved
+    return retimed(prepared, free.at), moved
 
 
 def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightData:

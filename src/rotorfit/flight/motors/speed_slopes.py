@@ -37,10 +37,10 @@ def flights_with_moved_motors(
     channel: Float[np.ndarray, "n N"],
     response: MotorResponse,
     steps: Mapping[str, float],
-) -> list[Moved] | None:
-    """Move the rotors of a flight along their slopes by each time, by a step to either side.
+) -> tuple[FlightData, list[Moved]] | None:
+    """Retime the rotors of a flight, and move them along their slopes by a step of each time.
 
-    None where the slopes need more than this recursion: motor data that were smoothed or averaged,
+    The steps go to either side. None where the slopes need more than this recursion: motor data that were smoothed or averaged,
     and lags of which a step to either side would go below zero.
 
     Parameters
@@ -70,6 +70,7 @@ def flights_with_moved_motors(
         each = [thinned(values) for values in wide]
     speed, *slopes = each
     rate = central_difference(speed, data.sample_rate)
+    retimed = dataclasses.replace(data, rotor_speed=speed, rotor_acceleration=rate)
     moved: list[Moved] = []
     for slope, step in zip(slopes, steps.values(), strict=True):
         turn = central_difference(slope, data.sample_rate)
@@ -82,7 +83,7 @@ def flights_with_moved_motors(
             for side in (1.0, -1.0)
         )
         moved.append((later, earlier, 2.0 * step))
-    return moved
+    return retimed, moved
 
 
 def slopes_of_parts(
