@@ -40,8 +40,8 @@ def flights_with_moved_motors(
 ) -> tuple[FlightData, list[Moved]] | None:
     """Retime the rotors of a flight, and move them along their slopes by a step of each time.
 
-    The steps go to either side. None where the slopes need more than this recursion: motor data that were smoothed or averaged,
-    and lags of which a step to either side would go below zero.
+    The steps go to either side. None if the slopes need more than this recursion: motor data that
+    were smoothed or averaged, and lags of which a step to either side would go below zero.
 
     Parameters
     ----------
