@@ -173,7 +173,7 @@ def test_a_late_accelerometer_asks_for_its_low_pass():
     flights = [replace(flight, log=log)]
     dataset = replace(made.dataset, configurations=(replace(configuration, flights=flights),))
     [found] = accelerometer_delay(replace(made, dataset=dataset))
-    assert found.next_step.startswith("set acc_lpf_hz = 100 (rotorfit settings LOG")
+    assert found.next_step.startswith("set acc_lpf_hz = 100 (as a file: rotorfit settings")
     assert "that the gyro does not; set acc_lpf_hz = 100" in found.sentence
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from rotorfit.flight.motors.motor_model import _bends, betaflight_linear
+from rotorfit.flight.motors.motor_model import bends_of_thrust, betaflight_linear
 from rotorfit.logs.speed_law import PolynomialLaw, PowerLaw, SpeedLaw, SquareRootLaw
 
 
@@ -38,7 +38,7 @@ def test_it_is_the_minimum_that_scipy_finds(seed):
     rng = np.random.default_rng(seed)
     law = SpeedLaw(curve=PowerLaw(900.0, rng.uniform(-0.05, 0.1), rng.uniform(0.55, 0.9)))
     expected = minimize_scalar(
-        lambda c: float(np.mean(_bends(law, np.array([c])) ** 2)),
+        lambda c: float(np.mean(bends_of_thrust(law, np.array([c])) ** 2)),
         bounds=(0.0, 1.5),
         method="bounded",
         options={"xatol": 1e-8},

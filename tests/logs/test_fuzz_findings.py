@@ -41,7 +41,7 @@ def test_a_refusal_stays_short_where_names_are_long(tmp_path):
     message = str(caught.value)
     assert 1500 < len(message) < 2000
     assert message.startswith(f"{path}: no column 'time'; the file has ((((")
-    assert message.endswith("with a unit where it is not SI")
+    assert message.endswith(f"or let rotorfit propose them: rotorfit airframe {path}")
     assert message.count(" [...] ") == 1
 
 

@@ -147,7 +147,7 @@ def test_arducopters_law_and_battery_come_from_its_parameters(result_of):
     assert law["sqrt"] == {"full_speed": 1.0, "thr_mdl_fac": 0.65, "start": 0.15, "end": 0.95}
     assert law["voltage"] == {"nominal": 12.8, "exponent": 1.0, "exponent_std": 0.0}
     assert result.parameter("kt").unit == "N per squared command"
-    assert any("MOT_THST_EXPO, MOT_SPIN_MIN" in w for w in result.warnings)
+    assert any("MOT_THST_EXPO" in w for w in result.warnings)
     assert not any("at the end of the flight than at its beginning" in w for w in result.warnings)
     assert any("11 ms of motor_lag and motor_delay" in w for w in result.warnings)
 

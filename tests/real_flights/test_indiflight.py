@@ -90,11 +90,11 @@ def test_a_throw_moves_no_thrust_coefficient(indiflight_logs, tmp_path):
     assert not inside(flying, 2.69e-7)
 
 
-def test_the_motor_data_lead_the_gyro_by_two_milliseconds(identified):
+def test_the_gyros_low_pass_is_why_the_motor_data_lead_it(identified):
+    """By 2 ms, of which its low-pass at 100 Hz (gyro_lpf1_static_hz) makes 1.6: a PT1."""
     delay = identified[LIVELY].parameter("motor_delay")
-    # Stated to 0.7 ms; 1.5 since its rows count by their noise.
-    assert delay.value == pytest.approx(2.0e-3, abs=0.6e-3)
-    assert inside(delay, 2.0e-3)
+    assert delay.value == pytest.approx(2.0e-3 - 1.0 / (2.0 * np.pi * 100.0), abs=0.6e-3)
+    assert inside(delay, 2.0e-3 - 1.0 / (2.0 * np.pi * 100.0))
 
 
 def test_a_calm_flight_gives_thrust_and_no_yaw(identified):

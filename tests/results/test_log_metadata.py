@@ -99,7 +99,7 @@ def test_only_settings_may_be_wrong_not_simulated_motors():
     for motors, replaceable in ((TOLD, True), (exact, False)):
         found = made(logged(motors), motors=completed_motors(COMMANDED, logged(motors)))
         [sentence] = sentences(log_metadata(COMMANDED, found))
-        assert ("only as good as these settings" in sentence) is replaceable
+        assert ("a law under [motors] replaces it" in sentence) is replaceable
 
 
 def test_an_estimated_velocity_leaves_drag_open():

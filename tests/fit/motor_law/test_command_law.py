@@ -67,12 +67,12 @@ def test_late_telemetry_is_delay_and_no_lag(latency):
     assert found["command_delay"].value == pytest.approx(DELAY + latency, abs=5e-4)
 
 
-def test_slow_telemetry_gives_law_and_lag():
+def test_slow_telemetry_gives_the_law_without_lag():
     _, fast = numbers(motor_responses(4))
     _, slow = numbers(motor_responses(4, speed_rate=12.0))
     assert slow["max_speed"].interval[0] < fast["max_speed"].value < slow["max_speed"].interval[1]
-    assert slow["motor_lag"].interval[0] < LAG < slow["motor_lag"].interval[1]
-    assert slow["motor_lag"].std > fast["motor_lag"].std
+    assert fast["motor_lag"].interval[0] < LAG < fast["motor_lag"].interval[1]
+    assert slow["motor_lag"].value is None  # telemetry that slow shows no lag
 
 
 def test_without_voltage_the_law_is_of_the_charge_that_was_flown():

@@ -156,7 +156,7 @@ def test_gravity_is_doubted_once_where_the_fit_doubts_it():
     seen = GravitySeen(at_rest=0.97, in_flight=0.97, in_flight_std=0.001)
     by_fit = doubt(AGAINST_GRAVITY, "in hover the accelerometer reads 9.52 m/s^2")
     result = SimpleNamespace(parameters=("kt",), findings=(by_fit,))
-    [check] = [one for one in CHECKS if one.__name__ == "_gravity"]
+    [check] = [one for one in CHECKS if one.__name__ == "_gravity_findings"]
     assert list(check(SimpleNamespace(gravity=seen, result=result))) == []
     [alone] = check(SimpleNamespace(gravity=seen, result=None))
     assert alone.sentence.startswith("at rest on the ground the accelerometer reads 9.51")

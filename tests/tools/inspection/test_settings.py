@@ -242,7 +242,8 @@ def test_next_steps_say_where_each_setting_goes():
     prepared = SimpleNamespace(slowest_rate=500.0)
     assert log_with_speed(log, prepared) == (
         "log the rotor speed: add rpm.m1 rpm.m2 rpm.m3 rpm.m4 to config.txt (rotor speed, with an "
-        "RPM deck) (as a file: rotorfit settings made), then fly again"
+        "RPM deck; else give the law of a thrust stand under [motors]) (as a file: rotorfit "
+        "settings made), then fly again"
     )
     old = {"Firmware revision": "Betaflight 4.2.0 (8f2d21460) STM32F745", "dshot_bidir": "1"}
     flashed = log_with_speed(replace(log, format="blackbox", metadata=old), prepared) or ""

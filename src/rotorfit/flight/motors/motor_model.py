@@ -394,16 +394,16 @@ def betaflight_linear(law: SpeedLaw) -> ThrustCurve:
     full is nearest to a straight line.
     """
     tried = np.linspace(*LINEAR_RANGE, 7)
-    c = float(tried[np.argmin(np.mean(_bends_of_thrust(law, tried) ** 2, axis=1))])
+    c = float(tried[np.argmin(np.mean(bends_of_thrust(law, tried) ** 2, axis=1))])
     for _ in range(NEWTON_STEPS):
-        below, here, above = np.mean(_bends_of_thrust(law, c + NEARBY) ** 2, axis=1).tolist()
+        below, here, above = np.mean(bends_of_thrust(law, c + NEARBY) ** 2, axis=1).tolist()
         slope = (above - below) / (2.0 * NEARBY[2])
         curvature = (above - 2.0 * here + below) / NEARBY[2] ** 2
         c = float(np.clip(c - slope / max(curvature, TINY), *LINEAR_RANGE))
-    return ThrustCurve(factor=c, error=float(np.abs(_bends_of_thrust(law, np.array([c]))).max()))
+    return ThrustCurve(factor=c, error=float(np.abs(bends_of_thrust(law, np.array([c]))).max()))
 
 
-def _bends_of_thrust(law: SpeedLaw, factors: Float[np.ndarray, " c"]) -> Float[np.ndarray, "c n"]:
+def bends_of_thrust(law: SpeedLaw, factors: Float[np.ndarray, " c"]) -> Float[np.ndarray, "c n"]:
     """Compute thrust's distance from a straight line, as a share of full thrust over idle."""
     moved = np.clip(GRID * (1.0 + factors[:, None] * (1.0 - GRID) ** 2), 0.0, 1.0)
     thrust = speeds(law, moved.ravel()).reshape(moved.shape) ** 2
