@@ -96,7 +96,7 @@ def test_a_simulated_copter_shows_that_its_expo_is_wrong(flown, expo):
 def test_a_hover_with_another_payload_doubts_the_numbers(flown):
     result = flown("public-faults/fail-payload-hover-shift.bin", QUAD, 1.5)
     [found] = [one for one in result.findings if one.kind == CONTRADICTING]
-    assert "12 s are used" in found.sentence and "6 to 42 s" in found.sentence
+    assert "11 s are used" in found.sentence and "6 to 42 s" in found.sentence
     for name in ("thrust_to_weight", "max_thrust", "hover_throttle"):
         number = next(d for d in result.derived if d.name == name)
         assert number.verdict == "doubtful", name
