@@ -50,7 +50,7 @@ def test_a_budget_says_what_shrinks_it_and_what_that_gives():
     assert lines[1].split() == ["noise", "4", "%", "#" * 13]
     assert lines[3].split() == ["1", "smaller", "0.35", "%"]
     assert lines[4:7] == ["To shrink it:", "  noise: fly longer", "  weight: weigh it"]
-    assert lines[7] == "With half the noise it would be +- 3.6 %."
+    assert lines[7] == "Half of the part by noise would leave +- 3.6 %."
 
 
 def test_a_number_without_an_interval_says_why():

@@ -188,7 +188,7 @@ def with_common_shift(numbers: Numbers, moved: Float[np.ndarray, " q"]) -> Numbe
     """Append the term of a shift common to all numbers, given for one deviation of k_t."""
     wider = numbers.with_terms(
         IntervalTerm(
-            name="thrust coefficient",
+            name="thrust by weight",
             half_width=1.96 * np.abs(moved),
             source="the weight in hover and changes of thrust",
         )

@@ -112,7 +112,7 @@ def _gain_sentence(budget: Budget) -> str:
     assert budget.half_width is not None
     largest = budget.lines[0]
     left = budget.half_width * sqrt(max(1.0 - 0.75 * largest.share, 0.0))
-    return f"With half the {largest.name} it would be +- {size_words(left, budget)}."
+    return f"Half of the part by {largest.name} would leave +- {size_words(left, budget)}."
 
 
 def _without_interval(budget: Budget, width: int) -> list[str]:

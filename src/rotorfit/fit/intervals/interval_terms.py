@@ -65,7 +65,7 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
         remedy="measure", action="measure how the IMU sits: the board against the motors' plane"
     ),
     "choice of bands": TermKind(remedy="fly"),
-    "thrust coefficient": TermKind(
+    "thrust by weight": TermKind(
         remedy="fly", action="hover for 10 s, hands off, and climb and sink gently for 20 s"
     ),
     "changing noise": TermKind(remedy="fly", action="fly in calm air, not through your own wash"),
