@@ -149,8 +149,14 @@ def test_another_number_of_rotors(message, here):
 
 
 def test_motors_that_never_turn(message, changed):
-    changed(lambda c: {n: 0.0 * v if n.startswith("rotor") else v for n, v in c.items()})
+    still = ("rotor", "command")
+    changed(lambda c: {n: 0.0 * v if n.startswith(still) else v for n, v in c.items()})
     assert "the motors never turn in this log" in message("identify", *LOG)
+
+
+def test_speeds_that_never_leave_zero_beside_commands(message, changed):
+    changed(lambda c: {n: 0.0 * v if n.startswith("rotor") else v for n, v in c.items()})
+    assert "the ESC telemetry is dead, or the commands are" in message("identify", *LOG)
 
 
 def test_time_that_goes_backwards(message, changed):
