@@ -1,7 +1,6 @@
 """The faults of `benchmarks/planted_faults.py` are planted in lines that the source has."""
 
 import pytest
-
 from benchmarks.planted_faults import ROOMS, planted, refuse_missing
 
 

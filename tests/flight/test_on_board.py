@@ -1,6 +1,6 @@
 """Filters on board: their responses, and rotors that pass them, against scipy's and by hand."""
 
-from types import SimpleNamespace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from rotorfit.flight.on_board import applied_filters, filter_response, passed_th
 from rotorfit.logs.blackbox.firmware import filters as of_betaflight
 from rotorfit.logs.dataflash.firmware import filters as of_ardupilot
 from rotorfit.logs.firmware import Filter
+from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.ulog.firmware import filters as of_px4
 
 NO_GAPS = np.zeros(0, dtype=np.int64)
@@ -88,8 +89,19 @@ def test_only_the_gyros_filters_act_on_the_rotors():
 
 
 def log_of(gyro, accel="", **settings):
-    channels = {"gyro": SimpleNamespace(source=gyro), "accel": SimpleNamespace(source=accel)}
-    return SimpleNamespace(channels=channels, metadata=settings)
+    time, values = np.zeros(1), np.zeros((1, 3))
+    channels = {
+        name: Channel(time=time, values=values, source=source)
+        for name, source in (("gyro", gyro), ("accel", accel))
+    }
+    return FlightLog(
+        path=Path("made"),
+        sha256="0",
+        format="dataflash",
+        channels=channels,
+        seconds=1.0,
+        metadata=settings,
+    )
 
 
 def known(filters):
@@ -136,7 +148,6 @@ def test_raw_samples_of_ardupilot_and_px4_passed_no_filter():
 def test_filters_that_follow_the_rotors_are_not_applied():
     stated = {"INS_GYRO_FILTER": "20", "INS_HNTCH_ENABLE": "1", "INS_HNTCH_MODE": "3"}
     log = log_of("IMU[0].GyrX", "IMU[0].AccX", INS_HNTCH_FREQ="60", **stated)
-    log.format = "dataflash"
     [one] = applied_filters(log)
     assert (one.kind, one.low) == ("low-pass", 20.0)
     grid = np.array([5.0, 20.0])

@@ -153,7 +153,8 @@ class FoundLaw:
         if self.growth is None or before is None or shown is None:
             return False
         predicted = before.value + self.growth * (trial.power - self.trial.power)
-        return abs(shown.value - predicted) > max(LOST * np.hypot(before.std, shown.std), FAR)
+        spread = float(np.hypot(before.std, shown.std))
+        return abs(shown.value - predicted) > max(LOST * spread, FAR)
 
     @property
     def slope_std(self) -> float:

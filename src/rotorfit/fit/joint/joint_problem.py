@@ -189,11 +189,13 @@ def separate_flights(
 def only(configuration: JointConfiguration, blocks: Bool[np.ndarray, " b"]) -> JointConfiguration:
     """Return some blocks of a configuration."""
     counted, with_response = configuration.counted, configuration.with_response
+    reach = configuration.reach
     return replace(
         configuration,
         factors=configuration.factors.select(blocks),
         counted=None if counted is None else counted[blocks],
         with_response=None if with_response is None else with_response[blocks],
+        reach=None if reach is None else reach[blocks],
     )
 
 
