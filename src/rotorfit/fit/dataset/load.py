@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError, FlightError, RotorfitError
 from rotorfit.findings import doubts
@@ -401,7 +400,8 @@ def _measure_sag(battery: Channel | None, data: FlightData) -> BatterySag | None
     if len(rows) < 2 or int(seen.sum()) < 2:
         return None
     time = data.time[rows]
-    voltage: Float[np.ndarray, " n"] = np.interp(time, battery.time[seen], battery.values[seen, 0])
+    voltage = np.empty(len(time))
+    voltage[:] = np.interp(time, battery.time[seen], battery.values[seen, 0])
     return battery_sag(time, voltage, data.rotor_speed[rows])
 
 
