@@ -1,7 +1,6 @@
 """What other settings shift is in the intervals: twice its rms, group by group."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -148,7 +147,7 @@ def test_a_mounting_known_less_well_than_usual_is_a_term(monkeypatch):
 
     monkeypatch.setattr(fit_flights, "shift_of", shifted)
     numbers = made_fit.no_numbers("kt", values=[1.0], half_width=[10.0])
-    estimate = SimpleNamespace(estimate=SimpleNamespace(names=IMU_MOUNTING.names))
+    estimate = made_fit.fit_of([made_fit.configuration()], std={}, terms=[IMU_MOUNTING.name])
     fit = replace(made_fit.fit(flown(), numbers, estimate=estimate), known={"kt": (1.0, 0.1)})
     term = fit_flights.mounting_term(fit, 5.0 / 3.0 * MOUNTING_STD)
     assert term.half_width == pytest.approx([1.96 * 3.0])
