@@ -34,8 +34,11 @@ def size_words(half: float, budget: Budget) -> str:
     value = budget.value
     if value and (budget.half_width or 0.0) < abs(value):
         return f"{short(100.0 * half / abs(value))} %"
-    unit = "" if budget.unit == "1" else f" {budget.unit}"
-    return f"{half:.2g}{unit}"
+    return f"{half:.2g}{_unit_suffix(budget)}"
+
+
+def _unit_suffix(budget: Budget) -> str:
+    return "" if budget.unit == "1" else f" {budget.unit}"
 
 
 def budget_text(budgets: Sequence[Budget], *, width: int = 100) -> str:
@@ -63,8 +66,7 @@ def in_short(budget: Budget) -> str:
 
 def _budget_number(budget: Budget) -> str:
     assert budget.value is not None
-    unit = "" if budget.unit == "1" else f" {budget.unit}"
-    half = budget.half_width
+    unit, half = _unit_suffix(budget), budget.half_width
     if half is None:
         return f"{budget.full_name} {budget.value:.6g}{unit}"
     percent = size_words(half, budget)
@@ -118,8 +120,8 @@ def _gain_sentence(budget: Budget) -> str:
 def _without_interval(budget: Budget, width: int) -> list[str]:
     """Explain why a number has no interval, and what to do."""
     if budget.value is not None:
-        unit = "" if budget.unit == "1" else f" {budget.unit}"
-        return [f"{budget.full_name} {budget.value:.6g}{unit}: given without a tolerance"]
+        given = f"{budget.value:.6g}{_unit_suffix(budget)}"
+        return [f"{budget.full_name} {given}: given without a tolerance"]
     why = f": {budget.reason}" if budget.reason else ""
     lines = textwrap.wrap(f"{budget.full_name} is {budget.verdict}{why}", width)
     if budget.advice:

@@ -6,7 +6,7 @@ JCGM 100:2008 (GUM), 5.1 and Annex H: a budget lists every contribution to a com
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from itertools import pairwise
 from typing import Any, Final
@@ -82,27 +82,9 @@ class Budget:
 
     def to_plain(self) -> dict[str, Any]:
         """Return the budget as tables of JSON."""
-        return {
-            "name": self.name,
-            "configuration": self.configuration,
-            "unit": self.unit,
-            "value": self.value,
-            "half_width": self.half_width,
-            "verdict": self.verdict,
-            "reason": self.reason,
-            "advice": self.advice,
-            "terms": [
-                {
-                    "name": line.name,
-                    "half_width": line.half_width,
-                    "share": line.share,
-                    "source": line.source,
-                    "remedy": line.remedy,
-                    "action": line.action,
-                }
-                for line in self.lines
-            ],
-        }
+        plain = asdict(self)
+        plain["terms"] = list(plain.pop("lines"))
+        return plain
 
 
 def budget_of(result: IdentificationResult, number: Parameter | Derived) -> Budget:

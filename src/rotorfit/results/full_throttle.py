@@ -196,10 +196,7 @@ def _under_load(
 
 def _half_share(number: Derived) -> float:
     """Return half of an interval over the value."""
-    if number.value is None or number.interval is None:
-        return 0.0
-    low, high = number.interval
-    return (high - max(low, 2.0 * number.value - high)) / 2.0 / abs(number.value)
+    return 1.96 * number.std / abs(number.value) if number.value and number.std else 0.0
 
 
 def _voltage_finding(nominal: float, loaded: float | None) -> Finding:
