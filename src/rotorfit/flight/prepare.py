@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.findings import Finding, sentences
@@ -219,18 +219,12 @@ def prepared_from(
     jumps = clock_jumps(uniform.time, uniform.sample_rate)
     recorded_speed = speed
     speed = passed_through(speed, uniform.sample_rate, recorded.filters, jumps=jumps)
-    motion = _collect_motion(uniform, _turn_rotors(uniform, speed, motors), arm=arm, window=window)
+    turning = _turn_rotors(uniform, speed, motors, jumps)
+    motion = _collect_motion(uniform, turning, arm=arm, window=window)
     refuse_idle_motors(motion)
     refuse_wrong_gravity(motion, takes_columns=recorded.takes_columns)
-    flights, standing = list(motion.stretches), []
-    hovers: tuple[OtherHover, ...] = ()
-    if window == (None, None):
-        with explained_by_slow_motors(uniform.rates["motor"]):
-            flights = airborne_rows(with_likely_lag(motion, motors))
-        hovers = other_hovers(motion, flights, uniform.time)
-    else:
-        standing = ground_contact(motion, flights, stretches=uniform.stretches)
-        flights = aloft(motion, flights, standing)
+    flights, standing = _find_flights(motion, uniform, motors, window)
+    hovers = other_hovers(motion, flights, uniform.time) if window == (None, None) else ()
     measured = motors.speed == "measured"
     refuse_torn_log(uniform, flights)
     refuse_blows(uniform, flights)
@@ -238,10 +232,7 @@ def prepared_from(
     found = frozen_channels(motor, flights, uniform.sample_rate, measured=measured, step=step)
     frozen = frozen_channel_doubts(found, uniform.time, measured=measured)
     rest = rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
-    bias = None
-    if rest.sum() >= 0.5 * uniform.sample_rate:
-        x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
-        bias = (x, y, z)
+    bias = _gyro_bias(uniform, rest)
     del motion, rest
     speed_std = max(step / 12.0**0.5, white_noise_std(recorded_speed, flights)) if measured else 0.0
     data = dataclasses.replace(
@@ -279,6 +270,28 @@ def prepared_from(
     )
 
 
+def _find_flights(
+    motion: Motion, uniform: UniformChannels, motors: MotorModel, window: Window
+) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Find the airborne rows, and those on the ground in the window that the user gives."""
+    if window == (None, None):
+        with explained_by_slow_motors(uniform.rates["motor"]):
+            return airborne_rows(with_likely_lag(motion, motors)), []
+    given = list(motion.stretches)
+    standing = ground_contact(motion, given, stretches=uniform.stretches)
+    return aloft(motion, given, standing), standing
+
+
+def _gyro_bias(
+    uniform: UniformChannels, rest: Bool[np.ndarray, " n"]
+) -> tuple[float, float, float] | None:
+    """Average the gyro at rest [rad/s]; None if the rest is shorter than half a second."""
+    if rest.sum() < 0.5 * uniform.sample_rate:
+        return None
+    x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
+    return x, y, z
+
+
 def refuse_interpolated(uniform: UniformChannels, *, measured: bool) -> None:
     """Refuse motor data made by interpolation from slower ones."""
     # In gaps the lines are this module's own.
@@ -291,13 +304,16 @@ def refuse_interpolated(uniform: UniformChannels, *, measured: bool) -> None:
 
 
 def _turn_rotors(
-    uniform: UniformChannels, speed: Float[np.ndarray, "n N"], motors: MotorModel
+    uniform: UniformChannels,
+    speed: Float[np.ndarray, "n N"],
+    motors: MotorModel,
+    jumps: Int[np.ndarray, " j"],
 ) -> Float[np.ndarray, "n N"]:
-    """Compute the rotor speed by the motor model as declared."""
+    """Compute the rotor speed by the motor model as declared; `jumps` of the clock."""
     return following_rotors(
         speed,
         uniform.sample_rate,
-        jumps=clock_jumps(uniform.time, uniform.sample_rate),
+        jumps=jumps,
         response=motors.response,
         lag_on=motors.lag_on,
     )
