@@ -52,9 +52,19 @@ def filter_response(one: Filter, frequency: Float[np.ndarray, " f"]) -> Complex[
         return (1.0 - u**2) / (1.0 - u**2 + 1j * width * u)
     u = frequency / one.low
     if one.shape == "butterworth":
-        return 1.0 / (1.0 - u**2 + 1j * np.sqrt(2.0) * u)
+        return second_order(u)
     order = ORDERS[one.shape or "pt1"]
-    return (1.0 + 1j * u * np.sqrt(2.0 ** (1.0 / order) - 1.0)) ** -order
+    return first_order(u * np.sqrt(2.0 ** (1.0 / order) - 1.0)) ** order
+
+
+def first_order(u: Float[np.ndarray, " f"]) -> Complex[np.ndarray, " f"]:
+    """Compute the response of a first-order low-pass by frequency over its cut-off."""
+    return 1.0 / (1.0 + 1j * u)
+
+
+def second_order(u: Float[np.ndarray, " f"]) -> Complex[np.ndarray, " f"]:
+    """Compute the response of a second-order Butterworth low-pass by frequency over its cut-off."""
+    return 1.0 / (1.0 - u**2 + 1j * np.sqrt(2.0) * u)
 
 
 def passed_through(

@@ -207,13 +207,19 @@ def yaw_signals(
     return Z if exact else _average_rows(Z, exempt)
 
 
+def central_average(wide: Float[np.ndarray, "w *z"]) -> Float[np.ndarray, "n *z"]:
+    """Average the inner rows with their neighbours, [1 4 1]/6, as central differences do."""
+    Z = wide[:-2] + wide[2:]
+    Z += 4.0 * wide[1:-1]
+    Z /= 6.0
+    return Z
+
+
 def _average_rows(
     wide: Float[np.ndarray, "w z"], exempt: Sequence[bool]
 ) -> Float[np.ndarray, "n z"]:
     """Return the inner rows averaged with [1 4 1]/6, but for the columns that are exempt."""
-    Z = wide[:-2] + wide[2:]
-    Z += 4.0 * wide[1:-1]
-    Z /= 6.0
+    Z = central_average(wide)
     kept = np.flatnonzero(exempt)
     Z[:, kept] = wide[1:-1][:, kept]
     return Z

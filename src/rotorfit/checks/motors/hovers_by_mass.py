@@ -13,6 +13,7 @@ from rotorfit.checks.kt_from_weight import kt_from_weight
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.reduction.frequency_bands import retimed
+from rotorfit.flight.flight_data import FlightData
 
 HOVERS_STD: Final = 0.02
 """Deviation of the thrust of one command between flights, as a share: air, propellers, tilt."""
@@ -41,13 +42,8 @@ def exponent_share_by_masses(fit: Fit) -> Measured | None:
         )
         if kt is None or kt.value <= 0.0:
             continue
-        squares = np.concatenate(
-            [
-                np.square(data.rotor_speed[data.used_rows]).ravel()
-                for data in (retimed(f.prepared, dataset.timing) for f in configured.flights)
-            ]
-        )
-        log_speeds.append(0.5 * float(np.log(squares.mean())))
+        hover = rms_speed([retimed(f.prepared, dataset.timing) for f in configured.flights])
+        log_speeds.append(float(np.log(hover)))
         coefficients.append(kt)
     return exponent_share(log_speeds, coefficients, between)
 
@@ -71,3 +67,9 @@ def exponent_share(
         return None
     slope = float((weight * centred) @ y) / spread
     return Measured(value=1.0 + 0.5 * slope, std=0.5 * spread**-0.5)
+
+
+def rms_speed(flights: Sequence[FlightData]) -> float:
+    """Compute the rms rotor speed in flight [rad/s, or parts of the largest]."""
+    squares = np.concatenate([one.rotor_speed[one.used_rows].ravel() ** 2 for one in flights])
+    return float(np.sqrt(squares.mean()))

@@ -22,7 +22,6 @@ measured: real motors have powers of it, with a deviation of `STATED_STD`.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -30,7 +29,7 @@ import numpy as np
 
 from rotorfit.checks.kt_from_weight import kt_from_changes, weight_of
 from rotorfit.checks.motors.commanded_speeds import with_other_speeds
-from rotorfit.checks.motors.hovers_by_mass import exponent_share_by_masses
+from rotorfit.checks.motors.hovers_by_mass import exponent_share_by_masses, rms_speed
 from rotorfit.digits import with_half
 from rotorfit.estimation.distributions import normal_density, normal_tail
 from rotorfit.estimation.measured import Measured, combine_scales
@@ -41,7 +40,6 @@ from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, bent, bent_s
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.timing.timed_dataset import TimedDataset
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.parameters import EVERY
 
 USUAL: Final = Measured(value=0.8, std=0.2)
@@ -435,12 +433,6 @@ def mixed(
 
     farthest = max(abs(one.value - mean) + 3.0 * one.std for _, one in both)
     return Measured(value=mean, std=float(brentq(beyond, 0.0, farthest)) / 1.96)
-
-
-def rms_speed(flights: Sequence[FlightData]) -> float:
-    """Compute the rms rotor speed in flight [rad/s, or parts of the largest]."""
-    squares = np.concatenate([one.rotor_speed[one.used_rows].ravel() ** 2 for one in flights])
-    return float(np.sqrt(squares.mean()))
 
 
 def with_found_law(dataset: TimedDataset, found: FoundLaw) -> TimedDataset:

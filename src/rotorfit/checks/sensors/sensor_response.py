@@ -27,6 +27,7 @@ from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.joint.joint_problem import theta_of
+from rotorfit.fit.reduction.bandwidth import transform_rows, window_starts
 from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
 from rotorfit.fit.timing.timing_fit import lowpass_of
 from rotorfit.flight.flight_data import FlightData
@@ -116,17 +117,11 @@ def _own_spectra(
         top = min(EDGES[-1], 0.4 * flight.prepared.slowest_rate)
         inside = (frequency >= LOWEST) & (frequency < top)
         lines = [
-            _transform_window(fit, data, start, G)[inside] for start in _window_starts(data, rows)
+            _transform_window(fit, data, start, G)[inside] for start in window_starts(data, rows)
         ]
         if lines:
             measured, predicted = np.split(np.array(lines), 2, axis=2)
             yield flight, Spectra(frequency[inside], measured, predicted)
-
-
-def _window_starts(data: FlightData, rows: int) -> Iterator[int]:
-    """Yield the first rows of the windows."""
-    for segment in data.segments:
-        yield from range(segment.start, segment.stop - rows + 1, rows // 2)
 
 
 def _transform_window(
@@ -137,8 +132,7 @@ def _transform_window(
     stop = start + round(WINDOW * data.sample_rate)
     Z = signal_matrix(data, dataset.vehicle, start, stop, added=dataset.model.layout.added)
     both = np.column_stack([Z[:, noisy], Z[:, noisy] - Z @ G.T])
-    window = np.hanning(stop - start)[:, None]
-    return np.fft.rfft((both - both.mean(axis=0)) * window, axis=0)
+    return transform_rows(both, np.hanning(stop - start)[:, None])
 
 
 def deviation_by_chance(

@@ -21,13 +21,15 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from rotorfit.flight.flight_data import FlightData
+from rotorfit.flight.on_board import first_order, second_order
+from rotorfit.model.signals import central_average
 from rotorfit.model.vehicle import Vehicle
 
 Shape = Callable[[Float[np.ndarray, " l"]], Complex[np.ndarray, " l"]]
 """Gain of a low-pass by frequency over its cut-off."""
 SHAPES: Final[Mapping[str, Shape]] = {
-    "first order": lambda u: 1.0 / (1.0 + 1j * u),
-    "second order": lambda u: 1.0 / (1.0 - u**2 + 1j * np.sqrt(2.0) * u),
+    "first order": first_order,
+    "second order": second_order,
     "smoothed": lambda u: np.exp(-0.5 * np.log(2.0) * u**2).astype(complex),
     "smoothed both ways": lambda u: (1.0 / (1.0 + (np.sqrt(2.0) - 1.0) * u**4)).astype(complex),
     "smoothed sharply": lambda u: ((1.0 + u**8) ** -0.5).astype(complex),
@@ -138,8 +140,8 @@ def channel_lines(
     Z = np.column_stack([np.column_stack([y, x]) for y, x, _ in signals.values()])
     window = np.hanning(rows)[:, None]
     lines = [
-        _transform_rows(Z[start : start + rows], window)[inside]
-        for start in _window_starts(data, rows)
+        transform_rows(Z[start : start + rows], window)[inside]
+        for start in window_starts(data, rows)
     ]
     every = np.array(lines) if lines else np.zeros((0, int(inside.sum()), Z.shape[1]), complex)
     channels: dict[str, Channel] = {}
@@ -151,14 +153,15 @@ def channel_lines(
     return frequency[inside], channels
 
 
-def _transform_rows(
+def transform_rows(
     rows: Float[np.ndarray, "n k"], window: Float[np.ndarray, "n 1"]
 ) -> Complex[np.ndarray, "l k"]:
+    """Transform the rows of a window, without their mean."""
     return np.fft.rfft((rows - rows.mean(axis=0)) * window, axis=0)
 
 
-def _window_starts(data: FlightData, rows: int) -> Iterator[int]:
-    """Yield the first rows of the windows."""
+def window_starts(data: FlightData, rows: int) -> Iterator[int]:
+    """Yield the first rows of windows that overlap by half, in every segment."""
     for segment in data.segments:
         yield from range(segment.start, segment.stop - rows + 1, rows // 2)
 
@@ -190,7 +193,7 @@ def _air_signals(data: FlightData) -> list[Float[np.ndarray, " n"]]:
 def _average_rows(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Average with [1 4 1]/6, as central differences are."""
     found = values.copy()
-    found[1:-1] = (values[:-2] + 4.0 * values[1:-1] + values[2:]) / 6.0
+    found[1:-1] = central_average(values)
     return found
 
 

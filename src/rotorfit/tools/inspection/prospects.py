@@ -14,11 +14,11 @@ from rotorfit.checks.kt_from_weight import (
     pooled_weight,
     velocity_std_of,
 )
+from rotorfit.checks.motors.hovers_by_mass import rms_speed
 from rotorfit.checks.motors.law_from_flight import (
     FoundLaw,
     anchor_of,
     exponent_of,
-    rms_speed,
     thrust_ratio,
 )
 from rotorfit.checks.sensors.log_settings import (
