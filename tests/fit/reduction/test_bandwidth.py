@@ -77,6 +77,21 @@ def test_a_filtered_accelerometer_shows_its_bandwidth(cutoff, shape, seed):
 
 
 @settings(max_examples=15, deadline=None)
+@given(st.floats(2.0, 6.0), st.floats(0.35, 0.5), st.integers(0, 1000))
+def test_a_filter_is_found_by_the_silence_above_it(cutoff, air, seed):
+    """Fast flight in motion capture: air and noise leave coherence in the lowest bands alone."""
+    vehicle, data = made_flight(seed, noise=0.0)
+    rng, force = np.random.default_rng(seed), data.specific_force
+    size = force.std(axis=0)
+    gusts = sosfilt(butter(1, 6.0, fs=RATE, output="sos"), rng.normal(size=force.shape), axis=0)
+    pushed = force + air * size * gusts / gusts.std(axis=0)
+    smoothed = low_passed(pushed, cutoff, "smoothed") + air * size * rng.normal(size=force.shape)
+    found = bandwidths(replace(data, specific_force=smoothed), vehicle, top=40.0)
+    assert set(found) == {"accel"}
+    assert found["accel"].cutoff == pytest.approx(cutoff, rel=0.25)
+
+
+@settings(max_examples=15, deadline=None)
 @given(st.floats(3.0, 15.0), st.sampled_from(["second order", "smoothed"]), st.integers(0, 1000))
 def test_a_filtered_gyro_shows_its_bandwidth(cutoff, shape, seed):
     """Of smoothed motion capture as of an IMU: only the angular acceleration is looked at."""

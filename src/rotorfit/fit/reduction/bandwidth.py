@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.on_board import first_order, second_order
@@ -57,7 +57,12 @@ LEAST_FOLLOWED: Final = 0.85
 LEAST_COHERENCE: Final = 0.7
 """Least coherence of a channel with the rotors in a band that is looked at. Where gusts make more
 of the motion the autopilot works against them, and the rotors follow the channel: late and small,
-as if the channel were behind a low-pass. A filter lowers the gain, and leaves the coherence."""
+as if the channel were behind a low-pass. A filter lowers the gain, and leaves the coherence, until
+no motion is left."""
+MOST_SILENT: Final = 0.5
+"""Share of the power that the rotors would make, below which a channel is silent: such a band is
+looked at above one with coherence. Gusts that an autopilot works against make more of it, not
+less, from where its loop has a gain of 1."""
 SHAPE_ERROR: Final = 0.03
 """Share of the motion by which a filter may differ from its shape: far above the cut-off, where
 hardly any motion is left, noise-free lines would decide by the shape of the tail alone."""
@@ -246,7 +251,7 @@ def _likelihoods_of_gains(
     k, place = x.shape[2], np.digitize(frequency, EDGES)
     band = (place[:, None] == np.unique(place)).astype(float)
     lines = band.sum(axis=0) * len(y) / OWN
-    lines = lines * (_coherence(y, x[:, :, 0], band) >= LEAST_COHERENCE)
+    lines = lines * _mark_shown_bands(y, x, band)
     if not lines.any():
         return np.zeros(len(H))
     size = np.sqrt((np.abs(x) ** 2).sum(axis=(0, 1)))
@@ -265,6 +270,29 @@ def _likelihoods_of_gains(
     unfiltered = Gxx[:, 0, 0].real @ band
     gain = float(np.median((yy / unfiltered.clip(min=TINY))[:FIRST_BANDS]))
     return _profile_variances(A, c, yy, lines, least=SHAPE_ERROR**2 * gain * unfiltered)
+
+
+def _mark_shown_bands(
+    y: Complex[np.ndarray, "w l"], x: Complex[np.ndarray, "w l k"], band: Float[np.ndarray, "l b"]
+) -> Bool[np.ndarray, " b"]:
+    """Mark the bands in which the rotors make the motion, or are seen to make none.
+
+    What else makes the channel (air, damping) is taken off it, as the lowest bands show it.
+    """
+    low = band[:, :FIRST_BANDS].any(axis=1)
+    causes, channel = x[:, low].reshape(-1, x.shape[2]), y[:, low].reshape(-1)
+    size = np.linalg.norm(causes, axis=0).clip(min=TINY)
+    share = np.linalg.lstsq(
+        np.concatenate([causes.real, causes.imag]) / size,
+        np.concatenate([channel.real, channel.imag]),
+    )[0]
+    share /= size
+    own, made = y - x[:, :, 1:] @ share[1:], x[:, :, 0]
+    coherent = _coherence(own, made, band) >= LEAST_COHERENCE
+    power, expected = ((np.abs(one) ** 2).sum(axis=0) @ band for one in (own, share[0] * made))
+    silent = (power < MOST_SILENT * expected) & np.logical_or.accumulate(coherent)
+    shown: Bool[np.ndarray, " b"] = coherent | silent
+    return shown
 
 
 def _coherence(
