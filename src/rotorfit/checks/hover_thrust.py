@@ -33,8 +33,10 @@ from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.logs.files import file_name
-from rotorfit.model.terms.air import DRAG_NAMES
+from rotorfit.model.air_force import air_force
+from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
+from rotorfit.model.terms.term import Term
 from rotorfit.model.vehicle import Vehicle
 
 UNLIKELY = 1e-4
@@ -104,6 +106,7 @@ def thrust_consistency(fit: Fit) -> Iterator[Finding]:
         dataset.configurations,
         fit.numbers,
         dataset.vehicle,
+        layout=dataset.model.layout,
         timing=dataset.timing,
         source=dataset.source,
     )
@@ -119,12 +122,14 @@ def hover_thrusts(
     numbers: Numbers,
     vehicle: Vehicle,
     *,
+    layout: SignalLayout,
     timing: MotorResponse | None = None,
     source: Source = "imu",
 ) -> list[HoverThrust]:
     """Estimate the thrust that holds each flight up, over its weight.
 
-    `timing`: of the motors, where it was found; `source`: of the accelerations.
+    `layout`: of the model, whose air forces help to carry. `timing`: of the motors, where it was
+    found; `source`: of the accelerations.
     """
     kt = numbers.values[numbers.index("kt")]
     own = [f"kt_{i + 1}" for i in range(len(vehicle.rotors))]
@@ -134,7 +139,7 @@ def hover_thrusts(
         for flight in configured.flights:
             data = retimed(flight.prepared, timing)
             thrust = (data.rotor_speed**2 * each) @ vehicle.axes
-            air = _air_force(data, numbers, configured.entry.name, vehicle)
+            air = _air_force(data, numbers, configured.entry.name, (vehicle, layout))
             force = (thrust + air) / configured.mass
             whole = thrust_over_weight(flight, data, force, source)
             if whole is None:
@@ -166,21 +171,18 @@ def thrust_over_weight(
 
 
 def _air_force(
-    data: FlightData, numbers: Numbers, configuration: str, vehicle: Vehicle
+    data: FlightData, numbers: Numbers, configuration: str, shape: tuple[Vehicle, SignalLayout]
 ) -> Float[np.ndarray, "n 3"]:
     """Compute the air force along the body axes by the estimate [N]; zeros without velocity."""
 
-    def value(name: str) -> float:
-        return float(numbers.values[numbers.index(name)]) if name in numbers.names else 0.0
+    def value(term: Term, name: str) -> float:
+        full = f"{name}@{configuration}" if term.owner == "configuration" else name
+        return float(numbers.values[numbers.index(full)]) if full in numbers.names else 0.0
 
     if data.velocity is None:
         return np.zeros((len(data.time), 3))
-    v, n = np.nan_to_num(data.velocity), vehicle.axes
-    drag = v * [value(f"{name}@{configuration}") for name in DRAG_NAMES]
-    rising = v @ n.T + data.angular_velocity @ np.cross(vehicle.positions, n).T
-    lost = value("inflow") * (data.rotor_speed * rising) @ n
-    lift = value("translational_lift") * (v[:, :1] ** 2 + v[:, 1:2] ** 2) * [0.0, 0.0, 1.0]
-    return lift - drag - lost
+    known = replace(data, velocity=np.nan_to_num(data.velocity))
+    return air_force(known, *shape, value)
 
 
 def thrust_sag(data: FlightData, force: Float[np.ndarray, "n 3"]) -> Measured | None:

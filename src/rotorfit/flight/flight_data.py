@@ -84,6 +84,9 @@ class FlightData:
     climb
         Velocity along the body's z axis as accelerometer and gyro feel it, without what is slow
         (`climb_velocity`) [m/s]; where nothing else gives a velocity.
+    hover_inflow
+        Velocity with which the rotors draw air through their disks in hover [m/s]; None where the
+        mass is not known.
     lag_on
         What of a motor follows its command with a lag.
     reference
@@ -113,6 +116,7 @@ class FlightData:
     velocity: Float[np.ndarray, "n 3"] | None = None
     carried: Float[np.ndarray, "n 3"] | None = None
     climb: Float[np.ndarray, " n"] | None = None
+    hover_inflow: float | None = None
     lag_on: LagOn = "speed"
     reference: Float[np.ndarray, "n 3"] | None = None
     thinned: Thinning | None = None

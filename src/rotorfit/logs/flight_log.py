@@ -303,7 +303,8 @@ SITL: Final = "ArduPilot SITL"
 
 LEAVES_OUT: Final[dict[str, str]] = {
     SIH: "the motors' lag acts in steps of its loop: it is SIH_T_TAU less half a step (2 ms at 250 "
-    "Hz); no rotor inertia, no voltage, the CoM in the middle of the rotors",
+    "Hz); no rotor inertia, no air at the rotors (their drag, inflow), no voltage, the CoM in the "
+    "middle of the rotors",
     GAZEBO: "the motors' plugin has its own constants: rising and falling time, thrust, moment, "
     "rotor drag; no battery in the thrust",
     PX4_OTHER: "what it leaves out is not known here",
@@ -312,6 +313,8 @@ LEAVES_OUT: Final[dict[str, str]] = {
     "yaw torque is proportional to command times thrust",
 }
 """Effects that a simulator leaves out, by its name."""
+AIRLESS_ROTORS: Final = (SIH,)
+"""Simulators whose rotors feel no air: only a drag of the frame, and damping of turns."""
 
 
 def simulated_sentence(simulator: str) -> str:

@@ -17,6 +17,11 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError
 
 Spin = Literal["ccw", "cw"]
+PROPELLER_SHARE: Final = 0.8
+"""Diameter of a propeller over the distance of neighbouring rotors: .71 (Crazyflie, Holybro X500)
+to .85 (racing quadrotors)."""
+COAXIAL: Final = 0.3
+"""Distance of rotors, over the arm, up to which one stands over the other."""
 UNIT: Final = 1e-3
 """Tolerance of the length of an axis, which was rounded, from 1."""
 
@@ -78,6 +83,8 @@ class Vehicle:
         Standard deviation of each of its components [m].
     arm_std
         Standard deviation of the length of the arms, all measured with one tape [m].
+    propeller
+        Diameter of the propellers [m]; None if it was not declared.
     tolerances
         Further declared standard deviations [SI], by the name of their interval term.
     """
@@ -86,6 +93,7 @@ class Vehicle:
     imu_position: tuple[float, float, float] | None = None
     imu_position_std: float = 0.0
     arm_std: float = 0.0
+    propeller: float | None = None
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float], hash=False)
 
     @property
@@ -107,6 +115,16 @@ class Vehicle:
     def squared_arms(self) -> Float[np.ndarray, " N"]:
         """Squared distance of each rotor from the body's z axis [m^2]."""
         return (self.positions[:, :2] ** 2).sum(axis=1)
+
+    @property
+    def disk_area(self) -> float:
+        """Area of all propellers' disks together [m^2], of a usual size where none is declared."""
+        diameter = self.propeller
+        if diameter is None:
+            places = self.positions
+            apart = np.linalg.norm(places[:, None] - places[None], axis=2)
+            diameter = PROPELLER_SHARE * float(apart[apart > COAXIAL * self.arm].min())
+        return len(self.rotors) * np.pi * diameter**2 / 4.0
 
     @property
     def arm(self) -> float:

@@ -51,7 +51,9 @@ def allow_for_thrust_change(fit: Fit) -> Fit:
 def thrust_change_term(fit: Fit) -> IntervalTerm:
     """Return the term by the change of thrust, of several flights its mean square."""
     numbers, dataset = fit.numbers, fit.dataset
-    found = hover_thrusts(dataset.configurations, numbers, dataset.vehicle)
+    found = hover_thrusts(
+        dataset.configurations, numbers, dataset.vehicle, layout=dataset.model.layout
+    )
     known = [(one.sag, CHANCE * one.sag_std) for one in found if one.sag is not None]
     change = _mean_square([max(abs(sag) - std, 0.0) for sag, std in known])
     whole = _mean_square([max(sag**2 - std**2, 0.0) ** 0.5 for sag, std in known])

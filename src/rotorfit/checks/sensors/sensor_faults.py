@@ -125,10 +125,11 @@ def velocity_term(numbers: Numbers, dataset: Dataset) -> IntervalTerm:
         return term
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
-        if base not in OVER:
+        axes = (0, 1) if base in numbers.by_velocity else (OVER[base],) if base in OVER else ()
+        if not axes:
             continue
         own = [c for c in dataset.configurations if owner in ("", c.entry.name)]
-        variance = _velocity_variance(own, OVER[base])
+        variance = max(_velocity_variance(own, axis) for axis in axes)
         share = LARGEST if variance <= 0.0 else min(ERROR**2 / variance, LARGEST)
         half[i] = abs(numbers.values[i]) * share / (1.0 - share)
         half[i] += vertical_partner(numbers, name, rotors=len(dataset.vehicle.rotors))

@@ -17,7 +17,6 @@ from rotorfit.checks.verdicts.judge import (
     Parameter,
     judge,
     little_excited,
-    motion_for,
 )
 from rotorfit.digits import short
 from rotorfit.estimation.banded import BandedEstimate
@@ -58,7 +57,7 @@ def judgements(numbers: Numbers, scale_of: Callable[[str], float]) -> dict[str, 
         name: judge(
             *numbers.number(name),
             scale=scale_of(name),
-            axis=motion_for(name.partition("@")[0]),
+            axis=numbers.motion(name),
             excitation=judged.rho(name),
         )
         for name in numbers.names

@@ -60,9 +60,9 @@ from rotorfit.flight.motors.rotor_telemetry import (
 )
 from rotorfit.flight.prepare import on_one_clock, prepared_from
 from rotorfit.logs import read_log
-from rotorfit.logs.flight_log import Channel, FlightLog
+from rotorfit.logs.flight_log import AIRLESS_ROTORS, Channel, FlightLog
 from rotorfit.model.regressor import regressor
-from rotorfit.model.terms.air import CLIMB, VELOCITY
+from rotorfit.model.terms.air import CLIMB, VELOCITY, hover_inflow
 from rotorfit.model.terms.registry import added_signals, considered_terms, terms_named
 from rotorfit.model.vehicle import Vehicle
 
@@ -150,7 +150,11 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
     _refuse_copies(flights)
     _refuse_mixed_commands(flights)
     carried = any(flight.prepared.data.carried is not None for flight in flights)
-    added = added_signals(_terms_considered(experiment, loaded), carried=carried)
+    airless = all(f.log.simulator in AIRLESS_ROTORS for f in flights)
+    asked = experiment.identification.terms is not None
+    added = added_signals(
+        _terms_considered(experiment, loaded), carried=carried, rotor_air=asked or not airless
+    )
     if VELOCITY in added and CLIMB in added:
         loaded = tuple(_felt_where_unknown(configuration) for configuration in loaded)
     return Dataset(
@@ -183,7 +187,7 @@ def _load_configuration(
     flights: list[LoadedFlight] = []
     for flight in entry.flights:
         report(f"reading {Path(flight.file).name}")
-        flights.append(load_flight(flight, experiment))
+        flights.append(with_hover_inflow(load_flight(flight, experiment), entry.mass, vehicle))
     report("checking axes, units and rotors")
     if experiment.identification.source == "imu":
         for f in flights:
@@ -201,6 +205,17 @@ def _load_configuration(
         flights=_screen_speeds(flights, vehicle.arm, motors),
         payload=payload_of(entry, experiment.airframe.axes),
     )
+
+
+def with_hover_inflow(
+    flight: LoadedFlight, mass: float | Literal["unknown"], vehicle: Vehicle
+) -> LoadedFlight:
+    """Return a flight with the air's velocity through its rotors in hover, where it was weighed."""
+    if mass == "unknown":
+        return flight
+    prepared = flight.prepared
+    data = dataclasses.replace(prepared.data, hover_inflow=hover_inflow(mass, vehicle))
+    return dataclasses.replace(flight, prepared=dataclasses.replace(prepared, data=data))
 
 
 def agreed_motors(declared: MotorsEntry, flights: Sequence[LoadedFlight]) -> MotorsEntry:

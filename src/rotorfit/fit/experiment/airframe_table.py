@@ -18,6 +18,8 @@ LONGEST_ARM: Final = 5.0
 """Arms of a multirotor, from the smallest toy to the largest that carries people [m]."""
 
 
+Propeller = Annotated[Positive, Field(ge=0.02, le=3.0)]
+"""Diameter of a propeller [m]."""
 Tilt = Annotated[Finite, Field(ge=-45, le=45)]
 """Tilt of the IMU in the vehicle [deg]: roll (right side down), pitch (nose up)."""
 
@@ -47,6 +49,7 @@ class AirframeEntry(Strict):
     arm: Positive | None = None
     spacing: tuple[Positive, Positive] | None = None
     arm_std: NotNegative = 0.0
+    propeller: Propeller | None = None
     order: Order = "px4"
     imu: ImuEntry | None = None
     imu_tilt_deg: tuple[Tilt, Tilt] | None = None

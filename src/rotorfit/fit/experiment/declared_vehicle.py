@@ -54,6 +54,7 @@ def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
         imu_position=place,
         imu_position_std=0.0 if imu is None or source == "mocap" else imu.position_std,
         arm_std=airframe.arm_std,
+        propeller=airframe.propeller,
         tolerances=airframe.tolerances(),
     )
 

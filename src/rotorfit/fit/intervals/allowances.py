@@ -15,7 +15,6 @@ from rotorfit.fit.intervals.numbers import (
     HEIGHTS,
     LEAST_EXCITATION,
     PLACES,
-    SCALED,
     YAW_PRODUCTS,
     Numbers,
     attenuation_allowance,
@@ -142,7 +141,7 @@ def inertia_uncertainty(
     `std`: deviations of the fit, of every number.
     """
     squares = np.zeros(len(std))
-    scaled = [i for i, n in enumerate(numbers.names) if n.partition("@")[0] in SCALED]
+    scaled = [i for i, n in enumerate(numbers.names) if numbers.on_yaw_scale(n)]
     for configuration in configurations:
         for name in ("Ixx_com", "Iyy_com"):
             own = numbers.index(f"{name}@{configuration.name}")
@@ -172,7 +171,7 @@ def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfigu
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
         link = numbers.link(owner if base in HEIGHTS and not weighed else None)
-        depends = base in HEIGHTS or (base in SCALED and not weighed)
+        depends = base in HEIGHTS or (numbers.on_yaw_scale(name) and not weighed)
         if depends and not link > LEAST_EXCITATION:
             linked[i] = link_allowance(float(numbers.values[i]), link)
     numbers = numbers.with_terms(
@@ -201,7 +200,7 @@ def _stretch_factors(numbers: Numbers) -> Float[np.ndarray, " q"]:
     stretch = np.ones(len(half))
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
-        if base not in (*SCALED, *YAW_PRODUCTS):
+        if not numbers.on_yaw_scale(name) and base not in YAW_PRODUCTS:
             continue
         # J_r and the rotors' drag may be near zero; their scale is that of k_d.
         at = numbers.index(f"Izz_com@{owner}" if owner else "kd")

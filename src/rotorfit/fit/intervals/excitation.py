@@ -58,8 +58,27 @@ def _excitation_ratios(
         )
         informative = _block_weights(c, power)
         found = _of_flights(means, np.array([informative[own].sum(axis=0) for own in flights]))
+        found = np.maximum(found, flown_ratio(c, power))
         rho |= {f"{axis}@{c.name}": float(m) for axis, m in zip(AXES, found, strict=True)}
     return rho
+
+
+def flown_ratio(
+    configuration: JointConfiguration,
+    power: tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 3"]],
+) -> Float[np.ndarray, " 3"]:
+    """Return explained over residual power in the bands that are flown, wherever they are.
+
+    They alone count for an axis that has any. In fast flight the rotors balance the air in the
+    pilot's band, and turn the vehicle above it; an autopilot that works against gusts makes a ratio
+    of one to three there (`LEAST_RATIO`), and no band of it is flown.
+    """
+    flown = configuration.with_response
+    if flown is None:
+        return np.zeros(3)
+    moving = flown & (configuration.factors.band[:, :1] > 0.0)
+    signal, left = ((one * moving).sum(axis=0) for one in power)
+    return np.maximum(signal - left, 0.0) / np.maximum(left, np.finfo(float).tiny)
 
 
 def _block_weights(

@@ -60,6 +60,7 @@ from rotorfit.model.parameters import (
     inertia_matrix,
     names_of,
 )
+from rotorfit.model.terms.registry import TERMS
 from rotorfit.model.terms.rotors import IMU_MOUNTING
 
 FEWEST_PHASES = 3
@@ -104,6 +105,7 @@ def joint_numbers(
         ),
         correlation=correlation_of(formal + shared),
         excitation=excitation(fit, configurations),
+        by_velocity=_shown_by_forces(configurations),
     )
     widened = replace(
         numbers,
@@ -114,6 +116,14 @@ def joint_numbers(
     widened = inertia_uncertainty(widened, configurations, np.sqrt(np.diagonal(formal + shared)))
     widened = coupling_uncertainty(widened, configurations)
     return replace(widened, excitation=numbers.excitation, weighed=weighed)
+
+
+def _shown_by_forces(configurations: Sequence[JointConfiguration]) -> frozenset[str]:
+    """Return the numbers of yaw that forces show, too: of terms with signals of the velocity."""
+    added = configurations[0].model.layout.added
+    return frozenset(
+        name for term in TERMS if {*term.with_velocity} & {*added} for name in term.names
+    )
 
 
 def formal_covariance(

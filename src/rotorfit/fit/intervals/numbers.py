@@ -36,7 +36,7 @@ from rotorfit.fit.intervals.interval_terms import (
 )
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.parameters import EVERY, FIRST_MOMENTS
-from rotorfit.model.terms.term import Size
+from rotorfit.model.terms.term import Motion, Size
 from rotorfit.model.vehicle import Vehicle
 
 INERTIA_BIAS: Final = 2.5
@@ -179,6 +179,7 @@ class Numbers:
     - `correlation`: between them, from the covariance of the fit.
     - `excitation`: rho of each configuration and axis, by ``roll@A`` (row by row: ``roll``).
     - `weighed`: the same where the weights of the fit give another, as `enough_by_weight` has it.
+    - `by_velocity`: numbers of yaw that forces show as well, where the velocity is known.
     """
 
     names: tuple[str, ...]
@@ -188,6 +189,7 @@ class Numbers:
     correlation: Float[np.ndarray, "q q"]
     excitation: Mapping[str, float]
     weighed: Mapping[str, float] = field(default_factory=dict[str, float])
+    by_velocity: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         # Computed once: verdicts and reports ask for it thousands of times.
@@ -246,11 +248,23 @@ class Numbers:
         """Return the excitation that a number depends on; None if it needs none."""
         base, _, configuration = name.partition("@")
         axis = AXIS_OF.get(base)
-        if axis is None:
+        if axis is None or base in self.by_velocity:
             return None
         if configuration:
             return self.excitation[f"{axis}@{configuration}"]
         return max(value for key, value in self.excitation.items() if key.startswith(axis))
+
+    def motion(self, name: str) -> Motion:
+        """Return which motion shows a number."""
+        base = name.partition("@")[0]
+        if base in self.by_velocity:
+            return "air"
+        return EVERY[base].motion if base in EVERY else "force"
+
+    def on_yaw_scale(self, name: str) -> bool:
+        """Return whether a number is known only as well as the scale of the yaw equation."""
+        base = name.partition("@")[0]
+        return base in SCALED and base not in self.by_velocity
 
     def link(self, configuration: str | None = None) -> float:
         """Return the larger rho of roll and pitch, of one configuration or of any."""

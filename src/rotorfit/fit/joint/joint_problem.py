@@ -31,7 +31,7 @@ from rotorfit.fit.joint.trims import configuration_theta, trim_prior, with_trims
 from rotorfit.fit.row_fits import RowFits, fit_rows
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.terms.registry import DEFAULT_TERMS, TERMS
-from rotorfit.model.terms.rotors import spread_std
+from rotorfit.model.terms.rotors import DRAG_OF_ROTORS, spread_std
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
 
@@ -157,7 +157,7 @@ def joint_problem(
         parts=tuple(tuple(own) for own in counts),
         map=mapped,
         noisy=tuple(layout.index(name) for name in NOISY),
-        prior_mean={name: mean for name, (mean, _) in known.items()},
+        prior_mean={**prior_means(configurations), **{n: mean for n, (mean, _) in known.items()}},
         prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
         moving=() if timing is None else timing.names,
         counted=tuple(c.counted for c in configurations if c.counted is not None),
@@ -312,6 +312,18 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
     return prior
 
 
+def prior_means(configurations: Sequence[JointConfiguration]) -> dict[str, float]:
+    """Return the means before the flight of the free parameters for which it is not zero."""
+    means: dict[str, float] = {}
+    for term in TERMS:
+        known = {n: info.prior_mean for n, info in term.parameters.items() if info.prior_mean}
+        for c in configurations if term.owner == "configuration" else configurations[:1]:
+            at = f"@{c.name}" if term.owner == "configuration" else ""
+            sizes = {f"{name}{at}": mean(size_of(c)) for name, mean in known.items()}
+            means |= {name: size for name, size in sizes.items() if np.isfinite(size)}
+    return means
+
+
 def _known_before(owner: str, size: Size) -> dict[str, float]:
     """Return the deviations before the flight of the parameters that belong to all, or to one."""
     return {
@@ -327,7 +339,14 @@ def size_of(configuration: JointConfiguration) -> Size:
     """Return the size of a vehicle, with its rotors' speeds where something was flown."""
     flown = len(configuration.factors) > 0
     speeds = float(rotor_speeds(configuration).sum()) if flown else np.nan
-    return Size(mass=configuration.mass, arm=configuration.vehicle.arm, speeds=speeds)
+    vehicle = configuration.vehicle
+    return Size(
+        mass=configuration.mass,
+        arm=vehicle.arm,
+        speeds=speeds,
+        disk_area=vehicle.disk_area,
+        rotors_dragged=DRAG_OF_ROTORS in configuration.model.layout.added,
+    )
 
 
 def error_correlation_std(vehicle: Vehicle) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import FlightError
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.signals import AddedSignals, SignalLayout, aligned
 from rotorfit.model.terms.rotors import rotor_drag_std
@@ -37,9 +38,21 @@ DRAG_STD: Final = 0.3
 DAMPING_STD: Final = 0.3
 """Prior deviation of the damping of a turn: that of drag of this size over mass and
 velocity [1/s] at the end of an arm, over its rate."""
-INFLOW_STD: Final = 1.0
-"""Prior deviation of the thrust that a climb costs: of this size over mass and velocity [1/s], a
-tenth of the weight in a climb of 1 m/s."""
+FRAME_STD: Final = 0.1
+"""Prior deviation of the frame's drag over mass and velocity [1/s], beside that of the rotors: six
+flights of a racing quadrotor show none (`THEORY`, fast flight)."""
+LONE_STD: Final = 1.0
+"""The same where the model has no other drag."""
+INFLOW_MEAN: Final = 0.65
+INFLOW_STD: Final = 0.4
+"""Mean and deviation, before the flight, of the thrust that a climb costs, over mass and velocity
+[1/s]: .68 of a racing quadrotor, .4 to .75 in its single flights, none in simulators without."""
+WAKE_STD: Final = 0.5
+"""Prior deviation of the moment of the rotors' wakes, over density, disk area and arm."""
+AIR_DENSITY: Final = 1.2
+"""Density of the air [kg/m^3]."""
+HALVINGS: Final = 30
+"""Of the interval for the induced velocity: to 1e-8 of that in hover."""
 LIFT_STD: Final = 0.05
 """Prior deviation of the thrust that sideways velocity brings: over mass and squared velocity
 [1/m], a tenth of the weight at 4 m/s."""
@@ -84,9 +97,70 @@ def inflow_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[n
     w, O = flight.angular_velocity[rows], flight.rotor_speed[rows]
     lever = np.cross(vehicle.positions, n)
     # Velocity of each rotor along its axis: n . (v + w x r) = n . v + w . (r x n).
-    wrenches = (O * (v @ n.T + w @ lever.T)) @ np.concatenate([n, lever], axis=1)
+    along = v @ n.T + w @ lever.T
+    wrenches = (O * (along + _gained_inflow(flight, v, along, n))) @ np.hstack([n, lever])
     names = inflow_names(vehicle)
     return wrenches[:, [i for i, name in enumerate(INFLOW_SIGNALS) if name in names]]
+
+
+def _gained_inflow(
+    flight: FlightData,
+    v: Float[np.ndarray, "n 3"],
+    along: Float[np.ndarray, "n N"],
+    n: Float[np.ndarray, "N 3"],
+) -> Float[np.ndarray, "n N"]:
+    """Return by how much each rotor's induced velocity is above that of hover [m/s].
+
+    Zero where the mass, and so the velocity of hover, is not known.
+    """
+    hover = flight.hover_inflow
+    if hover is None:
+        return np.zeros_like(along)
+    across = np.sqrt(((v[:, None] - (v @ n.T)[:, :, None] * n) ** 2).sum(axis=2))
+    return induced_velocity(across, along, hover) - hover
+
+
+def induced_velocity(
+    across: Float[np.ndarray, "*n"], along: Float[np.ndarray, "*n"], hover: float
+) -> Float[np.ndarray, "*n"]:
+    """Solve Glauert's v_i = v_h^2 / sqrt(v_perp^2 + (u + v_i)^2) for the induced velocity [m/s].
+
+    `across`, `along`: velocity of a rotor across its axis and along it. `hover`: v_h. By halving:
+    there is one root from -u up. Momentum theory has none in a descent near v_h and no sense
+    below (vortex ring): there u counts as -v_h / 2, to which flights agree with it (Leishman,
+    Principles of Helicopter Aerodynamics, 2006, 2.13; Glauert 1935).
+    """
+    u = np.maximum(along, -0.5 * hover)
+    low, high = np.maximum(-u, 0.0), np.maximum(-u, 0.0) + 2.0 * hover
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        above = middle * np.hypot(across, u + middle) > hover**2
+        high, low = np.where(above, middle, high), np.where(above, low, middle)
+    return 0.5 * (low + high)
+
+
+def hover_inflow(mass: float, vehicle: Vehicle) -> float:
+    """Compute the velocity of the air through the rotors' disks in hover [m/s] (momentum theory).
+
+    v_h = sqrt(m g / (2 rho A)), A the area of all disks.
+    """
+    return float(np.sqrt(mass * GRAVITY / (2.0 * AIR_DENSITY * vehicle.disk_area)))
+
+
+def wake_names(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the names of the wakes' signals."""
+    del vehicle
+    return "wake_x", "wake_y"
+
+
+def wake_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n 2"]:
+    """Return the velocity of the body, x and y, times the rotors' mean induced one [m^2/s^2]."""
+    v, n = _known_velocity(flight, rows), vehicle.axes
+    hover = flight.hover_inflow
+    if hover is None:
+        return np.zeros((len(v), 2))
+    along = v @ n.T
+    return v[:, :2] * (hover + _gained_inflow(flight, v, along, n).mean(axis=1))[:, None]
 
 
 def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]:
@@ -105,6 +179,9 @@ CLIMB: Final = AddedSignals(name="climb", names=climb_names, of_body=climb_colum
 INFLOW_OF_ROTORS: Final = AddedSignals(
     name="inflow", names=inflow_names, of_rotors=inflow_columns, sloped=False
 )
+
+
+WAKES: Final = AddedSignals(name="wake", names=wake_names, of_rotors=wake_columns, sloped=False)
 
 
 def climb_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
@@ -151,9 +228,11 @@ def turn_damping(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 
 
 def inflow(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
-    """Thrust -k_u O_i u_i n_i at r_i, u_i being the velocity of a rotor along its axis.
+    """Thrust -k_u O_i (u_i + v_i - v_h) n_i at r_i, u_i being a rotor's velocity along its axis.
 
-    In a climb all rotors lose, in a roll those that rise: it damps both.
+    v_i is its induced velocity, v_h that in hover: what flows through the disk more than there
+    takes thrust from it. In a climb all rotors lose, in a roll those that rise: it damps both; in
+    forward flight v_i falls, and they gain (translational lift).
     """
     del vehicle
     rows = {"Fx": FX, "Fy": FY, "Fz": FZ, "Mx": MX, "My": MY, "Mz": MZ}
@@ -167,6 +246,19 @@ def translational_lift(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Bloc
     return {"translational_lift": block(layout, {(FZ, "vxy2"): -1.0})}
 
 
+def wake_moment(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Torque that lifts the side towards which the vehicle moves: in proportion to v_i v.
+
+    The wakes of the front rotors take lift from the rear ones, and each rotor's own wake tilts its
+    lift forward (Bauersfeld et al., RSS 2021, "NeuroBEM").
+    """
+    del vehicle
+    return {
+        "wake_moment_x": block(layout, {(MX, "wake_y"): -1.0}),
+        "wake_moment_y": block(layout, {(MY, "wake_x"): 1.0}),
+    }
+
+
 def _drag_parameter(axis: str, words: str) -> ParameterInfo:
     return ParameterInfo(
         "N s/m",
@@ -175,6 +267,7 @@ def _drag_parameter(axis: str, words: str) -> ParameterInfo:
         title=f"Air drag of the frame, {words}",
         motion="air",
         relevant=lambda s: 0.3 * s.mass,  # of a small multirotor: a tenth of its weight at 3 m/s
+        prior=lambda s: (FRAME_STD if s.rotors_dragged else LONE_STD) * s.mass,
         velocity_axis="xyz".index(axis),
     )
 
@@ -268,8 +361,8 @@ TURN_DAMPING: Final = Term(
 )
 INFLOW: Final = Term(
     name="inflow",
-    words="thrust that falls as the rotors climb",
-    when="likelihood",
+    words="thrust that falls as more air flows through the rotors",
+    when="default",
     parameters={
         "inflow": ParameterInfo(
             "N s^2/(m rad)",
@@ -281,6 +374,7 @@ INFLOW: Final = Term(
             motion="air",
             relevant=rotor_drag_std,
             prior=lambda s: INFLOW_STD * s.mass / s.speeds,
+            prior_mean=lambda s: INFLOW_MEAN * s.mass / s.speeds,
             velocity_axis=2,
         )
     },
@@ -288,7 +382,8 @@ INFLOW: Final = Term(
     entries=inflow,
     needs="velocity",
     signals=(VELOCITY, INFLOW_OF_ROTORS),
-    significance=Significance(parameters=("inflow",), least=lambda s: s.trace_force / s.speeds),
+    air_at_rotors=True,
+    dropped=6,
 )
 TRANSLATIONAL_LIFT: Final = Term(
     name="translational_lift",
@@ -309,5 +404,31 @@ TRANSLATIONAL_LIFT: Final = Term(
     entries=translational_lift,
     needs="velocity",
     signals=(VELOCITY,),
+    air_at_rotors=True,
     significance=Significance(parameters=("translational_lift",), least=lambda s: s.trace_force),
+)
+WAKE_MOMENT: Final = Term(
+    name="wake_moment",
+    words="a torque of the rotors' wakes that lifts the side towards which the vehicle moves",
+    when="likelihood",
+    parameters={
+        f"wake_moment_{axis}": ParameterInfo(
+            "N s^2/m",
+            1,
+            f"torque about {axis} over the velocity and the rotors' induced one",
+            title=f"Torque of the wakes in {turn}",
+            motion="air",
+            relevant=lambda s: 0.3 * s.mass * s.arm / 25.0,
+            prior=lambda s: WAKE_STD * AIR_DENSITY * s.disk_area * s.arm,
+        )
+        for axis, turn in TURNS
+    },
+    owner="shared",
+    entries=wake_moment,
+    needs="velocity",
+    signals=(VELOCITY, WAKES),
+    air_at_rotors=True,
+    significance=Significance(
+        parameters=("wake_moment_x", "wake_moment_y"), least=lambda s: s.trace_torque / 5.0
+    ),
 )

@@ -8,7 +8,14 @@ from collections.abc import Collection
 from typing import Final
 
 from rotorfit.model.signals import AddedSignals, SignalLayout
-from rotorfit.model.terms.air import CLIMB_DRAG, DRAG, INFLOW, TRANSLATIONAL_LIFT, TURN_DAMPING
+from rotorfit.model.terms.air import (
+    CLIMB_DRAG,
+    DRAG,
+    INFLOW,
+    TRANSLATIONAL_LIFT,
+    TURN_DAMPING,
+    WAKE_MOMENT,
+)
 from rotorfit.model.terms.body import ACCEL_BIAS, FIRST_MOMENTS, INERTIA, MASS, TORQUE_OFFSET
 from rotorfit.model.terms.rotors import (
     IMU_MOUNTING,
@@ -27,7 +34,7 @@ TERMS: Final[tuple[Term, ...]] = (
     *(MASS, FIRST_MOMENTS, INERTIA, THRUST, TORQUE),
     *(ROTOR_INERTIA, ROTOR_SPREAD, ACCEL_BIAS, ROTOR_CENTER, TWIST, ROTOR_DRAG, CLIMB_DRAG),
     *(DRAG, TURN_DAMPING, INFLOW, TRANSLATIONAL_LIFT, TORQUE_OFFSET, LINEAR_DRAG_TORQUE),
-    IMU_MOUNTING,
+    *(IMU_MOUNTING, WAKE_MOMENT),
 )
 OPTIONAL: Final = tuple(term for term in TERMS if term.when != "always")
 DEFAULT: Final = tuple(term for term in OPTIONAL if term.when == "default")
@@ -62,19 +69,33 @@ def considered_terms(asked: Collection[str] | None, *, velocity: bool, felt: boo
     ]
 
 
-def added_signals(names: Collection[str], *, carried: bool = False) -> tuple[AddedSignals, ...]:
+def added_signals(
+    names: Collection[str], *, carried: bool = False, rotor_air: bool = True
+) -> tuple[AddedSignals, ...]:
     """Return the signals that these terms add to a layout, each once.
 
-    `carried`: whether any flight knows what carries its rotors.
+    `carried`: whether any flight knows what carries its rotors. `rotor_air`: whether the air moves
+    at the rotors, which some simulators leave out.
     """
-    terms = terms_named(names)
-    own = [s for term in terms for s in (*term.signals, *(term.carried if carried else ()))]
+    terms = [term for term in terms_named(names) if rotor_air or not term.air_at_rotors]
+    velocity = rotor_air and any(term.needs == "velocity" for term in terms)
+    own = [
+        s
+        for term in terms
+        for s in (
+            *term.signals,
+            *(term.carried if carried else ()),
+            *(term.with_velocity if velocity else ()),
+        )
+    ]
     return tuple(dict.fromkeys(own))
 
 
 def signals_named(names: Collection[str]) -> tuple[AddedSignals, ...]:
     """Return added signals by their names."""
-    every = dict.fromkeys(s for term in TERMS for s in (*term.signals, *term.carried))
+    every = dict.fromkeys(
+        s for term in TERMS for s in (*term.signals, *term.carried, *term.with_velocity)
+    )
     return tuple(signals for signals in every if signals.name in names)
 
 

@@ -23,6 +23,7 @@ from rotorfit.model.terms.term import (
 )
 from rotorfit.model.vehicle import Rotor, Vehicle
 
+DRAG_SIGNALS: Final = ("Od_Fx", "Od_Fy", "Od_Fz", "Od_Mx", "Od_My", "Od_Mz")
 MOST_ROTORS: Final = 16
 ROTOR_SPREAD_STD: Final = 0.04
 """Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or
@@ -117,13 +118,17 @@ def imu_mounting(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 
 
 def rotor_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
-    """Yaw torque -c sum O_i (x_i (v_y + w_z x_i) - y_i (v_x - w_z y_i)) of rotors carried sideways.
+    """Force -c O_i v_i on each rotor, v_i its velocity in its plane, and the torque of these.
 
     In proportion to a rotor's speed and to its velocity through the air (Faessler, Franchi and
-    Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018); where no position shows the
-    velocity of the body, that of the turn alone.
+    Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018). Where the velocity is not known,
+    the yaw torque of the turn alone; where positions show it between their fixes, that torque with
+    what carries the rotors.
     """
-    del vehicle
+    if DRAG_OF_ROTORS in layout.added:
+        rows = dict(zip(DRAG_SIGNALS, range(6), strict=True))
+        entries = {(rows[name], name): 1.0 for name in rotor_drag_names(vehicle)}
+        return {"rotor_drag": block(layout, entries)}
     signals = ("wzO", "Ov_Mz") if "Ov_Mz" in layout else ("wzO",)
     return {"rotor_drag": block(layout, {(MZ, name): 1.0 for name in signals})}
 
@@ -145,6 +150,35 @@ def carried_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[
 
 CARRIED: Final = AddedSignals(
     name="carried", names=carried_names, of_rotors=carried_columns, sloped=False
+)
+
+
+def rotor_drag_names(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the components of the rotors' drag that do not vanish."""
+    if not aligned(vehicle):
+        return DRAG_SIGNALS
+    level = not vehicle.positions[:, 2].any()
+    return ("Od_Fx", "Od_Fy", "Od_Mz") if level else ("Od_Fx", "Od_Fy", "Od_Mx", "Od_My", "Od_Mz")
+
+
+def rotor_drag_columns(
+    flight: FlightData, rows: slice, vehicle: Vehicle
+) -> Float[np.ndarray, "n d"]:
+    """Return sum O_i (v_i, r_i x v_i), v_i the velocity of a rotor across its axis [m rad/s^2]."""
+    v, w, O = flight.any_velocity, flight.angular_velocity[rows], flight.rotor_speed[rows]
+    known = v is not None and np.isfinite(v[rows]).all()
+    of_body = v[rows] if v is not None and known else np.zeros_like(w)
+    total = np.zeros((len(O), 6))
+    for i, (r, n) in enumerate(zip(vehicle.positions, vehicle.axes, strict=True)):
+        moving = of_body + np.cross(w, r)
+        across = O[:, i : i + 1] * (moving - (moving @ n)[:, None] * n)
+        total[:, :3] += across
+        total[:, 3:] += np.cross(r, across)
+    return total[:, [DRAG_SIGNALS.index(name) for name in rotor_drag_names(vehicle)]]
+
+
+DRAG_OF_ROTORS: Final = AddedSignals(
+    name="rotor_drag", names=rotor_drag_names, of_rotors=rotor_drag_columns, sloped=False
 )
 
 
@@ -317,7 +351,7 @@ IMU_MOUNTING: Final = Term(
 )
 ROTOR_DRAG: Final = Term(
     name="rotor_drag",
-    words="a yaw torque of rotors that move sideways through the air in a turn",
+    words="the drag of rotors that move sideways through the air",
     when="default",
     parameters={
         "rotor_drag": ParameterInfo(
@@ -337,6 +371,7 @@ ROTOR_DRAG: Final = Term(
     owner="shared",
     entries=rotor_drag,
     carried=(CARRIED,),
+    with_velocity=(DRAG_OF_ROTORS,),
     dropped=1,
     replayed=lambda values, vehicle: {
         "damping": values["rotor_drag"][:, None] * vehicle.squared_arms

@@ -30,12 +30,16 @@ class Size:
     - `mass`, `arm`: [kg], [m]
     - `speeds`: of all rotors together, about as in hover [rad/s].
     - `moments`: Ixx, Iyy, Izz about the centre of mass [kg m^2].
+    - `disk_area`: of all propellers [m^2].
+    - `rotors_dragged`: whether the drag of its rotors is in the model, too.
     """
 
     mass: float
     arm: float
     speeds: float = np.nan
     moments: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    disk_area: float = np.nan
+    rotors_dragged: bool = False
 
     @property
     def trace_force(self) -> float:
@@ -62,7 +66,7 @@ class ParameterInfo:
     - `motion`: which motion shows it.
     - `on_yaw_scale`: whether it is known only as well as the scale of the yaw equation.
     - `relevant`: size below which its relative error does not matter; None: any counts.
-    - `prior`: deviation about zero before the flight.
+    - `prior`, `prior_mean`: deviation and mean before the flight; the mean is zero if not given.
     - `step`: size over which nothing bends, where its value shows none (plan's bound).
     - `between_flights`: what differs between flights of one configuration: it moves with the
       battery, or it is in proportion to the density of the air.
@@ -80,6 +84,7 @@ class ParameterInfo:
     on_yaw_scale: bool = False
     relevant: Rule | None = None
     prior: Rule | None = None
+    prior_mean: Rule | None = None
     step: Rule | None = None
     between_flights: Literal["moves", "air"] | None = None
     velocity_axis: int | None = None
@@ -121,6 +126,8 @@ class Term:
     - `needs`: of the flights or the vehicle.
     - `signals`: that no other layout has.
     - `carried`: signals that it uses besides where a flight knows what carries its rotors.
+    - `with_velocity`: signals that it uses instead where the velocity is known.
+    - `air_at_rotors`: of the air that moves at the rotors, which some simulators leave out.
     - `significance`: of a term by likelihood (for a declared one: by which it may be judged).
     - `dropped`: its turn to be left out where a fit does not settle: what flights show least first.
     - `one_sided`: parameters for which it is left out where they are surely below zero.
@@ -140,6 +147,8 @@ class Term:
     needs: Literal["velocity", "climb", "unknown origin"] | None = None
     signals: tuple[AddedSignals, ...] = ()
     carried: tuple[AddedSignals, ...] = ()
+    with_velocity: tuple[AddedSignals, ...] = ()
+    air_at_rotors: bool = False
     significance: Significance | None = None
     dropped: int | None = None
     one_sided: tuple[str, ...] = ()

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.fit.dataset.dataset import LoadedFlight
-from rotorfit.fit.dataset.load import load_flight, velocity_known
+from rotorfit.fit.dataset.load import load_flight, velocity_known, with_hover_inflow
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import (
     ConfigurationEntry,
@@ -24,6 +24,7 @@ from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.fit.reduction.reduce import LowPass, filtered_signals
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight
+from rotorfit.logs.flight_log import AIRLESS_ROTORS
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.terms import body as body_terms
 from rotorfit.model.terms.registry import OPTIONAL, TERMS, added_signals, considered_terms
@@ -214,8 +215,14 @@ def compare_wrenches(
     present = [term for term in OPTIONAL if set(term.parameters) & set(known)]
     asked = any(term.needs == "velocity" for term in present) and velocity_known([used])
     names = considered_terms([term.name for term in present], velocity=asked, felt=False)
-    added = added_signals(names, carried=used.prepared.data.carried is not None)
+    added = added_signals(
+        names,
+        carried=used.prepared.data.carried is not None,
+        rotor_air=used.log.simulator not in AIRLESS_ROTORS,
+    )
     model = regressor(vehicle, added=added)
+    mass = result.parameter("mass", owner).value
+    used = with_hover_inflow(used, "unknown" if mass is None else mass, vehicle)
     data = retimed(used.prepared, fitted_response(result))
     lowpass = LowPass(cutoff=cutoff)
     # The two ends of a segment show the filter's transient, not the flight.
