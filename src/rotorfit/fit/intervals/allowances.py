@@ -36,6 +36,7 @@ from rotorfit.fit.intervals.numbers import (
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.model.parameters import EVERY, INERTIA
+from rotorfit.model.terms.registry import TERMS
 from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
 
@@ -156,6 +157,37 @@ def inertia_uncertainty(
             name="inertia not flown",
             half_width=np.sqrt(squares),
             source="bias by gusts of an Ixx or Iyy that is hardly flown",
+        )
+    )
+
+
+def air_uncertainty(
+    numbers: Numbers, configurations: Sequence[JointConfiguration], std: Float[np.ndarray, " q"]
+) -> Numbers:
+    """Append what terms of the air leave open that have not the whole form of their effects.
+
+    Flights of one vehicle at speed differ in such a coefficient by more than chance. What a fit
+    with the coefficient off by that share would give moves the other numbers as far as they go
+    together with it; in slow flights, which hardly show it, by next to nothing.
+
+    `std`: deviations of the fit, of every number.
+    """
+    added = configurations[0].model.layout.added
+    squares = np.zeros(len(std))
+    for term in TERMS:
+        if not {*term.with_velocity, *term.signals} & {*added}:
+            continue
+        for name in (n for n, info in term.parameters.items() if info.form_error):
+            if name not in numbers.names or not std[numbers.index(name)] > 0.0:
+                continue
+            own = numbers.index(name)
+            off = term.parameters[name].form_error * abs(float(numbers.values[own]))
+            squares += (1.96 * numbers.correlation[own] * std / std[own] * off) ** 2
+    return numbers.with_terms(
+        IntervalTerm(
+            name="air at speed",
+            half_width=np.sqrt(squares),
+            source="what flights of one vehicle at speed differ by",
         )
     )
 

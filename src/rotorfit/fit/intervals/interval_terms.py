@@ -52,6 +52,9 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
     "gusts and drag": TermKind(remedy="fly", action="fly in still air, indoors if possible"),
     "shared by all flights": TermKind(remedy="none", action="nothing: it is the model's own error"),
     "little motion": TermKind(remedy="fly"),
+    "air at speed": TermKind(
+        remedy="fly", action="fly slower than 5 m/s, for what is not of the air itself"
+    ),
     "motor lean": TermKind(remedy="repair", action="mount the motors straight"),
     "motor tilt": TermKind(remedy="none", action="identify with the default method (banded)"),
     "weight": TermKind(remedy="measure", action="weigh the vehicle on a better scale"),

@@ -37,6 +37,7 @@ from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.fit.experiment.payload import MOMENTS, added_moments
 from rotorfit.fit.intervals.allowances import (
+    air_uncertainty,
     coupling_uncertainty,
     inertia_uncertainty,
     systematic_uncertainty,
@@ -113,7 +114,9 @@ def joint_numbers(
     )
     weighed = widened.excitation
     widened = systematic_uncertainty(widened, configurations, mass_std)
-    widened = inertia_uncertainty(widened, configurations, np.sqrt(np.diagonal(formal + shared)))
+    std = np.sqrt(np.diagonal(formal + shared))
+    widened = inertia_uncertainty(widened, configurations, std)
+    widened = air_uncertainty(widened, configurations, std)
     widened = coupling_uncertainty(widened, configurations)
     return replace(widened, excitation=numbers.excitation, weighed=weighed)
 

@@ -70,6 +70,8 @@ class ParameterInfo:
     - `step`: size over which nothing bends, where its value shows none (plan's bound).
     - `between_flights`: what differs between flights of one configuration: it moves with the
       battery, or it is in proportion to the density of the air.
+    - `form_error`: share by which flights of one vehicle differ in it at speed, beyond chance: the
+    term has not the whole form of the effect.
     - `velocity_axis`: axis of the velocity that it multiplies.
     """
 
@@ -88,6 +90,7 @@ class ParameterInfo:
     step: Rule | None = None
     between_flights: Literal["moves", "air"] | None = None
     velocity_axis: int | None = None
+    form_error: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
