@@ -116,6 +116,7 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
         rotor_speed_std=data.rotor_speed_std / float(np.sqrt(step)),
         velocity=None if data.velocity is None else thinned(data.velocity),
         carried=None if data.carried is None else thinned(data.carried),
+        world_axes=None if data.world_axes is None else thinned(data.world_axes),
         climb=None if data.climb is None else thinned(data.climb[:, None])[:, 0],
         reference=None if data.reference is None else thinned(data.reference),
         thinned=thinned,

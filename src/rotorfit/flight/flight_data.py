@@ -81,6 +81,9 @@ class FlightData:
     carried
         Velocity by positions, with the accelerometer between them (`carried_velocity`), body
         axes [m/s], where the log has them; NaN if they are far.
+    world_axes
+        The world's horizontal axes x and y in body axes, side by side, where the log has an
+        attitude.
     climb
         Velocity along the body's z axis as accelerometer and gyro feel it, without what is slow
         (`climb_velocity`) [m/s]; where nothing else gives a velocity.
@@ -115,6 +118,7 @@ class FlightData:
     rotor_speed_std: float = 0.0
     velocity: Float[np.ndarray, "n 3"] | None = None
     carried: Float[np.ndarray, "n 3"] | None = None
+    world_axes: Float[np.ndarray, "n 6"] | None = None
     climb: Float[np.ndarray, " n"] | None = None
     hover_inflow: float | None = None
     lag_on: LagOn = "speed"

@@ -80,6 +80,9 @@ def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:
         angular_acceleration=data.angular_acceleration @ R.T,
         velocity=None if data.velocity is None else data.velocity @ R.T,
         carried=None if data.carried is None else data.carried @ R.T,
+        world_axes=None
+        if data.world_axes is None
+        else np.hstack([data.world_axes[:, :3] @ R.T, data.world_axes[:, 3:] @ R.T]),
     )
     if data.climb is None or data.climb.any():  # zero where the velocity is known, and stays so
         turned = dataclasses.replace(turned, climb=climb_velocity(turned))

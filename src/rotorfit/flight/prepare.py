@@ -46,7 +46,7 @@ from rotorfit.flight.flight_checks import (
 )
 from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.flight.kinematics import climb_velocity
-from rotorfit.flight.mocap.camera import carried_velocity, known_velocity
+from rotorfit.flight.mocap.camera import carried_velocity, horizontal_axes, known_velocity
 from rotorfit.flight.motors.motor_model import (
     MotorModel,
     clock_jumps,
@@ -63,7 +63,7 @@ from rotorfit.logs.firmware import Filter
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.speed_law import law_doubts
 
-OPTIONAL = ("velocity", "carried", "reference")
+OPTIONAL = ("velocity", "carried", "world_axes", "reference")
 """Channels that a flight may lack, here and there or wholly."""
 LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
 """Of motors whose commands are all that is known, for the search of the flight only [s]."""
@@ -347,6 +347,9 @@ def _make_uniform(
     velocity = known_velocity(log)
     if velocity is not None:
         makers["velocity"] = velocity
+        axes = horizontal_axes(log)
+        if axes is not None:
+            makers["world_axes"] = axes
     carried = carried_velocity(log)
     if carried is not None:
         makers["carried"] = carried
@@ -385,6 +388,7 @@ def _collect_flight_data(
         segments=(),
         velocity=uniform.values.get("velocity"),
         carried=uniform.values.get("carried"),
+        world_axes=uniform.values.get("world_axes"),
         reference=uniform.values.get("reference"),
     )
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TypeVar
 
 from rotorfit.fit.dataset.weight_balance import Turning, turning
+from rotorfit.fit.dataset.wind import Wind
 from rotorfit.fit.experiment.declared_vehicle import motor_model_of
 from rotorfit.fit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry, Source
 from rotorfit.fit.experiment.payload import PointMass
@@ -36,6 +37,7 @@ class LoadedFlight:
     speeds themselves, in flight.
     `battery`: mean voltage over what is used [V], where it was logged; `sag`: how far it falls
     under load, where the flight shows it.
+    `wind`: that was taken off its velocity, where it shows one.
     `bandwidths`: of the sensors that the flight shows to be behind a low-pass.
     """
 
@@ -50,6 +52,7 @@ class LoadedFlight:
     command_responses: tuple[MeasuredResponse, ...] = ()
     battery: float | None = None
     sag: BatterySag | None = None
+    wind: Wind | None = None
     bandwidths: Mapping[Sensor, Bandwidth] = field(default_factory=dict[Sensor, Bandwidth])
 
     @cached_property

@@ -26,6 +26,7 @@ from rotorfit.fit.dataset.plausible_units import (
     refuse_rotors_too_fast,
     slow_rotor_doubts,
 )
+from rotorfit.fit.dataset.through_air import through_air
 from rotorfit.fit.experiment.declared_vehicle import (
     imu_tilt_of,
     motor_model_of,
@@ -155,6 +156,10 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
     added = added_signals(
         _terms_considered(experiment, loaded), carried=carried, rotor_air=asked or not airless
     )
+    if VELOCITY in added and experiment.identification.source == "imu":
+        loaded = tuple(
+            dataclasses.replace(c, flights=[through_air(f) for f in c.flights]) for c in loaded
+        )
     if VELOCITY in added and CLIMB in added:
         loaded = tuple(_felt_where_unknown(configuration) for configuration in loaded)
     return Dataset(

@@ -314,6 +314,22 @@ def known_velocity(log: FlightLog) -> Channel | None:
         return None
 
 
+def horizontal_axes(log: FlightLog) -> Channel | None:
+    """Turn the world's axes x and y into body axes, six columns; None without an attitude."""
+    if "attitude" not in log.channels:
+        return None
+    try:
+        attitude = usable_samples(log.channels["attitude"], "attitude")
+    except FlightError:
+        return None
+    w, x, y, z = attitude.values.T
+    ahead = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y))
+    left = (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x))
+    return Channel(
+        time=attitude.time, values=np.column_stack([*ahead, *left]), source=attitude.source
+    )
+
+
 def velocity_of_pose(log: FlightLog) -> Channel | None:
     """Differentiate position and turn it into body axes [m/s]; None without both."""
     if not {"position", "attitude"} <= set(log.channels):
