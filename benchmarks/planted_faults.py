@@ -187,8 +187,8 @@ ROOMS: Final[dict[str, Room]] = {
     "estimation/damped_steps.py": Room(
         tests=("tests/estimation/test_damped_steps.py",),
         scaled=(
-            "projected = Vt @ (<<score / lengths>>)",
-            "predicted_gain=float(moved @ (<<2.0 * projected / s>> - moved)),",
+            "asked = (<<score / lengths>>) @ V",
+            "predicted_gain=float(moved @ (<<2.0 * asked>> - strength * moved)),",
             "ratio = min(<<won / max(predicted_gain, float(np.finfo(float).tiny))>>, 1.0)",
             "path[-3] + <<2.0 * leap * first>>",
         ),

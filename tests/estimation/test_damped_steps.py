@@ -9,7 +9,7 @@ from rotorfit.estimation.damped_steps import damped_step, extrapolated, reduced_
 def test_a_damped_step_solves_the_equations_with_a_given_score():
     rng = np.random.default_rng(5)
     A, b, extra = rng.normal(size=(30, 3)), rng.normal(size=30), 5.0 * rng.normal(size=3)
-    taken = damped_step(A, A.T @ b + extra, 0.0)
+    taken = damped_step(A.T @ A, A.T @ b + extra, 0.0)
     step, std = taken.step, taken.std
     squares = [float((A @ x - b) @ (A @ x - b) - 2.0 * extra @ x) for x in (0.0 * step, step)]
     assert taken.predicted_gain == pytest.approx(squares[0] - squares[1], rel=1e-9)

@@ -18,6 +18,7 @@ from rotorfit.estimation.banded_equations import (
 )
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
+from rotorfit.estimation.fixed_point import FixedPointRounds
 from rotorfit.estimation.parameter_map import parameter_map
 
 ROWS, BLOCKS = 400, 5
@@ -240,3 +241,39 @@ def test_a_response_adds_its_rows_times_ln_of_the_slope(noise):
     found = normal_equations(fit, np.ones(BLOCKS, dtype=bool)).scores[:-1, 0]
     np.testing.assert_allclose(found, scores, rtol=1e-6)
     np.testing.assert_allclose(fit.influence[:, 0], scores / (xx / v).sum(), rtol=1e-6)
+
+
+def test_a_crawling_fit_ends_at_the_same_place_in_half_the_steps(monkeypatch):
+    """A hundred blocks of three rows show four slopes, weighted by their own residuals."""
+    rng = np.random.default_rng(4)
+    x = rng.normal(size=(100, 3, 4))
+    x[:, :, 3] = x[:, :, 2] + x[:, :, 3]
+    error = 10.0 ** rng.uniform(-1.0, 1.0, size=(100, 1))
+    y = x @ np.array([2.0, 1.0, -1.0, 0.5]) + error * rng.standard_t(2.0, size=(100, 3))
+    seen = x + 0.05 * rng.normal(size=x.shape)
+    tensor = np.eye(5)[:, None]
+    names = ("y", "a", "b", "c", "d")
+    problem = BandedProblem(
+        factors=(
+            Factors(
+                R=triangular_factors(np.concatenate([y[:, :, None], seen], axis=2)),
+                rows=np.full(100, 3),
+                segment=np.arange(100),
+                band=np.tile([0.0, 1.0], (100, 1)),
+                noise=np.tile([0.0, 0.0025, 0.0025, 0.0025, 0.0025], (100, 1)),
+            ),
+        ),
+        tensors=(tensor,),
+        map=parameter_map(names, {n: {(0, n): -1.0} for n in names[1:]}, {(0, "y"): 1.0}),
+        noisy=(0,),
+        prior_mean={},
+        prior_std={},
+    )
+    start = np.zeros(4)
+    quick = banded(problem, start)
+    monkeypatch.setattr(FixedPointRounds, "leap", lambda *_: None)
+    plain = banded(problem, start)
+    assert quick.iterations <= 0.5 * plain.iterations
+    np.testing.assert_allclose(
+        quick.estimate.values, plain.estimate.values, atol=0.02 * plain.estimate.std.min()
+    )

@@ -27,6 +27,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded_equations import (
+    CorrectedEquations,
     Evaluated,
     State,
     corrected_equations,
@@ -51,12 +52,18 @@ LEAST_WIN = 0.02
 """Least gain of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the
 iteration is at the bottom or goes round it; a parameter is known to a tenth of its deviation."""
 PATIENCE = 15
+NOISE_PATIENCE = 30
+"""The same of steps with noise among the regressors: along a direction that the flights hardly show
+they stay of one length for some forty, and end a deviation further."""
 SHORTER = 0.7
-"""Share to which `PATIENCE` steps at least shorten the shortest one where the iteration settles."""
+"""Share to which such steps at least shorten the shortest one where the iteration settles."""
 FEW_STEPS = 12
 """Steps after which crawling ones are extrapolated."""
 LITTLE_DAMPING = 1e-3
 """Damping under which a step is of the reweighted fit, whose fixed point can be extrapolated."""
+MOST_LOSS = 1.0
+"""Largest rise of the cost by a leap, that of one deviation of one parameter: variances borrowed
+from neighbours let the cost rise a little towards the end of an iteration, and no more."""
 LARGEST_DAMPING = 1e9
 """Where the iteration ends, too: a step along the slope of which next to nothing is left."""
 MOST_NOISE = 0.7
@@ -132,13 +139,11 @@ def banded(
     rounds = FixedPointRounds()
     for iteration in range(1, MOST_ITERATIONS + 1):
         equations = corrected_equations(problem, state)
-        damped = damped_step(
-            root_of(problem, state, equations.information), equations.score, damping
-        )
+        damped = damped_step(equations.information, equations.score, damping)
         size = float(np.abs(damped.step / damped.std).max())
         trial, leap = None, rounds.leap(state.phi, damped.step, damped.std)
         if leap is not None and damping < LITTLE_DAMPING:
-            trial = evaluated_or_none(problem, state.phi + leap)
+            trial = _likely_or_none(problem, state, leap)
         if trial is not None:
             state = trial
         else:
@@ -165,6 +170,14 @@ def banded(
         "remove a term, or fly more motion",
         reached=dict(zip(problem.map.names, state.phi.tolist(), strict=True)),
     )
+
+
+def _likely_or_none(
+    problem: BandedProblem, state: Evaluated, leap: Float[np.ndarray, " f"]
+) -> Evaluated | None:
+    """Evaluate where a leap leads; None where nothing is solved, or too much likelihood lost."""
+    trial = evaluated_or_none(problem, state.phi + leap)
+    return None if trial is None or trial.cost > state.cost + MOST_LOSS else trial
 
 
 def _leap_ahead(
@@ -197,12 +210,18 @@ def _settled_with_noise(
     squares over the variances of the last point, without the regressors' share.
     """
     sizes: list[float] = []
+    rounds = FixedPointRounds()
     for iteration in range(1, MOST_ITERATIONS + 1):
         equations = corrected_equations(problem, state)
-        step = _corrected_step(equations.information, equations.noise_information, equations.score)
+        step, std = _corrected_step(equations)
         sizes.append(float(np.max(np.abs(step) * np.sqrt(np.diagonal(equations.information)))))
         if sizes[-1] <= close or _goes_round(sizes):
             return state, iteration
+        leap = rounds.leap(state.phi, step, std)
+        trial = None if leap is None else evaluated_or_none(problem, state.phi + leap)
+        if trial is not None and _is_no_worse(trial, state):
+            state = trial
+            continue
         before = state.over(state.variance)
         for fraction in STEP_FRACTIONS:
             trial = evaluated_or_none(problem, state.phi + fraction * step)
@@ -214,26 +233,38 @@ def _settled_with_noise(
     return state, MOST_ITERATIONS
 
 
+def _is_no_worse(trial: Evaluated, state: Evaluated) -> bool:
+    """Return whether a leap loses next to nothing of the likelihood, or of the corrected squares.
+
+    With noise among the regressors the end of the iteration is the maximum of neither.
+    """
+    squares = trial.over(state.variance) - state.over(state.variance)
+    return min(trial.cost - state.cost, squares) <= MOST_LOSS
+
+
 def _goes_round(sizes: Sequence[float]) -> bool:
     """Return whether the steps have become no shorter for long: where hardly anything moves."""
-    if len(sizes) <= 2 * PATIENCE:
+    if len(sizes) <= 2 * NOISE_PATIENCE:
         return False
-    return min(sizes[-PATIENCE:]) > SHORTER * min(sizes[:-PATIENCE])
+    return min(sizes[-NOISE_PATIENCE:]) > SHORTER * min(sizes[:-NOISE_PATIENCE])
 
 
 def _corrected_step(
-    plain: Float[np.ndarray, "f f"],
-    damped: Float[np.ndarray, "f f"],
-    score: Float[np.ndarray, " f"],
-) -> Float[np.ndarray, " f"]:
-    """Solve (information - noise) step = score, zero if the information is mostly noise."""
+    equations: CorrectedEquations,
+) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
+    """Solve (information - noise) step = score, zero if the information is mostly noise.
+
+    With the deviations of the parameters by the information alone.
+    """
+    plain = equations.information
     scale = 1.0 / np.sqrt(np.diagonal(plain))
     strength, Q = np.linalg.eigh(plain * np.outer(scale, scale))
     strength = np.maximum(strength, np.finfo(float).eps * strength[-1])
     root = scale[:, None] * Q / np.sqrt(strength)
-    share, V = np.linalg.eigh(root.T @ damped @ root)
+    share, V = np.linalg.eigh(root.T @ equations.noise_information @ root)
     gain = np.where(share < MOST_NOISE, 1.0 / (1.0 - np.minimum(share, MOST_NOISE)), 0.0)
-    return root @ (V @ (gain * (V.T @ (root.T @ score))))
+    step = root @ (V @ (gain * (V.T @ (root.T @ equations.score))))
+    return step, np.linalg.norm(root, axis=1)
 
 
 def _complete_estimate(problem: BandedProblem, state: Evaluated, iterations: int) -> BandedEstimate:

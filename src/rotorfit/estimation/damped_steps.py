@@ -7,9 +7,11 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.errors import EstimationError
+
 LEAST_DAMPING: Final = 1e-9
-SMALLEST_SHARE: Final = 1e-15
-"""Share of the largest singular value, under which a direction is not known at all."""
+SMALLEST_SHARE: Final = float(np.finfo(float).eps)
+"""Least eigenvalue of the scaled information over the largest: below it there is only rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,22 +24,24 @@ class Step:
 
 
 def damped_step(
-    root: Float[np.ndarray, "n f"], score: Float[np.ndarray, " f"], damping: float
+    information: Float[np.ndarray, "f f"], score: Float[np.ndarray, " f"], damping: float
 ) -> Step:
-    """Solve for a Levenberg-Marquardt step, columns scaled, with R^T R the information.
+    """Solve for a Levenberg-Marquardt step, columns of the information scaled.
 
-    `score` is half the slope; the damping is in units of the scaled information.
+    `score` is half the slope; the damping is in units of the scaled information. Rounding of the
+    information is far below `LEAST_DAMPING`, so that a step needs no root of it from the rows.
     """
-    lengths = np.linalg.norm(root, axis=0)
-    _, s, Vt = np.linalg.svd(root / lengths, full_matrices=False)
-    known = s > SMALLEST_SHARE * s[0]
-    s, Vt = s[known], Vt[known]
-    projected = Vt @ (score / lengths)
-    moved = s / (s**2 + damping) * projected
+    lengths = np.sqrt(np.diagonal(information))
+    if not (lengths > 0.0).all():
+        raise EstimationError("the flights do not move a parameter at all; remove its term")
+    strength, V = np.linalg.eigh(information / np.outer(lengths, lengths))
+    strength = np.maximum(strength, SMALLEST_SHARE * strength[-1])
+    asked = (score / lengths) @ V
+    moved = asked / (strength + damping)
     return Step(
-        step=(moved / s) @ Vt / lengths,
-        std=np.linalg.norm(Vt / s[:, None], axis=0) / lengths,
-        predicted_gain=float(moved @ (2.0 * projected / s - moved)),
+        step=V @ moved / lengths,
+        std=np.linalg.norm(V / np.sqrt(strength), axis=1) / lengths,
+        predicted_gain=float(moved @ (2.0 * asked - strength * moved)),
     )
 
 

@@ -19,7 +19,7 @@ LARGEST_STEP: Final = 1.0
 """Longest step, in standard deviations, from which the end is extrapolated: beyond it the steps do
 not shrink by one share yet."""
 LONGEST_LEAP: Final = 20.0
-"""Longest leap over the step it replaces: the last of a share of .95."""
+"""Longest leap over the step it replaces, the last of a share of .95: longer ones are cut."""
 SHRINKS: Final = 1.5
 """Share of the step before a leap under which the step after it must be, or the rounds are
 forgotten."""
@@ -52,7 +52,5 @@ class FixedPointRounds:
         moved = np.diff(np.array(self.points), axis=0)
         share, *_ = np.linalg.lstsq(turned.T, step / std, rcond=1e-6)
         leap = step - share @ (moved + turned * std)
-        if float(np.abs(leap / std).max()) > LONGEST_LEAP * size:
-            return None
         self.before_leap = size
-        return leap
+        return leap * min(1.0, LONGEST_LEAP * size / float(np.abs(leap / std).max()))
