@@ -162,6 +162,7 @@ def _with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
             law, terms = find_again(tried, fit), fit.terms
     law = law.fitted
     found = dataclasses.replace(with_law(fit.dataset, law.entry), law_found=law.from_flight)
+    found = found.keeping_bands(fit.dataset)
     fit = dataclasses.replace(fit, dataset=found)
     return fit.found(law.finding) if law.from_flight or law.is_stated else fit
 

@@ -33,7 +33,7 @@ from rotorfit.estimation.measured import (
 from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.dataset.carried_weight import carrying_stretches
 from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
-from rotorfit.fit.dataset.plausible_units import gravity_seen
+from rotorfit.fit.dataset.plausible_units import gravity_at_rest
 from rotorfit.fit.dataset.weight_balance import Held
 from rotorfit.fit.experiment.experiment import MotorsEntry, Source
 from rotorfit.fit.fit import Fit, refit, shift_of
@@ -302,7 +302,7 @@ def pooled_weight(found: Sequence[Held]) -> Measured | None:
 
 def bias_at_rest(flight: FlightData) -> Measured:
     """Return the accelerometer's bias along the vertical, by its reading at rest [m/s^2]."""
-    rest = gravity_seen(flight).at_rest
+    rest = gravity_at_rest(flight)
     before = Measured(value=0.0, std=ACCEL_BIAS_STD)
     if rest is None:
         return before

@@ -64,35 +64,41 @@ class GravitySeen:
 
 def gravity_seen(data: FlightData) -> GravitySeen:
     """Measure gravity by the accelerometer of a prepared flight, at rest and in flight."""
-    rest = _rest_forces(data)
-    is_enough = len(rest) * WINDOW >= LEAST_REST
     held = held_up(turning(hovering(data)), data.specific_force)
     return GravitySeen(
-        at_rest=float(np.median(rest)) / GRAVITY if is_enough else None,
+        at_rest=gravity_at_rest(data),
         in_flight=None if held is None else held.ratio,
         in_flight_std=None if held is None else held.std,
     )
 
 
+def gravity_at_rest(data: FlightData) -> float | None:
+    """Measure the mean specific force on the ground, over gravity; None without rest."""
+    rest = _rest_forces(data)
+    return float(np.median(rest)) / GRAVITY if len(rest) * WINDOW >= LEAST_REST else None
+
+
 def _rest_forces(data: FlightData) -> Float[np.ndarray, " m"]:
     """Return the size of the mean specific force of every piece at rest [m/s^2]."""
     rows = max(int(WINDOW * data.sample_rate), 8)
+    count = len(data.time) // rows
     flying = np.zeros(len(data.time), dtype=bool)
     for segment in data.segments:
         flying[max(segment.start - rows, 0) : segment.stop + rows] = True
     level = data.rotor_speed.mean(axis=1)
     hover = float(np.median(level[flying])) if flying.any() else 0.0
-    found: list[float] = []
-    for a in range(0, len(data.time) - rows + 1, rows):
-        part = slice(a, a + rows)
-        force = data.specific_force[part]
-        whole = data.time[a + rows - 1] - data.time[a] < 1.5 * rows / data.sample_rate
-        still = data.angular_velocity[part].std(axis=0).max() < QUIET
-        steady = force.std(axis=0).max() < STEADY
-        idle = float(level[part].mean()) < IDLE * hover and not flying[part].any()
-        if whole and still and steady and idle:
-            found.append(float(np.linalg.norm(force.mean(axis=0))))
-    return np.array(found)
+    aside = np.flatnonzero(~flying[: count * rows].reshape(count, rows).any(axis=1))
+
+    def pieces(values: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "p r *k"]:
+        return values[: count * rows].reshape(count, rows, *values.shape[1:])[aside]
+
+    time, force = pieces(data.time), pieces(data.specific_force)
+    whole = time[:, -1] - time[:, 0] < 1.5 * rows / data.sample_rate
+    still = pieces(data.angular_velocity).std(axis=1).max(axis=1) < QUIET
+    steady = force.std(axis=1).max(axis=1) < STEADY
+    idle = pieces(level).mean(axis=1) < IDLE * hover
+    means: Float[np.ndarray, "m 3"] = force[whole & still & steady & idle].mean(axis=1)
+    return np.linalg.norm(means, axis=1)
 
 
 def gravity_doubts(seen: GravitySeen) -> list[str]:

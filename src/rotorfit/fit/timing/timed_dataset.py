@@ -78,13 +78,17 @@ class TimedDataset(Dataset):
         return dataclasses.replace(self, motor_timing=timing)
 
     def keeping_bands(self, other: "TimedDataset") -> "TimedDataset":
-        """Keep the reduced bands of a dataset with the same flights, of which more is known now."""
+        """Keep the reduced bands of a dataset with the same signals, of which more is known now."""
         timing = self.motor_timing
-        if timing is None or timing.bands is None or other._timed_already is None:
+        if timing is None or not timing.free or not other._is_reduced:
             return self
-        bands = dataclasses.replace(timing.bands, inputs=self._made_of)
-        timing = dataclasses.replace(timing, bands=bands)
-        return dataclasses.replace(self, motor_timing=timing)
+        bands = dataclasses.replace(other.found_with(), inputs=self._made_of)
+        return dataclasses.replace(self, motor_timing=dataclasses.replace(timing, bands=bands))
+
+    @property
+    def _is_reduced(self) -> bool:
+        """Whether the bands at the timing that was found are made already."""
+        return "timed_bands" in vars(self) or self._timed_already is not None
 
     def reduced(self) -> "TimedDataset":
         """Reduce the body's lines once, for bands at many timings."""

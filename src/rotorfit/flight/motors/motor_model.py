@@ -6,7 +6,7 @@ What autopilots ask of the law from command to rotor speed: full speed, curve of
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Final, Literal
 
 import numpy as np
@@ -180,16 +180,28 @@ def shift_time(
 
 def _lagrange_weights(part: float, nodes: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
     """Return Lagrange's weights of the nodes at a place between them."""
-    return np.array([np.prod([(part - m) / (k - m) for m in nodes if m != k]) for k in nodes])
+    powers = part ** np.arange(len(nodes))
+    weights: Float[np.ndarray, " k"] = _lagrange_polynomials(tuple(nodes.tolist())) @ powers
+    return weights
 
 
 def _slope_weights(part: float, nodes: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
     """Differentiate Lagrange's weights by the place."""
-    polynomials = (
-        np.poly1d([m for m in nodes if m != k], r=True) / np.prod([k - m for m in nodes if m != k])
-        for k in nodes
+    degree = np.arange(1, len(nodes))
+    slopes: Float[np.ndarray, " d"] = degree * part ** (degree - 1)
+    weights: Float[np.ndarray, " k"] = _lagrange_polynomials(tuple(nodes.tolist()))[:, 1:] @ slopes
+    return weights
+
+
+@cache
+def _lagrange_polynomials(nodes: tuple[int, ...]) -> Float[np.ndarray, "k d"]:
+    """Return the coefficients of the polynomials of Lagrange's weights, lowest power first."""
+    return np.array(
+        [
+            np.poly([m for m in nodes if m != k])[::-1] / np.prod([k - m for m in nodes if m != k])
+            for k in nodes
+        ]
     )
-    return np.array([one.deriv()(part) for one in polynomials])
 
 
 def white_noise_std(
