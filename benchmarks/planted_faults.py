@@ -634,9 +634,9 @@ ROOMS: Final[dict[str, Room]] = {
     "fit/timing/timing_fit.py": Room(
         tests=("tests/fit/test_timing_deviations.py",),
         scaled=(
-            "MOST_ROUNDS: Final = <<10>>",
+            "MOST_ROUNDS: Final = <<15>>",
             "LONGEST_MOVE: Final = <<0.02>>",
-            "NEAR: Final = <<0.1>>",
+            "NEAR: Final = <<0.3>>",
             "LONGEST_LAG: Final = <<0.2>>",
             "LONGEST_DELAY: Final = <<0.16>>",
             "LEAST_GAIN: Final = <<10.0>>",

@@ -52,13 +52,19 @@ class BandedFlights(TimedDataset):
 
     given: tuple[Factors, ...]
 
-    def bands(self, response=None, *, free=None, **more):
-        if free is None:
-            return self.given
-        times = len(free.names)
+    def bands(self, response=None, **more):
+        return self.given
+
+    @property
+    def timed_bands(self):
+        times = 0 if self.free_timing is None else len(self.free_timing.names)
         return tuple(
-            replace(one, slopes=np.zeros((len(one), times, *one.R.shape[1:]))) for one in self.given
+            replace(one, slopes=np.zeros((len(one), times, *one.R.shape[1:]))) if times else one
+            for one in self.given
         )
+
+    def moved_along_lines(self, response):
+        return self.at(response, self.free_timing.names)
 
 
 def dataset(*flights, motors=COMMANDED, given=None, **more):
@@ -252,11 +258,14 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0, before=None):
 
 
 def test_a_fit_that_moved_far_restarts_there_without_its_times(monkeypatch):
-    """No further than 20 ms a round, which is how far the slopes reach; all times by one share."""
+    """No further than 20 ms a round, which is how far the slopes reach; all times by one share.
+
+    Along the lines first, and once more where that ends.
+    """
     seen = fits_to(monkeypatch, MotorResponse(lag=0.055, delay=0.012))
     timed, fit = settled_fit(dataset().at(MotorResponse(lag=0.005), BOTH), ())
     places = [(free.at.lag, free.at.delay) for free, _ in seen]
-    expected = [(0.005, 0.0), (0.025, 0.0048), (0.045, 0.0096), (0.055, 0.012)]
+    expected = [(0.005, 0.0), (0.025, 0.0048), (0.045, 0.0096), (0.055, 0.012), (0.055, 0.012)]
     assert np.array(places) == pytest.approx(np.array(expected))
     assert seen[0][1] is None
     assert not set(seen[1][1]) & set(BOTH)
@@ -285,12 +294,13 @@ def test_of_many_flights_the_liveliest_settle_first(monkeypatch):
 
     seen = fits_to(monkeypatch, AT, before=note)
     timed, _ = first_fit(many, MotorResponse(lag=0.03), BOTH, ())
-    assert sizes == [(4, ["guess", "terms"]), (4, ["begin", "terms"]), (6, ["guess", "terms"])]
+    along, made = (4, ["begin", "terms"]), (4, ["begin", "terms"])
+    assert sizes == [(4, ["guess", "terms"]), along, made, (6, ["guess", "terms"])]
     assert timed.timing == AT and seen[-1][0].at == AT
 
 
-def test_a_tenth_of_a_deviation_needs_no_other_round(monkeypatch):
-    for off, rounds in ((0.09, 1), (0.11, 2)):
+def test_three_tenths_of_a_deviation_need_no_other_round(monkeypatch):
+    for off, rounds in ((0.29, 1), (0.31, 2)):
         seen = fits_to(monkeypatch, AT)
         start = MotorResponse(lag=AT.lag + off * MS, delay=AT.delay)
         settled_fit(dataset().at(start, BOTH), ())
@@ -298,13 +308,13 @@ def test_a_tenth_of_a_deviation_needs_no_other_round(monkeypatch):
 
 
 def test_a_timing_that_never_settles_is_taken_from_the_last_fit(monkeypatch):
-    """Steps of 5 ms for ever: ten of them, none counted twice."""
+    """Steps of 5 ms for ever: fifteen of them, none counted twice, the last one of the samples."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.040, delay=10.0), share=5e-4)
     timed, fit = settled_fit(dataset().at(AT, ("motor_delay",)), ())
-    assert len(seen) == 10
+    assert len(seen) == timing_fit.MOST_ROUNDS == 15
     assert timed.free_timing.at == seen[-1][0].at
     moved = fit.estimate.value("motor_delay")
-    assert timed.free_timing.at.delay + moved == pytest.approx(0.010 + 0.05, rel=0.01)
+    assert timed.free_timing.at.delay + moved == pytest.approx(0.010 + 0.075, rel=0.01)
 
 
 @pytest.mark.parametrize(("gain", "skewed"), [(9.9, False), (10.1, True)])

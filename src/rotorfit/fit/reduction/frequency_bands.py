@@ -14,12 +14,18 @@ from jaxtyping import Bool, Float
 
 from rotorfit.estimation.factors import Factors, stack_recordings
 from rotorfit.fit.reduction.motor_timing import FreeTiming
-from rotorfit.fit.reduction.reduce import BandPlan, Lines, band_factors
+from rotorfit.fit.reduction.reduce import (
+    BandLines,
+    BandPlan,
+    Lines,
+    band_lines,
+    factors_of_lines,
+)
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import MotorResponse, with_motors
 from rotorfit.flight.motors.speed_slopes import flights_with_moved_motors
 from rotorfit.flight.prepare import PreparedFlight
-from rotorfit.model.signals import AddedSignals
+from rotorfit.model.signals import AddedSignals, signal_layout
 from rotorfit.model.vehicle import Vehicle
 
 EDGES: Final = (0.0, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0, 11.0, 15.0, 20.0, 25.0, 30.0)
@@ -156,12 +162,27 @@ def prepared_bands(
     top: float = np.inf,
 ) -> Factors:
     """Reduce one flight to band factors, see `flight_bands`; with `free`, at its timing."""
+    lines = prepared_lines(prepared, vehicle, response, added=added, free=free, body=body, top=top)
+    return factors_of_lines(lines, signal_layout(vehicle, added))
+
+
+def prepared_lines(
+    prepared: PreparedFlight,
+    vehicle: Vehicle,
+    response: MotorResponse | None,
+    *,
+    added: Sequence[AddedSignals] = (),
+    free: FreeTiming | None = None,
+    body: tuple[Lines, ...] | None = None,
+    top: float = np.inf,
+) -> list[BandLines]:
+    """Transform one flight to the lines of its bands; as for `prepared_bands`."""
     if free is None:
         timed, moved = retimed(prepared, response), []
     else:
         timed, moved = _retime_both_ways(prepared, free)
     data, plan = _plan_bands(prepared, timed)
-    return band_factors(data, vehicle, plan=plan, added=added, moved=moved, body=body, top=top)
+    return band_lines(data, vehicle, plan=plan, added=added, moved=moved, body=body, top=top)
 
 
 def banded_data(

@@ -152,6 +152,27 @@ class BandPlan:
     taper: float = 0.1
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandLines:
+    """The Fourier lines of one stretch of a flight, from which its bands are factored.
+
+    - `lines`: of the signals, then the slopes of those that move, time by time.
+    - `bands`: first and last (exclusive) line of each band.
+    - `resolution`: distance of two lines [Hz].
+    - `noise`: variance per row that the rotor speeds' noise adds to each signal, by band.
+    """
+
+    lines: Lines
+    bands: list[tuple[int, int]]
+    resolution: float
+    noise: Float[np.ndarray, "b z"] | None
+
+    @property
+    def frequency(self) -> Float[np.ndarray, " l"]:
+        """Frequency of every line [Hz]."""
+        return self.resolution * np.arange(len(self.lines))
+
+
 def band_factors(
     flight: FlightData,
     vehicle: Vehicle,
@@ -164,6 +185,24 @@ def band_factors(
 ) -> Factors:
     """Reduce a flight to one factor per stretch and frequency band; raise if none is long enough.
 
+    `moved`, `body`, `top`: as for `band_lines`.
+    """
+    stretches = band_lines(flight, vehicle, plan=plan, added=added, moved=moved, body=body, top=top)
+    return factors_of_lines(stretches, signal_layout(vehicle, added))
+
+
+def band_lines(
+    flight: FlightData,
+    vehicle: Vehicle,
+    *,
+    plan: BandPlan,
+    added: Sequence[AddedSignals] = (),
+    moved: Sequence[tuple[FlightData, FlightData, float]] = (),
+    body: Sequence[Lines] | None = None,
+    top: float = np.inf,
+) -> list[BandLines]:
+    """Transform a flight to the lines of its bands, stretch by stretch.
+
     Each stretch is tapered (Tukey), its rows divided by their noise where that is known,
     transformed and scaled to unit window energy; a band stacks real and imaginary parts. Every step
     is linear and equal for all signals: the equations between them stay exact. `moved`: per slope
@@ -173,7 +212,7 @@ def band_factors(
     layout = signal_layout(vehicle, added)
     made, kept = rotor_columns(layout), body_columns(layout)
     known = body_lines(flight, plan=plan, added=added) if body is None else body
-    parts: list[Factors] = []
+    found: list[BandLines] = []
     for stretch, own in zip(_split_stretches(flight, plan), known, strict=True):
         resolution = flight.sample_rate / len(stretch)
         bands = [
@@ -188,10 +227,18 @@ def band_factors(
         lines = np.empty((len(fresh), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
         lines[:, kept], lines[:, made] = own[: len(fresh)], fresh[:, : len(made)]
         lines[:, len(layout) :] = fresh[:, len(made) :]
-        every = _reduce_stretch(lines, bands, resolution)
-        blocks = _with_slopes(every, layout, len(slopes))
-        noise = rotor_noise(flight, vehicle, stretch, blocks.band, added=added)
-        parts.append(replace(blocks, noise=noise))
+        edges = _edges_of(bands, resolution)
+        noise = rotor_noise(flight, vehicle, stretch, edges, added=added)
+        found.append(BandLines(lines=lines, bands=bands, resolution=resolution, noise=noise))
+    return found
+
+
+def factors_of_lines(stretches: Sequence[BandLines], layout: SignalLayout) -> Factors:
+    """Factor the bands of every stretch."""
+    parts: list[Factors] = []
+    for own in stretches:
+        every = _reduce_stretch(own.lines, own.bands, own.resolution)
+        parts.append(replace(_with_slopes(every, layout), noise=own.noise))
     return _stack_parts(parts)
 
 
@@ -351,18 +398,24 @@ def _reduce_stretch(
         R=triangular_factors(stacked),
         rows=np.array([len(rows) for rows in stacked], dtype=np.int64),
         segment=np.zeros(len(stacked), dtype=np.int64),
-        band=resolution * np.array([[a, b - 1] for a, b in bands]),
+        band=_edges_of(bands, resolution),
     )
 
 
-def _with_slopes(factors: Factors, layout: SignalLayout, count: int) -> Factors:
+def _edges_of(bands: Sequence[tuple[int, int]], resolution: float) -> Float[np.ndarray, "b 2"]:
+    """Return the first and the last frequency of each band [Hz]."""
+    return resolution * np.array([[a, b - 1] for a, b in bands])
+
+
+def _with_slopes(factors: Factors, layout: SignalLayout) -> Factors:
     """Separate the slopes from factors of signals and slopes side by side.
 
     The first rows are those of the signals; each slope has the column of its signal.
     """
+    z, rotors = len(layout), rotor_columns(layout, sloped=True)
+    count = (factors.R.shape[2] - z) // len(rotors)
     if not count:
         return factors
-    z, rotors = len(layout), rotor_columns(layout, sloped=True)
     rows = np.zeros((len(factors), count, factors.R.shape[1], z))
     for t in range(count):
         first = z + t * len(rotors)

@@ -1,7 +1,7 @@
 """The flights of an experiment at a timing of their motors, with their band factors."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,11 +9,19 @@ import numpy as np
 
 from rotorfit.estimation.factors import Factors, stack_recordings
 from rotorfit.fit.dataset.dataset import Dataset, with_prepared
-from rotorfit.fit.reduction.frequency_bands import banded_data, flight_bands
+from rotorfit.fit.reduction.frequency_bands import banded_data, flight_bands, prepared_lines
+from rotorfit.fit.reduction.line_moves import lines_at
 from rotorfit.fit.reduction.motor_timing import FreeTiming, MotorTiming, TimedBands
-from rotorfit.fit.reduction.reduce import Lines, body_lines, yaw_factors
+from rotorfit.fit.reduction.reduce import (
+    BandLines,
+    Lines,
+    body_lines,
+    factors_of_lines,
+    yaw_factors,
+)
 from rotorfit.flight.imu_tilt import ImuTilt, levelled
 from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.model.signals import SignalLayout
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +139,47 @@ class TimedDataset(Dataset):
     def timed_bands(self) -> tuple[Factors, ...]:
         """The band factors at the estimated timing, with their slopes by the free times."""
         bands = self._timed_already
-        return self.bands(self.timing, free=self.free_timing) if bands is None else bands.factors
+        if bands is not None:
+            return bands.factors
+        if self.free_timing is None:
+            return self.bands(self.timing)
+        return tuple(_factors_of_flights(own, self.model.layout) for own in self.timed_lines)
+
+    @cached_property
+    def timed_lines(self) -> tuple[tuple[list[BandLines], ...], ...]:
+        """The lines of each flight of each configuration at that timing, with their slopes."""
+        body = self.body or [[None] * len(c.flights) for c in self.configurations]
+        return tuple(
+            tuple(
+                prepared_lines(
+                    flight.prepared,
+                    self.vehicle,
+                    self.timing,
+                    added=self.model.layout.added,
+                    free=self.free_timing,
+                    body=lines,
+                )
+                for flight, lines in zip(c.flights, own, strict=True)
+            )
+            for c, own in zip(self.configurations, body, strict=True)
+        )
+
+    def moved_along_lines(self, response: MotorResponse) -> "TimedDataset":
+        """Move the timing without reducing the samples again: by the lines of this dataset.
+
+        Good to first order, and far beyond that for a delay and a lag (`line_moves.py`).
+        """
+        free, layout = self.free_timing, self.model.layout
+        assert free is not None
+        factors = tuple(
+            _factors_of_flights([lines_at(one, layout, free, response) for one in own], layout)
+            for own in self.timed_lines
+        )
+        bands = TimedBands(at=response, inputs=self._made_of, factors=factors)
+        moved = self.at(response, free.names)
+        assert moved.motor_timing is not None
+        timing = dataclasses.replace(moved.motor_timing, bands=bands)
+        return dataclasses.replace(moved, motor_timing=timing)
 
     def found_with(self) -> TimedBands:
         """Return the timed bands for other fits of the same flights."""
@@ -150,6 +198,11 @@ class TimedDataset(Dataset):
             )
             for c in self.configurations
         )
+
+
+def _factors_of_flights(flights: Sequence[Sequence[BandLines]], layout: SignalLayout) -> Factors:
+    """Factor the lines of all flights of a configuration."""
+    return stack_recordings([factors_of_lines(lines, layout) for lines in flights])
 
 
 def tilt_corrected_flights(dataset: TimedDataset, tilt: ImuTilt) -> TimedDataset:

@@ -9,7 +9,7 @@ running away. Rotors that rise and fall at different rates get a lag for each wh
 for it.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Final
@@ -31,23 +31,29 @@ from rotorfit.fit.reduction.motor_timing import (
     skew_of,
 )
 from rotorfit.fit.timing.timed_dataset import TimedDataset
-from rotorfit.fit.timing.timing_rounds import TimingRound, accelerated_move, timing_round
+from rotorfit.fit.timing.timing_rounds import (
+    TimingRound,
+    accelerated_move,
+    round_between,
+    timing_round,
+)
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.terms.registry import DEFAULT, DEFAULT_TERMS
 
 SUMMED: Final = ("motor_lag", "motor_delay")
 """Times whose sum is known better than each."""
-MOST_ROUNDS: Final = 10
-"""Rounds of fitting, and of making the signals anew where the fit has moved to."""
+MOST_ROUNDS: Final = 15
+"""Fits of one search, along the lines of the flights or with signals made anew."""
 LONGEST_MOVE: Final = 0.02
 """Longest move of a time in one round [s], within which its slope holds."""
 MOST_OF_A_LAG: Final = 0.75
 """Largest share by which a lag falls in one round: without any lag, its slope says nothing of
 longer ones."""
-NEAR: Final = 0.1
-"""Deviations by which the last round may still move a time, by the slopes of its signals: made anew
-there, they move it by a few hundredths more."""
+NEAR: Final = 0.3
+"""Deviations by which the last round may still move a time, by the slopes of its signals. Slopes
+are off by a quarter at worst (of lags that differ for rising and falling speed), so that signals
+made anew there would move the time by less than a tenth of its deviation."""
 ENOUGH: Final[Mapping[str, float]] = {
     "motor_delay": 0.1 * SUM_FAULT,
     "motor_lag": 0.1 * SUM_FAULT,
@@ -112,7 +118,9 @@ def find_timing(
     names = tuple(f"motor_{name}" for name in unknown)
     if near is not None and set(names) <= set(near.free):
         with suppress(EstimationError):
-            found = fitted_timing(dataset, near.response, near.free, tuple(terms))
+            found = fitted_timing(
+                dataset, near.response, near.free, tuple(terms), guess=near.reached
+            )
             if found is not None:
                 return found
     start = coarse_timing(dataset, unknown) if unknown else None
@@ -156,10 +164,18 @@ def timed_again(
 
 
 def fitted_timing(
-    dataset: TimedDataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
+    dataset: TimedDataset,
+    start: MotorResponse,
+    names: tuple[str, ...],
+    terms: tuple[str, ...],
+    *,
+    guess: Mapping[str, float] | None = None,
 ) -> MotorTiming | None:
-    """Fit the timing from a start with these terms; None if the motion follows no motors."""
-    return _settled_timing(*first_fit(dataset, start, names, terms), names, terms)
+    """Fit the timing from a start with these terms; None if the motion follows no motors.
+
+    `guess`: where the first fit, of the pilot's band, begins; None: at the row fits.
+    """
+    return _settled_timing(*first_fit(dataset, start, names, terms, guess=guess), names, terms)
 
 
 def _settled_timing(
@@ -195,13 +211,18 @@ def _settled_timing(
 
 
 def first_fit(
-    dataset: TimedDataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
+    dataset: TimedDataset,
+    start: MotorResponse,
+    names: tuple[str, ...],
+    terms: tuple[str, ...],
+    *,
+    guess: Mapping[str, float] | None = None,
 ) -> tuple[TimedDataset, BandedEstimate]:
     """Make the first fit; of many flights, near where the liveliest few of them settle."""
-    few, guess = liveliest(dataset), None
+    few = liveliest(dataset)
     if few is not dataset:
         with suppress(EstimationError):
-            begun, first = first_fit(few, start, names, terms)
+            begun, first = first_fit(few, start, names, terms, guess=guess)
             timed, fit = settled_fit(begun, terms, first)
             free = timed.free_timing
             assert free is not None
@@ -227,20 +248,54 @@ def settled_fit(
 ) -> tuple[TimedDataset, BandedEstimate]:
     """Fit until the signals are made where the fit ends; with the flights at that timing.
 
-    `fit` is the one at the timing that the flights have, where it is there already.
+    Each round searches along the lines of the flights first (`moved_along_lines`), and reduces the
+    samples again where that ends. `fit` is the one at the timing that the flights have, where it is
+    there already.
     """
     fit = fit or joint_fit(dataset, terms=terms)[0]
     last: TimingRound | None = None
-    for _ in range(MOST_ROUNDS - 1):
+    rounds = iter(range(MOST_ROUNDS - 1))
+    for _ in rounds:
         free = dataset.free_timing
         assert free is not None
         if _is_near(free, fit) or _is_lagless(dataset):
             break
-        own = timing_round(free, fit)
-        moved = _move_times(free, accelerated_move(own, last, longest=LONGEST_MOVE))
+        along, fit = _search_along_lines(dataset, terms, fit, rounds)
+        ended = along.free_timing
+        assert ended is not None
+        if along is not dataset and _is_lagless(along) and "motor_delay" in free.names:
+            return along, fit
+        own = round_between(free, timing_round(ended, fit))
+        # A search along the lines ends within a deviation, and is not limited as the plain step is.
+        limited = along is dataset
+        by = accelerated_move(own, last, longest=LONGEST_MOVE)
+        moved = _move_times(free, by) if limited else _move_timing(ended, fit)
         dataset, last = dataset.at(moved, free.names), own
-        fit, _ = joint_fit(dataset, terms=terms, begin=free.without_times(fit.estimate.by_name))
+        fit, _ = joint_fit(dataset, terms=terms, begin=ended.without_times(fit.estimate.by_name))
     return dataset, fit
+
+
+def _search_along_lines(
+    made: TimedDataset, terms: tuple[str, ...], fit: BandedEstimate, rounds: Iterator[int]
+) -> tuple[TimedDataset, BandedEstimate]:
+    """Fit on along the lines of flights until a fit moves no time by more than a deviation.
+
+    Of motors without lag the fit would lose the motion: it is the last one before.
+    """
+    dataset = made
+    last: TimingRound | None = None
+    while True:
+        free = dataset.free_timing
+        assert free is not None
+        own = timing_round(free, fit)
+        lagless = _is_lagless(dataset) and "motor_delay" in free.names
+        if lagless or (np.abs(own.move) <= own.std).all() or next(rounds, None) is None:
+            return dataset, fit
+        moved = _move_times(free, accelerated_move(own, last, longest=LONGEST_MOVE))
+        dataset, last = made.moved_along_lines(moved), own
+        if _is_lagless(dataset) and "motor_delay" in free.names:
+            return dataset, fit
+        fit, _ = joint_fit(dataset, terms=terms, begin=free.without_times(fit.estimate.by_name))
 
 
 def _is_lagless(dataset: TimedDataset) -> bool:

@@ -7,7 +7,7 @@ Iterative procedures for nonlinear integral equations, J. ACM 12, 1965, of depth
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -38,18 +38,29 @@ class TimingRound:
 
 def timing_round(free: FreeTiming, fit: BandedEstimate) -> TimingRound:
     """Collect where a fit's signals were made and by how much it moves the times."""
+    places = [fit.estimate.names.index(name) for name in free.names]
+    return TimingRound(
+        names=free.names,
+        at=_times_of(free),
+        move=fit.estimate.values[places],
+        std=fit.estimate.std[places],
+    )
+
+
+def round_between(free: FreeTiming, ended: TimingRound) -> TimingRound:
+    """Return the round of a search that began with signals made at a timing, and ended so."""
+    at = _times_of(free)
+    return replace(ended, at=at, move=ended.at + ended.move - at)
+
+
+def _times_of(free: FreeTiming) -> Float[np.ndarray, " t"]:
+    """Return the free times at which the signals were made, in the order of their names."""
     at = {
         "motor_delay": free.at.delay,
         "motor_lag": free.at.mean_lag,
         "motor_skew": skew_of(free.at),
     }
-    places = [fit.estimate.names.index(name) for name in free.names]
-    return TimingRound(
-        names=free.names,
-        at=np.array([at[name] for name in free.names]),
-        move=fit.estimate.values[places],
-        std=fit.estimate.std[places],
-    )
+    return np.array([at[name] for name in free.names])
 
 
 def accelerated_move(
