@@ -14,12 +14,20 @@ by the flight, k_t is that of the weight.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from rotorfit.checks.sensors.sensor_faults import ERROR, is_estimate
 from rotorfit.checks.verdicts.judge import WEAK
+from rotorfit.checks.weight_by_flight import (
+    FlightWeight,
+    flights_weigh_alike,
+    limit_by_weight,
+    limit_shared_error,
+    weight_of_flights,
+)
 from rotorfit.digits import with_half
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.effective_blocks import half_width_of_parameter
@@ -88,6 +96,20 @@ class ThrustShares:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WeighedFlight:
+    """What carries the weight in one flight.
+
+    - `file`: name of the log.
+    - `stretches`: k_t of each stretch of hover.
+    - `squares`: sum of each rotor's squared speed over the flight.
+    """
+
+    file: str
+    stretches: tuple[Held, ...]
+    squares: Float[np.ndarray, " N"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Balance:
     """k_t from changes of thrust and k_t from the weight.
 
@@ -122,16 +144,39 @@ class Balance:
 
 def weigh_thrust(fit: Fit) -> Fit:
     """Take k_t from changes of thrust and from the weight, and the intervals at that k_t."""
-    dataset, weight = fit.dataset, weight_of(fit)
+    dataset, weighed = fit.dataset, _flights_of(fit)
+    shares = thrust_shares(fit.numbers, dataset.vehicle)
+    weight = kt_of_stretches(weighed, shares)
     if weight is None:
         return allow_for_settings(fit)
+    flights = _weights_by_flight(weighed, shares)
+    weight = weight_of_flights(weight, flights)
     # With changes of thrust a law was found: they say nothing more of k_t.
     changes = None if dataset.law_found else kt_from_changes(fit)
     law = dataset.motors.law
     if changes is not None and law is not None:
         changes = with_open_slope(changes, law.slope_std)
     balance = Balance(changes=changes, weight=weight)
-    return held_at(fit, balance.kt).found(agreement(balance, dataset.motors))
+    agreed = agreement(balance, dataset.motors)
+    if agreed.severity == "doubt":
+        return _with_flights(held_at(fit, balance.kt).found(agreed), flights)
+    kt = limit_by_weight(balance.kt, weight, flights)
+    held = held_at(fit, kt).found(agreed)
+    if len(flights) > 1:
+        widest = max(1.96 * kt.share, _best_half_width(flights))
+        held = replace(held, numbers=limit_shared_error(held.numbers, widest))
+    return _with_flights(held, flights)
+
+
+def _best_half_width(flights: Sequence[FlightWeight]) -> float:
+    """Return the least relative half-width of a flight's k_t by the weight."""
+    return 1.96 * min(one.kt.share for one in flights)
+
+
+def _with_flights(fit: Fit, flights: Sequence[FlightWeight]) -> Fit:
+    """Append what the flights say of each other's k_t to the findings of a fit."""
+    said = flights_weigh_alike(flights)
+    return fit if said is None else fit.found(said)
 
 
 def with_open_slope(changes: Measured, slope_std: float) -> Measured:
@@ -141,14 +186,25 @@ def with_open_slope(changes: Measured, slope_std: float) -> Measured:
 
 def weight_of(fit: Fit) -> Measured | None:
     """Estimate the thrust coefficient that carries the weight in the flights of a fit."""
+    return kt_of_stretches(_flights_of(fit), thrust_shares(fit.numbers, fit.dataset.vehicle))
+
+
+def _flights_of(fit: Fit) -> list[WeighedFlight]:
+    """Weigh the flights of a fit."""
     dataset = fit.dataset
-    return kt_from_weight(
-        dataset.configurations,
-        dataset.vehicle,
-        source=dataset.source,
-        timing=dataset.timing,
-        shares=thrust_shares(fit.numbers, dataset.vehicle),
+    return list(
+        weighed_flights(
+            dataset.configurations, dataset.vehicle, source=dataset.source, timing=dataset.timing
+        )
     )
+
+
+def _weights_by_flight(
+    weighed: Sequence[WeighedFlight], shares: ThrustShares | None
+) -> list[FlightWeight]:
+    """Return k_t of every flight that is long enough."""
+    found = ((one.file, kt_of_stretches((one,), shares)) for one in weighed)
+    return [FlightWeight(file=file, kt=kt) for file, kt in found if kt is not None]
 
 
 def kt_from_changes(fit: Fit) -> Measured | None:
@@ -222,14 +278,23 @@ def kt_from_weight(
     found: with the centre of mass off the centre, some rotors carry more of the weight than others,
     and it is their k_t.
     """
-    found: list[Held] = []
-    squares = np.zeros(len(vehicle.rotors))
+    flights = list(weighed_flights(configurations, vehicle, source=source, timing=timing))
+    return kt_of_stretches(flights, shares)
+
+
+def weighed_flights(
+    configurations: Sequence[ConfigurationData],
+    vehicle: Vehicle,
+    *,
+    source: Source,
+    timing: MotorResponse | None,
+) -> Iterator[WeighedFlight]:
+    """Yield the k_t that carries the weight in the stretches of every flight."""
     for configured in configurations:
         for flight in configured.flights:
             data = retimed(flight.prepared, timing)
-            squares += np.square(data.rotor_speed[data.used_rows]).sum(axis=0)
             bias, velocity_std = bias_and_velocity_std(flight, source)
-            found += carrying_stretches(
+            stretches = carrying_stretches(
                 data,
                 flight.turning,
                 vehicle,
@@ -237,9 +302,20 @@ def kt_from_weight(
                 bias=bias,
                 velocity_std=velocity_std,
             )
-    weight = pooled_weight(found)
+            squares = np.square(data.rotor_speed[data.used_rows]).sum(axis=0)
+            yield WeighedFlight(
+                file=Path(flight.entry.file).name, stretches=tuple(stretches), squares=squares
+            )
+
+
+def kt_of_stretches(
+    flights: Sequence[WeighedFlight], shares: ThrustShares | None
+) -> Measured | None:
+    """Average the k_t of the stretches of some flights, for the rotors' mean."""
+    weight = pooled_weight([held for one in flights for held in one.stretches])
     if weight is None or shares is None:
         return weight
+    squares = np.sum([one.squares for one in flights], axis=0)
     load = squares / squares.sum()
     kt = weight.value / float(load @ shares.values)
     return Measured(value=kt, std=float(np.hypot(weight.std, kt * shares.std_of_mean(load))))

@@ -1,0 +1,111 @@
+r"""k_t of each flight by the weight that its thrust carries, and of all flights together.
+
+Every flight weighs the same thrust coefficient. Together they know it no worse than the best of
+them alone, unless they differ by more than chance allows: :math:`\chi^2` of their logarithms about
+the mean (Birge, Phys. Rev. 40, 1932). Then something changed between the flights that no file
+says (battery, load, propellers, density of the air), the interval covers what they differ by
+(`pooled_weight`), and a finding says so.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from rotorfit.estimation.distributions import chi_square_tail
+from rotorfit.estimation.measured import Measured, mean_scale
+from rotorfit.findings import Evidence, Finding, doubt_or_passed
+from rotorfit.fit.intervals.numbers import Numbers
+
+KIND: Final = "flights-weigh-differently"
+CHANCE: Final = 0.01
+"""Probability of chance alone below which flights contradict each other: once in a hundred sound
+sets of flights, as for the two estimates of one flight (`DOUBTED`)."""
+SHARED: Final = "shared by all flights"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightWeight:
+    """k_t that carries the weight in one flight.
+
+    - `file`: name of the log.
+    - `kt`: by its stretches of hover.
+    """
+
+    file: str
+    kt: Measured
+
+
+def chance_of_difference(flights: Sequence[FlightWeight]) -> float:
+    """Compute the probability that flights of one k_t differ as much as these by chance."""
+    if len(flights) < 2:
+        return 1.0
+    measured = [one.kt for one in flights]
+    off = np.log([one.value for one in measured]) - np.log(mean_scale(measured).value)
+    chi2 = float(np.sum((off / np.array([one.share for one in measured])) ** 2))
+    return chi_square_tail(chi2, len(flights) - 1)
+
+
+def weight_of_flights(pooled: Measured, flights: Sequence[FlightWeight]) -> Measured:
+    """Limit the deviation of all flights to that of the best one, unless they contradict."""
+    if chance_of_difference(flights) < CHANCE:
+        return pooled
+    best = min((one.kt.share for one in flights), default=pooled.share)
+    return replace(pooled, std=min(pooled.std, best * pooled.value))
+
+
+def limit_by_weight(kt: Measured, weight: Measured, flights: Sequence[FlightWeight]) -> Measured:
+    """Limit the deviation of k_t to what the best of several flights allows by its weight.
+
+    Changes of thrust that differ from the weight by chance widen k_t of one flight, as either of
+    the two may be wrong (Birge 1932). Several flights weigh the vehicle as many times, and agree.
+    """
+    if len(flights) < 2:
+        return kt
+    widest = max(weight.share, min(one.kt.share for one in flights))
+    return replace(kt, std=min(kt.std, widest * kt.value))
+
+
+def limit_shared_error(numbers: Numbers, widest: float) -> Numbers:
+    """Limit what all flights lack alike, so that k_t is no wider than in the best of them.
+
+    It is in each of them, too. `widest`: relative half-width of the best flight's k_t.
+    """
+    at = numbers.index("kt")
+    value, half = numbers.number("kt")
+    shared = next((t.half_width[at] for t in numbers.terms if t.name == SHARED), 0.0)
+    others = half**2 - shared**2
+    most = float(np.sqrt(max((widest * value) ** 2 - others, 0.0)))
+    if shared <= most:
+        return numbers
+    own = np.arange(len(numbers.names)) == at
+    terms = (
+        replace(t, half_width=np.where(own, most, t.half_width)) if t.name == SHARED else t
+        for t in numbers.terms
+    )
+    return replace(numbers, terms=tuple(terms))
+
+
+def flights_weigh_alike(flights: Sequence[FlightWeight]) -> Finding | None:
+    """State whether the flights carry the weight at one k_t; None of a single flight."""
+    if len(flights) < 2:
+        return None
+    chance = chance_of_difference(flights)
+    low = min(flights, key=lambda one: one.kt.value)
+    high = max(flights, key=lambda one: one.kt.value)
+    apart = 100.0 * (high.kt.value / low.kt.value - 1.0)
+    sentence = (
+        f"kt by the weight is {apart:.2g} % higher in {high.file} than in {low.file}, more than "
+        "either of them allows: its interval covers what the flights differ by. Weigh the vehicle "
+        "with the battery of each flight; flights of another load, battery type, set of propellers "
+        "or day become a configuration with its own mass, or are identified separately"
+    )
+    return replace(
+        doubt_or_passed(KIND, sentence if chance < CHANCE else None, numbers=("kt",)),
+        flights=(low.file, high.file) if chance < CHANCE else (),
+        evidence=(
+            Evidence(name="kt_between_flights_chance", value=chance, limit=CHANCE),
+            Evidence(name="kt_between_flights", value=0.01 * apart),
+        ),
+    )
