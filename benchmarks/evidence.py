@@ -3,7 +3,7 @@
     python -m benchmarks.evidence [--workers 2] [--check]
 
 Identifies the logs of `$ROTORFIT_DATA` (or `../shared/data`) with the default estimate: one real
-quadrotor beside its bench and its source's own learner, a real Crazyflie beside its thrust stand,
+quadrotor beside its bench and its source's own learner, real Crazyflies beside their thrust stands,
 PX4 and ArduCopter flying vehicles of known parameters, and flights of an independent engine. What
 stands between the markers `<!-- NAME -->` and `<!-- end of NAME -->` is replaced. --check writes
 nothing and ends with an error where a page shows something else.
@@ -22,7 +22,7 @@ from typing import Final
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from benchmarks.common import real_data_folder
-from benchmarks.real_flights import SHOWN, Case, Outcome, cases, outcome
+from benchmarks.real_flights import SHOWN, STANDS, Case, Outcome, cases, outcome
 
 from rotorfit.digits import number_of
 
@@ -77,6 +77,12 @@ CRAZYFLIE: Mapping[str, Span] = {
     "Iyy_com": (1.65e-5 * LEVERS * SLOPE, 2.05e-5 * SLOPE),
 }
 """From the thrust stand, and the authors' own fits with its slope at the maker's arm."""
+STAND_TOLERANCE: Final[Mapping[float, float]] = {
+    STANDS["brushed"]: 0.02,
+    STANDS["payload"]: 0.003,
+}
+"""Of the k_t of a stand, as a share: another specimen of the same motor and propeller, and the
+reading of the scale under the vehicle that flew (README of the logs)."""
 
 
 def showcase(data: Path) -> Case:
@@ -182,7 +188,23 @@ def board(data: Path) -> list[tuple[str, str, Mapping[str, Span], Case]]:
             rows.append((f"world {case.name}", "MuJoCo, random vehicle", truth, case))
         elif case.group == "crazyflie":
             rows.append(("Crazyflie 2.1, commands alone", "thrust stand, authors", CRAZYFLIE, case))
+        elif case.group == "imrc":
+            rows.append((_crazyflie_title(case.name), "thrust stand", _stand_spans(case), case))
     return rows
+
+
+def _crazyflie_title(name: str) -> str:
+    """Return the row of a flight of a weighed Crazyflie."""
+    vehicle = "brushless, cable payload" if "payload" in name else "brushed"
+    return f"Crazyflie {vehicle}, {name.removeprefix('imrc ').removeprefix('payload_')}"
+
+
+def _stand_spans(case: Case) -> dict[str, Span]:
+    """Return what a stand measured, with its tolerance."""
+    return {
+        name: (true * (1.0 - STAND_TOLERANCE[true]), true * (1.0 + STAND_TOLERANCE[true]))
+        for name, true in case.truth.items()
+    }
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

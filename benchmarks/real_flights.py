@@ -1,7 +1,7 @@
 """Do intervals hold on flights with known truth that nothing here made?
 
-    python -m benchmarks.real_flights [--only cinerat fives swapped worlds autopilots crazyflie]
-        [--workers 2] [-o after.json] [--against before.json]
+    python -m benchmarks.real_flights [--only cinerat fives swapped worlds autopilots crazyflie
+        imrc] [--workers 2] [-o after.json] [--against before.json]
 
 Runs the default estimate on the logs of `$ROTORFIT_DATA` (or `../shared/data`):
 
@@ -10,7 +10,9 @@ Runs the default estimate on the logs of `$ROTORFIT_DATA` (or `../shared/data`):
 - `swapped`, `squared`: the thirteen, wrongly declared: the frame's sides exchanged or made equal;
 - `worlds`: six flights of an independent engine;
 - `autopilots`: PX4 and ArduPilot flying simulated vehicles;
-- `crazyflie`: the commands-only logs at hand, beside the figures of their sources.
+- `crazyflie`: the commands-only logs at hand, beside the figures of their sources;
+- `imrc`: seven flights of two weighed Crazyflies with measured speed, and five of them together,
+  against their thrust stands.
 
 Prints, case by case, value over truth and half-width in percent, marked `!` where the interval does
 not hold the truth; then every sentence; then per number how often it holds and its median
@@ -49,6 +51,12 @@ FIRST = (230, 232)
 FLIGHTS = (230, 232, 257, 260, 264, 266, 267, 269, 271, 275, 277, 340, 341)
 FIVES = {"early": (257, 260, 264, 266, 267), "late": (269, 271, 275, 277, 340)}
 SIDES = {"cinerat": (0.0455, 0.0635), "swapped": (0.0635, 0.0455), "squared": (0.0545, 0.0545)}
+BRUSHED = ("jana00", "jana02", "jana03", "jana10", "jana11")
+"""Flights of a brushed Crazyflie 2.1 on two days."""
+PAYLOAD = ("payload_eckart17", "payload_eckart24")
+"""Flights of a brushless Crazyflie with a payload on a cable."""
+STANDS = {"brushed": 2.02e-8, "payload": 3.775e-8}
+"""k_t by their thrust stands (README of the logs) [N s^2]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +102,22 @@ def cases(data: Path) -> Iterable[Case]:
     yield Case(
         name="crazyflie log15", group="crazyflie", declaration=text + _configuration(0.027, log15)
     )
+    yield from _weighed_crazyflies(data / "imrc-crazyflie")
+
+
+def _weighed_crazyflies(folder: Path) -> Iterable[Case]:
+    """Yield the flights of two weighed Crazyflies, and five of one of them together."""
+    rows = [
+        *((name, (name,), 0.0347, 0.046, "brushed") for name in BRUSHED),
+        ("five together", BRUSHED, 0.0347, 0.046, "brushed"),
+        *((name, (name,), 0.0444, 0.050, "payload") for name in PAYLOAD),
+    ]
+    for name, logs, mass, arm, vehicle in rows:
+        airframe = f'[airframe]\nlayout = "quad-x"\narm = {arm}\norder = "crazyflie"\n'
+        motors = '[motors]\nspeed = "measured"\n'
+        text = airframe + motors + _configuration(mass, *(folder / log for log in logs))
+        truth = {"kt": STANDS[vehicle]}
+        yield Case(name=f"imrc {name}", group="imrc", declaration=text, truth=truth)
 
 
 def _cinerat(x: float, y: float) -> str:
