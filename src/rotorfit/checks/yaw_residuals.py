@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.estimation.factors import Factors
-from rotorfit.fit.dataset.declared_rotors import BAND
+from rotorfit.fit.dataset.response_signals import BAND
 from rotorfit.fit.reduction.frequency_bands import EDGES, excited_bands
 from rotorfit.model.vehicle import Vehicle, reversed_rotor
 

@@ -12,7 +12,6 @@ from rotorfit.fit.dataset.declared_rotors import (
     check_frame,
     free_response,
     response,
-    turn_about_z,
     yaw_by_drag,
 )
 from rotorfit.fit.reduction.frequency_bands import EDGES
@@ -159,29 +158,6 @@ def test_yaw_that_tilted_motors_make_says_nothing_of_spins():
     R[:, layout.index("dwz")] = drag + 1.5 * torque
     assert np.corrcoef(R[:, layout.index("dwz")], drag)[0, 1] < -0.5
     assert yaw_by_drag(R, vehicle) > 0.3
-
-
-def test_a_turn_that_one_torque_alone_shows_is_none():
-    """Of an axis that nobody flies the autopilot's answer points anywhere."""
-    rng, vehicle = (
-        np.random.default_rng(9),
-        flown.simulated("quad-x", seed=1, seconds=SECONDS).vehicle,
-    )
-    layout = signal_layout(vehicle)
-    lever = np.cross(vehicle.positions, vehicle.axes)[:, :2]
-    torque = rng.normal(size=(400, 2))
-    R = np.zeros((400, len(layout)))
-    columns = [layout.index(f"O2_{i + 1}") for i in range(4)]
-    R[:, columns] = torque @ np.linalg.pinv(lever)
-    turned = np.radians(25.0)
-    back = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
-    places = [layout.index("dwx"), layout.index("dwy")]
-    R[:, places] = torque @ back
-    angle, _ = turn_about_z(R, vehicle)
-    assert abs(angle) == pytest.approx(turned)
-    back[1] = [0.0, 1.0]
-    R[:, places] = torque @ back
-    assert turn_about_z(R, vehicle)[0] == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", flown.VEHICLES)

@@ -22,6 +22,14 @@ from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.dataset.dataset import LoadedFlight
 from rotorfit.fit.dataset.plausible_units import refuse_implausible_size
+from rotorfit.fit.dataset.response_signals import (
+    CLEAR,
+    inside_band,
+    remove_parallel,
+    select_response_band,
+    square_columns,
+)
+from rotorfit.fit.dataset.turned_imu import refuse_turned
 from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.reduction.frequency_bands import prepared_bands
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
@@ -30,22 +38,17 @@ from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import LAYOUTS, Rotor, Vehicle, layout_rotors, reversed_rotor
 
-CLEAR = 0.3
-"""A share of the angular acceleration that is explained beyond doubt."""
 BETTER = 0.6
 """Log of how many times less another declaration leaves unexplained, summed over the axes."""
 ALIKE = 0.02
 """Declarations whose scores differ by less explain the flight equally well."""
 NEGLIGIBLE = 0.1
 """An unexplained share below which two declarations count as equal."""
-TURNED = float(np.radians(12.0))
-"""Angle about z between IMU and rotors from which it is no tolerance: sound logs have up to 3.5."""
 LAGS_TRIED = (LAG_PRIOR[0], 0.06, 0.1, 0.012)
 """Of motors whose lag is not known [s]: a refusal holds for all of them. At one that is too short
 a vehicle that circles in roll and pitch, as in a limit cycle, responds as if its IMU was turned."""
 PARALLEL = 1e-9
 """Share of two drives' product of squares, up to which they are one."""
-BAND = (0.3, 15.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,19 +88,19 @@ def response(factors: Factors, vehicle: Vehicle, *, made_for: Vehicle | None = N
     """
     declared = made_for or vehicle
     return _response_by_rotors(
-        _signal_products(_inside_band(factors), declared), vehicle, declared=declared
+        _signal_products(inside_band(factors), declared), vehicle, declared=declared
     )
 
 
 def free_response(factors: Factors, vehicle: Vehicle) -> Response:
     """Compute the shares that the rotors' squared speeds explain, wherever the rotors are."""
-    R, layout = _inside_band(factors), signal_layout(vehicle)
-    squares = R[:, _square_columns(vehicle)]
+    R, layout = inside_band(factors), signal_layout(vehicle)
+    squares = R[:, square_columns(vehicle)]
     thrust = squares @ vehicle.axes[:, 2]
     shares = [
         _explained_share(
-            _remove_parallel(R[:, [layout.index(name)]], thrust)[:, 0],
-            _remove_parallel(squares, thrust),
+            remove_parallel(R[:, [layout.index(name)]], thrust)[:, 0],
+            remove_parallel(squares, thrust),
         )
         for name in ("dwx", "dwy", "dwz")
     ]
@@ -108,7 +111,7 @@ def _signal_products(R: Float[np.ndarray, "z z"], declared: Vehicle) -> Float[np
     """Return the products of roll, pitch, yaw, the rotors' spin-up and their squared speeds."""
     layout = signal_layout(declared)
     named = [layout.index(name) for name in ("dwx", "dwy", "dwz", "dHz")]
-    columns = R[:, [*named, *_square_columns(declared)]]
+    columns = R[:, [*named, *square_columns(declared)]]
     return columns.T @ columns
 
 
@@ -141,29 +144,6 @@ def _drive_columns(vehicle: Vehicle, declared: Vehicle) -> Float[np.ndarray, "3 
             [thrust, one[2], drag, spin_up],
         ]
     )
-
-
-def _square_columns(vehicle: Vehicle) -> list[int]:
-    layout = signal_layout(vehicle)
-    return [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]
-
-
-def _inside_band(factors: Factors) -> Float[np.ndarray, "z z"]:
-    return _select_response_band(factors).total
-
-
-def _select_response_band(factors: Factors) -> Factors:
-    """Return the factors of the band in which a vehicle responds to its rotors."""
-    inside = (factors.band[:, 1] > BAND[0]) & (factors.band[:, 0] < BAND[1])
-    return factors.select(inside) if inside.any() else factors
-
-
-def _remove_parallel(
-    columns: Float[np.ndarray, "z k"], from_: Float[np.ndarray, " z"]
-) -> np.ndarray:
-    """Return columns without their component along another column."""
-    size = float(from_ @ from_)
-    return columns if size == 0.0 else columns - np.outer(from_, from_ @ columns / size)
 
 
 def _explained_share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
@@ -218,7 +198,7 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     Raises `FrameError` if the data contradict it; the message says which declaration would fit, or
     that no body on these arms can respond as the gyro says.
     """
-    R = _inside_band(factors)
+    R = inside_band(factors)
     products = _signal_products(R, vehicle)
     declared = _response_by_rotors(products, vehicle, declared=vehicle)
     every, words = _others_tried(products, vehicle, declared)
@@ -239,13 +219,13 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
             f"{seen}; with {', or with '.join(alike)}, they would respond {_shown_response(best)}: "
             "correct the rotors' order and spin, or the log's axes"
         )
-    _refuse_turned(R, vehicle)
+    refuse_turned(factors, vehicle)
     if better or _is_hidden(declared, free):
         raise FrameError(
             f"{seen}; with rotor positions left free, the speeds explain {_shown_response(free)}: "
             "check the rotors' positions, order and spin, and the log's axes"
         )
-    refuse_implausible_size(_select_response_band(factors), vehicle)
+    refuse_implausible_size(select_response_band(factors), vehicle)
     return declared
 
 
@@ -269,7 +249,7 @@ def yaw_by_drag(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> float:
     - `vehicle`: the rotors.
     """
     layout = signal_layout(vehicle)
-    squares = R[:, _square_columns(vehicle)]
+    squares = R[:, square_columns(vehicle)]
     torque = np.cross(vehicle.positions, vehicle.axes)[:, :2]
     others = squares @ np.column_stack([vehicle.axes[:, 2], torque])
     drag = squares @ (-vehicle.spins * vehicle.axes[:, 2])
@@ -280,45 +260,6 @@ def yaw_by_drag(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> float:
     response: Float[np.ndarray, " 2"] = scipy.linalg.pinv(D, rtol=1e-9) @ yaw
     explained = float(np.sum((D @ response) ** 2)) / max(float(yaw @ yaw), np.finfo(float).tiny)
     return float(np.copysign(explained, response[0]))
-
-
-def _refuse_turned(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> None:
-    """Raise where roll and pitch respond as if the IMU were turned about z against the rotors."""
-    angle, shares = turn_about_z(R, vehicle)
-    if abs(angle) > TURNED and min(shares) > CLEAR:
-        raise FrameError(
-            f"roll and pitch respond to the rotors as if the IMU were turned by "
-            f"{abs(np.degrees(angle)):.0f} degrees "
-            f"{'counter-clockwise' if angle > 0 else 'clockwise'} about z (seen from above) "
-            "relative to the rotors: turn the rotors' positions by as much the other way, or give "
-            "the layout that really flies (quad-plus instead of quad-x)"
-        )
-
-
-def turn_about_z(
-    R: Float[np.ndarray, "r z"], vehicle: Vehicle
-) -> tuple[float, tuple[float, float]]:
-    """Estimate the least angle [rad] by which the IMU is turned about z against the rotors.
-
-    The response of roll and pitch to the rotors' torques is a turn times a symmetric matrix,
-    the inverse inertia (polar decomposition); and the shares of roll and pitch that it explains.
-    `R`: factor of the signals.
-    """
-    layout = signal_layout(vehicle)
-    squares = R[:, _square_columns(vehicle)]
-    thrust = squares @ vehicle.axes[:, 2]
-    torque = _remove_parallel(squares @ np.cross(vehicle.positions, vehicle.axes)[:, :2], thrust)
-    turned = _remove_parallel(R[:, [layout.index("dwx"), layout.index("dwy")]], thrust)
-    response: Float[np.ndarray, "2 2"] = scipy.linalg.pinv(torque, rtol=1e-9) @ turned
-    left = ((turned - torque @ response) ** 2).sum(axis=0)
-    total = np.maximum((turned**2).sum(axis=0), np.finfo(float).tiny)
-    roll, pitch = (1.0 - left / total).tolist()
-    # A vector reads turned back in axes that are turned.
-    angle = np.arctan2(response[1, 0] - response[0, 1], response[0, 0] + response[1, 1])
-    # Each torque by itself turns its response as far; of an axis that nobody flies only one does.
-    alone = np.arctan2([-response[0, 1], response[1, 0]], np.diagonal(response))
-    agreed = np.abs([angle, *alone]).min() if (alone * angle > 0.0).all() else 0.0
-    return float(np.copysign(agreed, angle)), (roll, pitch)
 
 
 def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:

@@ -14,7 +14,8 @@ from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
-from rotorfit.fit.dataset.declared_rotors import BAND, response
+from rotorfit.fit.dataset.declared_rotors import response
+from rotorfit.fit.dataset.response_signals import BAND
 from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, prepared_bands
 from rotorfit.fit.reduction.reduce import Lines
 from rotorfit.flight.filters import butterworth, filter_both_ways
