@@ -21,6 +21,7 @@ from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
 from rotorfit.fit.reduction.frequency_bands import STRETCH
+from rotorfit.fit.rest_tilt import rest_denies_tilt, rest_sentence
 from rotorfit.fit.timing.timed_dataset import TimedDataset, tilt_corrected_flights
 from rotorfit.fit.timing.timing_fit import find_timing
 from rotorfit.flight.flight_data import FlightData
@@ -73,6 +74,11 @@ def correct_imu_tilt(
         sentence = lean_sentence(dataset)
         leans = () if sentence is None else (_doubt_lean(sentence, lean),)
         return experiment, dataset, leans
+    rest = rest_denies_tilt(
+        [f.prepared.data for c in dataset.configurations for f in c.flights], tilt
+    )
+    if rest is not None:
+        return experiment, dataset, (_doubt_lean(rest_sentence(tilt, rest), lean),)
     dataset = tilt_corrected_flights(dataset, tilt).reduced()
     if dataset.motor_timing is not None:
         near = dataset.motor_timing

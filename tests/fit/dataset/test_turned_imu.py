@@ -20,8 +20,8 @@ def calm_flight(random, seconds, *, turned=0.0, sticks=0.0):
     """Fly a hover that gusts disturb: angular accelerations and rotors of unlike strength.
 
     The rotors answer the rates and angles of the three axes behind a lag, and the log has them up
-    to 10 ms early or late. `turned`: of the readings about z [rad]: the IMU is turned the other way. `sticks`: rms of the angles that a
-    pilot asks for every .7 s [rad].
+    to 10 ms early or late. `turned`: of the readings about z [rad]: the IMU is turned the other
+    way. `sticks`: rms of the angles that a pilot asks for every .7 s [rad].
     """
     n, dt = round(seconds * RATE), 1.0 / RATE
     lag, memory = random.uniform(0.03, 0.1), random.uniform(0.03, 0.3)

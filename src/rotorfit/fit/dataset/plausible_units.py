@@ -15,7 +15,7 @@ What gravity shows of the accelerometer without an airframe: at rest, and over a
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -74,12 +74,12 @@ def gravity_seen(data: FlightData) -> GravitySeen:
 
 def gravity_at_rest(data: FlightData) -> float | None:
     """Measure the mean specific force on the ground, over gravity; None without rest."""
-    rest = _rest_forces(data)
+    rest = [float(np.linalg.norm(force)) for _, force in rest_forces(data)]
     return float(np.median(rest)) / GRAVITY if len(rest) * WINDOW >= LEAST_REST else None
 
 
-def _rest_forces(data: FlightData) -> Float[np.ndarray, " m"]:
-    """Return the size of the mean specific force of every piece at rest [m/s^2]."""
+def rest_forces(data: FlightData) -> Iterator[tuple[int, Float[np.ndarray, " 3"]]]:
+    """Yield the first row and the mean specific force [m/s^2] of every piece at rest."""
     rows = max(int(WINDOW * data.sample_rate), 8)
     count = len(data.time) // rows
     flying = np.zeros(len(data.time), dtype=bool)
@@ -97,8 +97,8 @@ def _rest_forces(data: FlightData) -> Float[np.ndarray, " m"]:
     still = pieces(data.angular_velocity).std(axis=1).max(axis=1) < QUIET
     steady = force.std(axis=1).max(axis=1) < STEADY
     idle = pieces(level).mean(axis=1) < IDLE * hover
-    means: Float[np.ndarray, "m 3"] = force[whole & still & steady & idle].mean(axis=1)
-    return np.linalg.norm(means, axis=1)
+    resting = whole & still & steady & idle
+    yield from zip((aside[resting] * rows).tolist(), force[resting].mean(axis=1), strict=True)
 
 
 def gravity_doubts(seen: GravitySeen) -> list[str]:
