@@ -8,7 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from rotorfit.flight.on_board import applied_filters, filter_response, passed_through, response_of
+import made_fit
+from rotorfit.flight.on_board import (
+    MOST_RESTORED,
+    applied_filters,
+    filter_response,
+    passed_through,
+    response_of,
+    restoring_response,
+    with_filters,
+)
 from rotorfit.logs.blackbox.firmware import filters as of_betaflight
 from rotorfit.logs.dataflash.firmware import filters as of_ardupilot
 from rotorfit.logs.firmware import Filter
@@ -86,6 +95,78 @@ def test_every_piece_between_gaps_begins_settled():
 def test_only_the_gyros_filters_act_on_the_rotors():
     speed = np.random.default_rng(0).uniform(300.0, 700.0, (500, 4))
     assert passed_through(speed, 400.0, [low_pass(20.0, channel="accel")], jumps=NO_GAPS) is speed
+
+
+def behind(sos, values):
+    """Filter rows on board, begun settled."""
+    begun = signal.sosfilt_zi(sos)[:, :, None] * values[0]
+    return signal.sosfilt(sos, values, axis=0, zi=begun)[0]
+
+
+def digital(one, fast):
+    """Return a low-pass as a firmware computes it at a fast rate."""
+    if one.shape == "butterworth":
+        return signal.butter(2, one.low, fs=fast, output="sos")
+    order = {"pt1": 1, "pt2": 2}[one.shape]
+    wider = (2.0 ** (1.0 / order) - 1.0) ** -0.5
+    once = signal.butter(1, wider * one.low, fs=fast, output="sos")
+    return np.concatenate([once] * order)
+
+
+PAIRS = {
+    "ArduPilot, 10 and 20 Hz": (
+        low_pass(10.0, channel="accel"),
+        low_pass(20.0),
+    ),
+    "PX4, 15 and 40 Hz": (low_pass(15.0, channel="accel"), low_pass(40.0)),
+    "Betaflight, 10 and 100 Hz": (low_pass(10.0, "pt2", channel="accel"), low_pass(100.0, "pt1")),
+    "an accelerometer quicker than the gyro": (
+        low_pass(100.0, "pt2", channel="accel"),
+        low_pass(20.0),
+    ),
+}
+
+
+@pytest.mark.parametrize("filters", PAIRS.values(), ids=PAIRS)
+def test_thrust_about_the_accelerometers_cut_off_shows_its_coefficient(filters):
+    """The slope of the specific force by the rotors, both as logged, is k_t over the mass."""
+    accel = filters[0]
+    fast, every, slope = 4000.0, 8, 0.02
+    rng = np.random.default_rng(5)
+    t = np.arange(round(6.0 * fast)) / fast
+    places = rng.uniform(0.5, 1.2, 12) * min(accel.low, 16.0)
+    swing = 40.0 * np.cos(2.0 * np.pi * places * t[:, None] + rng.uniform(0.0, 6.0, 12)).sum(axis=1)
+    thrust = np.column_stack([np.zeros((len(t), 2)), slope * (500.0 + swing)])
+    noise = 0.02 * rng.normal(size=(len(t[::every]), 3))
+    read = behind(digital(accel, fast), thrust)[::every] + noise
+    rate = fast / every
+    rotors = passed_through((500.0 + swing)[::every, None], rate, filters, jumps=NO_GAPS)[:, 0]
+    data = made_fit.prepared(seconds=6.0, rate=rate, force=read).data
+    found = with_filters(data, filters, jumps=NO_GAPS)
+    assert found.filters == filters
+    inside = slice(500, -500)  # away from the ends
+    slopes = [
+        np.polyfit(rotors[inside], force[inside, 2], 1)[0] / slope
+        for force in (found.specific_force, read)
+    ]
+    assert slopes[0] == pytest.approx(1.0, abs=0.01)
+    assert abs(slopes[1] - 1.0) > 0.1
+
+
+def test_what_a_filter_has_lost_is_not_amplified_without_end():
+    own = (low_pass(5.0, channel="accel"), low_pass(100.0))
+    gain = np.abs(restoring_response(own, np.linspace(0.0, 200.0, 5000)))
+    assert gain.max() == pytest.approx(MOST_RESTORED, rel=0.02)
+    assert gain[-1] < 0.1
+
+
+def test_an_accelerometer_without_filters_and_one_with_the_gyros_stay():
+    force = 9.8 + np.random.default_rng(2).normal(size=(2000, 3))
+    data = made_fit.prepared(force=force).data
+    bare = with_filters(data, (low_pass(20.0),), jumps=NO_GAPS)
+    assert bare.specific_force is force
+    alike = with_filters(data, (low_pass(20.0), low_pass(20.0, channel="accel")), jumps=NO_GAPS)
+    np.testing.assert_allclose(alike.specific_force, force, atol=1e-9)
 
 
 def log_of(gyro, accel="", **settings):

@@ -5,22 +5,28 @@ before the two are compared, both sides of an equation have seen it, and what is
 the motors' alone. All filters are linear and stand still: the motor channel passes them before the
 motors' lag, with the same result. As analog ones, which the loops of a flight controller (1 kHz and
 faster) resemble at the frequencies of a fit; in the frequency domain, where the rate of the log
-does not matter.
+does not matter. An accelerometer behind filters of its own gets the gyro's in place of them.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
 from scipy.fft import next_fast_len
 
+from rotorfit.flight.flight_data import FlightData
 from rotorfit.logs.firmware import Filter, filters_on_board
 from rotorfit.logs.flight_log import FlightLog
 
 ORDERS: Final = {"pt1": 1, "pt2": 2, "pt3": 3}
 FADING: Final = 1.0
 """Length before and after a channel, within which the response of a low-pass at 2 Hz fades [s]."""
+MOST_RESTORED: Final = 4.0
+"""Largest gain by which a filtered accelerometer is amplified: above it noise of the log's digits
+and of vibration aliases is what is left of a channel that lost 12 dB."""
 
 
 def applied_filters(log: FlightLog) -> tuple[Filter, ...]:
@@ -78,19 +84,59 @@ def passed_through(
     own = [one for one in filters if one.channel == "gyro"]
     if not own:
         return values
-    parts = [_filter_stretch(part, sample_rate, own) for part in np.split(values, jumps)]
-    return np.maximum(np.concatenate(parts), 0.0)
+    passed = _filter_stretches(values, sample_rate, partial(response_of, own, "gyro"), jumps)
+    return np.maximum(passed, 0.0)
+
+
+def with_filters(
+    data: FlightData, filters: Sequence[Filter], *, jumps: Int[np.ndarray, " j"]
+) -> FlightData:
+    """Return a flight with its filters, and its specific force behind those of the gyro."""
+    force = data.specific_force
+    if any(one.channel == "accel" for one in filters):
+        respond = partial(restoring_response, filters)
+        force = _filter_stretches(force, data.sample_rate, respond, jumps)
+    return replace(data, filters=tuple(filters), specific_force=force)
+
+
+def restoring_response(
+    filters: Sequence[Filter], frequency: Float[np.ndarray, " f"]
+) -> Complex[np.ndarray, " f"]:
+    """Compute the response that gives the accelerometer the gyro's filters in place of its own.
+
+    The rotors pass the gyro's. To pass them through the accelerometer's instead would weigh the
+    same: the likelihood of a band does not depend on the gain that both sides have. Beyond
+    `MOST_RESTORED` the noise would be all that is left, and the response falls.
+    """
+    gyro, accel = (response_of(filters, name, frequency) for name in ("gyro", "accel"))
+    ratio = accel / gyro
+    left = np.abs(ratio)
+    lost = left * MOST_RESTORED < 1.0
+    return np.conj(ratio) / np.where(lost, MOST_RESTORED**-2, left**2)
+
+
+def _filter_stretches(
+    values: Float[np.ndarray, "n N"],
+    sample_rate: float,
+    respond: Callable[[Float[np.ndarray, " f"]], Complex[np.ndarray, " f"]],
+    jumps: Int[np.ndarray, " j"],
+) -> Float[np.ndarray, "n N"]:
+    """Filter the stretches between gaps, each as if it had stood at its ends before and after."""
+    parts = [_filter_stretch(part, sample_rate, respond) for part in np.split(values, jumps)]
+    return np.concatenate(parts)
 
 
 def _filter_stretch(
-    values: Float[np.ndarray, "n N"], sample_rate: float, filters: Iterable[Filter]
+    values: Float[np.ndarray, "n N"],
+    sample_rate: float,
+    respond: Callable[[Float[np.ndarray, " f"]], Complex[np.ndarray, " f"]],
 ) -> Float[np.ndarray, "n N"]:
     """Filter a stretch as if its first and last rows had stood before and after it."""
     pad = round(FADING * sample_rate)
     wide = np.pad(values, ((pad, pad), (0, 0)), mode="edge")
     rows = next_fast_len(len(wide), real=True)
     wide = np.pad(wide, ((0, rows - len(wide)), (0, 0)), mode="edge")
-    response = response_of(filters, "gyro", np.fft.rfftfreq(rows, 1.0 / sample_rate))
+    response = respond(np.fft.rfftfreq(rows, 1.0 / sample_rate))
     # The two ends of the circle differ: their step fades within the rows that are cut off.
     lines = np.fft.rfft(wide, axis=0) * response[:, None]
     return np.fft.irfft(lines, rows, axis=0)[pad : pad + len(values)]

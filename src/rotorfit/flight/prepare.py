@@ -56,7 +56,7 @@ from rotorfit.flight.motors.motor_model import (
     white_noise_std,
     with_motors,
 )
-from rotorfit.flight.on_board import applied_filters, passed_through
+from rotorfit.flight.on_board import applied_filters, passed_through, with_filters
 from rotorfit.flight.other_hovers import OtherHover, other_hovers
 from rotorfit.flight.signals import central_difference, hampel, true_runs, whole_samples
 from rotorfit.logs.firmware import Filter
@@ -235,16 +235,11 @@ def prepared_from(
     bias = _gyro_bias(uniform, rest)
     del motion, rest
     speed_std = max(step / 12.0**0.5, white_noise_std(recorded_speed, flights)) if measured else 0.0
+    collected = _collect_flight_data(uniform, speed, bias)
+    collected = with_filters(collected, recorded.filters, jumps=jumps)
+    collected = dataclasses.replace(collected, lag_on=motors.lag_on)
     data = dataclasses.replace(
-        with_motors(
-            dataclasses.replace(
-                _collect_flight_data(uniform, speed, bias),
-                lag_on=motors.lag_on,
-                filters=recorded.filters,
-            ),
-            speed,
-            motors.response,
-        ),
+        with_motors(collected, speed, motors.response),
         segments=_inner_segments(
             flights if measured else _drop_unsettled(flights, uniform), uniform
         ),

@@ -12,7 +12,7 @@ from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight, with_f
 from rotorfit.fit.reduction.bandwidth import LEAST_FOLLOWED, LOWEST, Sensor, bandwidths
 from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
 from rotorfit.fit.timing.timed_dataset import TimedDataset
-from rotorfit.flight.on_board import response_of
+from rotorfit.flight.on_board import MOST_RESTORED, response_of
 from rotorfit.logs.firmware import Filter
 
 GRID: Final = np.arange(LOWEST, EDGES[-1], 0.05)
@@ -48,9 +48,15 @@ def flight_reach(flight: LoadedFlight) -> Float[np.ndarray, " 6"]:
 
 
 def _known_reach(filters: Sequence[Filter]) -> float:
-    """Return up to which frequency the accelerometer's filters are the gyro's, as of the rotors."""
+    """Return up to which frequency the accelerometer has the gyro's filters, as the rotors do.
+
+    Those of its own are taken off where they left enough of it (`on_board.with_filters`).
+    """
     accel, gyro = (response_of(filters, name, GRID) for name in ("accel", "gyro"))
-    unlike = np.flatnonzero(np.real(accel / gyro) < LEAST_FOLLOWED)
+    if any(one.channel == "accel" for one in filters):
+        unlike = np.flatnonzero(np.abs(accel / gyro) * MOST_RESTORED < 1.0)
+    else:
+        unlike = np.flatnonzero(np.real(accel / gyro) < LEAST_FOLLOWED)
     return float(GRID[unlike[0]]) if len(unlike) else np.inf
 
 
