@@ -5,8 +5,10 @@ import warnings
 
 import pytest
 
+import flown as flown_experiments
 from rotorfit.checks.left_out_hovers import KIND as CONTRADICTING
 from rotorfit.checks.motors.law_from_flight import STATED
+from rotorfit.checks.weight_by_flight import KIND as DIFFERENT
 from rotorfit.fit.experiment.experiment import single_flight_experiment
 from rotorfit.identification import identify
 from rotorfit.logs import read_log
@@ -30,6 +32,7 @@ arm = 0.05
 [motors]
 speed = "measured"
 """
+BRUSHED = CRAZYFLIE.replace("arm = 0.05", "arm = 0.046")
 COPTER = """[airframe]
 layout = "quad-x"
 order = "ardupilot"
@@ -118,3 +121,46 @@ def test_full_throttle_is_that_of_the_thrust_stand(flown):
     assert low <= 0.0265 * 9.80665 <= high
     assert high < result.derived_value("max_thrust").value
     assert result.diagnostics[UNDER_LOAD] == pytest.approx(2.88, abs=0.15)
+
+
+def kt_share(result):
+    """Return k_t and its relative half-width."""
+    kt = result.parameter("kt")
+    low, high = kt.interval
+    return kt.value, 0.5 * (high - low) / kt.value
+
+
+def test_five_flights_weigh_as_well_as_each_and_say_that_they_differ(
+    flight_data_dir, tmp_path_factory
+):
+    """Stand: 2.02e-8 to 2 %. Alone the flights give .3 to 1.8 %, on two days 1.5 % apart."""
+    folder = flight_data_dir / "imrc-crazyflie"
+    logs = [folder / f"jana{number}" for number in ("00", "02", "03", "10", "11")]
+    if not all(log.is_file() for log in logs):
+        pytest.skip(f"no {folder}")
+    path = tmp_path_factory.mktemp("five") / "five.toml"
+    files = ", ".join(f'"{log}"' for log in logs)
+    path.write_text(
+        f"{BRUSHED}[[configuration]]\nmass = 0.0347\nflights = [{files}]\n", encoding="utf-8"
+    )
+    result = flown_experiments.quietly_identified(path)
+    value, share = kt_share(result)
+    assert share < 0.0055  # 1.2 % before they were held against each other
+    assert value * (1.0 + share) > 2.02e-8 * 0.98
+    [found] = [one for one in result.findings if one.kind == DIFFERENT]
+    assert (found.severity, found.flights) == ("doubt", ("jana10", "jana00"))
+
+
+@pytest.mark.parametrize(
+    ("log", "airframe", "mass", "stand", "tolerance"),
+    [
+        ("jana03", BRUSHED, 0.0347, 2.02e-8, 0.02),
+        ("payload_eckart24", CRAZYFLIE, 0.0444, 3.775e-8, 0.003),
+    ],
+)
+def test_kt_is_that_of_the_thrust_stand(flown, log, airframe, mass, stand, tolerance):
+    result = flown(f"imrc-crazyflie/{log}", airframe, mass)
+    value, share = kt_share(result)
+    assert value * (1.0 - share) < stand * (1.0 + tolerance)
+    assert value * (1.0 + share) > stand * (1.0 - tolerance)
+    assert share < 0.02
