@@ -24,7 +24,7 @@ def low_pass(channel, cutoff):
     )
 
 
-def test_filters_that_are_taken_off_leave_what_is_enough_of_the_motion():
+def test_filters_taken_off_leave_a_quarter_of_the_motion():
     """A Butterworth of second order leaves a quarter at its cut-off times 15^(1/4)."""
     found = reach(low_pass("accel", 5.0), low_pass("gyro", 1000.0))
     lost = (MOST_RESTORED**2 - 1.0) ** 0.25
@@ -33,6 +33,6 @@ def test_filters_that_are_taken_off_leave_what_is_enough_of_the_motion():
     assert np.isinf(reach(low_pass("accel", 20.0), low_pass("gyro", 20.0))).all()
 
 
-def test_a_gyro_behind_a_filter_beside_a_raw_accelerometer_limits_it():
+def test_a_filtered_gyro_limits_a_raw_accelerometer():
     """The rotors pass the gyro's: real part of its inverse 1 - (f / 20)^2, .85 at 7.7 Hz."""
     assert reach(low_pass("gyro", 20.0))[:3] == pytest.approx([20.0 * 0.15**0.5] * 3, abs=0.1)

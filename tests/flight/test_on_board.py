@@ -128,7 +128,7 @@ PAIRS = {
 
 
 @pytest.mark.parametrize("filters", PAIRS.values(), ids=PAIRS)
-def test_thrust_about_the_accelerometers_cut_off_shows_its_coefficient(filters):
+def test_thrust_about_the_accelerometers_cut_off_shows_kt(filters):
     """The slope of the specific force by the rotors, both as logged, is k_t over the mass."""
     accel = filters[0]
     fast, every, slope = 4000.0, 8, 0.02
@@ -160,7 +160,7 @@ def test_what_a_filter_has_lost_is_not_amplified_without_end():
     assert gain[-1] < 0.1
 
 
-def test_an_accelerometer_without_filters_and_one_with_the_gyros_stay():
+def test_accelerometers_without_other_filters_stay():
     force = 9.8 + np.random.default_rng(2).normal(size=(2000, 3))
     data = made_fit.prepared(force=force).data
     bare = with_filters(data, (low_pass(20.0),), jumps=NO_GAPS)

@@ -130,9 +130,7 @@ def kt_share(result):
     return kt.value, 0.5 * (high - low) / kt.value
 
 
-def test_five_flights_weigh_as_well_as_each_and_say_that_they_differ(
-    flight_data_dir, tmp_path_factory
-):
+def test_five_flights_together_say_that_they_differ(flight_data_dir, tmp_path_factory):
     """Stand: 2.02e-8 to 2 %. Alone the flights give .3 to 1.8 %, on two days 1.5 % apart."""
     folder = flight_data_dir / "imrc-crazyflie"
     logs = [folder / f"jana{number}" for number in ("00", "02", "03", "10", "11")]

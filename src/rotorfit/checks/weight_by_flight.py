@@ -94,18 +94,18 @@ def flights_weigh_alike(flights: Sequence[FlightWeight]) -> Finding | None:
     chance = chance_of_difference(flights)
     low = min(flights, key=lambda one: one.kt.value)
     high = max(flights, key=lambda one: one.kt.value)
-    apart = 100.0 * (high.kt.value / low.kt.value - 1.0)
+    difference = 100.0 * (high.kt.value / low.kt.value - 1.0)
     sentence = (
-        f"kt by the weight is {apart:.2g} % higher in {high.file} than in {low.file}, more than "
-        "either of them allows: its interval covers what the flights differ by. Weigh the vehicle "
-        "with the battery of each flight; flights of another load, battery type, set of propellers "
-        "or day become a configuration with its own mass, or are identified separately"
+        f"kt by the weight is {difference:.2g} % higher in {high.file} than in {low.file}, more "
+        "than either allows; the interval of kt covers what the flights differ by. Weigh the "
+        "vehicle with the battery of each flight; flights of another load, battery, day or set of "
+        "propellers become a configuration with its own mass, or are identified separately"
     )
     return replace(
         doubt_or_passed(KIND, sentence if chance < CHANCE else None, numbers=("kt",)),
         flights=(low.file, high.file) if chance < CHANCE else (),
         evidence=(
             Evidence(name="kt_between_flights_chance", value=chance, limit=CHANCE),
-            Evidence(name="kt_between_flights", value=0.01 * apart),
+            Evidence(name="kt_between_flights", value=0.01 * difference),
         ),
     )

@@ -102,7 +102,7 @@ def test_the_deviation_of_the_angle_is_that_of_calm_flights(calm_flights):
     assert 0.8 < np.mean(np.abs(ratios) < 1.96) < 1.0
 
 
-def test_a_turned_imu_is_refused_where_somebody_rolls_and_pitches():
+def test_a_turned_imu_is_refused_where_somebody_steers():
     random = np.random.default_rng(12)
     flights = [calm_flight(random, 8.0, turned=np.radians(45.0), sticks=0.2) for _ in range(30)]
     angles = [turn_about_z(inside_band(one), made_fit.QUAD)[0] for one in flights]
