@@ -39,7 +39,7 @@ def remove_parallel(
 
 
 def cross_signals(
-    R: Float[np.ndarray, "r z"], whole: Float[np.ndarray, "z z"], vehicle: Vehicle
+    R: Float[np.ndarray, "r z"], whole: Float[np.ndarray, "w z"], vehicle: Vehicle
 ) -> tuple[Float[np.ndarray, "r 2"], Float[np.ndarray, "r 2"]]:
     """Return torques and accelerations of roll and pitch, without what goes with the thrust.
 
