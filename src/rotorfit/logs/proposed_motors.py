@@ -43,7 +43,10 @@ def motors_found(
             asked = f"Unit of {held[0]} to {held[-1]} ({values.min():.6g} to {values.max():.6g})"
             if unit is None:
                 questions.append(Question(channel="motors", words=asked, choices=choices))
-                unit, why = choices[0], "(a guess, asked below: names and values do not tell)"
+                unit, why = (
+                    choices[0],
+                    "(a guess, since names and values do not tell: answer the question about it)",
+                )
         if _column_stem(unit) in units:
             unit, why = units[_column_stem(unit)], "as stated"
         stem = _column_stem(unit)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from rotorfit.checks.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
 from rotorfit.checks.verdicts.judge import ADVICE, FLOWN, body_advice
@@ -10,7 +11,14 @@ from rotorfit.findings import Evidence, doubt, note
 from rotorfit.fit.intervals.interval_terms import TERM_KINDS, NumberTerm
 from rotorfit.results.assemble import mark_doubtful
 from rotorfit.results.result import IdentificationResult, Parameter
-from rotorfit.tools.planning.after import PRACTICE, UNAIDED, UNAIDED_BEFORE, Missing
+from rotorfit.tools.planning.after import (
+    PRACTICE,
+    UNAIDED,
+    UNAIDED_BEFORE,
+    Missing,
+    judged_numbers,
+    unaided_advice,
+)
 from rotorfit.tools.planning.next_step import (
     BEST_MANOEUVRE,
     DONE,
@@ -126,6 +134,26 @@ def test_a_number_about_the_com_keeps_what_was_simulated():
     )  # fmt: skip
     assert body_advice("Ixy_com", "weak", twin) == FLOWN["roll"]
     assert body_advice("Ixy_com", "weak", replace(twin, advice=UNAIDED)) == UNAIDED
+
+
+def test_a_gain_never_reaches_beyond_what_no_flight_shrinks():
+    """Its law alone leaves kt open by 80 % of its interval: 20 s of any manoeuvre keep that."""
+    terms = tuple(
+        NumberTerm(name=name, half_width=half, source="made up")
+        for name, half in (("noise", 0.3), ("motor law", 0.4))
+    )
+    kt = Parameter(
+        name="kt", configuration=None, value=1.0, std=0.5 / 1.96, interval=(0.5, 1.5), unit="",
+        verdict="weak", advice=FLOWN["climb"], asks="flight", interval_terms=terms,
+    )  # fmt: skip
+    result = IdentificationResult(
+        name="made", method="banded", parameters=(kt,), derived=(), flights=(),
+        covariance_names=(), covariance=np.zeros((0, 0)), settings={}, versions={},
+    )  # fmt: skip
+    [number] = judged_numbers(result, "A")
+    assert number.kept == pytest.approx(0.8)
+    assert unaided_advice(number) == TERM_KINDS["motor law"].action
+    assert unaided_advice(replace(number, kept=0.6)) == UNAIDED
 
 
 def held_by(term, share, *, of=("kd",)):

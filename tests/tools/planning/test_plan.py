@@ -372,6 +372,28 @@ def test_what_is_doubtful_is_settled_before_it_is_flown(after_rolling):
     assert (kt.manoeuvre, kt.advice) == (None, UNSETTLED)
 
 
+def test_a_gain_is_in_the_units_of_the_result(after_rolling):
+    """Without a law kt is thrust at full command, millions of times that of a rad/s."""
+
+    def predicted_kt(size):
+        changed = tuple(
+            replace(p, value=p.value * size, std=0.2 * p.value * size, verdict="weak")
+            if p.name == "kt"
+            else p
+            for p in after_rolling.parameters
+        )
+        unit = np.where(np.array(after_rolling.covariance_names) == "kt", size, 1.0)
+        covariance = after_rolling.covariance * np.outer(unit, unit)
+        result = replace(after_rolling, parameters=changed, covariance=covariance)
+        missing = plan(request(after=result)).missing
+        (kt,) = (m for m in missing if m.name == "kt")
+        return kt
+
+    one, other = predicted_kt(1.0), predicted_kt(1e7)
+    assert one.now == pytest.approx(0.392)
+    assert (other.now, other.relative) == (pytest.approx(one.now), pytest.approx(one.relative))
+
+
 def test_rough_values_come_from_the_result(after_rolling):
     values = values_of(after_rolling, PAPER)
     assert values["Ixx"] == after_rolling.derived_value("Ixx_com").value

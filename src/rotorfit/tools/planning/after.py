@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import inf, isfinite, isinf
 from typing import Final
 
 import numpy as np
@@ -56,15 +56,17 @@ PRACTICE: Final[tuple[Manoeuvre, ...]] = (
 AS_GOOD: Final = 1.1
 """A manoeuvre this close to the best one is as good."""
 UNAIDED: Final = (
-    f"no manoeuvre of {PRACTICE_SECONDS:.0f} s is enough: fly longer, or with a payload"
+    f"fly one manoeuvre for longer than {PRACTICE_SECONDS:.0f} s, or fly with a payload"
 )
 """What is said to do for a number that no manoeuvre helps."""
-UNAIDED_BEFORE: Final = UNAIDED.replace("enough", "enough for it")
+UNAIDED_BEFORE: Final = "no manoeuvre of 20 s is enough for it: fly longer, or with a payload"
 """As older results have it, which do not say what their advice asks for."""
 UNSETTLED: Final = "first settle why it is doubtful: the result says it"
 """What is said to do for a number that is doubtful, and not for want of a flight."""
 SHARED: Final = ("kt", "kd", "Jr")
 RATIOS: Final = {"kd_over_Izz": "kd", "Jr_over_Izz": "Jr"}
+UNFLOWN: Final = ("measure", "declare", "log", "repair")
+"""Remedies that are no flight."""
 LACKING: Final = ("doubtful", "weak", "ratio-only", "not-identified")
 
 
@@ -274,6 +276,8 @@ class JudgedNumber:
 
     `full_name`: in a plan; `parameter`: the full name in the result, by which findings go.
     `largest`: the largest contribution to its interval; None without an interval.
+    `kept`: half of its interval by what no flight shrinks (a ruler, a law, a setting of the log),
+    over half of all of it.
     """
 
     name: str
@@ -283,6 +287,7 @@ class JudgedNumber:
     advice: str | None
     asks: Asks | None
     largest: BudgetLine | None = None
+    kept: float = 0.0
 
     @property
     def is_flyable(self) -> bool:
@@ -303,6 +308,7 @@ def judged_numbers(result: IdentificationResult, owner: str) -> list[JudgedNumbe
         shown = about.get(p.name) if p.configuration else None
         verdict = p.verdict if shown is None else body_verdict(shown, p, derived)
         name = p.name if shown is None else shown.name
+        lines = budget_lines(shown or p)
         found.append(
             JudgedNumber(
                 name=name,
@@ -311,7 +317,8 @@ def judged_numbers(result: IdentificationResult, owner: str) -> list[JudgedNumbe
                 verdict=verdict,
                 advice=p.advice if shown is None else body_advice(name, verdict, p),
                 asks=p.asks if shown is None else body_asks(name, verdict, p),
-                largest=next(iter(budget_lines(shown or p)), None),
+                largest=next(iter(lines), None),
+                kept=sum(line.share for line in lines if line.remedy in UNFLOWN) ** 0.5,
             )
         )
     return found
@@ -331,15 +338,16 @@ def _predict_missing(
 ) -> Missing:
     """Predict a number after each manoeuvre; none that does not sharpen it is advised."""
     now, size = _current_width(number, problem, next(iter(trials.values())), known)
+    kept = 0.0 if isinf(now) else now * number.kept
     relative: dict[Manoeuvre, float] = {
-        m: min(n.number(number.full_name)[1] / size, now) for m, n in trials.items()
+        m: min(max(n.number(number.full_name)[1] / size, kept), now) for m, n in trials.items()
     }
     manoeuvre = _helpful_manoeuvre(number, relative)
     after = relative[manoeuvre]
     verdict = judge(1.0, after, scale=0.0, axis="yaw").verdict
     flyable, helps = number.is_flyable, verdict != "not-identified" and after * AS_GOOD <= now
     chosen = manoeuvre if flyable and helps else None
-    flown = UNAIDED if chosen is None else FLOWN[chosen]
+    flown = unaided_advice(number) if chosen is None else FLOWN[chosen]
     return Missing(
         name=number.name,
         full_name=number.full_name,
@@ -354,16 +362,29 @@ def _predict_missing(
     )
 
 
+def unaided_advice(number: JudgedNumber) -> str:
+    """State what to do where no manoeuvre helps: what shrinks the part that no flight does."""
+    line = number.largest
+    held = line is not None and line.remedy in UNFLOWN and number.kept**2 > 0.5
+    return line.action if line is not None and held else UNAIDED
+
+
 def _current_width(
     number: JudgedNumber, problem: Problem, numbers: Numbers, known: Knowledge
 ) -> tuple[float, float]:
-    """Return half of a number's interval now over its size, infinite for none, and that size."""
+    """Return half of a number's interval now over its size, infinite for none, and that size.
+
+    The size is in units of the plan, which are not those of a result per command without a law.
+    """
     bare = problem.configurations[0]
     entry = _trusted_entry(known.result, number.name, known.configuration)
     found = 0.0 if entry is None or entry.value is None else entry.value
-    scale = number_scale(numbers, number.full_name, mass=bare.mass, vehicle=bare.vehicle)
-    size = max(abs(numbers.number(number.full_name)[0]), abs(found), scale)
     half = inf if entry is None or entry.std is None else 1.96 * entry.std
+    planned = abs(numbers.number(number.full_name)[0])
+    if number.name in SHARED and found:
+        found, half = planned, half * planned / abs(found)
+    scale = number_scale(numbers, number.full_name, mass=bare.mass, vehicle=bare.vehicle)
+    size = max(planned, abs(found), scale)
     return half / size, size
 
 

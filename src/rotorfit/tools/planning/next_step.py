@@ -25,6 +25,7 @@ from rotorfit.tools.planning.after import (
     LACKING,
     PRACTICE,
     UNAIDED,
+    UNFLOWN,
     JudgedNumber,
     Missing,
     gain_phrase,
@@ -158,7 +159,9 @@ def _with_advice(
 def _what_is_asked(advice: str, number: JudgedNumber) -> Asks:
     if not number.is_flyable:
         return "other"
-    return "nothing" if advice == UNAIDED else "flight"
+    if advice == UNAIDED:
+        return "nothing"
+    return "flight" if advice in FLOWN.values() else "other"
 
 
 def best_manoeuvre(missing: Sequence[Missing]) -> Finding:
@@ -247,7 +250,7 @@ def _not_by_flying(lacking: Sequence[JudgedNumber]) -> NextStep | None:
     groups: dict[str, list[JudgedNumber]] = {}
     for number in lacking:
         line = number.largest
-        if line is not None and line.share > MOST_OF_IT and line.remedy not in ("fly", "none"):
+        if line is not None and line.share > MOST_OF_IT and line.remedy in UNFLOWN:
             groups.setdefault(line.name, []).append(number)
     held = sum(len(numbers) for numbers in groups.values())
     if 2 * held <= len(lacking):
