@@ -34,6 +34,7 @@ def imported(*arguments: str) -> set[str]:
         ("identify", "--help"),
         ("identify", "missing.bfl", "--mass", "1", "--airframe", "airframe.toml"),
         ("identify", "missing.bfl", "--mas", "1"),
+        ("airframe", "missing.bfl"),
     ],
 )
 def test_help_and_a_missing_log_need_no_numpy(arguments: tuple[str, ...]) -> None:
@@ -79,7 +80,7 @@ def test_airframe_and_settings_load_no_fit_of_the_flight() -> None:
     found = imported("settings", "flight.csv")
     assert "rotorfit.tools.inspection.recording" in found
     assert not any(name.startswith(("rotorfit.fit", "rotorfit.tools.planning")) for name in found)
-    found = imported("airframe", "flight.csv")
+    found = imported("airframe", "flight.csv", "-o", "new.toml")
     assert "rotorfit.tools.inspection.flown_part" in found
     assert found.isdisjoint(
         {"rotorfit.tools.inspection.prospects", "rotorfit.tools.planning.next_step"}

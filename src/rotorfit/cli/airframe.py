@@ -16,6 +16,7 @@ from rotorfit.cli.terminal import (
     LogNumber,
     OutputFile,
     Speed,
+    load_modules,
     print_result,
     print_status,
     read_reply,
@@ -114,12 +115,16 @@ def airframe(
     their order and spins, and whether their speed was measured. Of a table with columns of its own
     names it proposes which is which and in what unit, and the file keeps that for later.
     """
-    from rotorfit.logs.files import write_whole
-    from rotorfit.tools.inspection.seen_airframe import SeenAirframe
+    from rotorfit.logs.files import read_head, write_whole
 
     refuse_output_file(output, inputs=[] if log is None else [log], force=force)
     if log is not None and spacing is not None:
         _parse_spacing(spacing)  # refused before the log is read, not after
+    if log is not None and not log.is_dir():
+        read_head(log, 1)  # a missing log is reported before heavy imports
+    load_modules("rotorfit.tools.inspection.seen_airframe")
+    from rotorfit.tools.inspection.seen_airframe import SeenAirframe
+
     table = None if log is None else _table_of(log, column, unit, axes=axes, poles=poles)
     seen = SeenAirframe() if log is None else _seen_in(log, log_number, table)
     given = (layout, order, spacing)
@@ -185,7 +190,9 @@ def _table_of(
     )
     if not named and not units and axes is None and explains_itself(log):
         return None
-    proposal = propose_columns(log, named=named, units=units, axes=axes)
+    with steps() as report_progress:
+        report_progress(f"reading {log.name}")
+        proposal = propose_columns(log, named=named, units=units, axes=axes)
     print_status(proposal_text(proposal))
     for question in proposal.questions:
         choices = list(question.choices)
@@ -289,6 +296,7 @@ def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> S
     with steps() as report_progress:
         report_progress(f"reading {path.name}")
         log = read_log(path, options=options)
+        report_progress(f"looking at {path.name}")
         seen = seen_airframe(log, motors_in_flight(log))
     if seen.rotors is None:
         raise ExperimentError(

@@ -22,6 +22,7 @@ from rotorfit.cli.terminal import (
     Start,
     coloured,
     json_file,
+    load_modules,
     print_result,
     print_status,
     quiet_steps,
@@ -40,7 +41,8 @@ if TYPE_CHECKING:
 
     Table = TypeVar("Table", FlightEntry, IdentificationEntry)
 
-
+RECIPE = "rotorfit.identification"
+"""The module that imports all that a fit needs."""
 Source = Annotated[
     Path,
     typer.Argument(metavar="EXPERIMENT|LOG", help="An experiment file (.toml), or one flight log."),
@@ -174,6 +176,7 @@ def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment
     from rotorfit.fit.experiment.toml_files import read_toml
 
     read_toml(source)  # a missing or broken file is reported before heavy imports
+    load_modules(RECIPE)
     from rotorfit.fit.experiment.experiment import load_experiment
 
     return load_experiment(source)
@@ -203,6 +206,7 @@ def _experiment_of_log(
         )
     if mass is None:
         mass = _asked_mass()
+    load_modules(RECIPE)
     from rotorfit.fit.experiment.experiment import single_flight_experiment
 
     return single_flight_experiment(source, mass=_parse_mass(mass), airframe=described)

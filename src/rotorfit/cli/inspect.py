@@ -15,6 +15,7 @@ from rotorfit.cli.terminal import (
     Force,
     LogNumber,
     coloured,
+    load_modules,
     print_refusal,
     print_result,
     print_status,
@@ -183,6 +184,7 @@ def _inspect_one(
     path, number = one.path, one.read.log_number or log_number
     if not path.is_dir():
         read_head(path, 1)  # a missing log is reported before heavy imports
+    load_modules("rotorfit.tools.inspection.inspect_log")
     from rotorfit.logs import read_log
     from rotorfit.logs.read import logs_in_file
     from rotorfit.tools.inspection.inspect_log import inspect_log
@@ -202,7 +204,8 @@ def _inspect_one(
     with steps() as report_progress:
         report_progress(f"reading {path.name}")
         log = read_log(path, options=replace(options, log_number=number))
-    return inspect_log(log, airframe=airframe, entry=one.entry)
+        report_progress(f"looking at {path.name}")
+        return inspect_log(log, airframe=airframe, entry=one.entry)
 
 
 def _plain_report(report: LogReport | SeveralLogs) -> dict[str, Any]:

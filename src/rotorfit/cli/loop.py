@@ -14,6 +14,7 @@ from rotorfit.cli.terminal import (
     print_result,
     print_status,
     refuse_output_files,
+    steps,
     terminal_width,
     write_pictures,
 )
@@ -47,7 +48,9 @@ def loop(
     from rotorfit.tools.control_loop.loop import loop_margins, loop_to_json
 
     refuse_output_files({"-o": output, "--report": report}, inputs=[result, log], force=force)
-    outcome = loop_margins(load_sound(result), log, configuration)
+    with steps() as report_progress:
+        report_progress(f"proving the loop on {log.name}")
+        outcome = loop_margins(load_sound(result), log, configuration)
     if output is not None:
         write_whole(output, loop_to_json(outcome), force=force)
         print_status(f"wrote {output}")

@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
 from threading import Event, Thread
@@ -372,6 +373,13 @@ def steps(*, every: float = EVERY) -> Generator[Callable[[str], None]]:
 
     with _show_status(status, every), watched(report_reading):
         yield report
+
+
+def load_modules(*names: str) -> None:
+    """Import modules that take a second or two, and show that the command has begun."""
+    with steps():
+        for name in names:
+            import_module(name)
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from rotorfit.cli.terminal import (
     LogNumber,
     ResultFile,
     Start,
+    load_modules,
     print_result,
     quiet_steps,
     terminal_width,
@@ -45,6 +46,7 @@ def validate(
 
     Compares what the motion needs with what the rotors produce, for thrust and the three moments.
     """
+    load_modules("rotorfit.results.validation.validate")
     from rotorfit.results.sound_result import load_sound
     from rotorfit.results.validation.judgement import doubtful_numbers, judgement, moment_splits
     from rotorfit.results.validation.replay import validated_flight
