@@ -15,9 +15,11 @@ from report_material import ROTORS, UNKNOWN, a_comparison, a_result, parameter
 
 from rotorfit.digits import number_of
 from rotorfit.errors import OutputError
+from rotorfit.findings import Evidence, doubt
 from rotorfit.report.parameters import parameter_tables
 from rotorfit.report.result_page import report_html, write_report
 from rotorfit.report.summary import summary_of
+from rotorfit.results.assemble import mark_doubtful
 from rotorfit.results.result import IdentificationResult
 
 HOSTILE = st.one_of(
@@ -375,3 +377,19 @@ def test_the_centre_of_mass_is_given_from_the_rotors_first() -> None:
     assert part.interval is not None
     half = 1.96 * np.sqrt(3.0**2 + 4.0**2 - 2 * 0.9 * 3.0 * 4.0)
     assert part.interval[1] - part.value == pytest.approx(half)
+
+
+def test_a_note_in_short_keeps_what_its_flight_shows() -> None:
+    """The name of the flight before it is no finding."""
+    about = "a-very-long-name-of-a-flight.mcap: the gyro is at the end of its range for 1 %"
+    found = doubt("sensor-saturated", f"{about}: what is faster is cut off; set a wider range")
+    assert summary_of(a_result().found(found)).notes[-1] == about
+
+
+def test_two_estimates_that_differ_are_told_with_how_far() -> None:
+    found = replace(
+        doubt("thrust-against-weight", "", numbers=("Ixx_com",), doubtful_because="two differ"),
+        evidence=(Evidence(name="thrust_over_weight", value=0.68),),
+    )
+    summary = summary_of(mark_doubtful(a_result().found(found)))
+    assert summary.doubts == ("inertia may be outside its interval: two differ by 32 %",)

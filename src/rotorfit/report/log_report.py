@@ -274,9 +274,10 @@ def _thrust_message(found: Prospects) -> str:
         return f"thrust changes by {change:.0f} %: {verdict}{sure}"
     why = "drag in climb and descent may be the cause, or the accelerometer's scale: calibrate it"
     off = thrust.from_changes / thrust.from_weight - 1.0
+    joined = "because" if thrust.prospect == "not" else "but"
     return (
-        f"thrust changes by {change:.0f} %: {verdict}, but two estimates differ: by changes of "
-        f"thrust kt is {100 * abs(off):.0f} % {'higher' if off > 0 else 'lower'} than by the "
+        f"thrust changes by {change:.0f} %: {verdict}, {joined} two estimates differ: by changes "
+        f"of thrust kt is {100 * abs(off):.0f} % {'higher' if off > 0 else 'lower'} than by the "
         f"weight; {why}"
     )
 

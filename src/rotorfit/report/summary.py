@@ -192,7 +192,9 @@ def _disowned_numbers(finding: Finding, result: IdentificationResult) -> str:
     names, own = list(dict.fromkeys(about)), "its interval"
     if len(names) > 1:
         own = "their intervals"
-    return f"{', '.join(names)} may be outside {own}: {finding.doubtful_because}"
+    apart = next((one.value for one in finding.evidence if one.name == "thrust_over_weight"), None)
+    by = "" if apart is None else f" by {100.0 * abs(apart - 1.0):.0f} %"
+    return f"{', '.join(names)} may be outside {own}: {finding.doubtful_because}{by}"
 
 
 def name_of(number: Parameter | Derived) -> str:
@@ -204,8 +206,11 @@ def name_of(number: Parameter | Derived) -> str:
 def _in_short(finding: Finding) -> str:
     """Shorten a finding's sentence: no remarks in brackets, consequence or advice."""
     plain = re.sub(r" \([^()]*\)", "", finding.sentence)
-    met = re.split(r"(?<=.{20})(?:: |; )", plain, maxsplit=1)[0]
-    return f"{met} (the intervals cover this)" if "cover" in plain.removeprefix(met) else met
+    flight = re.match(r"[^:;]*\.[A-Za-z]\w*: ", plain)
+    name = "" if flight is None else flight[0]
+    met = re.split(r"(?<=.{20})(?:: |; )", plain.removeprefix(name), maxsplit=1)[0]
+    covered = "cover" in plain.removeprefix(name + met)
+    return f"{name}{met}{' (the intervals cover this)' if covered else ''}"
 
 
 def _motor_lines(result: IdentificationResult) -> list[Line]:
