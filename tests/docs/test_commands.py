@@ -21,6 +21,7 @@ from click.core import ParameterSource
 
 import rotorfit
 from rotorfit.cli.main import app, main
+from rotorfit.digits import with_interval
 
 COMMANDS = typer.main.get_command(app).commands
 DOCS = Path(__file__).parents[2] / "docs"
@@ -151,7 +152,28 @@ def test_most_pages_with_commands_run_some():
     assert commands_of(WITH_TUTORIAL)
 
 
-def test_the_lines_of_python(tmp_path, monkeypatch, capsys):
+QUOTED = re.compile(
+    r"`kd  (?P<number>\S.*\S)  N m s\^2/rad\^2  (?P<verdict>\S+)`.*\n"
+    r"(?P<between>.*is between )(?P<low>\S+) and (?P<high>\S+) \("
+)
+"""How the tutorial quotes the line of kd, and the ends of its interval."""
+PRINTED = re.compile(r"^(?P<line>print\(vehicles\)  # )(?P<said>.*)$", re.MULTILINE)
+
+
+def assert_quoted(page: Path, pattern: re.Pattern[str], update: bool, **now: str) -> None:
+    """Assert that a page quotes what is so now; `update` writes it there."""
+    text = page.read_text(encoding="utf-8")
+    found = pattern.search(text)
+    assert found is not None
+    if update:
+        for name in sorted(now, key=found.start, reverse=True):  # from the end: places stay
+            text = text[: found.start(name)] + now[name] + text[found.end(name) :]
+        page.write_text(text, encoding="utf-8")
+        return
+    assert {name: found[name] for name in now} == now
+
+
+def test_the_lines_of_python(tmp_path, monkeypatch, capsys, request):
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     for block in blocks_of(DOCS / "python.md", "python"):
@@ -159,9 +181,25 @@ def test_the_lines_of_python(tmp_path, monkeypatch, capsys):
             continue  # an extra
         exec(block.text, names)
     printed = capsys.readouterr().out
+    update = request.config.getoption("--update-golden")
+    assert_quoted(DOCS / "python.md", PRINTED, update, said=str(names["vehicles"]))
     assert "single-real: 1 flight" in printed
     assert "N s^2/rad^2 identified" in printed
     assert (tmp_path / "quad.urdf").read_text().count("<joint") == 5  # four rotors, the CoM
     assert isinstance(names["unseen"], rotorfit.WrenchComparison)
     statements = ast.parse(blocks_of(DOCS / "python.md", "python")[0].text).body
     assert sum(not isinstance(line, ast.Import | ast.ImportFrom) for line in statements) == 10
+
+
+def test_the_tutorial_quotes_its_own_result(tmp_path, monkeypatch, request):
+    monkeypatch.chdir(tmp_path)
+    for line in commands_of(DOCS / "tutorial.md"):
+        if "simulate" in line or "identify" in line:
+            assert typed(line.replace(" --report report.html", "")) == 0
+    kd = rotorfit.IdentificationResult.load(tmp_path / "result.json").parameter("kd")
+    assert kd.value is not None and kd.interval is not None
+    low, high = (f"{end:.2e}".replace("e-0", "e-") for end in kd.interval)
+    number, verdict = with_interval(kd.value, kd.interval), str(kd.verdict)
+    update = request.config.getoption("--update-golden")
+    page = DOCS / "tutorial.md"
+    assert_quoted(page, QUOTED, update, number=number, verdict=verdict, low=low, high=high)
