@@ -1,6 +1,7 @@
 """rotorfit fly: screen, page, JSON and refusals as a user meets them."""
 
 import json
+import re
 import sys
 from dataclasses import replace
 from importlib.util import find_spec
@@ -109,11 +110,19 @@ def test_another_flight_is_replayed_instead(run, refused, there, identified):
     assert "nowhere.csv" in refused("fly", "result.json", *KNOWN, "--flight", "nowhere.csv")
 
 
-def test_only_a_ratio_is_refused_with_the_flag(refused, there):
-    words = refused("fly", "result.json")
-    assert "is ratio-only" in words
+def test_thrust_is_compared_where_the_turns_cannot_be_replayed(run, refused, there):
+    ended = run("fly", "result.json")
+    assert ended.code == 0
+    assert "the turns cannot be replayed: " in ended.err
     # Products of inertia and the places of a hover are done without.
-    assert "--assume com_z=VALUE --assume Izz_com=VALUE --assume kd=VALUE" in words
+    flags = "--assume com_z=VALUE --assume Izz_com=VALUE --assume kd=VALUE"
+    assert flags in ended.err
+    [(thrust, yaw)] = re.findall(r"^  flight\.csv  A +(\S+) .* (\S+)$", ended.out, re.M)
+    assert 0.0 < float(thrust) < 5.0
+    assert yaw == "-"
+    assert "Does it fly as flown?" in ended.out
+    assert flags in refused("fly", "result.json", "--json")
+    assert flags in refused("fly", "result.json", *BENCH)
 
 
 def elsewhere(there, change):

@@ -27,7 +27,7 @@ from rotorfit.cli.terminal import (
     terminal_width,
     write_pictures,
 )
-from rotorfit.errors import OutputError, RotorfitError
+from rotorfit.errors import MissingNumbersError, OutputError, RotorfitError
 
 if TYPE_CHECKING:
     from rotorfit.export.vehicle import VehicleModel
@@ -117,7 +117,14 @@ def fly(
     loaded = load_sound(result)
     with threadpool_limits(limits=1, user_api="blas"):
         owner = owner_of(loaded, configuration)
-        sides = _collect_sides(loaded, owner, assumed, bench_numbers, against or [])
+        try:
+            sides = _collect_sides(loaded, owner, assumed, bench_numbers, against or [])
+        except MissingNumbersError as error:
+            # Files and JSON have rates; a bench or another result is compared by them.
+            if as_json or output or report or figures or against or bench_numbers:
+                raise
+            _print_thrust(loaded, owner, flight or [], log, error)
+            return
         outcome = _replay_sides(loaded, owner, sides, bench_numbers, flight or [], log)
     if output is not None:
         write_whole(output, outcome.to_json(), force=force)
@@ -131,6 +138,30 @@ def fly(
     )
     text = coloured(fly_text(outcome, width=terminal_width()))
     print_result((outcome.to_json() if as_json else text).rstrip())
+
+
+def _print_thrust(
+    result: IdentificationResult,
+    owner: str,
+    flights: list[Path],
+    log_number: int | None,
+    error: MissingNumbersError,
+) -> None:
+    """Compare the thrust, and what moments are known, where numbers for the rates are missing."""
+    from rotorfit.cli.validate import validation_text
+    from rotorfit.results.validation.judgement import doubtful_numbers, judgement
+    from rotorfit.results.validation.replay import compared_flights
+
+    with quiet_steps() as report_progress:
+        compared = compared_flights(
+            result, owner, others=flights, log_number=log_number, report=report_progress
+        )
+    if not any("Fz" in one.relative_error for one in compared):
+        raise error
+    doubtful = doubtful_numbers(result, owner)
+    judged = [judgement((), comparisons=(one,), doubtful=doubtful) for one in compared]
+    print_status(f"rotorfit: the turns cannot be replayed: {error}")
+    print_result(validation_text(compared, judged))
 
 
 def _parse_numbers(texts: list[str], option: str) -> dict[str, float]:

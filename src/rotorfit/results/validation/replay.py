@@ -18,7 +18,7 @@ it: the gyro's noise at one instant would else be carried through the whole wind
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -328,19 +328,48 @@ def replay_flights(
     where a flight of the result is gone, or has changed since the fit; `LogError`, `FlightError` or
     `FrameError` where a log cannot be used.
     """
+    return [
+        _replay_flight(result, used, owner, vehicles)
+        for used in _load_flights(result, owner, others, log_number, report)
+    ]
+
+
+def compared_flights(
+    result: IdentificationResult,
+    owner: str,
+    *,
+    others: Sequence[Path] = (),
+    log_number: int | None = None,
+    report: Callable[[str], None] | None = None,
+) -> list[WrenchComparison]:
+    """Compare the wrenches of flights that cannot be replayed: of thrust, where that is known.
+
+    Arguments and errors are those of `replay_flights`.
+    """
+    return [
+        compare_wrenches(result, used, configuration=owner)
+        for used in _load_flights(result, owner, others, log_number, report)
+    ]
+
+
+def _load_flights(
+    result: IdentificationResult,
+    owner: str,
+    others: Sequence[Path],
+    log_number: int | None,
+    report: Callable[[str], None] | None,
+) -> Iterator[LoadedFlight]:
+    """Load the flights of a configuration one by one, or other logs in their place."""
     experiment = experiment_of_settings(result.settings)
     entries = [unseen_entry(path, experiment, log_number=log_number) for path in others]
-    replays: list[Replay] = []
     for entry in entries or _flights_of(experiment, owner):
         if report is not None:
             report(f"replaying {Path(entry.file).name}")
-        used = (
+        yield (
             load_flight(entry, experiment)
             if entries
             else _load_unchanged(result, experiment, entry)
         )
-        replays.append(_replay_flight(result, used, owner, vehicles))
-    return replays
 
 
 def _replay_flight(
