@@ -20,6 +20,7 @@ from blackbox_file import blackbox_of
 from command_line import EXPERIMENT
 
 from rotorfit import __version__
+from rotorfit.cli import terminal
 from rotorfit.cli.main import main
 from rotorfit.cli.terminal import COLOUR, colour_from, coloured, paced, steps
 from rotorfit.errors import EstimationError
@@ -466,3 +467,18 @@ def test_a_log_has_a_bar_where_someone_watches(monkeypatch, tmp_path):
         words = stream.getvalue()
         assert ("reading long.csv" in words) == shown
         assert (re.search(BAR, words) is not None) == shown
+
+
+def test_modules_load_behind_a_sign_of_life_where_someone_watches(monkeypatch):
+    for stream, shown in ((io.StringIO(), False), (Terminal(), True)):
+        loaded: list[str] = []
+
+        def load_slowly(name: str, stream=stream, loaded=loaded) -> None:
+            wait_for("starting", stream)
+            loaded.append(name)
+
+        monkeypatch.setattr(terminal, "import_module", load_slowly)
+        with redirect_stderr(stream):
+            terminal.load_modules("slow.to.import")
+        assert loaded == ["slow.to.import"]
+        assert ("starting" in stream.getvalue()) == shown

@@ -206,10 +206,11 @@ def _experiment_of_log(
         )
     if mass is None:
         mass = _asked_mass()
+    weighed = _parse_mass(mass)
     load_modules(RECIPE)
     from rotorfit.fit.experiment.experiment import single_flight_experiment
 
-    return single_flight_experiment(source, mass=_parse_mass(mass), airframe=described)
+    return single_flight_experiment(source, mass=weighed, airframe=described)
 
 
 def _asked_mass() -> str:

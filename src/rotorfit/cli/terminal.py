@@ -13,7 +13,7 @@ import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from importlib import import_module
 from io import TextIOWrapper
@@ -376,8 +376,8 @@ def steps(*, every: float = EVERY) -> Generator[Callable[[str], None]]:
 
 
 def load_modules(*names: str) -> None:
-    """Import modules that take a second or two, and show that the command has begun."""
-    with steps():
+    """Import modules that take a second or two; on a terminal, show that the command has begun."""
+    with steps() if sys.stderr.isatty() else nullcontext():
         for name in names:
             import_module(name)
 
