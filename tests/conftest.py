@@ -1,6 +1,8 @@
 """Fixtures shared by all tests."""
 
 import os
+import re
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import hypothesis
@@ -8,6 +10,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import first_calls
+from kept_words import KeptWords
 
 # The workers share the cores: one thread each, for the processes they start too.
 for library in ("OMP", "OPENBLAS", "MKL"):
@@ -68,3 +71,26 @@ def golden(request: pytest.FixtureRequest):
         return kept
 
     return expected
+
+
+@pytest.fixture
+def kept_words(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
+    """Return what compares the texts of a test with those of tests/golden/words."""
+    places = {
+        rf"{re.escape(str(tmp_path_factory.getbasetemp()))}(/[^/\s]+)?": "TMP",
+        re.escape(str(Path(__file__).parents[1])): "REPOSITORY",
+    }
+    update = request.config.getoption("--update-golden")
+    return KeptWords(request.node.name, request.path, places, update=update)
+
+
+@pytest.fixture
+def assert_text(kept_words: KeptWords) -> Callable[[str | Iterable[str]], None]:
+    """Compare a text, or several, with the kept one, number by number."""
+    return kept_words.compare
+
+
+@pytest.fixture
+def assert_wording(kept_words: KeptWords) -> Callable[[str | Iterable[str]], None]:
+    """Compare a text, or several, with the kept one, whatever the numbers."""
+    return kept_words.compare_masked
