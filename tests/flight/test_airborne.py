@@ -203,20 +203,17 @@ def test_standing_with_motors_near_the_weight_is_not_flight():
 # What is no flight
 
 
-def test_motors_that_never_turn_are_refused():
+def test_motors_that_never_turn_are_refused(assert_text):
     with pytest.raises(FlightError) as refused:
         prepared(
             motion_log(np.zeros(2000), force=np.tile([0.0, 0.0, G], (2000, 1)), name="command"),
             motors=COMMANDED,
         )
-    assert str(refused.value) == (
-        "the motors never turn in this log (rotor speed or command is zero throughout); give the "
-        "log of a flight, or the columns that hold the motors"
-    )
+    assert_text(str(refused.value))
 
 
 @pytest.mark.parametrize("noise", [0.0, 2.0, 5.0])
-def test_motors_that_idle_on_the_ground_only_are_refused(noise):
+def test_motors_that_idle_on_the_ground_only_are_refused(noise, assert_text):
     rng = np.random.default_rng(0)
     t = np.arange(4000) / 200
     log = flight_log(
@@ -231,10 +228,8 @@ def test_motors_that_idle_on_the_ground_only_are_refused(noise):
         if noise > 4
         else "the motors run at one speed throughout, as on the ground or in a hand"
     )
-    assert str(refused.value) == (
-        f"the motors turn but the vehicle never flies ({why}); give the log of a flight, or set "
-        "start and end of the flight yourself"
-    )
+    assert why in str(refused.value)
+    assert_text(str(refused.value))
 
 
 def test_motors_blipped_on_the_ground_are_refused():
@@ -285,13 +280,10 @@ def test_a_vehicle_carried_by_hand_is_refused(level):
         prepared(log, motors=COMMANDED)
 
 
-def test_a_log_too_short_to_hold_a_flight_is_refused():
+def test_a_log_too_short_to_hold_a_flight_is_refused(assert_text):
     with pytest.raises(FlightError) as refused:
         prepared(motion_log(hover_thrust(0.1)))
-    assert str(refused.value) == (
-        "no airborne part found: nowhere for 0.3 s does the acceleration follow the rotors; check "
-        "the motor columns, the units and the axes, or set start and end of the flight yourself"
-    )
+    assert_text(str(refused.value))
 
 
 # Phases

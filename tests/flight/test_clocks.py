@@ -173,45 +173,33 @@ def test_single_precision_becomes_double_in_a_copy():
     assert given_channel.values is values
 
 
-def test_a_clock_that_runs_backwards_is_refused():
+def test_a_clock_that_runs_backwards_is_refused(assert_text):
     time = np.arange(100) / 100
     time[60:] -= 0.05
     with pytest.raises(FlightError) as refused:
         usable_samples(channel(time, time), "accel")
-    assert str(refused.value) == (
-        "the clock of channel accel runs backwards: 0.590000 s, then 0.550000 s; cut the log "
-        "there, or export it again with one clock"
-    )
+    assert_text(str(refused.value))
 
 
-def test_a_clock_that_stands_still_is_refused():
+def test_a_clock_that_stands_still_is_refused(assert_text):
     with pytest.raises(FlightError) as refused:
         usable_samples(channel(np.full(50, 3.0), np.ones(50)), "gyro")
-    assert str(refused.value) == (
-        "the clock of channel gyro does not advance from 3.000000 s: it has 50 samples but 1 "
-        "different times; export the log with its time column"
-    )
+    assert_text(str(refused.value))
 
 
 @pytest.mark.parametrize("samples", [0, 1, 7])
-def test_too_few_samples_are_refused(samples):
+def test_too_few_samples_are_refused(samples, assert_text):
     time = np.arange(samples, dtype=float)
     with pytest.raises(FlightError) as refused:
         usable_samples(channel(time, time), "gyro")
-    assert str(refused.value) == (
-        f"channel gyro has {samples} usable samples (made by hand); at least a few seconds of "
-        "flight are needed: check that this channel was logged"
-    )
+    assert_text(str(refused.value))
 
 
-def test_channels_that_never_meet_are_refused():
+def test_channels_that_never_meet_are_refused(assert_text):
     early, late = np.arange(100) / 100, 50 + np.arange(100) / 100
     with pytest.raises(FlightError) as refused:
         uniform({"gyro": channel(early, early), "accel": channel(late, late)})
-    assert str(refused.value) == (
-        "the channels never overlap in time (gyro 0.000 to 0.990 s, accel 50.000 to 50.990 s): "
-        "their clocks do not belong together; export the log again with one clock for all channels"
-    )
+    assert_text(str(refused.value))
 
 
 def test_thousands_of_gaps_take_linear_time(benchmark):

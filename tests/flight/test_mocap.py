@@ -69,7 +69,7 @@ def test_only_the_airborne_part_is_used(flight, sensors):
 
 
 @pytest.mark.parametrize(("end", "refused"), [(9.0, False), (99.0, True)])
-def test_a_rotor_that_stands_still_is_named(flight, end, refused):
+def test_a_rotor_that_stands_still_is_named(flight, end, refused, assert_text):
     log = pose_log(flight)
     speed = log.channels["rotor_speed"]
     values = speed.values.copy()
@@ -79,7 +79,7 @@ def test_a_rotor_that_stands_still_is_named(flight, end, refused):
         with pytest.raises(FlightError, match="speed of rotor 2 stays at 800 rad/s"):
             prepared(stuck)
     else:
-        assert "measured speed of rotor 2 stays at 800 rad/s" in prepared(stuck).warnings[0]
+        assert_text(prepared(stuck).warnings[0])
 
 
 def test_cameras_slower_than_the_motors(flight):
@@ -217,12 +217,13 @@ def test_a_world_with_y_up_is_refused(flight):
         prepared(wrong)
 
 
-def test_slow_cameras_are_a_doubt(flight):
+def test_slow_cameras_are_a_doubt(flight, assert_wording):
     result = prepared(pose_log(flight, pose_rate=50.0))
-    assert any("motion capture comes at 50 Hz" in doubt for doubt in result.warnings)
+    assert any("at 50 Hz" in doubt for doubt in result.warnings)
+    assert_wording(result.warnings)
 
 
-def test_jitter_that_was_mended_is_a_doubt(flight):
+def test_jitter_that_was_mended_is_a_doubt(flight, assert_wording):
     log = pose_log(flight, pose_rate=100.0)
     jitter = 8e-4 * np.random.default_rng(1).normal(size=len(log.channels["position"].time))
     late = {
@@ -230,4 +231,6 @@ def test_jitter_that_was_mended_is_a_doubt(flight):
         for name in ("position", "attitude")
     }
     (doubt,) = prepared(with_channel(log, **late)).warnings
-    assert "scatter by 0.8 ms about a regular 100.00 Hz" in doubt
+    assert "by 0.8 ms" in doubt
+    assert "regular 100.00 Hz" in doubt
+    assert_wording(doubt)

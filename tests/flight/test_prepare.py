@@ -102,15 +102,13 @@ def test_commands_pass_law_lag_and_delay():
     assert again.segments == result.data.segments
 
 
-def test_a_law_with_a_voltage_factor_follows_the_battery():
+def test_a_law_with_a_voltage_factor_follows_the_battery(assert_wording):
     log = motion_log(hover_thrust(10), name="command")
     motors = MotorModel(
         speed="commanded", law=replace(LAW, voltage=VoltageFactor(12.0, 1.0)), lag=0.03
     )
     message = refusal(LogError, log, motors=motors)
-    assert (
-        "the log has no battery voltage (channel battery; it has gyro, accel, command)" in message
-    )
+    assert_wording(message)
     optional = replace(LAW, voltage=VoltageFactor(12.0, 1.0, optional=True))
     plain = prepared(log, motors=replace(motors, law=LAW)).motor_channel
     assert prepared(log, motors=replace(motors, law=optional)).motor_channel == pytest.approx(plain)
@@ -123,12 +121,12 @@ def test_a_law_with_a_voltage_factor_follows_the_battery():
     assert result.motor_channel == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_law_that_does_not_reach_the_commands_is_warned_of():
+def test_a_law_that_does_not_reach_the_commands_is_warned_of(assert_wording):
     log = motion_log(hover_thrust(10), name="command")
     low, high = np.percentile(log.channels["command"].values, [1, 99]).tolist()
     table = SpeedLaw(curve=TableLaw((low / 4, (low + high) / 2), (100.0, 500.0)))
     doubts = prepared(log, motors=MotorModel(speed="commanded", law=table)).warnings
-    assert any("beyond the table of the motors' law" in doubt for doubt in doubts)
+    assert_wording(doubts)
     wide = SpeedLaw(curve=TableLaw((0.0, 1.0), (0.0, 1000.0)))
     doubts = prepared(log, motors=MotorModel(speed="commanded", law=wide)).warnings
     assert not any("law" in doubt for doubt in doubts)
@@ -171,7 +169,7 @@ def test_a_flight_too_short_to_settle_is_used_whole():
     assert prepared(log, motors=COMMANDED, window=(0.0, 0.6)).data.segments[0].start == 40
 
 
-def test_slow_motor_data_are_despiked_as_recorded(hover):
+def test_slow_motor_data_are_despiked_as_recorded(hover, assert_wording):
     t = hover.channels["gyro"].time
     slow = hover.channels["rotor_speed"]
     values = slow.values[::4].copy()
@@ -180,10 +178,10 @@ def test_slow_motor_data_are_despiked_as_recorded(hover):
     assert result.data.rotor_speed.max() < 1.3 * HOVER
     assert result.spikes["motor"] < 5
     assert result.slowest_rate == pytest.approx(50)
-    assert (
-        "motor data come at 50 Hz, the gyro at 200 Hz: fast motion is used only up to 20 Hz; log "
-        "motors faster"
-    ) in result.warnings
+    assert any("at 50 Hz," in doubt for doubt in result.warnings)
+    assert any("at 200 Hz:" in doubt for doubt in result.warnings)
+    assert any("to 20 Hz;" in doubt for doubt in result.warnings)
+    assert_wording(result.warnings)
 
 
 def test_what_the_reader_says_of_slow_motor_data_is_said_once(hover):
@@ -218,7 +216,7 @@ def test_rest_needs_low_motors(hover):
     assert prepared(log, window=(10.0, 15.0)).gyro_bias is None
 
 
-def test_a_large_bias_is_taken_off_and_said():
+def test_a_large_bias_is_taken_off_and_said(assert_text):
     t = np.arange(4000) / 200
     flying = t > 5
     thrust = np.where(flying, 1 + 0.1 * np.sin(5 * t), 0.0)
@@ -228,7 +226,7 @@ def test_a_large_bias_is_taken_off_and_said():
     rates[:, 1] += 0.25
     result = prepared(motion_log(thrust, force=force, rates=rates))
     assert result.gyro_bias == pytest.approx((0, 0.25, 0), abs=2e-3)
-    assert result.warnings == ("the gyro reads up to 0.25 rad/s at rest (taken off); calibrate it",)
+    assert_text(result.warnings)
     assert [one.kind for one in result.findings] == ["gyro-bias"]
 
 
@@ -303,18 +301,10 @@ def test_when_a_clock_begins_changes_nothing(bumpy, shift, window):
         np.testing.assert_allclose(other, one, rtol=1e-7, atol=1e-6)
 
 
-def test_windows_without_samples_are_refused(hover):
-    assert refusal(FlightError, hover, window=(30.0, 40.0)) == (
-        "no usable samples between start = 30 s and end = 40 s: the log lasts 20.0 s from its "
-        "first sample; choose a window inside it, outside its gaps"
-    )
-    assert refusal(FlightError, hover, window=(30.0, None)).startswith(
-        "no usable samples between start = 30 s and the last sample"
-    )
-    assert refusal(FlightError, hover, window=(10.0, 5.0)) == (
-        "start = 10 s is not before end = 5 s: give the start of the flight first, both in "
-        "seconds since the first sample of the log"
-    )
+def test_windows_without_samples_are_refused(hover, assert_text):
+    assert_text(refusal(FlightError, hover, window=(30.0, 40.0)))
+    assert_text(refusal(FlightError, hover, window=(30.0, None)))
+    assert_text(refusal(FlightError, hover, window=(10.0, 5.0)))
     assert "no usable samples" in refusal(FlightError, hover, window=(float("nan"), 5.0))
 
 
@@ -332,26 +322,19 @@ def test_a_window_where_no_motor_turns_is_refused():
 @pytest.mark.parametrize(
     ("channel_name", "what"), [("gyro", "rotation rates"), ("accel", "specific force")]
 )
-def test_a_missing_sensor_is_named(hover, channel_name, what):
+def test_a_missing_sensor_is_named(hover, channel_name, what, assert_text):
     log = with_channel(hover, **{channel_name: None})
-    has = ", ".join(log.channels)
-    assert refusal(LogError, log) == (
-        f"the log has no {what} (channel {channel_name}; it has {has}); log the raw IMU, or name "
-        "its columns with a columns map"
-    )
+    said = refusal(LogError, log)
+    assert f"no {what} (channel {channel_name};" in said
+    assert f"has {', '.join(log.channels)})" in said
+    assert_text(said)
 
 
-def test_missing_motors_are_named(hover):
-    assert refusal(LogError, with_channel(hover, rotor_speed=None)) == (
-        "the log has no motor data (neither rotor_speed nor command; it has gyro, accel); log ESC "
-        "telemetry or motor outputs: without them only the motion is known, not what caused it"
-    )
-    assert refusal(LogError, hover, motors=COMMANDED) == (
-        "the log has no command channel but it has rotor_speed (made by hand); write speed = "
-        '"measured" under [motors]'
-    )
+def test_missing_motors_are_named(hover, assert_text, assert_wording):
+    assert_text(refusal(LogError, with_channel(hover, rotor_speed=None)))
+    assert_text(refusal(LogError, hover, motors=COMMANDED))
     commands = motion_log(hover_thrust(5), name="command")
-    assert 'write speed = "commanded" under [motors]' in refusal(LogError, commands)
+    assert_wording(refusal(LogError, commands))
     assert "it has none" in refusal(LogError, flight_log())
 
 
@@ -361,29 +344,23 @@ def test_an_arm_that_is_no_length_is_refused(hover, arm):
         prepare(hover, rotor_count=4, arm=arm)
 
 
-def test_the_wrong_number_of_rotors_is_refused(hover):
-    assert refusal(LogError, hover, rotors=6) == (
-        "the log has 4 motors (made by hand) but the airframe 6 rotors; list as many rotors as "
-        "the log has motors, in its order"
-    )
+def test_the_wrong_number_of_rotors_is_refused(hover, assert_text):
+    assert_text(refusal(LogError, hover, rotors=6))
 
 
 @pytest.mark.parametrize("name", ["gyro", "accel"])
-def test_a_sensor_that_never_moves_is_refused(hover, name):
+def test_a_sensor_that_never_moves_is_refused(hover, name, assert_text):
     c = hover.channels[name]
     log = with_channel(hover, **{name: channel(c.time, np.full_like(c.values, 2.5))})
-    assert refusal(FlightError, log) == (
-        f"the {name} channel is constant (2.5, 2.5, 2.5) over the whole log, which a sensor in "
-        "flight never is; check its source: made by hand"
-    )
+    assert_text(refusal(FlightError, log))
 
 
 @pytest.mark.parametrize("name", ["gyro", "accel", "rotor_speed"])
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
-def test_a_channel_without_numbers_is_refused(hover, name, value):
+def test_a_channel_without_numbers_is_refused(hover, name, value, assert_text):
     c = hover.channels[name]
     log = with_channel(hover, **{name: channel(c.time, np.full_like(c.values, value))})
-    assert f"channel {name} has 0 usable samples (made by hand)" in refusal(FlightError, log)
+    assert_text(refusal(FlightError, log))
 
 
 @pytest.mark.parametrize("samples", [0, 1, 5])
@@ -411,62 +388,59 @@ def test_very_short_logs_are_refused_in_words(hover, samples, window):
         assert result.data.samples_used > 50
 
 
-def test_a_gyro_in_degrees_is_refused():
+def test_a_gyro_in_degrees_is_refused(assert_wording):
     vehicle, sensors = variant(paper_vehicle("A"), "noisy")
     flight = simulate_flight(*vehicle, Scenario(seconds=15.0, sensors=sensors), seed=4)
     log = to_flight_log(flight)
     gyro = replace(log.channels["gyro"], values=np.degrees(log.channels["gyro"].values))
     message = refusal(FlightError, with_channel(log, gyro=gyro))
-    assert (
-        "rad/s, faster than any multirotor turns (below 40 was expected); it looks like "
-        "deg/s" in message
-    )
+    assert "(below 40 was" in message
+    assert_wording(message)
 
 
-def test_an_accelerometer_in_g_is_refused(hover):
+def test_an_accelerometer_in_g_is_refused(hover, assert_wording):
     accel = replace(hover.channels["accel"], values=hover.channels["accel"].values / G)
     message = refusal(FlightError, with_channel(hover, accel=accel))
-    assert "a tenth of gravity where about 9.8 is expected: it looks like units of g" in message
+    assert "about 9.8 is" in message
+    assert_wording(message)
 
 
-def test_an_accelerometer_in_raw_counts_is_refused(hover):
+def test_an_accelerometer_in_raw_counts_is_refused(hover, assert_wording):
     accel = replace(hover.channels["accel"], values=hover.channels["accel"].values * 208)
     message = refusal(FlightError, with_channel(hover, accel=accel))
-    assert (
-        "times gravity where about 9.8 m/s^2 is expected; check the accelerometer's unit" in message
-    )
+    assert "about 9.8 m/s^2 is" in message
+    assert_wording(message)
 
 
-def test_frd_axes_are_refused_with_the_remedy(hover):
+def test_frd_axes_are_refused_with_the_remedy(hover, assert_wording):
     frd = {
         name: replace(hover.channels[name], values=hover.channels[name].values * (1, -1, -1))
         for name in ("gyro", "accel")
     }
     message = refusal(FrameError, with_channel(hover, **frd))
-    assert 'these are FRD axes: declare axes = "FRD" for this log' in message
+    assert_wording(message)
 
 
 @pytest.mark.parametrize(("order", "axis"), [((2, 0, 1), "x"), ((0, 2, 1), "y")])
-def test_a_turned_imu_is_refused(hover, order, axis):
+def test_a_turned_imu_is_refused(hover, order, axis, assert_wording):
     turned = {
         name: replace(hover.channels[name], values=hover.channels[name].values[:, order])
         for name in ("gyro", "accel")
     }
     message = refusal(FrameError, with_channel(hover, **turned))
-    assert (
-        f"mostly along {axis} instead of z (up along the thrust); the IMU is mounted turned"
-        in message
-    )
+    assert f"along {axis} instead" in message
+    assert_wording(message)
 
 
 # Doubts
 
 
-def test_thrust_swings_are_doubted():
+def test_thrust_swings_are_doubted(assert_wording):
     t = np.arange(4000) / 200
     thrust = 1 + 0.95 * np.sin(1.5 * t)
     doubts = prepared(motion_log(thrust)).warnings
-    assert any("thrust is outside 0.3 to 1.8 times hover for" in doubt for doubt in doubts)
+    assert any("outside 0.3 to 1.8" in doubt for doubt in doubts)
+    assert_wording(doubts)
 
 
 @pytest.mark.parametrize(("speed", "said"), [(8.0, True), (3.0, False)])
@@ -593,7 +567,7 @@ def test_a_crash_is_no_gyro_in_degrees():
     assert prepared(log, window=(2.0, 10.9)).data.seconds_used == pytest.approx(8.9, abs=0.1)
 
 
-def test_a_columns_map_is_advised_only_where_one_is_taken():
+def test_a_columns_map_is_advised_only_where_one_is_taken(assert_wording):
     vehicle, sensors = variant(paper_vehicle("A"), "noisy")
     flight = simulate_flight(*vehicle, Scenario(seconds=15.0, sensors=sensors), seed=4)
     log = to_flight_log(flight)
@@ -603,10 +577,10 @@ def test_a_columns_map_is_advised_only_where_one_is_taken():
         assert "columns = {" in refusal(FlightError, replace(changed, format="table"))
         words = refusal(FlightError, replace(changed, format="blackbox"))
         assert "columns = {" not in words
-        assert "export the log as a CSV table" in words
+        assert_wording(words)
 
 
-def test_a_torn_log_is_refused_by_its_gaps():
+def test_a_torn_log_is_refused_by_its_gaps(assert_wording):
     vehicle, sensors = variant(paper_vehicle("A"), "noisy")
     flight = simulate_flight(*vehicle, Scenario(seconds=15.0, sensors=sensors), seed=4)
     log = to_flight_log(flight)
@@ -617,7 +591,7 @@ def test_a_torn_log_is_refused_by_its_gaps():
         if name in ("gyro", "accel", "rotor_speed")
     }
     message = refusal(FlightError, replace(log, channels=channels))
-    assert "rows are missing all over the log" in message
+    assert_wording(message)
 
 
 def test_a_lag_on_thrust_follows_the_square_of_the_speed():

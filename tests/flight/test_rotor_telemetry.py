@@ -78,29 +78,31 @@ def test_a_dead_speed_is_named(log, value, words):
     assert said.startswith(words)
 
 
-def test_dead_telemetry_is_said_once(log):
+def test_dead_telemetry_is_said_once(log, assert_wording):
     found = telemetry(with_channel(log, "rotor_speed", 0.0 * speeds(log)))
     assert states(found) == ["dead"] * 4
     [said] = found.doubts
-    assert said.startswith("none of the measured rotor speeds changes")
+    assert_wording(said)
 
 
-def test_a_dead_command_is_named(log):
+def test_a_dead_command_is_named(log, assert_wording):
     values = log.channels["command"].values.copy()
     values[:, 0] = 0.25
     [said] = telemetry(with_channel(log, "command", values)).doubts
-    assert said.startswith("the command of rotor 1 is 0.25 throughout though its speed changes")
+    assert "rotor 1 is 0.25" in said
+    assert_wording(said)
 
 
 @pytest.mark.parametrize("lost", [False, True], ids=["held", "lost"])
-def test_a_speed_that_stops_on_the_way_is_named(log, lost):
+def test_a_speed_that_stops_on_the_way_is_named(log, lost, assert_wording):
     values = speeds(log)
     values[len(values) // 2 :, 1] = np.nan if lost else values[len(values) // 2, 1]
     found = telemetry(with_channel(log, "rotor_speed", values))
     assert states(found) == ["follows", "stuck", "follows", "follows"]
     assert found.rotors[1].stuck == pytest.approx(0.5, abs=0.1)
     [said] = found.doubts
-    assert said.startswith("the measured speed of rotor 2 is stuck or zero for ")
+    assert "rotor 2 is" in said
+    assert_wording(said)
 
 
 @pytest.mark.parametrize("factor", [0.8, 7 / 6])
@@ -119,30 +121,32 @@ def test_rotors_that_differ_a_little_are_no_fault(log, factor):
     assert found.rotors[1].ratio == pytest.approx(factor, abs=0.02)
 
 
-def test_a_speed_that_follows_nothing_is_named(log):
+def test_a_speed_that_follows_nothing_is_named(log, assert_wording):
     values, rng = speeds(log), np.random.default_rng(1)
     values[:, 0] = 400.0 + 20.0 * rng.normal(size=len(values))
     found = telemetry(with_channel(log, "rotor_speed", values))
     assert states(found)[0] == "apart"
     [said] = found.doubts
-    assert said.startswith("the measured speed of rotor 1 does not follow its command")
+    assert "rotor 1 does" in said
+    assert_wording(said)
 
 
-def test_speeds_of_another_flight_are_named(log):
+def test_speeds_of_another_flight_are_named(log, assert_wording):
     values, rng = speeds(log), np.random.default_rng(1)
     found = telemetry(
         with_channel(log, "rotor_speed", 400.0 + 20.0 * rng.normal(size=values.shape))
     )
     [said] = found.doubts
-    assert said.startswith("the measured rotor speeds match no command")
+    assert_wording(said)
     assert found.lateness is None
 
 
-def test_other_numbers_of_commands_and_speeds_are_said(log):
+def test_other_numbers_of_commands_and_speeds_are_said(log, assert_wording):
     found = telemetry(with_channel(log, "rotor_speed", speeds(log)[:, :3]))
     assert found.rotors == ()
     [said] = found.doubts
-    assert said.startswith("the log has 4 motor commands")
+    assert "has 4 motor" in said
+    assert_wording(said)
     assert "but 3 measured speeds" in said
 
 
@@ -202,7 +206,7 @@ def test_absurd_channels_are_survived(log, names, change):
 
 @pytest.mark.flights
 @pytest.mark.parametrize("name", ["LOG00267", "LOG00271", "LOG00340"])
-def test_real_telemetry_and_the_same_with_two_plugs_swapped(flight_data_dir, name):
+def test_real_telemetry_and_the_same_with_two_plugs_swapped(flight_data_dir, name, assert_wording):
     path = flight_data_dir / "tudelft-indiflight" / f"{name}.BFL"
     if not path.exists():
         pytest.skip(f"no {path.name}")
@@ -214,10 +218,13 @@ def test_real_telemetry_and_the_same_with_two_plugs_swapped(flight_data_dir, nam
     swapped = telemetry(with_channel(log, "rotor_speed", speeds(log)[:, [0, 1, 3, 2]]))
     assert states(swapped) == ["follows", "follows", "swapped", "swapped"]
     [said] = swapped.doubts
-    assert "command 3 moves speed 4, command 4 moves speed 3" in said
+    assert "command 3 moves" in said
+    assert "speed 4, command 4" in said
+    assert "speed 3" in said
+    assert_wording(said)
 
 
-def test_spikes_of_single_samples_in_the_commands_hide_nothing(log):
+def test_spikes_of_single_samples_in_the_commands_hide_nothing(log, assert_wording):
     """Quick commands that jump for single samples, as by a noisy D term: the mean of each 10 ms
     is what the motors do."""
     quick = log.channels["command"]
@@ -229,10 +236,12 @@ def test_spikes_of_single_samples_in_the_commands_hide_nothing(log):
     found = telemetry(with_channel(log, "command", even + jumps, time=time))
     assert states(found) == ["follows"] * 4
     [words] = found.doubts
-    assert "the command of rotor 1, 2, 3, 4 jumps for single samples" in words
+    assert "rotor 1, 2, 3," in words
+    assert "4 jumps" in words
+    assert_wording(words)
 
 
-def test_a_rotor_that_reads_half_is_named_alone(log):
+def test_a_rotor_that_reads_half_is_named_alone(log, assert_wording):
     values = speeds(log)
     values[:, 0] *= 0.5
     values[len(values) // 3 : len(values) // 2, 0] = 0.0
@@ -240,5 +249,6 @@ def test_a_rotor_that_reads_half_is_named_alone(log):
     assert states(found) == ["unlike", "follows", "follows", "follows"]
     assert found.rotors[0].ratio == pytest.approx(0.5, abs=0.03)
     [words] = found.doubts
-    assert words.startswith("rotor 1 turns at 0.50 times the speed of the others")
-    assert "besides, it is stuck or zero for" in words
+    assert words.startswith("rotor 1 turns")
+    assert "at 0.50 times" in words
+    assert_wording(words)

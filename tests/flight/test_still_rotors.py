@@ -41,32 +41,32 @@ def stuck(rotor, value, *, start=0.0, end=np.inf):
 
 @pytest.mark.parametrize("rotors", [4, 6, 8])
 @pytest.mark.parametrize("value", [HOVER, 0.0])
-def test_a_speed_that_never_changes_is_refused(rotors, value):
+def test_a_speed_that_never_changes_is_refused(rotors, value, assert_text):
     log = motion_log(hover_thrust(20), rotors=rotors)
     words = refusal(changed(log, stuck(3, value)))
-    assert words == (
-        f"the measured speed of rotor 3 stays at {value:g} rad/s for 100 % of the flight while the "
-        "others move (at the longest from 0.0 to 20.0 s): its ESC telemetry is dead or stuck; "
-        'repair it or take logged commands (speed = "commanded" under [motors])'
-    )
+    assert_text(words)
 
 
-def test_noise_about_a_constant_is_refused():
+def test_noise_about_a_constant_is_refused(assert_wording):
     def change(time, values):
         values[:, 1] = 0.05 * np.abs(np.random.default_rng(1).normal(size=len(time)))
 
     words = refusal(changed(motion_log(hover_thrust(20)), change))
-    assert "the measured speed of rotor 2 stays at 0.03" in words
+    assert "rotor 2 stays" in words
+    assert "at 0.03" in words
+    assert_wording(words)
 
 
 @pytest.mark.parametrize(("end", "refused"), [(8.0, False), (12.0, True)])
-def test_a_part_of_the_flight_is_said_or_refused(end, refused):
+def test_a_part_of_the_flight_is_said_or_refused(end, refused, assert_wording):
     log = changed(motion_log(hover_thrust(20)), stuck(1, 380.0, start=5.0, end=end))
     words = refusal(log) if refused else prepared(log).warnings[-1]
     share = round(100 * (end - 5.0) / 20.0)
-    assert f"rotor 1 stays at 380 rad/s for {share} % of the flight" in words
-    assert f"(at the longest from 5.0 to {end:.1f} s)" in words
-    assert words.endswith("or leave that part out with start and end")
+    assert "rotor 1 stays" in words
+    assert "at 380 rad/s" in words
+    assert f"for {share} %" in words
+    assert_wording(words)
+    assert f"from 5.0 to {end:.1f}" in words
     left_out = prepared(log, window=(end, None))
     assert not any("stays at" in doubt for doubt in left_out.warnings)
 
@@ -86,11 +86,12 @@ def test_a_command_at_its_end_is_no_fault():
 
 
 @pytest.mark.parametrize("value", [0.0, 0.4])
-def test_a_command_that_never_changes_is_refused(value):
+def test_a_command_that_never_changes_is_refused(value, assert_wording):
     log = motion_log(hover_thrust(20), name="command")
     words = refusal(changed(log, stuck(4, value), name="command"), motors=COMMANDED)
-    assert words.startswith(f"the command of rotor 4 stays at {value:g} for 100 % of the flight")
-    assert words.endswith("another output drives this motor; log or name the right column")
+    assert "rotor 4 stays" in words
+    assert f"at {value:g} for 100" in words
+    assert_wording(words)
 
 
 @pytest.mark.parametrize("resolution", [1.0, 10.0])

@@ -34,13 +34,9 @@ for change in ({"position": (0.1, 0.2)}, {"spin": "left"}, {"axis": (0.0, 1.0)})
 """
 
 
-def test_wrong_kinds_are_refused_in_words():
+def test_wrong_kinds_are_refused_in_words(assert_text):
     """In a process of its own: the tests' checks of types would come first."""
     ended = subprocess.run(
         [sys.executable, "-c", WRONG_KINDS], capture_output=True, text=True, check=True
     )
-    assert ended.stdout.splitlines() == [
-        "a rotor's position is (0.1, 0.2), expected three numbers (x, y, z)",
-        'a rotor\'s spin is \'left\', expected "ccw" or "cw", seen from above',
-        "a rotor's axis is (0.0, 1.0), expected three numbers (x, y, z)",
-    ]
+    assert_text(ended.stdout.splitlines())
