@@ -77,7 +77,7 @@ def test_debug_holds_no_speeds(tmp_path, mode, entries, words):
 INDIFLIGHT = {"Firmware revision": "Indiflight 5.0.0 (abc) TEST"}
 
 
-def test_shapes_clock_and_words(tmp_path):
+def test_shapes_clock_and_words(tmp_path, assert_text):
     fields = {
         **vector("gyroADC", [1, 2, 3], [4, 5, 6], [7, 8, 9]),
         **vector("motor", *[[158, 2047, 0]] * 4),
@@ -94,12 +94,7 @@ def test_shapes_clock_and_words(tmp_path):
     assert log.metadata["Firmware revision"] == "Betaflight 4.5.0 (norevision) TEST"
     assert log.metadata["Craft name"] == "Prüfstand"
     assert log.metadata["gyro_lpf1_static_hz"] == "250"
-    assert log.notes == (
-        "frames read: 3 I, 0 P, 0 S, 0 G, 0 H, 1 E",
-        "no accel: the log has no field accUnfiltered or accADC or accSmooth: "
-        "enable accelerometer logging",
-        "no rotor_speed: the log has neither omega nor eRPM",
-    )
+    assert_text(log.notes)
 
 
 @pytest.mark.parametrize(
@@ -119,32 +114,34 @@ def test_gyro_scale(tmp_path, entries, scale):
 
 
 @pytest.mark.parametrize("text", [None, "0x7f800000", "0x0", "fast", ""])
-def test_gyro_without_scale_is_left_out(tmp_path, text):
+def test_gyro_without_scale_is_left_out(tmp_path, text, assert_wording):
     log = log_of(tmp_path, vector("gyroADC", [1], [2], [3]), gyro_scale=text)
     assert "gyro" not in log.channels
-    assert "no gyro: header line gyro_scale is missing or no number" in log.notes
+    assert_wording(log.notes)
 
 
-def test_accel_prefers_the_unfiltered_field(tmp_path):
+def test_accel_prefers_the_unfiltered_field(tmp_path, assert_text):
     fields = {**vector("accSmooth", [0], [0], [1]), **vector("accUnfiltered", [0], [2048], [4096])}
     accel = log_of(tmp_path, fields).channels["accel"]
     assert accel.values[0] == pytest.approx([0, 9.80665, 19.6133])
-    assert accel.source == "accUnfiltered[0..2], 2048 counts per g"
+    assert_text(accel.source)
     assert accel.resolution == pytest.approx(9.80665 / 2048)
 
 
-def test_accel_without_scale_is_left_out(tmp_path):
+def test_accel_without_scale_is_left_out(tmp_path, assert_wording):
     log = log_of(tmp_path, vector("accSmooth", [0], [0], [1]), acc_1G="0")
-    assert "no accel: header line acc_1G is missing or not positive" in log.notes
+    assert any("line acc_1G is" in note for note in log.notes)
+    assert_wording(log.notes)
 
 
-def test_erpm_and_motor_poles(tmp_path):
+def test_erpm_and_motor_poles(tmp_path, assert_wording):
     log = log_of(tmp_path, vector("eRPM", [1400], [0]), motor_poles="14")
     speed = log.channels["rotor_speed"]
     # 140 000 electrical rpm, 7 pole pairs: 20 000 rpm
     assert speed.values[0] == pytest.approx([20_000 * 2 * math.pi / 60, 0])
     missing = log_of(tmp_path, vector("eRPM", [1400]), motor_poles=None)
-    assert "no rotor_speed: header line motor_poles is missing, expected 2 or more" in missing.notes
+    assert any("expected 2 or" in note for note in missing.notes)
+    assert_wording(missing.notes)
 
 
 def test_omega_has_as_many_rotors_as_motors(tmp_path):
@@ -155,15 +152,15 @@ def test_omega_has_as_many_rotors_as_motors(tmp_path):
     assert log_of(tmp_path, omega).channels["rotor_speed"].values.shape == (1, 4)
 
 
-def test_command_is_the_fraction_of_the_output_range(tmp_path):
+def test_command_is_the_fraction_of_the_output_range(tmp_path, assert_text, assert_wording):
     log = log_of(tmp_path, vector("motor", [0, 158, 1102, 2047, 2060]))
     command = log.channels["command"]
     assert command.values[:, 0] == pytest.approx([0, 0, 944 / 1889, 1, 1])
-    assert command.source == "motor[0..0], 158..2047 (motorOutput) as 0..1, clipped"
+    assert_text(command.source)
     old = log_of(tmp_path, vector("motor", [1535]), motorOutput=None)
     assert old.channels["command"].values[0, 0] == pytest.approx(0.5)
     none = log_of(tmp_path, vector("motor", [1535]), motorOutput="5,5")
-    assert "no command: header line motorOutput gives no range of motor outputs" in none.notes
+    assert_wording(none.notes)
 
 
 @pytest.mark.parametrize(
@@ -180,9 +177,9 @@ def test_battery(tmp_path, revision, entries, volts):
     assert log.channels["battery"].values.tolist() == [[pytest.approx(volts)]]
 
 
-def test_battery_of_unknown_scale_is_left_out(tmp_path):
+def test_battery_of_unknown_scale_is_left_out(tmp_path, assert_wording):
     log = log_of(tmp_path, {"vbatLatest": [1600]}, **{"Firmware revision": "Homebrew 1"})
-    assert "no battery: header line vbat_scale is missing or not positive" in log.notes
+    assert_wording(log.notes)
 
 
 def test_position_is_turned_upwards_and_only_new_fixes_count(tmp_path):
@@ -196,7 +193,7 @@ def test_position_is_turned_upwards_and_only_new_fixes_count(tmp_path):
     assert "position" not in log_of(tmp_path, fields).channels
 
 
-def test_attitude_of_indiflight(tmp_path):
+def test_attitude_of_indiflight(tmp_path, assert_wording):
     # pitched nose up by 90 degrees and yawed to the left: FRD to NED turned to FLU to NWU
     fields = vector("quat", [8127, 5747, 0], [0, 0, 0], [0, 5747, 0], [0, 0, 0])
     attitude = log_of(tmp_path, fields, **INDIFLIGHT).channels["attitude"]
@@ -207,7 +204,7 @@ def test_attitude_of_indiflight(tmp_path):
     ]
     assert np.isnan(attitude.values[2]).all()
     other = log_of(tmp_path, fields)
-    assert "no attitude: the axes of field quat are known for INDIflight only" in other.notes
+    assert_wording(other.notes)
 
 
 def test_the_clock_continues_where_its_32_bits_overflow(tmp_path):
@@ -249,21 +246,24 @@ def test_a_log_without_frames_is_refused(tmp_path):
     assert str(path) in str(error.value)
 
 
-def test_damage_is_noted(tmp_path):
+def test_damage_is_noted(tmp_path, assert_wording):
     recorder = encoder.record_random(3, 320, p_interval="1/1", quiet=True)
     start = len(recorder.header()) + recorder.offsets[100]
     path = tmp_path / "log.bbl"
     path.write_bytes(recorder.data[: start + 20] + recorder.data[start + 26 : -3])
     notes = read_blackbox(path).warnings
     assert any(note.startswith("1 corrupt stretches: ") for note in notes)
-    assert "27 frames dropped: they follow a corrupt one or are not credible" in notes
+    assert any("27 frames" in note for note in notes)
+    assert_wording(notes)
     assert any(note.startswith("no end-of-log event: ") for note in notes)
 
 
-def test_inav_is_not_advised_to_enable_what_it_does_not_have(tmp_path):
+def test_inav_is_not_advised_to_enable_what_it_does_not_have(tmp_path, assert_wording):
     log = log_of(tmp_path, vector("motor", [1535]), **{"Firmware revision": "INAV 7.1.0 (abc) F7"})
     [note] = [note for note in log.notes if note.startswith("no rotor_speed")]
-    assert "INAV to 9 has no bidirectional DSHOT" in note and "enable" not in note
+    assert "to 9 has" in note
+    assert "enable" not in note
+    assert_wording(note)
 
 
 @pytest.mark.parametrize(

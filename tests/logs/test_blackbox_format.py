@@ -218,7 +218,7 @@ def test_remains_of_an_older_log_before_the_header_are_ignored():
     assert log.main.values.tolist() == recorder.main
 
 
-def test_two_logs_are_never_glued(tmp_path):
+def test_two_logs_are_never_glued(tmp_path, assert_wording):
     first, second = record_random(7, 64, quiet=True), record_random(8, 96, quiet=True)
     first.end()
     path = tmp_path / "two.bfl"
@@ -227,7 +227,7 @@ def test_two_logs_are_never_glued(tmp_path):
         read_blackbox(path)
     assert str(error.value).startswith(f"{path}: holds 2 logs (")
     assert "1: about " in str(error.value)
-    assert "expected a choice of one: pass the number of one (--log" in str(error.value)
+    assert_wording(str(error.value))
     with pytest.raises(LogError, match="expected a choice: pass the log number"):
         decode(path.read_bytes())
     for number, recorder in ((1, first), (2, second)):
@@ -241,9 +241,9 @@ def test_two_logs_are_never_glued(tmp_path):
         (1, 0, cut),
         (2, cut, cut + len(second.data)),
     ]
-    assert entries[0].description.endswith(
-        f" s, Betaflight 4.5.0 (norevision) TEST, Prüfstand, {cut / 1000:.0f} kB"
-    )
+    assert "Betaflight 4.5.0 (norevision)" in entries[0].description
+    assert entries[0].description.endswith(f"Prüfstand, {cut / 1000:.0f} kB")
+    assert_wording(entries[0].description)
     with pytest.raises(LogError, match="no log 3, expected a log number from 1 to 2"):
         read_blackbox(path, log_number=3)
 

@@ -114,7 +114,7 @@ def test_runs_longer_than_a_block_are_whole():
     np.testing.assert_array_equal(read, rows["v"])
 
 
-def test_the_controller_has_the_rates_and_the_mixer_the_commands(tmp_path):
+def test_the_controller_has_the_rates_and_the_mixer_the_commands(tmp_path, assert_wording):
     names = [f"controller.cmd_{n}" for n in ("thrust", "roll", "pitch", "yaw")]
     names += [f"controller.r_{n}" for n in ("roll", "pitch", "yaw")] + ["controller.accelz"]
     rows = [(30000, 1000, 400, 50, 1, 2, 3, 1), (0, 900, 900, 900, 0, 0, 0, 1)] * 5
@@ -128,18 +128,18 @@ def test_the_controller_has_the_rates_and_the_mixer_the_commands(tmp_path):
     assert command[-2] == pytest.approx([50000, 50000, 65535, 65535])
     assert command[-1] == pytest.approx([0, 0, 11000, 11000])
     assert "legacy mixer" in log.channels["command"].source
-    assert any(note.startswith("No accel (controller.accelz alone is no") for note in log.notes)
+    assert_wording(log.notes)
     assert log.notes[-1] == "Left out: controller.accelz."
 
 
-def test_the_gyro_itself_goes_before_the_controller(tmp_path):
+def test_the_gyro_itself_goes_before_the_controller(tmp_path, assert_text):
     names = [f"controller.r_{n}" for n in ("roll", "pitch", "yaw")] + [f"gyro.{a}" for a in "xyz"]
     log = flown(tmp_path, names, [(1, 2, 3, 180, 0, 0)] * 3)
     assert log.channels["gyro"].values[0] == pytest.approx([np.pi, 0, 0])
-    assert log.notes[-1] == "Left out: controller.r_roll, controller.r_pitch, controller.r_yaw."
+    assert_text(log.notes[-1])
 
 
-def test_commands_as_demanded_go_before_those_put_out(tmp_path):
+def test_commands_as_demanded_go_before_those_put_out(tmp_path, assert_text):
     pwm = [f"pwm.m{i}_pwm" for i in (1, 2, 3, 4)]
     motor = [f"motor.m{i}" for i in (1, 2, 3, 4)]
     log = flown(tmp_path, pwm, [(0, 13107, 26214, 65535)] * 3)
@@ -147,7 +147,7 @@ def test_commands_as_demanded_go_before_those_put_out(tmp_path):
     log = flown(tmp_path, pwm + motor, [(0, 0, 0, 0, 13107, 13107, 13107, 65536), (0,) * 8])
     assert log.channels["command"].values[0, :3] == pytest.approx([0.2, 0.2, 0.2])
     assert np.isnan(log.channels["command"].values[0, 3])
-    assert log.notes[0] == "1 motor commands are outside 0 to 65535: set to NaN."
+    assert_text(log.notes[0])
     assert log.notes[-1] == f"Left out: {', '.join(pwm)}."
 
 
@@ -268,22 +268,23 @@ def test_options_for_other_formats_are_refused(tmp_path, options, message):
         read_log(written(tmp_path, encode([FLIGHT], flight())), options=options)
 
 
-def test_a_log_that_was_cut_off_is_read_to_its_last_whole_record(tmp_path):
+def test_a_log_that_was_cut_off_is_read_to_its_last_whole_record(tmp_path, assert_text):
     content = encode([FLIGHT], flight())
     log = read_crazyflie(written(tmp_path, content[: -4 - 20]))
     assert len(log.channels["gyro"].time) == 49
     assert "checksum" in log.warnings[0]
     size = len(encode_record(FLIGHT, flight(1)[0]))
-    assert log.warnings[1] == f"{size - 20} bytes at the end are no whole record"
+    assert log.warnings[1].startswith(f"{size - 20} bytes at")
+    assert_text(log.warnings[1])
 
 
-def test_changed_values_are_said(tmp_path):
+def test_changed_values_are_said(tmp_path, assert_wording):
     content = bytearray(encode([FLIGHT], flight()))
     content[-30] ^= 1
     log = read_crazyflie(written(tmp_path, bytes(content)))
     assert len(log.channels["gyro"].time) == 50
     assert len(log.warnings) == 1
-    assert "checksum at the end is missing or wrong" in log.warnings[0]
+    assert_wording(log.warnings[0])
 
 
 @pytest.mark.parametrize("lost", [b"", b"\xff" * 512, b"\0" * 512, bytes(range(256)) * 3])
@@ -306,7 +307,7 @@ def test_a_lost_sector_costs_the_records_in_it_alone(tmp_path, lost, cut):
     assert "damaged places" in log.warnings[1] or lost == b""
 
 
-def test_one_credible_head_in_damage_is_not_believed(tmp_path):
+def test_one_credible_head_in_damage_is_not_believed(tmp_path, assert_text):
     records = flight(60)
     head = encode_record(FLIGHT, Record(FIXED, 1_030_500, VALUES))[:10]
     parts = [encode_record(FLIGHT, record) for record in records]
@@ -315,7 +316,7 @@ def test_one_credible_head_in_damage_is_not_believed(tmp_path):
     log = read_crazyflie(written(tmp_path, content))
     row = np.rint(log.channels["accel"].values[:, 0] / 9.80665)
     assert row.tolist() == [k for k in range(60) if k != 29]
-    assert log.warnings[1] == "1 damaged places: 210 bytes skipped, 1 records before them dropped"
+    assert_text(log.warnings[1])
 
 
 @pytest.mark.parametrize("more", [-10, -9, -8, -2, -1, 0, 1, 2, 10])
@@ -328,32 +329,32 @@ def test_the_search_loses_nothing_between_its_parts(tmp_path, more):
     assert f" {len(damage)} bytes skipped" in log.warnings[1]
 
 
-def test_an_unfinished_record_after_damage_is_the_end(tmp_path):
+def test_an_unfinished_record_after_damage_is_the_end(tmp_path, assert_text):
     parts = [encode_record(FLIGHT, record) for record in flight(40)]
     content = encode_header([FLIGHT]) + b"".join(parts[:20]) + b"\x01" * 30 + parts[30][:20]
     log = read_crazyflie(written(tmp_path, content))
-    assert log.warnings[1] == "50 bytes at the end are no whole record"
+    assert_text(log.warnings[1])
 
 
 @pytest.mark.parametrize(("wrong", "row"), [(10**14, 0), (8 * 10**9, 20), (-2_000_000, 20)])
-def test_a_time_that_cannot_be_is_damage(tmp_path, wrong, row):
+def test_a_time_that_cannot_be_is_damage(tmp_path, wrong, row, assert_text):
     records = flight(40, start=5_000_000)
     records[row] = Record(FIXED, records[row].time + wrong, VALUES)
     log = read_crazyflie(written(tmp_path, encode([FLIGHT], records)))
     size = len(encode_record(FLIGHT, records[0]))
     before = int(row > 0)
-    assert log.warnings == (
-        f"1 damaged places: {size} bytes skipped, {before} records before them dropped",
-    )
+    (said,) = log.warnings
+    assert f" {size} bytes skipped, {before} records" in said
+    assert_text(said)
     assert len(log.channels["gyro"].time) == 39 - before
 
 
-def test_times_out_of_order_are_left_out(tmp_path):
+def test_times_out_of_order_are_left_out(tmp_path, assert_text):
     records = flight(50)
     early = [*records[:20], Record(FIXED, 1_000_500, VALUES), *records[20:]]
     log = read_crazyflie(written(tmp_path, encode([FLIGHT], early)))
     assert len(log.channels["gyro"].time) == 50
-    assert log.warnings == ("1 records left out: their times are out of order",)
+    assert_text(log.warnings)
     late = [*records[:20], Record(FIXED, 1_900_000, VALUES), *records[20:]]
     log = read_crazyflie(written(tmp_path, encode([FLIGHT], late)))
     assert log.channels["gyro"].time == pytest.approx(1 + 1e-3 * np.arange(50))

@@ -64,7 +64,7 @@ def test_gyro_and_accelerometer_are_turned_from_frd_to_flu(tmp_path):
     assert found.format == "dataflash"
 
 
-def test_old_logs_have_milliseconds_and_an_imu_each(tmp_path):
+def test_old_logs_have_milliseconds_and_an_imu_each(tmp_path, assert_wording):
     kinds = [
         Kind(130 + n, name, "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ")
         for n, name in enumerate(("IMU", "IMU2"))
@@ -78,19 +78,19 @@ def test_old_logs_have_milliseconds_and_an_imu_each(tmp_path):
     found = read_log(tmp_path / "old.bin")
     assert found.channels["gyro"].values[:, 0].tolist() == [1.0] * 10
     assert found.channels["gyro"].time[-1] == pytest.approx(0.18)
-    assert (
-        "IMU 2 of 2 is used: the first that INS_USE and the like do not switch off" in found.notes
-    )
+    assert any("IMU 2 of 2" in note for note in found.notes)
+    assert_wording(found.notes)
 
 
-def test_the_imu_of_the_primary_core_is_taken(tmp_path):
+def test_the_imu_of_the_primary_core_is_taken(tmp_path, assert_wording):
     xkf4 = Kind(190, "XKF4", "QBB", "TimeUS,C,PI")
     messages = [message(xkf4, 0, 0, 1)] * 5
     for t in one_second(100):
         messages += [imu(t, (i, 0, 0), (0, 0, -9.8), instance=i) for i in range(3)]
     found = read(tmp_path, messages, kinds=(*KINDS, xkf4), settings={"EK3_IMU_MASK": 5.0})
     assert found.channels["gyro"].values[0, 0] == 2.0
-    assert "IMU 3 of 3 is used: the estimator's primary core flew with it" in found.notes
+    assert any("IMU 3 of 3" in note for note in found.notes)
+    assert_wording(found.notes)
 
 
 def test_the_mostly_primary_core_shows_the_imu(tmp_path):
@@ -102,7 +102,7 @@ def test_the_mostly_primary_core_shows_the_imu(tmp_path):
     assert found.channels["gyro"].values[0, 0] == 1.0
 
 
-def test_the_first_imu_not_switched_off_is_taken(tmp_path):
+def test_the_first_imu_not_switched_off_is_taken(tmp_path, assert_wording):
     settings = {**QUAD_X, "INS_USE": 0.0, "INS_USE2": 0.0, "INS_USE3": 1.0}
     settings |= {f"INS_POS{n}_{axis}": 0.1 * n for n in (1, 2, 3) for axis in "XYZ"}
     messages = [
@@ -110,7 +110,9 @@ def test_the_first_imu_not_switched_off_is_taken(tmp_path):
     ]
     found = read(tmp_path, messages, settings=settings)
     assert found.channels["gyro"].values[0, 0] == 2.0
-    assert "imu = { position = [0.3, -0.3, -0.3] }" in found.metadata["airframe"]
+    assert "position = [0.3, -0.3," in found.metadata["airframe"]
+    assert "-0.3] }" in found.metadata["airframe"]
+    assert_wording(found.metadata["airframe"])
 
 
 def test_a_message_of_impossible_time_takes_its_values_along(tmp_path):
@@ -121,7 +123,7 @@ def test_a_message_of_impossible_time_takes_its_values_along(tmp_path):
     assert gyro.values[:, 0].tolist() == [k for k in range(50) if k != 20]
 
 
-def test_faster_raw_samples_are_preferred_with_their_times(tmp_path):
+def test_faster_raw_samples_are_preferred_with_their_times(tmp_path, assert_wording):
     messages = []
     for k, t in enumerate(one_second(1000)):
         us = 1_000_000 + round(t * 1e6)
@@ -134,9 +136,7 @@ def test_faster_raw_samples_are_preferred_with_their_times(tmp_path):
     assert len(found.channels["gyro"].time) == 1000
     assert found.channels["gyro"].time[0] == 1.0
     assert found.channels["accel"].values[0, 2] == 9.5
-    assert any(
-        n.startswith("raw IMU messages (GYR, ACC) are used: the gyro before") for n in found.notes
-    )
+    assert_wording(found.notes)
 
 
 @pytest.mark.parametrize(
@@ -164,13 +164,16 @@ def test_commands_are_the_share_of_the_pwm_range(tmp_path, settings, pwm, comman
     assert words in found.channels["command"].source
 
 
-def test_motors_are_in_the_order_of_their_numbers(tmp_path):
+def test_motors_are_in_the_order_of_their_numbers(tmp_path, assert_wording):
     functions = {"SERVO1_FUNCTION": 0.0, "SERVO3_FUNCTION": 36.0, "SERVO5_FUNCTION": 33.0}
     functions |= {"SERVO7_FUNCTION": 35.0, "SERVO8_FUNCTION": 34.0}
     pwm = [1000, 1000, 1400, 1000, 1100, 1000, 1300, 1200]
     found = read(tmp_path, [rcou(t, pwm) for t in one_second(50)], settings=functions)
     np.testing.assert_allclose(found.channels["command"].values[0], [0.1, 0.2, 0.3, 0.4])
-    assert "motors 1..4 = outputs 5, 8, 7, 3 (SERVOn_FUNCTION)" in found.notes[0]
+    assert "motors 1..4 =" in found.notes[0]
+    assert "outputs 5, 8, 7," in found.notes[0]
+    assert "3 (SERVOn_FUNCTION)" in found.notes[0]
+    assert_wording(found.notes[0])
 
 
 def test_of_two_outputs_of_one_motor_the_first_is_read():
@@ -189,31 +192,27 @@ def test_functions_of_many_motors(count, first):
     assert first in numbers
 
 
-def test_missing_motors_leave_no_command(tmp_path):
+def test_missing_motors_leave_no_command(tmp_path, assert_wording):
     functions = {"SERVO1_FUNCTION": 33.0, "SERVO2_FUNCTION": 35.0}
     found = read(tmp_path, [imu(0.0, *REST), rcou(0.0, [1500] * 4)], settings=functions)
     assert "command" not in found.channels
-    assert (
-        "no command: SERVOn_FUNCTION names only the motors 1, 3, with gaps between them"
-        in found.notes
-    )
+    assert any("motors 1, 3, with" in note for note in found.notes)
+    assert_wording(found.notes)
 
 
 def esc_messages(speeds, *, first=0, **more):
     return [esc(0.01 * k, first + n, 1000.0 * n + k, **more) for k in range(20) for n in speeds]
 
 
-def test_esc_telemetry_is_the_rotor_speed_in_motor_order(tmp_path):
+def test_esc_telemetry_is_the_rotor_speed_in_motor_order(tmp_path, assert_wording):
     functions = {f"SERVO{5 - n}_FUNCTION": 32.0 + n for n in range(1, 5)}
     found = read(tmp_path, esc_messages(range(4)), settings={**functions, "SERVO_BLH_POLES": 14.0})
     speed = found.channels["rotor_speed"]
     np.testing.assert_allclose(
         speed.values[10] * 60 / (2 * math.pi), [3010.0, 2010.0, 1010.0, 10.0], rtol=1e-6
     )
-    assert any(
-        n.startswith("RawRPM is as computed on board with SERVO_BLH_POLES = 14")
-        for n in found.notes
-    )
+    assert any("SERVO_BLH_POLES = 14" in n for n in found.notes)
+    assert_wording(found.notes)
 
 
 def test_raw_rpm_that_was_never_filled_in_is_not_taken(tmp_path):
@@ -229,10 +228,13 @@ def test_escs_of_auxiliary_outputs(tmp_path):
     assert any("ESC n is output n + 9" in n for n in found.notes)
 
 
-def test_an_esc_without_a_message_leaves_no_speed_and_is_said(tmp_path):
+def test_an_esc_without_a_message_leaves_no_speed_and_is_said(tmp_path, assert_wording):
     found = read(tmp_path, [imu(0.0, *REST), *esc_messages((0, 1, 3))])
     assert "rotor_speed" not in found.channels
-    assert any("comes from 3 ESCs (1, 2, 4), the motors are 4" in note for note in found.notes)
+    assert any("from 3 ESCs (1," in note for note in found.notes)
+    assert any("2, 4), the" in note for note in found.notes)
+    assert any("are 4" in note for note in found.notes)
+    assert_wording(found.notes)
 
 
 def test_old_escs_have_a_message_each(tmp_path):
@@ -356,11 +358,13 @@ def test_old_logs_say_their_class_in_a_text():
 
 
 @pytest.mark.parametrize(("kind", "number"), [(1.0, 1.0), (5.0, 10.0)])
-def test_the_logged_airframe_is_refused_until_measured(tmp_path, kind, number):
+def test_the_logged_airframe_is_refused_until_measured(tmp_path, kind, number, assert_wording):
     frame = {"FRAME_CLASS": kind, "FRAME_TYPE": number, "INS_POS1_X": 0.02, "INS_POS1_Z": 0.01}
     found = read(tmp_path, [imu(t, *REST) for t in one_second()], settings=frame)
     text = found.metadata["airframe"]
-    assert "imu = { position = [0.02, 0.0, -0.01] }" in text
+    assert "position = [0.02, 0.0," in text
+    assert "-0.01] }" in text
+    assert_wording(text)
     configuration = '\n[[configuration]]\nmass = 1.0\nflights = ["made.bin"]\n'
     (tmp_path / "e.toml").write_text(text + configuration, encoding="utf-8")
     with pytest.raises(ExperimentError, match=r"airframe\.(arm|rotors)"):
@@ -403,36 +407,32 @@ def rate_log(*, frame_type=1.0, battery=True):
     return messages, time, command
 
 
-def test_slow_outputs_are_mixed_again_from_the_controllers(tmp_path):
+def test_slow_outputs_are_mixed_again_from_the_controllers(tmp_path, assert_wording):
     messages, time, command = rate_log()
     found = read(tmp_path, messages)
     mixed = found.channels["command"]
     assert len(mixed.time) > 7900
     rows = np.searchsorted(time, mixed.time - 1e-6)
     np.testing.assert_allclose(mixed.values, command[rows], atol=0.002)
-    assert "RATE.ROut,POut,YOut,AOut mixed again for the frame QUAD X" in mixed.source
-    assert any(
-        n.startswith("RCOU comes at 10 Hz, RATE at 400 Hz: commands are mixed again")
-        for n in found.notes
-    )
+    assert_wording(mixed.source)
+    assert any("at 10 Hz," in n for n in found.notes)
+    assert any("at 400 Hz:" in n for n in found.notes)
+    assert_wording(found.notes)
 
 
-def test_a_mix_that_contradicts_the_outputs_is_not_used(tmp_path):
+def test_a_mix_that_contradicts_the_outputs_is_not_used(tmp_path, assert_wording):
     messages, _, _ = rate_log(frame_type=0.0)  # flew a plus, says it is an X
     found = read(tmp_path, messages)
     assert len(found.channels["command"].time) == 200
-    assert any(
-        "differs from RCOU by" in n and "RCOU is used; check FRAME_CLASS" in n for n in found.notes
-    )
+    assert any("differs from RCOU by" in n and "RCOU is used" in n for n in found.notes)
+    assert_wording(found.notes)
 
 
-def test_an_unknown_frame_leaves_the_slow_outputs(tmp_path):
+def test_an_unknown_frame_leaves_the_slow_outputs(tmp_path, assert_wording):
     messages, _, _ = rate_log()
     found = read(tmp_path, messages, settings={**QUAD_X, "FRAME_CLASS": 7.0})
     assert len(found.channels["command"].time) == 200
-    assert any(
-        "cannot be mixed again from it: the frame's mixer is not known" in n for n in found.notes
-    )
+    assert_wording(found.notes)
 
 
 @settings(max_examples=50, deadline=None)
@@ -443,92 +443,101 @@ def test_the_thrust_curve_inverts(expo, thrust):
     assert float((1 - expo) * u[0, 0] + expo * u[0, 0] ** 2) == pytest.approx(thrust, abs=1e-6)
 
 
-def test_law_and_frame_are_said(tmp_path):
+def test_law_and_frame_are_said(tmp_path, assert_wording):
     found = read(
         tmp_path,
         [imu(t, *REST) for t in one_second()],
         settings={**QUAD_X, "MOT_BAT_VOLT_MAX": 16.8},
     )
     notes = "\n".join(found.notes)
-    assert "0.35 u + 0.65 u^2 with u = (command - 0.15) / 0.8" in notes
-    assert "make up for the battery's voltage" in notes
-    assert (
-        "frame QUAD X: motors at 45, -135, -45, 135 deg clockwise from the front, ccw, ccw, cw, cw"
-        in notes
-    )
+    assert "0.35 u + 0.65" in notes
+    assert "u^2 with" in notes
+    assert "(command - 0.15) /" in notes
+    assert "0.8" in notes
+    assert_wording(notes)
+    assert "at 45, -135, -45," in notes
+    assert "135 deg" in notes
 
 
-def test_what_to_set_is_said_with_the_number(tmp_path):
+def test_what_to_set_is_said_with_the_number(tmp_path, assert_wording):
     found = read(tmp_path, [imu(t, *REST) for t in one_second(25)], settings=QUAD_X)
     notes = "\n".join([*found.notes, *found.warnings])
     wanted = 176126 | 1 << 18 | 1 << 19 | 1 << 0 | 1 << 10 | 1 << 9
-    assert (
-        f"set LOG_BITMASK = {wanted}, which adds fast attitude (bit 0), fast IMU (bit 18)" in notes
-    )
+    assert f"LOG_BITMASK = {wanted}, which" in notes
+    assert "(bit 0), fast" in notes
+    assert "(bit 18)" in notes
+    assert_wording(notes)
     assert notes.count("LOG_BITMASK") == 1  # said once, as a warning
-    assert "the IMU comes at 25 Hz only" in notes
-    assert "SERVO_BLH_BDMASK = 15 (the motors' outputs)" in notes
+    assert "at 25 Hz" in notes
+    assert "SERVO_BLH_BDMASK = 15 (the" in notes
 
 
-def test_a_mask_that_asks_for_all_points_to_the_rate_limit(tmp_path):
+def test_a_mask_that_asks_for_all_points_to_the_rate_limit(tmp_path, assert_wording):
     messages = [imu(t, *REST) for t in one_second(25)]
     found = read(tmp_path, messages, settings={**QUAD_X, "LOG_BITMASK": float(2**21 - 1)})
-    assert any("set LOG_FILE_RATEMAX = 0, since LOG_BITMASK = 2097151" in n for n in found.warnings)
+    assert any("LOG_FILE_RATEMAX = 0, since" in n for n in found.warnings)
+    assert any("LOG_BITMASK = 2097151" in n for n in found.warnings)
+    assert_wording(found.warnings)
 
 
-def test_batches_are_left_out_and_said(tmp_path):
+def test_batches_are_left_out_and_said(tmp_path, assert_wording):
     isbh = Kind(190, "ISBH", "QHBBHHQf", "TimeUS,N,type,instance,mul,smp_cnt,SampleUS,smp_rate")
     messages = [imu(0.0, *REST), message(isbh, 0, 0, 0, 0, 1, 1024, 0, 1000.0)]
     notes = "\n".join(read(tmp_path, messages, kinds=(*KINDS, isbh)).notes)
-    assert "1 batches of IMU samples (ISBH, ISBD) are left out" in notes
+    assert "1 batches" in notes
+    assert_wording(notes)
 
 
-def test_arming_is_reported_and_its_absence_doubted(tmp_path):
+def test_arming_is_reported_and_its_absence_doubted(tmp_path, assert_wording):
     flown = read(tmp_path, [imu(0.0, *REST), message(ARM, 2_500_000, 1, 0, 0, 0)])
-    assert "armed at 2.5 s of the autopilot's clock" in flown.notes
+    assert any("at 2.5 s" in note for note in flown.notes)
+    assert_wording(flown.notes)
     idle = read(tmp_path, [imu(0.0, *REST), message(ARM, 2_500_000, 0, 0, 0, 0)])
-    assert "the vehicle was never armed in this log: its motors did not turn" in idle.warnings
+    assert_wording(idle.warnings)
 
 
-def test_motors_that_were_driven_were_armed_before_the_log(tmp_path):
+def test_motors_that_were_driven_were_armed_before_the_log(tmp_path, assert_wording):
     """Logs begin while arming, and may hold the disarming alone."""
     outputs = [rcou(t, 4 * [1100 + 400 * (t > 0.5)]) for t in one_second()]
     flown = read(tmp_path, [imu(t, *REST) for t in one_second()] + outputs + [
         message(ARM, 2_500_000, 0, 0, 0, 0)
     ])  # fmt: skip
     assert "command" in flown.channels
-    assert "armed before the log begins, disarmed at 2.5 s of the autopilot's clock" in flown.notes
+    assert any("at 2.5 s" in note for note in flown.notes)
+    assert_wording(flown.notes)
     assert not any("never armed" in words for words in flown.warnings)
 
 
-def test_arming_by_the_events_of_old_logs(tmp_path):
+def test_arming_by_the_events_of_old_logs(tmp_path, assert_wording):
     event = Kind(190, "EV", "QB", "TimeUS,Id")
     events = [message(event, 1_500_000, 10), message(event, 2_500_000, 11)]
     found = read(tmp_path, [imu(0.0, *REST), *events], kinds=(*KINDS, event))
-    assert "armed at 1.5 s, disarmed at 2.5 s of the autopilot's clock" in found.notes
+    assert any("at 1.5 s," in note for note in found.notes)
+    assert any("at 2.5 s" in note for note in found.notes)
+    assert_wording(found.notes)
 
 
-def test_a_unit_that_is_not_the_one_assumed_is_doubted(tmp_path):
+def test_a_unit_that_is_not_the_one_assumed_is_doubted(tmp_path, assert_text):
     uses = message(FMTU, 0, 150, b"s#kkkooo", b"F-000000")
     units = [message(UNIT, 0, ord("k"), b"deg/s"), message(UNIT, 0, ord("o"), b"m/s/s")]
     found = read(tmp_path, [*units, uses, imu(0.0, *REST)])
-    assert found.warnings == (
-        "IMU.GyrX is declared in 'deg/s', and read as rad/s: check the scale",
-    )
+    assert_text(found.warnings)
 
 
-def test_damage_is_a_warning_of_the_result(tmp_path):
+def test_damage_is_a_warning_of_the_result(tmp_path, assert_wording):
     messages = [imu(0.1 * k, *REST) for k in range(6)]
     found = read(tmp_path, [*messages[:3], b"\0" * 99, *messages[3:], b"\xff" * 50])
     assert len(found.channels["gyro"].time) == 6
-    assert "1 damaged places: 99 bytes skipped, 0 messages left out" in found.warnings
-    assert "50 bytes at the end could not be read as messages" in found.warnings
+    assert any("1 damaged places: 99" in doubt for doubt in found.warnings)
+    assert any("skipped, 0 messages" in doubt for doubt in found.warnings)
+    assert_wording(found.warnings)
+    assert any("50 bytes" in doubt for doubt in found.warnings)
 
 
-def test_changed_parameters_are_doubted(tmp_path):
+def test_changed_parameters_are_doubted(tmp_path, assert_text):
     later = parameters({"MOT_PWM_MAX": 1900.0, "ARMING_CHECK": 1.0})
     found = read(tmp_path, [imu(0.0, *REST), *later])
-    assert found.warnings == ("MOT_PWM_MAX changed within the log: the last value is taken",)
+    assert_text(found.warnings)
 
 
 def test_of_a_parameter_logged_twice_the_last_value_counts(tmp_path):
@@ -567,7 +576,7 @@ def test_options_that_make_no_sense_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("lengths", [(400, 300), (300, 400)], ids=["longer first", "longer last"])
-def test_a_log_appended_to_another_is_reported(tmp_path, lengths):
+def test_a_log_appended_to_another_is_reported(tmp_path, lengths, assert_wording):
     parts = [
         log(KINDS, [*parameters(QUAD_X), *(imu(5.0 + k / 100, *REST) for k in range(length))])
         for length in lengths
@@ -576,9 +585,7 @@ def test_a_log_appended_to_another_is_reported(tmp_path, lengths):
     path.write_bytes(b"".join(parts))
     [said] = [words for words in read_log(path).warnings if "begins anew" in words]
     left = 300 if lengths[0] > lengths[1] else 299  # at the same time one of two may stay
-    assert said == (
-        f"the clock begins anew 1 time within the file, as where a second log is appended: {left} "
-        "of 700 messages IMU are left out; download the logs one by one"
-    )
+    assert f" {left} of 700 messages" in said
+    assert_wording(said)
     path.write_bytes(parts[0])
     assert not any("begins anew" in words for words in read_log(path).warnings)

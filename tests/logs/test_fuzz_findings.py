@@ -33,15 +33,16 @@ def test_a_toml_that_python_cannot_read_is_no_toml(tmp_path, content):
         load_experiment(path)
 
 
-def test_a_refusal_stays_short_where_names_are_long(tmp_path):
+def test_a_refusal_stays_short_where_names_are_long(tmp_path, assert_wording):
     path = tmp_path / "flight.csv"
     path.write_text("(" * 9000 + "time,gyro_x\n1,2\n")
     with pytest.raises(LogError) as caught:
         read_log(path)
     message = str(caught.value)
     assert 1500 < len(message) < 2000
-    assert message.startswith(f"{path}: no column 'time'; the file has ((((")
-    assert message.endswith(f"or let rotorfit propose them: rotorfit airframe {path}")
+    assert message.startswith(f"{path}: no")
+    assert_wording(message)
+    assert message.endswith(f"airframe {path}")
     assert message.count(" [...] ") == 1
 
 
@@ -52,10 +53,10 @@ def refusal(path, content: str) -> str:
     return str(caught.value).removeprefix(f"{path}: ")
 
 
-def test_a_number_sign_in_every_row_of_a_table_is_no_comment(tmp_path):
+def test_a_number_sign_in_every_row_of_a_table_is_no_comment(tmp_path, assert_text):
     rows = "".join(f"{k},1#,2,3\n" for k in range(5))
     said = refusal(tmp_path / "flight.csv", "time,gyro_x,gyro_y,gyro_z\n" + rows)
-    assert said == "line 2, column 'gyro_x': '1#' is not a number"
+    assert_text(said)
 
 
 MOTIVE = "Format Version,1.23,Length Units,Meters\n"
@@ -74,18 +75,19 @@ def test_a_motive_header_that_is_cut_short(tmp_path, rows, words):
 
 
 @pytest.mark.parametrize("line", ["DATA_INCLUDED", "DATA_INCLUDED\t"])
-def test_a_qualisys_header_without_the_kind_of_its_data(tmp_path, line):
+def test_a_qualisys_header_without_the_kind_of_its_data(tmp_path, line, assert_wording):
     said = refusal(tmp_path / "take.tsv", f"NO_OF_FRAMES\t9\nNO_OF_CAMERAS\t8\n{line}\n1\t2\n")
-    assert said.startswith("the file holds unknown data, expected 6D")
+    assert "expected 6D" in said
+    assert_wording(said)
 
 
-def test_a_qualisys_header_without_a_frequency(tmp_path):
+def test_a_qualisys_header_without_a_frequency(tmp_path, assert_wording):
     columns = "\t".join(["Quad X", "Y", "Z", "Roll", "Pitch", "Yaw", "Residual"])
     columns += "".join(f"\tRot[{k}]" for k in range(9))
     row = "\t".join(["1"] * 16) + "\n"
     head = "NO_OF_FRAMES\t2\nNO_OF_CAMERAS\t8\nFREQUENCY\nDATA_INCLUDED\t6D\nBODY_NAMES\tQuad\n"
     said = refusal(tmp_path / "take.tsv", f"{head}{columns}\n{row}{row}")
-    assert said.startswith("the file has no column of times and its FREQUENCY is not given")
+    assert_wording(said)
 
 
 def test_signalling_nans_of_esc_telemetry_are_no_speeds(tmp_path):

@@ -79,7 +79,7 @@ def test_y_up_becomes_z_up(tmp_path):
     np.testing.assert_allclose(log.channels["attitude"].values[1], [half, 0, 0, half])
 
 
-def test_frames_that_are_lost_are_left_out(tmp_path, flight):
+def test_frames_that_are_lost_are_left_out(tmp_path, flight, assert_text):
     path = tmp_path / "take.tsv"
     write_qualisys(flight, path)
     lines = path.read_bytes().split(b"\r\n")
@@ -88,7 +88,7 @@ def test_frames_that_are_lost_are_left_out(tmp_path, flight):
     path.write_bytes(b"\r\n".join(lines))
     log = read_log(path)
     assert len(log.channels["position"].time) == len(flight.pose_time) - 1
-    assert log.notes == (f"The body 'Quad' is not seen in 1 of {len(flight.pose_time)} frames.",)
+    assert_text(log.notes)
     path = tmp_path / "take.csv"
     write_motive(flight, path)
     lines = path.read_text().split("\n")
@@ -98,33 +98,30 @@ def test_frames_that_are_lost_are_left_out(tmp_path, flight):
     assert len(log.channels["attitude"].time) == len(flight.pose_time) - 1
 
 
-def test_frames_without_times_have_those_of_the_frequency(tmp_path, flight):
+def test_frames_without_times_have_those_of_the_frequency(tmp_path, flight, assert_text):
     path = tmp_path / "take.tsv"
     write_qualisys(flight, path, timed=False)
     np.testing.assert_allclose(read_log(path).channels["position"].time, flight.pose_time)
     text = path.read_text().replace("FREQUENCY\t200", "FREQUENCY\tEXT")
     path.write_text(text)
-    assert error_of(path) == (
-        "the file has no column of times and its FREQUENCY is EXT: export with times"
-    )
+    assert_text(error_of(path))
 
 
 @pytest.mark.parametrize("write", [write_motive, write_qualisys, write_vicon])
-def test_one_of_several_bodies_is_chosen_by_name(tmp_path, flight, write):
+def test_one_of_several_bodies_is_chosen_by_name(
+    tmp_path, flight, write, assert_text, assert_wording
+):
     path = tmp_path / "take"
     write(flight, path, names=("Wand", "Quad"))
-    assert error_of(path) == (
-        "the file has 2 rigid bodies ('Wand', 'Quad'): say which one flew, as "
-        'columns = { position = "Wand" }'
-    )
+    assert_text(error_of(path))
     chosen = ReadOptions(columns={"position": ColumnSpec(name="Quad")})
     log = read_log(path, options=chosen)
     assert "body 'Quad'" in log.channels["position"].source
-    assert log.notes == ("Read the body 'Quad'; the file also has 'Wand'.",)
+    assert_text(log.notes)
     other = ReadOptions(columns={"position": ColumnSpec(name="Hexa")})
-    assert error_of(path, options=other) == ("no rigid body 'Hexa'; the file has 'Wand', 'Quad'")
+    assert_text(error_of(path, options=other))
     wrong = ReadOptions(columns={"gyro_x": ColumnSpec(name="X")})
-    assert "a columns map only chooses the rigid body" in error_of(path, options=wrong)
+    assert_wording(error_of(path, options=wrong))
     assert "leave out axes" in error_of(path, options=ReadOptions(axes="FRD"))
     assert "there is no log 2" in error_of(path, options=ReadOptions(log_number=2))
 
@@ -176,13 +173,14 @@ def test_a_trajectory_has_names_or_none(tmp_path):
     ["0 nan nan nan nan nan nan nan", "0 1 2 3 0 0 0 0", "0 0 0 0 0 0 0 0\n\n# lost"],
     ids=["nan", "zero quaternion", "comment below"],
 )
-def test_a_trajectory_may_begin_without_a_pose(tmp_path, lost):
+def test_a_trajectory_may_begin_without_a_pose(tmp_path, lost, assert_wording):
     path = tmp_path / "poses.txt"
     path.write_text(f"# t x y z qx qy qz qw\n{lost}\n1 1 2 3 0 0 0 1\n2 1 2 4 0 0 1 0\n")
     log = read_log(path)
     assert log.format == "trajectory"
     assert log.channels["position"].time.tolist() == [1.0, 2.0]
-    assert "The body is not seen in 1 of 3 frames." in log.notes
+    assert any("in 1 of 3" in note for note in log.notes)
+    assert_wording(log.notes)
     gaps = tmp_path / "poses.csv"
     gaps.write_text("0,,,,,,,\n1,1,2,3,0,0,0,1\n2,1,2,4,0,0,1,0\n")
     assert read_log(gaps).channels["position"].time.tolist() == [1.0, 2.0]
@@ -194,10 +192,10 @@ def test_eight_numbers_that_are_no_pose_are_a_table(tmp_path):
     assert "no row of column names" in error_of(path)
 
 
-def test_a_clock_that_runs_back_is_refused(tmp_path):
+def test_a_clock_that_runs_back_is_refused(tmp_path, assert_text):
     path = tmp_path / "poses.txt"
     path.write_text("0 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 1\n0.5 1 2 3 0 0 0 1\n")
-    assert error_of(path).startswith("time goes back after frame 2, from 1 to 0.5 s")
+    assert_text(error_of(path))
 
 
 @pytest.mark.flights

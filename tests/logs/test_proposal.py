@@ -137,12 +137,10 @@ def test_a_renamed_and_rescaled_flight_reads_the_same(tmp_path, data):
         np.testing.assert_allclose(log.channels["attitude"].values, expected, atol=1e-9)
 
 
-def test_a_gyro_in_other_axes_than_the_attitude_is_seen(tmp_path):
+def test_a_gyro_in_other_axes_than_the_attitude_is_seen(tmp_path, assert_wording):
     table = dict(FLIGHT)
     path = written(tmp_path / "own.csv", table | {"gyro_y": -table["gyro_y"]})
-    assert "gyro and attitude turn against each other about y" in " ".join(
-        propose_columns(path).doubts
-    )
+    assert_wording(" ".join(propose_columns(path).doubts))
     mixed = table | {f"quat_{a}": -table[f"quat_{a}"] for a in "yz"}
     proposal = propose_columns(written(tmp_path / "mixed.csv", mixed))
     assert [proposal.columns[f"quat_{a}"].scale for a in "wxyz"] == [1, 1, -1, -1]
@@ -252,12 +250,13 @@ def test_units_of_speeds_and_commands_are_stated_separately(tmp_path):
     assert stated.columns["command_1"].range == (0.0, 65535.0)
 
 
-def test_text_next_to_the_numbers_is_left_out(tmp_path):
+def test_text_next_to_the_numbers_is_left_out(tmp_path, assert_wording):
     path = written(tmp_path / "own.csv", FLIGHT)
     lines = path.read_text().splitlines()
     path.write_text("\n".join([f"{lines[0]},motor_5", *(f"{line},idle" for line in lines[1:])]))
     proposal = propose_columns(path)
-    assert "motor_5: holds text, left out" in proposal.doubts
+    assert any("motor_5: holds" in doubt for doubt in proposal.doubts)
+    assert_wording(proposal.doubts)
     assert "rotor_5" not in proposal.columns
 
 
@@ -304,20 +303,21 @@ def test_a_pose_and_motors_are_a_flight(tmp_path, name, unit, axes):
         np.testing.assert_allclose(log.channels[channel].values, expected, atol=1e-9)
 
 
-def test_half_an_imu_beside_a_pose_is_left_out(tmp_path):
+def test_half_an_imu_beside_a_pose_is_left_out(tmp_path, assert_wording):
     table = posed() | {f"gyro_{a}": FLIGHT[f"gyro_{a}"] for a in "xyz"}
     proposal = propose_columns(written(tmp_path / "own.csv", table))
     assert "gyro_x" in proposal.unused
-    assert any("no gyro or no accelerometer" in words for words in proposal.reasons)
+    assert_wording(proposal.reasons)
 
 
-def test_poses_that_gravity_contradicts_are_doubted(tmp_path):
+def test_poses_that_gravity_contradicts_are_doubted(tmp_path, assert_wording):
     mixed = propose_columns(written(tmp_path / "mixed.csv", posed(attitude_axes="FRD")))
-    assert "it does not accelerate to where the attitude leans" in " ".join(mixed.doubts)
+    assert_wording(" ".join(mixed.doubts))
     path = written(tmp_path / "own.csv", posed())
     stated = propose_columns(path, units={"position": "mm"}, axes="FRD")
-    assert "position in mm makes gravity 0.00" in stated.doubts[0]
-    assert "against the lean of the attitude in axes FRD" in stated.doubts[1]
+    assert "gravity 0.00" in stated.doubts[0]
+    assert_wording(stated.doubts[0])
+    assert_wording(stated.doubts[1])
     upside = posed() | {"pz": -posed()["pz"]}
     below = propose_columns(written(tmp_path / "below.csv", upside), axes="FLU")
-    assert "the flight was below its start" in " ".join(below.doubts)
+    assert_wording(" ".join(below.doubts))

@@ -51,9 +51,11 @@ def test_a_servo_among_the_outputs_of_mavros(fault):
     assert any("Output 5" in note and "columns = {" in note for note in log.notes)
 
 
-def test_motors_beside_auxiliary_outputs(fault):
+def test_motors_beside_auxiliary_outputs(fault, assert_wording):
     source = read_log(fault("fail-px4-aux-instance.ulg")).channels["command"].source
-    assert source.startswith("actuator_outputs.output[0, 1, 2, 3], 1000..2000 (PWM_MIN")
+    assert source.startswith("actuator_outputs.output[0, 1, 2, 3],")
+    assert "1000..2000 (PWM_MIN" in source
+    assert_wording(source)
 
 
 def test_commands_with_spikes_go_with_the_speeds(fault):

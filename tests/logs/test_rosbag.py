@@ -75,14 +75,15 @@ def differences(log, flight):
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_flight_reads_back(tmp_path, flight, name):
+def test_a_flight_reads_back(tmp_path, flight, name, assert_wording):
     WRITERS[name](flight, tmp_path / name)
     log = read_log(tmp_path / name)
     assert differences(log, flight) == []
     # Received 3 ms later than stamped, and counted from the first message received.
     assert log.channels["gyro"].time[0] == pytest.approx(-0.003, abs=1e-9)
     assert log.metadata["started"] == "2023-11-14T22:13:20.003+00:00"
-    assert "received 3.0 ms later (median)" in log.notes[0]
+    assert "received 3.0 ms" in log.notes[0]
+    assert_wording(log.notes[0])
 
 
 @pytest.mark.parametrize("ending", ["db3", "mcap"])
@@ -112,12 +113,10 @@ def test_compressed_ros2_bags(tmp_path, flight, compression, storage):
     assert differences(read_log(path), flight) == []
 
 
-def test_a_bag_compressed_as_a_whole_is_to_be_unpacked(tmp_path):
+def test_a_bag_compressed_as_a_whole_is_to_be_unpacked(tmp_path, assert_text):
     path = tmp_path / "bag"
     write_messages_ros2(imu(), path, compression="file")
-    assert error_of(path) == (
-        "bag.db3.zstd is compressed as a whole: unpack it with  unzstd bag.db3.zstd"
-    )
+    assert_text(error_of(path))
     words = error_of(path / "bag.db3.zstd")
     assert "looks like a zstd archive" in words and "unpack it first" in words
 
@@ -173,8 +172,8 @@ def test_a_bag_in_several_files_is_one_log(tmp_path):
     np.testing.assert_allclose(log.channels["gyro"].values[:, 0], 0.1 * np.arange(40))
 
 
-def test_a_folder_without_a_bag_stays_a_folder(tmp_path):
-    assert "is a directory, expected a log file" in error_of(tmp_path)
+def test_a_folder_without_a_bag_stays_a_folder(tmp_path, assert_wording):
+    assert_wording(error_of(tmp_path))
 
 
 @pytest.mark.parametrize("name", ["flight.bag", "mcap"])
@@ -232,7 +231,7 @@ def px4(tmp_path, *, defined):
 
 
 @pytest.mark.parametrize("defined", [True, False])
-def test_messages_of_px4_are_turned_to_flu(tmp_path, defined):
+def test_messages_of_px4_are_turned_to_flu(tmp_path, defined, assert_wording):
     log = px4(tmp_path, defined=defined)
     gyro = log.channels["gyro"]
     np.testing.assert_allclose(gyro.values[3], [0.3, -0.2, -0.3], rtol=1e-6)
@@ -245,7 +244,7 @@ def test_messages_of_px4_are_turned_to_flu(tmp_path, defined):
     # All four are on the autopilot's clock, moved by the delay of the fastest.
     for name in ("gyro", "command", "rotor_speed", "position"):
         np.testing.assert_allclose(log.channels[name].time, 0.01 * np.arange(40), atol=1e-6)
-    assert "a clock that began elsewhere" in " ".join(log.notes)
+    assert_wording(" ".join(log.notes))
     assert log.warnings == ()
 
 
@@ -266,7 +265,7 @@ def test_what_rosbags_fails_on_in_a_database_is_not_needed(tmp_path, change):
     np.testing.assert_array_equal(gyro.values[:, 0], 0.1 * np.arange(COUNT))
 
 
-def test_messages_of_mavros(tmp_path):
+def test_messages_of_mavros(tmp_path, assert_wording):
     def pulses(k):
         return {"channels": [1000 + 10 * k, 1500, 1900 - k, 1100 + k, 1200 + k, 0, 0, 0]}
 
@@ -283,7 +282,10 @@ def test_messages_of_mavros(tmp_path):
     )
     command = log.channels["command"]
     np.testing.assert_allclose(command.values[10], [0.1, 0.89, 0.11, 0.21])
-    assert "outputs 1, 3, 4, 5, pulse widths taken from 1000 to 2000 us" in command.source
+    assert "outputs 1, 3, 4," in command.source
+    assert "5, pulse" in command.source
+    assert "from 1000 to 2000" in command.source
+    assert_wording(command.source)
     np.testing.assert_allclose(
         log.channels["rotor_speed"].values[1], np.array([6001, 6100, 6200, 6300]) * 2 * np.pi / 60
     )
@@ -291,12 +293,12 @@ def test_messages_of_mavros(tmp_path):
     assert any("before the mixer" in note and "/mavros/actuator" in note for note in log.notes)
 
 
-def test_set_points_are_taken_last_and_said(tmp_path):
+def test_set_points_are_taken_last_and_said(tmp_path, assert_wording):
     speeds = {"angular_velocities": [400.0, 401.0, 402.0, 403.0]}
     kind = "mav_msgs/msg/Actuators"
     aim = sent("/quad/command/motor_speed", kind, lambda k: speeds, step=1_000_000)
     log = read(tmp_path, imu(), aim)
-    assert "/quad/command/motor_speed are what was asked for" in log.warnings[0]
+    assert_wording(log.warnings[0])
     (tmp_path / "other").mkdir()
     aim = sent("/quad/command/motor_speed", kind, lambda k: speeds, step=1_000_000)
     measured = sent("/quad/motor_speed", kind, lambda k: speeds)
@@ -334,22 +336,17 @@ def test_messages_of_the_recorder_are_frd_where_it_is_declared(tmp_path):
 # Which topic, which clock
 
 
-def test_the_fastest_imu_is_taken_and_the_others_are_named(tmp_path):
+def test_the_fastest_imu_is_taken_and_the_others_are_named(tmp_path, assert_text):
     log = read(tmp_path, imu("/slow", step=20_000_000), imu("/fast", step=5_000_000))
     assert log.channels["gyro"].source.startswith("/fast (sensor_msgs/Imu)")
     assert log.channels["accel"].source == log.channels["gyro"].source
-    assert log.notes[0] == (
-        "gyro is from /fast (200 Hz); not used: /slow (50 Hz); choose with columns = "
-        '{ gyro = "TOPIC" }.'
-    )
+    assert_text(log.notes[0])
     chosen = ReadOptions(columns={"gyro": ColumnSpec(name="/slow")})
     log = read_log(tmp_path / "bag", options=chosen)
     for name in ("gyro", "accel"):
         assert log.channels[name].source.startswith("/slow")
     other = ReadOptions(columns={"gyro": ColumnSpec(name="/imu")})
-    assert error_of(tmp_path / "bag", options=other) == (
-        "no topic '/imu' that gives gyro; those that do: /slow, /fast"
-    )
+    assert_text(error_of(tmp_path / "bag", options=other))
 
 
 def test_cameras_come_before_estimates(tmp_path):
@@ -440,24 +437,20 @@ def test_a_wrong_map_is_refused(tmp_path, columns, message):
 # Refusals
 
 
-def test_a_bag_without_known_messages_lists_its_topics(tmp_path):
+def test_a_bag_without_known_messages_lists_its_topics(tmp_path, assert_text):
     path = tmp_path / "bag"
     write_messages_ros2(sent("/rosout", "std_msgs/msg/String", lambda k: {"data": "a"}), path)
-    assert error_of(path) == (
-        "no message that rotorfit knows; topics: /rosout (std_msgs/String): record "
-        "sensor_msgs/Imu and the motors (ESC telemetry or outputs), or name numbers with a columns "
-        'map, as columns = { gyro_x = "/TOPIC.path.x", ... }'
-    )
+    assert_text(error_of(path))
 
 
-def test_another_database_is_no_bag(tmp_path):
+def test_another_database_is_no_bag(tmp_path, assert_text):
     path = tmp_path / "other.db3"
     with sqlite3.connect(path) as database:
         database.execute("CREATE TABLE topics (id INTEGER)")
-    assert "without the tables topics and messages: not a ROS 2 bag" in error_of(path)
+    assert_text(error_of(path))
 
 
-def test_a_view_in_place_of_messages_is_refused(tmp_path):
+def test_a_view_in_place_of_messages_is_refused(tmp_path, assert_wording):
     """A view may compute for ever."""
     path = tmp_path / "other.db3"
     with sqlite3.connect(path) as database:
@@ -467,16 +460,16 @@ def test_a_view_in_place_of_messages_is_refused(tmp_path):
             "(SELECT 1 UNION ALL SELECT i + 1 FROM n) "
             "SELECT i AS topic_id, i AS timestamp, x'00' AS data FROM n"
         )
-    assert "without the tables topics and messages" in error_of(path)
+    assert_wording(error_of(path))
 
 
-def test_an_old_bag_is_refused(tmp_path):
+def test_an_old_bag_is_refused(tmp_path, assert_text):
     path = tmp_path / "old.bag"
     path.write_bytes(b"#ROSBAG V1.2\n" + bytes(40))
-    assert error_of(path).startswith("ROS bag of version '1.2\\n', expected 2.0")
+    assert_text(error_of(path))
 
 
-def test_an_output_that_the_vehicle_does_not_follow_is_left_out(tmp_path):
+def test_an_output_that_the_vehicle_does_not_follow_is_left_out(tmp_path, assert_wording):
     """The airframe's map names the motors where that is wrong."""
     flown = simulate_flight(
         *variant(paper_vehicle("A"), "clean")[0], Scenario(seconds=12.0), seed=5
@@ -503,4 +496,5 @@ def test_an_output_that_the_vehicle_does_not_follow_is_left_out(tmp_path):
     assert log.channels["command"].values.shape[1] == 4
     assert "outputs 1, 2, 3, 4," in log.channels["command"].source
     [note] = [note for note in log.notes if "Output 5" in note]
-    assert 'columns = { command_1 = "/mavros/rc/out.channels[0]"' in note
+    assert '{ command_1 = "/mavros/rc/out.channels[0]"' in note
+    assert_wording(note)

@@ -163,31 +163,33 @@ BOMB = bytes(1 << 25)
 
 
 @pytest.mark.parametrize("declared", [1 << 20, 1 << 25, 1 << 40])
-def test_an_lz4_bomb_unfolds_to_its_bound_at_most(tmp_path, declared):
+def test_an_lz4_bomb_unfolds_to_its_bound_at_most(tmp_path, declared, assert_wording):
     path = tmp_path / "bomb.mcap"
     path.write_bytes(MCAP + chunk(b"lz4", declared, lz4.frame.compress(BOMB)))
     message, peak = peak_of(path)
-    assert "no message that rotorfit knows" in message
+    assert_wording(message)
     assert peak < (1 << 25) * 2.5
 
 
-def test_a_bomb_of_many_chunks_is_given_up(tmp_path):
+def test_a_bomb_of_many_chunks_is_given_up(tmp_path, assert_wording):
     """Each chunk alone would pass; together they unfold to a thousand times the file."""
     part = chunk(b"lz4", 1 << 25, lz4.frame.compress(BOMB))
     path = tmp_path / "bomb.mcap"
     path.write_bytes(MCAP + part * 6)
     message, peak = peak_of(path)
-    assert "unfold to more than 40 times as much" in message
+    assert "than 40 times" in message
+    assert_wording(message)
     assert peak < (1 << 25) * 2.5
 
 
-def test_a_bzip2_bomb_in_a_ros1_bag(tmp_path):
+def test_a_bzip2_bomb_in_a_ros1_bag(tmp_path, assert_wording):
     stored = bz2.compress(bytes(1 << 24))
     fields = {b"op": b"\x05", b"compression": b"bz2", b"size": struct.pack("<I", 1 << 16)}
     path = tmp_path / "bomb.bag"
     path.write_bytes(b"#ROSBAG V2.0\n" + ros1_record(fields, stored))
     message, peak = peak_of(path)
-    assert "a chunk is damaged (1 times)" in message
+    assert "damaged (1 times)" in message
+    assert_wording(message)
     assert peak < 1 << 23
 
 

@@ -129,14 +129,15 @@ SITES = {
 
 @strays
 @pytest.mark.parametrize("site", SITES)
-def test_whatever_rosbags_raises_is_named(bags, monkeypatch, site, stray):
+def test_whatever_rosbags_raises_is_named(bags, monkeypatch, site, stray, assert_wording):
     contents.built_in("cdr")
     bag, owner, name, failing, expected = SITES[site]
     monkeypatch.setattr(owner, name, failing(stray))
     message = refused(bags / bag, stray)
     assert expected.format(type(stray).__name__) in message
     if site == "opening a database":
-        assert message.endswith("copy it again, or repair it with sqlite3 .recover")
+        assert message.endswith("with sqlite3 .recover")
+        assert_wording(message)
 
 
 @pytest.mark.parametrize(
@@ -156,10 +157,10 @@ def test_what_is_no_fault_of_the_file_passes(bags, monkeypatch, error, message):
         assert message in error_of(bags / "db3")
 
 
-def test_the_words_of_an_error_stay_one_short_line():
+def test_the_words_of_an_error_stay_one_short_line(assert_wording):
     with pytest.raises(DamageError) as caught:
         decoded(raising(ValueError("two\nlines \x00 and " + "long " * 1000)))
-    assert str(caught.value).startswith("ValueError: two lines \ufffd and long long")
+    assert_wording(str(caught.value))
     assert len(str(caught.value)) < 200
 
 

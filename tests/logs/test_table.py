@@ -89,7 +89,7 @@ def test_csv_reads_back_every_channel_to_the_last_bit(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_units_and_names_of_a_map_lead_to_the_same_log(tmp_path, kind):
+def test_units_and_names_of_a_map_lead_to_the_same_log(tmp_path, kind, assert_text):
     columns = flight()
     foreign = {"stamp": columns["time"] * 1e6, "v": columns["battery"] * 1e3}
     foreign |= {f"g{axis}": np.degrees(columns[f"gyro_{axis}"]) for axis in AXES}
@@ -115,7 +115,7 @@ def test_units_and_names_of_a_map_lead_to_the_same_log(tmp_path, kind):
     for name, channel in own.channels.items():
         np.testing.assert_allclose(log.channels[name].values, channel.values, rtol=1e-9)
         np.testing.assert_allclose(log.channels[name].time, channel.time, rtol=1e-12)
-    assert log.channels["gyro"].source == "columns gx, gy, gz [deg/s]"
+    assert_text(log.channels["gyro"].source)
 
 
 def test_scale_and_offset_come_before_the_unit(tmp_path):
@@ -198,30 +198,30 @@ def test_numpy_parses_gaps_as_the_careful_parser_does(rows):
         ('0,12,a,b\n0.1,12,a,b\n"0.2,12,a,b"\n', 4, 1),
     ],
 )
-def test_rows_are_counted_to_their_end_where_nothing_is_read(tmp_path, rows, line, cells):
-    assert refusal(tmp_path, "time,battery,note,more\n" + rows) == (
-        f"line {line} has {cells} cells, the header has 4: complete or remove the line"
-    )
+def test_rows_are_counted_to_their_end_where_nothing_is_read(
+    tmp_path, rows, line, cells, assert_text
+):
+    assert_text(refusal(tmp_path, "time,battery,note,more\n" + rows))
 
 
-def test_a_quoted_delimiter_is_no_delimiter(tmp_path):
+def test_a_quoted_delimiter_is_no_delimiter(tmp_path, assert_text):
     header = "note,time,battery,more\n"
     log = read_table(written(tmp_path, header + 'a,0,12,b\n"x, y",0.1,11,b\n'))
     assert log.channels["battery"].values.tolist() == [[12], [11]]
     message = refusal(tmp_path, header + 'a,0,12,b\n"x,0.1,11,y"\n')
-    assert message == "line 3 has 1 cells, the header has 4: complete or remove the line"
+    assert_text(message)
 
 
-def test_half_an_attitude_next_to_a_whole_one_is_left_out(tmp_path):
+def test_half_an_attitude_next_to_a_whole_one_is_left_out(tmp_path, assert_text):
     text = "time,quat_w,quat_x,quat_y,quat_z,yaw\n0,1,0,0,0,9\n0.01,1,0,0,0,9\n"
     log = read_table(written(tmp_path, text))
     assert log.channels["attitude"].values.tolist() == [[1, 0, 0, 0], [1, 0, 0, 0]]
-    assert log.notes == ("Left out yaw: roll, pitch are missing.",)
+    assert_text(log.notes)
 
 
-def test_rows_without_a_time_are_left_out_and_counted(tmp_path):
+def test_rows_without_a_time_are_left_out_and_counted(tmp_path, assert_text):
     log = read_table(written(tmp_path, GYRO + ",1,1,1\n0.04,1,1,1\n"))
-    assert log.notes == ("Left out 1 rows without a time.",)
+    assert_text(log.notes)
     np.testing.assert_array_equal(log.channels["gyro"].time, [0, 0.01, 0.02, 0.04])
 
 
@@ -230,19 +230,19 @@ def test_repeated_times_are_for_later_stages(tmp_path):
     np.testing.assert_array_equal(log.channels["gyro"].time, [0, 0, 0.02, 0.02, 0.02])
 
 
-def test_an_empty_optional_channel_is_left_out_with_a_note(tmp_path):
+def test_an_empty_optional_channel_is_left_out_with_a_note(tmp_path, assert_text):
     text = "time,gyro_x,gyro_y,gyro_z,battery\n0,1,2,3,\n0.01,4,5,6,\n"
     log = read_table(written(tmp_path, text))
     assert set(log.channels) == {"gyro"}
-    assert log.notes == ("Left out battery: column 'battery' for 'battery' holds no number.",)
+    assert_text(log.notes)
 
 
-def test_a_stray_column_of_a_mapped_file_is_left_out_with_a_note(tmp_path):
+def test_a_stray_column_of_a_mapped_file_is_left_out_with_a_note(tmp_path, assert_text):
     path = written(tmp_path, "t,yaw,vbat\n0,1,12\n0.01,2,12\n")
     names = {"time": ColumnSpec(name="t"), "battery": ColumnSpec(name="vbat")}
     log = read_table(path, columns=names)
     assert set(log.channels) == {"battery"}
-    assert log.notes == ("Left out yaw: roll, pitch are missing.",)
+    assert_text(log.notes)
 
 
 def test_a_column_that_the_map_claims_loses_its_own_name(tmp_path):
@@ -280,7 +280,7 @@ def _rotation(attitude_wxyz):
     return Rotation.from_quat(attitude_wxyz[:, [1, 2, 3, 0]])
 
 
-def test_a_frd_table_is_turned_at_the_door(tmp_path):
+def test_a_frd_table_is_turned_at_the_door(tmp_path, assert_text):
     flu = flight()
     frd = {n: -c if n.endswith(("_y", "_z")) else c for n, c in flu.items()}
     write_table(tmp_path / "flu.csv", flu)
@@ -289,12 +289,10 @@ def test_a_frd_table_is_turned_at_the_door(tmp_path):
     expected = read_table(tmp_path / "flu.csv")
     for name, channel in expected.channels.items():
         np.testing.assert_array_equal(ours.channels[name].values, channel.values)
-    assert ours.notes == (
-        "Turned from FRD to FLU axes, and the world from north-east-down to z up.",
-    )
+    assert_text(ours.notes)
 
 
-def test_quaternion_and_euler_angles_read_alike(tmp_path):
+def test_quaternion_and_euler_angles_read_alike(tmp_path, assert_wording):
     rng = np.random.default_rng(1)
     angles = rng.uniform(-1.5, 1.5, (20, 3))
     time = {"time": np.arange(20) / 100}
@@ -312,16 +310,16 @@ def test_quaternion_and_euler_angles_read_alike(tmp_path):
         first, *others = (log.channels["attitude"].values for log in logs)
         for other in others:
             np.testing.assert_allclose(other, first, atol=1e-14)
-    assert "Left out roll, pitch, yaw: the attitude is read from quat_w" in logs[2].notes[0]
+    assert_wording(logs[2].notes[0])
 
 
-def test_lost_tracking_is_nan_and_quaternions_are_made_unit(tmp_path):
+def test_lost_tracking_is_nan_and_quaternions_are_made_unit(tmp_path, assert_text):
     text = "time,quat_w,quat_x,quat_y,quat_z\n0,1.001,0,0,0\n0.01,0,0,0,0\n0.02,0,0.999,0,0\n"
     log = read_table(written(tmp_path, text))
     values = log.channels["attitude"].values
     np.testing.assert_array_equal(values[[0, 2]], [[1, 0, 0, 0], [0, 1, 0, 0]])
     assert np.isnan(values[1]).all()
-    assert log.notes == ("1 attitudes are no unit quaternions: set to NaN.",)
+    assert_text(log.notes)
 
 
 # Resolution
@@ -462,29 +460,21 @@ def test_a_table_that_cannot_be_meant_is_refused(tmp_path, text, message):
     ("step", "unit"),
     [(1, "ms"), (10, "ms"), (2000, "us"), (4e6, "ns"), (1e6, "ns")],
 )
-def test_times_in_another_unit_are_refused_with_the_fitting_one(tmp_path, step, unit):
+def test_times_in_another_unit_are_refused_with_the_fitting_one(tmp_path, step, unit, assert_text):
     text = f"time,battery\n0,12\n{step:g},12\n{2 * step:g},12\n"
-    assert refusal(tmp_path, text) == (
-        f"rows are {step:.4g} s apart with 'time' in s; {unit} would fit: say so with "
-        f'columns = {{ time = {{ name = "time", unit = "{unit}" }} }}'
-    )
+    assert_text(refusal(tmp_path, text))
     spec = {"time": ColumnSpec(name="time", unit=unit)}
     assert 0 < read_table(written(tmp_path, text), columns=spec).seconds < 0.1
 
 
-def test_times_that_fit_no_unit_are_refused(tmp_path):
+def test_times_that_fit_no_unit_are_refused(tmp_path, assert_text):
     text = "time,battery\n0,12\n1e12,12\n"
-    assert refusal(tmp_path, text) == (
-        "rows are 1e+12 s apart with 'time' in s: not a flight log, which has several rows a second"
-    )
+    assert_text(refusal(tmp_path, text))
 
 
-def test_a_wrong_time_unit_of_a_map_is_refused_too(tmp_path):
+def test_a_wrong_time_unit_of_a_map_is_refused_too(tmp_path, assert_text):
     message = refusal(tmp_path, GYRO, columns={"time": ColumnSpec(name="time", unit="us")})
-    assert message == (
-        "rows are 1e-08 s apart with 'time' in us; s would fit: say so with "
-        'columns = { time = { name = "time", unit = "s" } }'
-    )
+    assert_text(message)
 
 
 @pytest.mark.parametrize(

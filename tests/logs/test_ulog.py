@@ -111,14 +111,9 @@ def test_the_geometry_comes_back(tmp_path):
         assert noted(log, "Rotor geometry by CA_ROTOR*")
 
 
-def test_geometry_is_ready_for_an_experiment_file(tmp_path):
+def test_geometry_is_ready_for_an_experiment_file(tmp_path, assert_text):
     log = read(tmp_path, IMU, parameters={**QUAD, "SYS_AUTOSTART": 4050})
-    assert log.metadata["airframe"] == (
-        'rotors = [{ position = [0.15, -0.2, 0.0], spin = "ccw" }, '
-        '{ position = [-0.15, 0.2, 0.0], spin = "ccw" }, '
-        '{ position = [0.15, 0.2, 0.0], spin = "cw" }, '
-        '{ position = [-0.15, -0.2, 0.0], spin = "cw" }]'
-    )
+    assert_text(log.metadata["airframe"])
 
 
 def test_a_rotor_below_the_origin_is_below_it(tmp_path):
@@ -163,11 +158,12 @@ def test_default_geometry_is_said(tmp_path, parts, template):
     assert bool(noted(log, "measure your arms")) == template
 
 
-def test_a_log_without_geometry_asks_for_it(tmp_path):
+def test_a_log_without_geometry_asks_for_it(tmp_path, assert_wording):
     for parameters in ({}, {"CA_ROTOR_COUNT": 4}, {**QUAD, "CA_ROTOR3_PX": float("nan")}):
         log = read(tmp_path, IMU, parameters=parameters)
         assert "airframe" not in log.metadata
-        assert noted(log, "no rotor geometry (CA_ROTOR*): measure your arms")
+        assert noted(log, "no rotor geometry")
+        assert_wording((*log.notes, *log.warnings))
 
 
 def test_versions_and_settings(tmp_path):
@@ -278,14 +274,15 @@ def test_with_a_sample_time_missing_all_are_of_publication(tmp_path):
     np.testing.assert_allclose(read(tmp_path, topic).channels["gyro"].time, TIME, atol=1e-6)
 
 
-def test_filtered_signals_are_named_with_their_filters(tmp_path):
+def test_filtered_signals_are_named_with_their_filters(tmp_path, assert_wording):
     parameters = {"IMU_GYRO_CUTOFF": 40.0}
     log = read(tmp_path, *controller_signals(250.0), parameters=parameters)
     np.testing.assert_allclose(log.channels["accel"].values, ACCEL, rtol=1e-6)
     np.testing.assert_allclose(log.channels["accel"].time, TIME - 0.002, atol=1e-6)
     (note,) = noted(log, "low-passed on board")
-    assert "IMU_GYRO_CUTOFF = 40 Hz, IMU_ACCEL_CUTOFF unknown" in note
-    assert "set bits 0 and 4 of SDLOG_PROFILE" in note
+    assert "IMU_GYRO_CUTOFF = 40 Hz," in note
+    assert_wording(note)
+    assert "bits 0 and 4" in note
 
 
 def test_the_fastest_source_is_taken_where_none_is_fast(tmp_path):
@@ -352,11 +349,12 @@ def test_a_pose_by_vision_in_the_older_message(tmp_path):
     assert "forward-right-down" in log.channels["position"].source
 
 
-def test_a_pose_in_an_unknown_frame_is_left_out(tmp_path):
+def test_a_pose_in_an_unknown_frame_is_left_out(tmp_path, assert_wording):
     position, q = np.zeros((N, 3)), np.tile([1.0, 0, 0, 0], (N, 1))
     log = read(tmp_path, IMU, mocap(TIME, position, q, frame=0))
     assert "position" not in log.channels
-    assert noted(log, "its frame is neither NED nor FRD")
+    assert noted(log, "neither NED nor FRD")
+    assert_wording((*log.notes, *log.warnings))
 
 
 def test_a_frame_that_is_logged_late_counts(tmp_path):
@@ -440,21 +438,22 @@ def test_velocity_is_turned_by_the_attitude_of_its_time(tmp_path):
 @pytest.mark.parametrize(
     "parameters", [{"SYS_AUTOSTART": 13000}, {"MAV_TYPE": 22}, {"CA_AIRFRAME": 2}]
 )
-def test_a_vtol_is_named_and_its_servos_are_no_motors(tmp_path, parameters):
+def test_a_vtol_is_named_and_its_servos_are_no_motors(tmp_path, parameters, assert_wording):
     outputs = actuator_outputs(TIME, np.full((N, 8), 1500.0))
     log = read(tmp_path, IMU, outputs, parameters=parameters)
-    assert "the vehicle is a VTOL by its parameters" in log.warnings[0]
+    assert_wording(log.warnings[0])
     assert "command" not in log.channels
-    assert noted(log, "which of its outputs are motors and which servos")
+    assert noted(log, "motors and which servos")
+    assert_wording((*log.notes, *log.warnings))
     quad = read(tmp_path, IMU, outputs, parameters={"SYS_AUTOSTART": 4001})
     assert quad.warnings == ()
     assert quad.channels["command"].values.shape[1] == 4
 
 
-def test_a_log_never_armed_is_said(tmp_path):
+def test_a_log_never_armed_is_said(tmp_path, assert_wording):
     (doubt,) = read(tmp_path, IMU, armed(TIME[::50], False)).findings
     assert doubt.kind == "never-armed"
-    assert doubt.sentence.startswith("the vehicle was never armed in this log")
+    assert_wording(doubt.sentence)
     status = Logged(
         name="vehicle_status",
         time=TIME[::50],
@@ -463,21 +462,25 @@ def test_a_log_never_armed_is_said(tmp_path):
     )
     assert noted(read(tmp_path, IMU, status), "never armed")
     log = read(tmp_path, IMU, armed(TIME[::50], True), landed(TIME[::50], True))
-    assert noted(log, "never saw the vehicle leave the ground")
+    assert noted(log, "leave the ground")
+    assert_wording((*log.notes, *log.warnings))
 
 
-def test_when_it_flew_is_noted(tmp_path):
+def test_when_it_flew_is_noted(tmp_path, assert_wording):
     state, air = np.array([0, 1, 1, 0], bool), np.array([1, 1, 0, 1], bool)
     log = read(tmp_path, IMU, armed(TIME[::50], state), landed(TIME[::50], air))
     assert log.warnings == ()
     assert "Armed 0.2 to 0.6 s." in log.notes
-    assert "Off the ground 0.4 to 0.6 s." in log.notes
+    assert any("ground 0.4 to 0.6" in note for note in log.notes)
+    assert_wording(log.notes)
 
 
-def test_changed_parameters_are_noted(tmp_path):
+def test_changed_parameters_are_noted(tmp_path, assert_wording):
     changes = [(100.1, "MPC_X", 3.0), (100.2, "IMU_GYRO_CUTOFF", 80.0), (100.3, "MPC_X", 3.0)]
     log = read(tmp_path, IMU, parameters={"MPC_X": 2.0, "IMU_GYRO_CUTOFF": 40.0}, changes=changes)
-    assert noted(log, "IMU_GYRO_CUTOFF 40 to 80, MPC_X 2 to 3.")
+    assert noted(log, "IMU_GYRO_CUTOFF 40 to 80,")
+    assert noted(log, "MPC_X 2 to 3.")
+    assert_wording((*log.notes, *log.warnings))
 
 
 def logged_twice(first, last):
@@ -504,20 +507,24 @@ def test_of_a_parameter_declared_twice_the_last_value_counts(tmp_path):
         assert not noted(log, "Parameters changed")
 
 
-def test_a_changed_parameter_keeps_its_first_value(tmp_path):
+def test_a_changed_parameter_keeps_its_first_value(tmp_path, assert_wording):
     changes = [(100.1, "THR_MDL_FAC", 0.5), (100.2, "THR_MDL_FAC", 1.0)]
     topic = actuator_motors(TIME, HALF)
     log = read(tmp_path, topic, parameters={"THR_MDL_FAC": 0.0}, changes=changes)
     assert log.metadata["THR_MDL_FAC"] == "0"
     np.testing.assert_allclose(log.channels["command"].values, 0.5)
-    assert noted(log, "THR_MDL_FAC 0 to 0.5, THR_MDL_FAC 0.5 to 1.")
+    assert noted(log, "THR_MDL_FAC 0 to 0.5,")
+    assert noted(log, "THR_MDL_FAC 0.5 to 1.")
+    assert_wording((*log.notes, *log.warnings))
 
 
-def test_dropouts_are_said_and_not_bridged(tmp_path):
+def test_dropouts_are_said_and_not_bridged(tmp_path, assert_wording):
     kept = np.r_[0:80, 120:N]
     part = sensor_combined(TIME[kept], GYRO[kept], ACCEL[kept])
     log = read(tmp_path, part, dropouts=[(100.4, 160), (100.5, 20)])
-    assert noted(log, "the logger lost messages 2 times, 0.18 s in all, 160 ms at most")
+    assert noted(log, "messages 2 times, 0.18 s")
+    assert noted(log, "160 ms at most")
+    assert_wording((*log.notes, *log.warnings))
     assert np.diff(log.channels["gyro"].time).max() == pytest.approx(0.164, abs=1e-3)
 
 
@@ -529,13 +536,16 @@ def test_a_log_without_any_known_topic_is_refused(tmp_path):
         read(tmp_path, other)
 
 
-def test_what_is_missing_is_asked_for(tmp_path):
+def test_what_is_missing_is_asked_for(tmp_path, assert_text):
     log = read(tmp_path, esc_status(TIME, np.full((N, 4), 500.0)))
-    assert noted(log, "No gyro: set bits 0 and 4 of SDLOG_PROFILE")
-    assert noted(log, "No accel: set bits 0 and 4 of SDLOG_PROFILE")
-    assert noted(log, "No motor commands (actuator_motors, actuator_outputs)")
+    assert noted(log, "No gyro: set bits 0")
+    assert noted(log, "No accel: set bits 0")
+    assert noted(log, "No motor commands")
+    assert_text((*log.notes, *log.warnings))
     log = read(tmp_path, IMU, actuator_motors(TIME, np.full((N, 4), 0.5)))
-    assert noted(log, "set DSHOT_BIDIR_EN = 1 (PX4 1.16 and 1.17; from 1.18 on choose BDShot")
+    assert noted(log, "set DSHOT_BIDIR_EN = 1")
+    assert noted(log, "from 1.18 on")
+    assert_text((*log.notes, *log.warnings))
 
 
 @pytest.mark.parametrize(

@@ -87,24 +87,29 @@ def test_the_hover_is_read(folder):
     assert (log.metadata["Board"], log.metadata["SYS_AUTOSTART"]) == ("PX4_FMU_V6C", "4001")
 
 
-def test_the_hover_is_read_truly(folder):
+def test_the_hover_is_read_truly(folder, assert_wording):
     log = read_log(folder / HOVER)
     (doubt,) = log.warnings
-    assert doubt.startswith("the command channel comes at 10 Hz, too slow for inertia")
+    assert "at 10 Hz," in doubt
+    assert_wording(doubt)
     assert "set SDLOG_PROFILE = 17" in doubt
     assert log.metadata["airframe is"] == "default"
-    assert any("default geometry (arms of 1.41 m)" in note for note in log.notes)
-    assert log.metadata["airframe"].startswith('rotors = [{ position = [1.0, -1.0, 0.0], spin = "c')
+    assert any("of 1.41 m)" in note for note in log.notes)
+    assert_wording(log.notes)
+    assert "position = [1.0, -1.0," in log.metadata["airframe"]
+    assert "0.0], spin" in log.metadata["airframe"]
+    assert_wording(log.metadata["airframe"])
     assert "Armed 0.0 to 91.5 s." in log.notes
-    assert "Off the ground 5.1 to 90.7 s." in log.notes
+    assert any("ground 5.1 to 90.7" in note for note in log.notes)
 
 
-def test_the_disarmed_log_is_read_truly(folder):
+def test_the_disarmed_log_is_read_truly(folder, assert_wording):
     log = read_log(folder / DISARMED)
     assert not log.channels["command"].values.any()
     assert log.channels["command"].source.endswith("1075..1950 (PWM_MIN, PWM_MAX)")
-    assert log.warnings[0].startswith("the vehicle was never armed in this log")
-    assert any("3 stretches of data were appended" in note for note in log.notes)
+    assert_wording(log.warnings[0])
+    assert any("3 stretches" in note for note in log.notes)
+    assert_wording(log.notes)
     assert log.channels["accel"].values.mean(axis=0)[2] == pytest.approx(9.9, abs=0.1)
 
 

@@ -64,38 +64,33 @@ def test_a_rotation_vector_is_the_axis_times_the_angle(tmp_path):
     np.testing.assert_allclose(attitude * np.sign(attitude[:, :1]), expected, atol=1e-12)
 
 
-def test_three_angles_of_tracker_must_be_declared(tmp_path, flight):
+def test_three_angles_of_tracker_must_be_declared(tmp_path, flight, assert_wording):
     path = tmp_path / "take.csv"
     write_vicon(flight, path, rotation="rad")
-    assert error_of(path).endswith(
-        'export quaternions, or, if Helical was set, say so by columns = { attitude = "helical" }'
-    )
+    assert_wording(error_of(path))
     other = ReadOptions(columns={"attitude": ColumnSpec(name="euler")})
-    assert error_of(path, options=other).startswith("attitude = 'euler': expected 'helical'")
+    assert_wording(error_of(path, options=other))
     both = ReadOptions(
         columns={"attitude": ColumnSpec(name="helical"), "position": ColumnSpec(name="Quad")}
     )
     assert read_log(path, options=both).format == "vicon"
 
 
-def test_other_blocks_are_passed_over(tmp_path):
+def test_other_blocks_are_passed_over(tmp_path, assert_text):
     above = "Devices\n1000\n,,Pad\nFrame,Sub Frame,V\n,,V\n1,0,2\n1,1,3\n,,\n\n"
     rows = "1,0,0,0,0,1,2,3\n2,0,0,0,0,1,2,3.5\n\nTrajectories\n100\n,,Quad:M1\n"
     log = read_log(written_by_hand(tmp_path / "take.csv", rows, above=above))
     np.testing.assert_allclose(log.channels["position"].values[:, 2], [3e-3, 3.5e-3])
     written_by_hand(tmp_path / "take.csv", "1,0,0,0,0,1,2,3\n2,0,0,0,0,1,2,x\n", above=above)
-    assert error_of(tmp_path / "take.csv").startswith("line 16, column '7': 'x' is not a number")
+    assert_text(error_of(tmp_path / "take.csv"))
 
 
-def test_frames_that_are_not_seen(tmp_path):
+def test_frames_that_are_not_seen(tmp_path, assert_text):
     """Cells that are empty, and frames that end behind their number."""
     rows = "1,0,0,0,0,1,2,3\n2,0,,,,,,\n3,0\n4,0,0,0,0,1,2,4\n5,0,,,,1,2,4\n"
     log = read_log(written_by_hand(tmp_path / "take.csv", rows))
     np.testing.assert_allclose(log.channels["attitude"].time, [0.0, 0.03])
-    assert log.notes == (
-        "2 frames are empty: nothing was seen.",
-        "The body 'Quad' is not seen in 1 of 3 frames.",
-    )
+    assert_text(log.notes)
     rows = "1,0,0,0,0,1,2,3,\n2,0,0,0,0,1,2,4,\n"
     assert (
         len(read_log(written_by_hand(tmp_path / "take.csv", rows)).channels["position"].time) == 2
@@ -127,27 +122,25 @@ def test_other_exports_are_refused(tmp_path, flight, changes, message):
     assert message in error_of(path)
 
 
-def test_two_bodies_of_one_name_are_refused(tmp_path, flight):
+def test_two_bodies_of_one_name_are_refused(tmp_path, flight, assert_text):
     path = tmp_path / "take.csv"
     write_vicon(flight, path, names=("Quad", "Quad"))
-    assert error_of(path) == "two rigid bodies are named 'Quad': rename one"
+    assert_text(error_of(path))
 
 
-def test_a_block_without_frames_is_refused(tmp_path):
+def test_a_block_without_frames_is_refused(tmp_path, assert_text):
     path = tmp_path / "take.csv"
     path.write_text("Objects\n100\n,,Global Angle Quad:Quad\n", encoding="utf-8")
-    assert error_of(path) == "the block Objects at line 1 has no frames: export again"
+    assert_text(error_of(path))
 
 
-def test_a_c3d_file_is_reported(tmp_path):
+def test_a_c3d_file_is_reported(tmp_path, assert_text):
     path = tmp_path / "take.c3d"
     path.write_bytes(b"\x02\x50" + bytes(510))
-    assert error_of(path).startswith(
-        "looks like a C3D file, which rotorfit does not read (yet): export the rigid bodies as text"
-    )
+    assert_text(error_of(path))
 
 
-def test_an_experiment_file_says_body_and_kind_of_rotation(tmp_path, flight):
+def test_an_experiment_file_says_body_and_kind_of_rotation(tmp_path, flight, assert_wording):
     write_vicon(flight, tmp_path / "take.csv", rotation="deg", names=("Wand", "Quad"))
     (tmp_path / "experiment.toml").write_text(
         '[airframe]\nlayout = "quad-x"\narm = 0.2\norder = "px4"\n[[configuration]]\nmass = 1.3\n'
@@ -158,4 +151,4 @@ def test_an_experiment_file_says_body_and_kind_of_rotation(tmp_path, flight):
     experiment = load_experiment(tmp_path / "experiment.toml")
     recording = experiment.configuration[0].flights[0].mocap
     log = read_log(tmp_path / "take.csv", options=recording_options_of(recording))
-    assert "body 'Quad', position, rotation vector" in log.channels["position"].source
+    assert_wording(log.channels["position"].source)
