@@ -32,6 +32,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from kept_words import lines_with
 from rotorfit.checks.verdicts.judge import body_verdict
 from rotorfit.errors import OutputError
 from rotorfit.export import file_format
@@ -91,14 +92,13 @@ def test_a_plain_result_is_the_vehicle():
 
 
 @pytest.mark.parametrize("target", [target for target in EVERY if target != "px4-sih"])
-def test_terms_that_are_left_out_are_named_in_the_file(target):
+def test_terms_that_are_left_out_are_named_in_the_file(target, assert_wording):
     term = parameter("rotor_drag", 1.2e-5)
     lost = replace(parameter("twist", 0.0, "A"), **UNKNOWN, verdict="not-identified")
     text = text_of(with_numbers(a_result(), term, lost), target)
-    assert (
-        "this kind of file has no place for: rotor_drag = (1.200 +- 0.012)e-05 N s^2/(m rad)"
-        in text
-    )
+    assert "rotor_drag = (1.200 +-" in text
+    assert "0.012)e-05 N s^2/(m rad)" in text
+    assert_wording(lines_with(text, "rotor_drag ="))
     assert "left out here" not in text_of(with_numbers(a_result(), lost), target)
 
 
@@ -129,7 +129,7 @@ def test_settings_in_either_axes_are_the_same_vehicle(axes):
     np.testing.assert_allclose([r.axis for r in model.rotors], [[0, 0, 1]] * 4)
 
 
-def test_with_the_imu_as_origin_rotors_move_with_their_centre():
+def test_with_the_imu_as_origin_rotors_move_with_their_centre(assert_wording):
     """The torque about the CoM of rotors declared at p is that of rotors at p + rotor_center."""
     center = np.array([0.02, -0.015, 0.0])
     result = with_numbers(
@@ -140,7 +140,7 @@ def test_with_the_imu_as_origin_rotors_move_with_their_centre():
     model = vehicle_model(result)
     np.testing.assert_allclose(model.arms, np.array([p for p, _ in ROTORS]) + center - COM)
     np.testing.assert_array_equal(model.imu, np.zeros(3))
-    assert any("positions are from the IMU" in note for note in model.notes)
+    assert_wording(model.notes)
     body = body_of(shift=center)
     alpha, dw = motion(body, vehicle())
     moved = tuple((tuple(float(v) for v in np.array(p) + center), spin) for p, spin in ROTORS)
@@ -202,13 +202,12 @@ def per_kilogram():
     return changed(result, mass={**UNKNOWN, "verdict": "not-identified"}, **changes)
 
 
-def test_an_unknown_mass_is_refused_and_scales_all_if_assumed():
+def test_an_unknown_mass_is_refused_and_scales_all_if_assumed(assert_wording):
     with pytest.raises(OutputError) as refused:
         vehicle_model(per_kilogram())
     words = str(refused.value)
     assert "mass is not-identified" in words
-    assert "kt, kd are known only per kilogram (the mass is unknown)" in words
-    assert words.endswith("--assume mass=VALUE (mass in kg)")
+    assert_wording(words)
     model = vehicle_model(per_kilogram(), assumed={"mass": 2 * MASS})
     np.testing.assert_allclose(model.inertia_com, 2 * INERTIA_COM)
     np.testing.assert_allclose([r.kt for r in model.rotors], 2 * KT_EACH)
@@ -233,12 +232,11 @@ def in_commands(full=1000.0):
     return motors_of(changed(result, **changes), speed="commanded", lag=0.03)
 
 
-def test_commands_without_a_law_need_the_full_speed():
+def test_commands_without_a_law_need_the_full_speed(assert_wording):
     with pytest.raises(OutputError) as refused:
         vehicle_model(in_commands())
     words = str(refused.value)
-    assert "kt, kd are known only per command (no law" in words
-    assert words.endswith("--assume max_speed=VALUE (max_speed in rad/s)")
+    assert_wording(words)
     model = vehicle_model(in_commands(), assumed={"max_speed": 1000.0})
     np.testing.assert_allclose([r.kt for r in model.rotors], KT_EACH)
     np.testing.assert_allclose((model.kd, model.Jr), (KD, JR))
@@ -257,16 +255,15 @@ def test_an_autopilot_needs_only_the_thrust_at_full_command():
     assert f"SIH_T_MAX\t{file_format.text(KT_EACH.mean() * 1e6)}\t" in sih
 
 
-def test_half_of_a_ratio_gives_the_other():
+def test_half_of_a_ratio_gives_the_other(assert_text):
     lost = changed(a_result(), **YAW_LOST)
     model = vehicle_model(lost, assumed={"Izz_com": 0.0288 * 1.1})
     assert model.kd == pytest.approx(1.1 * KD)
     assert model.inertia_com[2, 2] == pytest.approx(0.0288 * 1.1)
     other = vehicle_model(lost, assumed={"kd": 0.9 * KD})
     assert other.inertia_com[2, 2] == pytest.approx(0.9 * 0.0288)
-    assert "kd = 5.621e-08 N m s^2/rad^2 [FROM A RATIO: kd_over_Izz times Izz_com, assumed]" in (
-        text_of(lost, "mujoco", assumed={"Izz_com": 0.0288 * 1.1})
-    )
+    text = text_of(lost, "mujoco", assumed={"Izz_com": 0.0288 * 1.1})
+    assert_text(lines_with(text, "kd ="))
 
 
 def test_an_inertia_at_the_origin_may_be_assumed():
@@ -278,57 +275,65 @@ def test_an_inertia_at_the_origin_may_be_assumed():
 
 
 @pytest.mark.parametrize("target", WITH_YAW)
-def test_every_target_refuses_a_lost_yaw_with_the_cure(target):
+def test_every_target_refuses_a_lost_yaw_with_the_cure(target, assert_wording, assert_text):
     with pytest.raises(OutputError) as refused:
         text_of(changed(a_result(), **YAW_LOST), target)
     words = str(refused.value)
-    assert "kd is ratio-only (known only together with Izz)" in words
+    assert_wording(words)
     assert "--assume kd=VALUE" in words
     assert "kd in N m s^2/rad^2" in words
     text = text_of(changed(a_result(), **YAW_LOST), target, assumed={"kd": KD})
-    assert "kd = 5.11e-08 N m s^2/rad^2 [ASSUMED]" in text
+    assert "kd = 5.11e-08 N" in text
+    assert "m s^2/rad^2 [ASSUMED]" in text
+    assert_text(lines_with(text, "kd ="))
 
 
 @pytest.mark.parametrize("target", [t for t in WITH_YAW if "Izz_com" in TARGETS[t].needs])
-def test_every_target_refuses_an_izz_that_is_not_identified(target):
+def test_every_target_refuses_an_izz_that_is_not_identified(target, assert_text, assert_wording):
     lost = changed(
         a_result(), Izz=not_identified(), Izz_com=UNKNOWN, kd_over_Izz=UNKNOWN, Jr_over_Izz=UNKNOWN
     )
     with pytest.raises(OutputError) as refused:
         text_of(lost, target)
     words = str(refused.value)
-    assert "Izz_com is not-identified (the interval is wider than the value itself)" in words
+    assert_wording(words)
     assert "--assume Izz_com=VALUE" in words
-    assert "Izz_com = 0.03 kg m^2 [ASSUMED]" in text_of(lost, target, assumed={"Izz_com": 0.03})
+    assert_text(lines_with(text_of(lost, target, assumed={"Izz_com": 0.03}), "Izz_com ="))
 
 
 @pytest.mark.parametrize("target", EVERY)
-def test_every_target_marks_what_is_weak(target):
+def test_every_target_marks_what_is_weak(target, assert_text):
     weak = {"verdict": "weak", "reason": "known only to +-30 %"}
     text = text_of(changed(a_result(), kd=weak, msx=weak), target)
-    assert "kd = 5.11e-08 (5.0588e-08 to 5.1612e-08) N m s^2/rad^2 [WEAK]" in text
+    assert "kd = 5.11e-08 (5.0588e-08" in text
+    assert "to 5.1612e-08) N" in text
+    assert "m s^2/rad^2 [WEAK]" in text
+    assert_text(lines_with(text, "kd ="))
     comx = next(line for line in text.splitlines() if "com_x = " in line)
     assert "WEAK" in comx
 
 
-def test_a_wide_interval_about_the_com_alone_is_marked():
+def test_a_wide_interval_about_the_com_alone_is_marked(assert_text):
     wide = changed(a_result(), Ixx_com={"interval": (0.01, 0.03)})
-    assert "Ixx_com = 0.0182 (0.01 to 0.03) kg m^2 [WEAK]" in text_of(wide, "px4")
+    assert_text(lines_with(text_of(wide, "px4"), "Ixx_com ="))
 
 
 @pytest.mark.parametrize("target", EVERY)
-def test_every_target_says_where_its_numbers_are_from(target):
+def test_every_target_says_where_its_numbers_are_from(target, assert_text):
     text = text_of(a_result(), target)
     assert "on 2026-11-21" in text
     assert "sha256 0123456789ab" in text
     assert "/home/someone" not in text
     assert "long.csv" in text
-    assert "kd = 5.11e-08 (5.0588e-08 to 5.1612e-08) N m s^2/rad^2 [identified]" in text
+    assert "kd = 5.11e-08 (5.0588e-08" in text
+    assert "to 5.1612e-08) N" in text
+    assert "m s^2/rad^2 [identified]" in text
+    assert_text(lines_with(text, "kd ="))
 
 
-def test_the_doubts_of_the_result_stand_in_the_file():
+def test_the_doubts_of_the_result_stand_in_the_file(assert_wording):
     doubtful = replace(a_result(), findings=(doubt("made", "gyro bias not removed"),))
-    assert "# To know: gyro bias not removed\n" in text_of(doubtful, "px4")
+    assert_wording(lines_with(text_of(doubtful, "px4"), "gyro bias"))
 
 
 ANGLES = np.radians([90, -90, -30, 150, 30, -150])  # clockwise from the front: ArduPilot's hexa X
@@ -355,12 +360,11 @@ def test_six_rotors_are_written_where_the_target_has_them(target, marks):
     assert all(mark in text for mark in marks), text
 
 
-def test_rotors_without_a_coefficient_of_their_own_have_the_mean():
+def test_rotors_without_a_coefficient_of_their_own_have_the_mean(assert_wording):
     model = vehicle_model(changed(a_result(), kt_2=not_identified()))
     assert [r.kt for r in model.rotors] == pytest.approx([KT_EACH[0], KT, *KT_EACH[2:]])
-    assert any(
-        "the mean kt is taken for rotors whose own is not known: 2" in n for n in model.notes
-    )
+    assert any("known: 2" in n for n in model.notes)
+    assert_wording(model.notes)
 
 
 def test_an_assumed_coefficient_is_that_of_every_rotor():
@@ -387,11 +391,13 @@ def test_another_mass_than_the_results_is_refused():
         vehicle_model(a_result(), assumed={"mass": 2.0})
 
 
-def test_inertia_that_no_body_has_is_refused():
+def test_inertia_that_no_body_has_is_refused(assert_wording):
     flat_disc_and_more = np.diag([0.01, 0.01, 0.0201])
     with pytest.raises(OutputError, match="no body has this inertia about its CoM") as refused:
         vehicle_model(a_result(inertia_com=flat_disc_and_more))
-    assert "0.01, 0.01, 0.0201 kg m^2 break the triangle inequality" in str(refused.value)
+    assert "0.01, 0.01, 0.0201 kg" in str(refused.value)
+    assert "m^2 break" in str(refused.value)
+    assert_wording(str(refused.value))
     assert vehicle_model(a_result(inertia_com=np.diag([0.01, 0.01, 0.02]))).mass == MASS
 
 
@@ -412,7 +418,7 @@ def impossible():
     )
 
 
-def test_impossible_inertia_is_projected_with_its_distance():
+def test_impossible_inertia_is_projected_with_its_distance(assert_wording):
     pytest.importorskip("clarabel", reason="clarabel is not installed")
     with pytest.raises(OutputError, match="--project"):
         vehicle_model(impossible())
@@ -426,10 +432,12 @@ def test_impossible_inertia_is_projected_with_its_distance():
     assert Ixx - 0.0182 == pytest.approx(Iyy - 0.0196, rel=0.02)
     distance = excess / np.sqrt(1.5e-3**2 + 2 * 2e-4**2)
     note = next(n for n in model.notes if "PROJECTED" in n)
-    assert f"{distance:.2g} standard deviations from the estimate" in note
+    assert f"{distance:.2g} standard" in note
+    assert_wording(note)
     text = text_of(impossible(), "urdf", project=True)
-    assert "kg m^2 [WEAK: projected from 0.0393]" in text
-    assert "PROJECTED to the nearest that a body can have" in text
+    assert "kg m^2 [WEAK:" in text
+    assert "from 0.0393]" in text
+    assert_wording(lines_with(text, "rojected"))
 
 
 def test_a_possible_inertia_is_left_alone_by_the_projection():
@@ -465,11 +473,11 @@ def test_a_coefficient_below_zero_is_refused(name):
         vehicle_model(negative)
 
 
-def test_a_rotor_inertia_not_distinct_from_zero_is_left_out():
+def test_a_rotor_inertia_not_distinct_from_zero_is_left_out(assert_wording):
     none = changed(a_result(), Jr={"value": -1e-9, "interval": (-2e-9, 1e-9)})
     model = vehicle_model(none)
     assert model.Jr is None
-    assert "Jr is below zero within its interval: left out" in model.notes
+    assert_wording(model.notes)
     with pytest.raises(OutputError, match=r"Jr is -1e-09 .*, which cannot be below 0"):
         vehicle_model(none, assumed={"Jr": -1e-9})
 
@@ -479,16 +487,12 @@ def test_a_result_without_its_vehicle_is_refused():
         vehicle_model(replace(a_result(), settings={"name": "lost"}))
 
 
-def test_a_missing_lag_says_why_it_is_missing():
+def test_a_missing_lag_says_why_it_is_missing(assert_wording):
     with pytest.raises(OutputError) as refused:
         text_of(a_result(law=None), "gazebo")
     words = str(refused.value)
-    assert (
-        "motor_lag is not in the result (measured rotor speed alone does not show it; log the "
-        "motor commands, too)"
-    ) in words
+    assert_wording(words)
     assert "needed: supply them with " in words
-    assert "max_speed is not in the result (no law from command to rotor speed" in words
     assert "fly" not in words
     assert "--assume motor_lag=VALUE --assume max_speed=VALUE" in words
 
