@@ -84,7 +84,7 @@ COMMANDS = Commands(law_known=False, limited=0.12, lag=0.05, seen_lag=0.023, rat
         (replace(COMMANDS, law_known=True, limited=0.0, lag=0.023), "flies. Log the rotor speed"),
     ],
 )
-def test_commands_that_explain_nothing_say_what_is_wrong(commands, words):
+def test_commands_that_explain_nothing_say_what_is_wrong(commands, words, assert_wording):
     """Where the flight names the motor order, the vehicle does follow its commands."""
     thrust, axis = replace(THRUST, followed=False), replace(YAW, rho=0.0, width=None)
     found = Prospects(
@@ -93,10 +93,10 @@ def test_commands_that_explain_nothing_say_what_is_wrong(commands, words):
     of_thrust, of_yaw = prospect_messages(found)
     assert words in of_thrust
     assert "neither roll nor pitch" not in of_thrust
-    assert of_yaw.endswith("cannot be found: the commands do not explain yaw, see thrust")
+    assert_wording(of_yaw)
 
 
-def test_two_kt_with_a_known_law_are_no_matter_of_the_law():
+def test_two_kt_with_a_known_law_are_no_matter_of_the_law(assert_wording):
     differing = replace(THRUST, agree=False, width=0.15)
     [measured, _] = said(differing)
     found = Prospects(
@@ -107,7 +107,7 @@ def test_two_kt_with_a_known_law_are_no_matter_of_the_law():
         commands=replace(COMMANDS, law_known=True),
     )
     for words in (measured, prospect_messages(found)[0]):
-        assert words.endswith("may be the cause, or the accelerometer's scale: calibrate it")
+        assert_wording(words)
 
 
 @pytest.mark.parametrize(
@@ -132,7 +132,7 @@ def test_an_axis(axis, words):
     assert words in said(axis=axis)[1]
 
 
-def test_no_axis_is_found_well_in_a_log_that_is_too_slow():
+def test_no_axis_is_found_well_in_a_log_that_is_too_slow(assert_text):
     """Its forecast knows nothing of what is between its samples: kd / Izz came to +-31 %."""
     slow = Prospects(
         excitation=(YAW,),
@@ -141,35 +141,27 @@ def test_no_axis_is_found_well_in_a_log_that_is_too_slow():
         motors=None,
         useless_because="a log at 10 Hz shows no quick motion",
     )
-    assert prospect_messages(slow)[1] == (
-        "yaw: 0.7 rad/s^2: kd / Izz roughly, Izz, kd and Jr less well: the log is too slow"
-    )
+    assert_text(prospect_messages(slow)[1])
 
 
-def test_an_axis_that_waits_for_kt():
+def test_an_axis_that_waits_for_kt(assert_text):
     weak = replace(THRUST, width=0.5)
-    assert said(weak, replace(ROLL, rho=40.0))[1].endswith(
-        "Ixx roughly (to about +-40 %): limited by how well kt is known"
-    )
+    assert_text(said(weak, replace(ROLL, rho=40.0))[1])
 
 
-def test_an_axis_of_which_the_law_leaves_most_open():
+def test_an_axis_of_which_the_law_leaves_most_open(assert_wording):
     open_law = replace(THRUST, law_reach=0.35)
-    assert said(open_law, replace(ROLL, rho=40.0))[1].endswith(
-        "limited by the changes of thrust above"
-    )
+    assert_wording(said(open_law, replace(ROLL, rho=40.0))[1])
 
 
 def report(**changes):
     return LogReport(file="a", format="table", log="1 of 1", seconds=10.0, **changes)
 
 
-def test_one_gap_is_no_gaps():
-    assert recording_messages(report(channels=(CHANNEL,))) == [
-        "gyro: a gap of 2.1 s, which is cut out"
-    ]
+def test_one_gap_is_no_gaps(assert_text):
+    assert_text(recording_messages(report(channels=(CHANNEL,))))
     two = replace(CHANNEL, gaps=2, name="battery")
-    assert recording_messages(report(channels=(two,))) == ["battery: 2 gaps, the longest 2.1 s"]
+    assert_text(recording_messages(report(channels=(two,))))
 
 
 def test_a_share_has_no_exponent():
@@ -195,15 +187,16 @@ def test_lateness(late, words):
     assert words in told
 
 
-def test_commands_that_follow_the_motion_are_an_autopilot_alone():
+def test_commands_that_follow_the_motion_are_an_autopilot_alone(assert_wording):
     command = replace(CHANNEL, name="command", gaps=0)
     [told] = flight_messages(report(channels=(command,), motor_lateness=-0.006))
-    assert told.startswith("the commands follow the motion by 6 ms instead of leading it")
+    assert "by 6 ms" in told
+    assert_wording(told)
     [told] = flight_messages(report(channels=(command,), motor_lateness=-0.1))
     assert "their clocks differ" in told
 
 
-def test_no_motion_is_asked_for_of_a_log_that_is_too_slow():
+def test_no_motion_is_asked_for_of_a_log_that_is_too_slow(assert_text):
     slow = Prospects(
         excitation=(replace(ROLL, width=None),),
         thrust=THRUST,
@@ -211,6 +204,4 @@ def test_no_motion_is_asked_for_of_a_log_that_is_too_slow():
         motors=None,
         useless_because="a log at 10 Hz shows no quick motion, whatever is flown",
     )
-    assert prospect_messages(slow)[1] == (
-        "roll: 51 rad/s^2: Ixx cannot be found: the log is too slow"
-    )
+    assert_text(prospect_messages(slow)[1])

@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from report_material import ROTORS, UNKNOWN, a_comparison, a_result, parameter
 
+from kept_words import lines_with
 from rotorfit.digits import number_of
 from rotorfit.errors import OutputError
 from rotorfit.findings import Evidence, doubt
@@ -90,20 +91,14 @@ def test_the_page_has_every_parameter_with_verdict_and_unit() -> None:
     assert result.warnings[0] in page.text
 
 
-def test_inertia_about_the_com_precedes_inertia_at_the_origin() -> None:
+def test_inertia_about_the_com_precedes_inertia_at_the_origin(assert_text) -> None:
     titles = [table.title for table in parameter_tables(a_result())]
-    assert titles == [
-        "Rotors",
-        "Body, configuration A",
-        "Body, configuration A: as the equations have it",
-        "Body, configuration B",
-        "Body, configuration B: as the equations have it",
-    ]
+    assert_text(titles)
     body = parameter_tables(a_result())[1]
     assert [row.name for row in body.rows][:5] == ["mass", "com_x", "com_y", "com_z", "Ixx_com"]
 
 
-def test_the_summary_says_how_well_and_what_to_do() -> None:
+def test_the_summary_says_how_well_and_what_to_do(assert_wording) -> None:
     summary = summary_of(a_result())
     (title, body), _ = summary.groups
     lines = {line.heading: line for line in body}
@@ -117,7 +112,8 @@ def test_the_summary_says_how_well_and_what_to_do() -> None:
     assert (roll.words, roll.shown) == ("roll", "1.210 ± 0.020")
     assert (yaw.words, yaw.shown) == ("yaw", "not known")
     assert summary.next_step is not None
-    assert summary.next_step.startswith("yaw while rolling: fly 20 s of alternating turns")
+    assert "fly 20 s" in summary.next_step
+    assert_wording(summary.next_step)
 
 
 def test_counts_of_verdicts_are_those_of_the_result() -> None:
@@ -206,23 +202,14 @@ def test_a_long_fast_flight_stays_small_too() -> None:
     assert len(html.encode()) < 1_500_000
 
 
-def test_the_sections_and_their_order() -> None:
+def test_the_sections_and_their_order(assert_text) -> None:
     html = report_html(a_result(), comparisons=[a_comparison(seconds=2)], paper=True)
     assert re.findall(r'<section id="([^"]*)"', html) == [
         "summary", "parameters", "vehicle", "wrenches", "paper", "correlations", "flights",
         "provenance",
     ]  # fmt: skip
     titles = [re.sub(r"<[^>]*>", "", t) for t in re.findall(r"<h2.*?</h2>", html)]
-    assert titles == [
-        "In short",
-        "What was identified",
-        "The vehicle, to scale",
-        "Motion against rotors",
-        "Beside the paper",
-        "Which parameters the flights separate",
-        "What was used of each flight",
-        "Settings, versions, fingerprints",
-    ]
+    assert_text(titles)
 
 
 def test_the_paper_stands_next_to_its_own_vehicle_only() -> None:
@@ -240,14 +227,16 @@ def test_the_paper_stands_next_to_its_own_vehicle_only() -> None:
     assert 'id="paper"' not in report_html(heavy)
 
 
-def test_numbers_of_the_paper_are_shown_with_their_difference() -> None:
+def test_numbers_of_the_paper_are_shown_with_their_difference(assert_text, assert_wording) -> None:
     result = a_result(configurations=("A",))
     page = Page(report_html(result))
     rows = [" ".join(" ".join(row).split()) for row in page.rows]
     kt = next(row for row in rows if row.startswith("kt N s²/rad² 3.46"))
-    assert kt == "kt N s²/rad² 3.46·10⁻⁶ 0.05 3.63·10⁻⁶ 0.28 +4.9 %"
-    assert any(row.startswith("paper B alone, on B 4.40 % 20.99 % 10.70 % 45.19 %") for row in rows)
-    assert "is not legible in our copy" in page.text
+    assert_text(kt)
+    assert any("B 4.40 % 20.99" in row for row in rows)
+    assert any("% 10.70 % 45.19" in row for row in rows)
+    assert_text(lines_with("\n".join(rows), "paper B alone"))
+    assert_wording(lines_with(page.text, "legible"))
 
 
 def test_without_vehicle_or_comparison_the_page_says_so() -> None:
@@ -264,8 +253,8 @@ def test_what_no_flight_can_check_is_a_list_and_no_setting() -> None:
         "used": {"band": "0 to 30 Hz", "hangs_on": ["kt is proportional to the mass"]},
     }
     text = " ".join(Page(report_html(a_result(settings=settings))).text.split())
-    assert "make sure that they are right kt is proportional to the mass" in text
-    assert text.count("kt is proportional to the mass") == 1
+    assert text.count("proportional to the mass") == 1
+    assert "are right kt is" in text  # in the list below the settings
     assert "band = 0 to 30 Hz" in text and "airframe.axes FLU" in text
     assert "airframe.order" not in text
 
@@ -301,13 +290,13 @@ def test_the_report_of_a_saved_result_is_the_same(tmp_path: Path) -> None:
     assert len(ROTORS) == 4
 
 
-def test_a_component_that_cannot_be_predicted_is_not_drawn() -> None:
+def test_a_component_that_cannot_be_predicted_is_not_drawn(assert_wording) -> None:
     whole = a_comparison(seconds=2)
     part = dataclasses.replace(
         whole, relative_error={k: v for k, v in whole.relative_error.items() if k != "Mz"}
     )
     html = report_html(a_result(), comparisons=[part])
-    assert "cannot be predicted: a parameter that it needs is not known" in html
+    assert_wording(lines_with(html, "cannot be predicted"))
     assert 'data-key="Mx body"' in html
     assert "Mz body" not in html
     assert "Mz rotor" not in html
@@ -320,16 +309,19 @@ def test_error_norms_of_the_result_are_shown_without_figures() -> None:
     assert any(row.startswith("A2.csv A 1.2 % – – –") for row in rows)
 
 
-def test_intervals_of_the_paper_are_said_to_be_its_own() -> None:
+def test_intervals_of_the_paper_are_said_to_be_its_own(assert_text) -> None:
     page = Page(report_html(a_result(method="tls")))
-    assert "(Six et al. 2020), intervals by their formula" in page.text
+    assert "al. 2020), intervals" in page.text
+    assert_text(lines_with(page.text, "by their formula"))
     assert "by their formula" not in Page(report_html(a_result())).text
 
 
-def test_only_the_condition_of_rotors_and_bodies_is_judged() -> None:
+def test_only_the_condition_of_rotors_and_bodies_is_judged(assert_wording) -> None:
     odd = {"condition": 1.26e3, "condition_bodies": 33.6}
     page = Page(report_html(dataclasses.replace(a_result(), diagnostics=odd))).text
-    assert "all free parameters 1.26e+03, rotors and bodies 33.6 (poor)." in page
+    assert "parameters 1.26e+03, rotors" in page
+    assert "bodies 33.6 (poor)." in page
+    assert_wording(lines_with(page, "bodies 33.6"))
     assert "over 1000 doubtful" not in page
 
 
@@ -350,7 +342,8 @@ def test_a_gap_that_is_short_is_not_said_to_last_no_time() -> None:
     cut = (22.1, 22.104, "gap in motor")
     flight = dataclasses.replace(result.flights[0], cuts=(cut,))
     html = report_html(dataclasses.replace(result, flights=(flight,)), comparisons=[])
-    assert "under 0.1 s cut, gap in motor" in " ".join(Page(html).text.split())
+    text = " ".join(Page(html).text.split())
+    assert "under 0.1 s cut," in text and " cut, gap in motor" in text
 
 
 def test_the_centre_of_mass_is_given_from_the_rotors_first() -> None:

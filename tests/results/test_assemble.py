@@ -45,11 +45,11 @@ def a_late_gyro(*numbers, **more):
     )  # fmt: skip
 
 
-def test_a_number_that_a_finding_disowns_is_doubtful():
+def test_a_number_that_a_finding_disowns_is_doubtful(assert_text):
     found = mark_doubtful(a_result().found(a_late_gyro("Izz")))
     kt, kd, Izz = found.parameters
     assert (kt.verdict, kd.verdict, Izz.verdict) == ("identified", "identified", "doubtful")
-    assert Izz.reason == "may be outside its interval, because the gyro is late"
+    assert_text(Izz.reason)
     assert Izz.advice == "log it raw"
     assert verdict_of(found, found.derived_value("Izz_com")) == "doubtful"
     assert "doubtful" in result_text(found)
@@ -88,11 +88,11 @@ def test_the_scale_of_yaw_is_withheld_and_its_ratio_stays():
     assert found.warnings == ("none affects another",)
 
 
-def test_a_finding_of_a_single_flight_makes_its_numbers_doubtful():
+def test_a_finding_of_a_single_flight_makes_its_numbers_doubtful(assert_text):
     flight = FlightRecord(
         file="a.csv", sha256="", configuration="A", seconds_used=9.0, samples_used=900,
         used=(), cuts=(), findings=(a_late_gyro("kt"),),
     )  # fmt: skip
     found = mark_doubtful(dataclasses.replace(a_result(), flights=(flight,)))
     assert [p.verdict for p in found.parameters] == ["doubtful", "identified", "identified"]
-    assert found.parameters[0].reason == "may be outside its interval, because the gyro is late"
+    assert_text(found.parameters[0].reason)

@@ -120,13 +120,13 @@ def test_what_is_not_known_says_what_to_log():
         ("max_thrust", {"max_thrust"}),
     ],
 )
-def test_a_doubt_of_a_number_is_one_of_what_is_made_of_it(doubted, doubtful):
+def test_a_doubt_of_a_number_is_one_of_what_is_made_of_it(doubted, doubtful, assert_text):
     made = with_flight_numbers(result_of(full=True), BY_LAW)
     because = doubt("made", "words", numbers=(doubted,), doubtful_because="it is made up")
     found = derived(made.found(because))
     assert {name for name, d in found.items() if d.verdict == "doubtful"} == doubtful
     for name in doubtful:
-        assert found[name].reason == "may be outside its interval, because it is made up"
+        assert_text(found[name].reason)
 
 
 def test_verdicts_of_derived_numbers_are_saved_and_sound(tmp_path):

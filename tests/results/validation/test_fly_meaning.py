@@ -80,16 +80,19 @@ def test_a_steady_error_is_distinguished_from_chance():
     assert steady_share(outcome(growing)) == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
 
 
-def test_the_sentences_say_what_to_do():
+def test_the_sentences_say_what_to_do(assert_wording):
     words = meaning(outcome(growing))
-    assert words[0].startswith("open loop (planning, MPC) the rates stay within 20 %")
+    assert "within 20 %" in words[0]
+    assert_wording(words[0])
     assert "roll 0.5 s, pitch 0.1" in words[0]
-    assert words[1].startswith("pitch: after 0.5 s without feedback the model is worse than rates")
-    assert words[2].startswith("yaw: most of the error is steady, which is trim")
-    assert words[3].startswith("closed loop, for tuning and simulation")  # what judges good
+    assert "after 0.5 s" in words[1]
+    assert_wording(words[1])
+    assert_wording(words[2])
+    assert words[3].startswith("closed loop")  # what judges good
+    assert_wording(words[3])
     assert len(words) == 4
     small = meaning(outcome(lambda sign, t: 0.1 * growing(sign, t)))
-    assert small[-1].startswith("closed loop, for tuning and simulation")
+    assert_wording(small[-1])
 
 
 def compared(**errors):
@@ -101,24 +104,16 @@ def compared(**errors):
     )  # fmt: skip
 
 
-def test_wrench_and_replay_make_one_judgement():
+def test_wrench_and_replay_make_one_judgement(assert_text):
     """Roll good in both, pitch worse than rates held, yaw with half of its moment left."""
     made = replace(
         outcome(growing).replays[0], comparison=compared(Fz=0.02, Mx=0.1, My=0.2, Mz=0.5)
     )
     found = judgement([made], doubtful=("kd",))
     assert [one.level for one in found.axes] == ["good", "good", "with-feedback", "rough"]
-    assert found.sentence == (
-        "Does it fly as flown? Roughly: the yaw moment decides, with an error of 50 %; up to 30 % "
-        "is good. Good: thrust (error 2 %), roll (error 10 %); good with a controller: pitch "
-        "(right for 0.11 s). It rests on doubtful numbers: kd."
-    )
+    assert_text(found.sentence)
     right = replace(made, comparison=compared(Fz=0.02, Mx=0.1, My=0.2, Mz=0.2))
-    assert judgement([right]).sentence == (
-        "Does it fly as flown? Yes, with a controller: thrust and moments are right, but with "
-        "nothing to correct it the pitch rate is off by a fifth after 0.11 s, as small errors add "
-        "up. Good: thrust (error 2 %), roll (error 10 %), yaw (error 20 %)."
-    )
+    assert_text(judgement([right]).sentence)
 
 
 @pytest.mark.parametrize(
@@ -140,7 +135,7 @@ def test_a_replay_that_beats_rates_held_is_not_nothing():
     assert [one.level for one in judgement([made]).axes[1:]] == ["rough", "nothing", "good"]
 
 
-def test_what_is_left_of_a_moment_is_laid_to_its_cause():
+def test_what_is_left_of_a_moment_is_laid_to_its_cause(assert_wording):
     """Yaw: rotors of 1 and unrelated gusts of .8; roll 2 times as much; pitch offset; all good."""
     random = np.random.default_rng(3)
     rotors, gusts = random.standard_normal((2, 4000, 6))
@@ -148,11 +143,14 @@ def test_what_is_left_of_a_moment_is_laid_to_its_cause():
     errors = {"Fz": 0.5, "Mx": 1.0, "My": 3.0, "Mz": 0.8}
     one = replace(compared(**errors), body_wrench=body, rotor_wrench=rotors)
     roll, pitch, yaw = moment_sentences([one])
-    assert "rotors explain 75 % of the moment" in roll and "100 % of the rest grows with" in roll
-    assert "% of the rest is a steady offset" in pitch
+    assert "explain 75 %" in roll
+    assert "100 %" in roll
+    assert_wording(roll)
+    assert_wording(pitch)
     assert yaw.startswith("yaw: the rotors explain ")
-    assert re.search(r"(59|60|61|62) % of the moment", yaw)
-    assert "100 % of the rest looks like gusts or propeller wash" in yaw
+    assert re.search("(59|60|61|62) %", yaw)
+    assert "100 %" in yaw
+    assert_wording(yaw)
     good = replace(one, relative_error=dict.fromkeys(errors, 0.2))
     assert moment_sentences([good]) == []
     plain = [split.to_plain() for split in moment_splits([good])]
@@ -179,7 +177,7 @@ def with_band(made, half):
     return [replace(made.replays[0], predicted=(band,))]
 
 
-def test_an_error_beyond_the_band_is_laid_to_band_or_model():
+def test_an_error_beyond_the_band_is_laid_to_band_or_model(assert_wording):
     """Roll's goes with the predicted change, pitch's is chance, yaw's is steady."""
     random = np.random.default_rng(5)
 
@@ -189,7 +187,7 @@ def test_an_error_beyond_the_band_is_laid_to_band_or_model():
 
     words = error_sentences(with_band(outcome(error), 0.02))
     assert [one.split(":")[0] for one in words] == ["roll", "pitch", "yaw"]
-    assert "of the error grows with the motion" in words[0]
-    assert "of the error looks like gusts" in words[1]
-    assert "of the error is a steady offset" in words[2]
+    assert_wording(words[0])
+    assert_wording(words[1])
+    assert_wording(words[2])
     assert error_sentences(with_band(outcome(error), 0.2)) == []
