@@ -72,7 +72,7 @@ def changed(result, **factors):
     )
 
 
-def test_the_flown_loop_is_proved_past_its_crossover(result):
+def test_the_flown_loop_is_proved_past_its_crossover(result, assert_wording):
     outcome = loop_margins(result, LOG, "A", draws=DRAWS)
     for loop in outcome.axes[:2]:
         assert loop.doubts == ()
@@ -90,8 +90,7 @@ def test_the_flown_loop_is_proved_past_its_crossover(result):
         assert wide.value > loop.rate_loop.crossover.value > loop.with_attitude.bandwidth.value
     assert outcome.axes[2].proved is None
     text = loop_text(outcome)
-    assert "roll: calm; turns into oscillation if the loop were" in text
-    assert "Step of the rate asked for" in text
+    assert_wording(text)
     assert json.loads(loop_to_json(outcome))["axes"][0]["proved"][1] > 5.0
 
 
@@ -105,22 +104,19 @@ def test_the_flown_loop_is_proved_past_its_crossover(result):
     ],
     ids=["4 ms", "15 % less", "15 % more", "another vehicle"],
 )
-def test_a_planted_error_of_the_vehicle_fails_the_proof(result, planted):
+def test_a_planted_error_of_the_vehicle_fails_the_proof(result, planted, assert_wording):
     outcome = loop_margins(changed(result, **planted), LOG, "A", draws=DRAWS)
     for loop in outcome.axes[:2]:
         assert loop.proved is None
-        assert "the vehicle, its delay or a filter is another" in loop.doubts[0]
-    assert "not proved, so no margin is called good" in loop_text(outcome)
+        assert_wording(loop.doubts[0])
+    assert_wording(loop_text(outcome))
 
 
-def test_a_result_that_is_wrong_in_roll_proves_no_pitch(result):
+def test_a_result_that_is_wrong_in_roll_proves_no_pitch(result, assert_text, assert_wording):
     planted = changed(result, Ixx_over_kt=(2.0, 0.0))
     roll, pitch, _ = loop_margins(planted, LOG, "A", draws=DRAWS).axes
-    assert "the vehicle, its delay or a filter is another" in roll.doubts[0]
-    assert pitch.doubts == (
-        "roll contradicts the result, which is of one vehicle: its lag and delay may be wrong "
-        "here, too, and agree by chance",
-    )
+    assert_wording(roll.doubts[0])
+    assert_text(pitch.doubts)
 
 
 def test_a_wrong_spin_range_fails_the_proof(result):
@@ -156,34 +152,31 @@ def test_the_report_of_a_result_shows_its_loop(result):
     assert 'id="tune"' not in report_html(result)
 
 
-def test_a_loop_that_d_dominates_is_not_called_calm(result):
+def test_a_loop_that_d_dominates_is_not_called_calm(result, assert_text):
     outcome = loop_margins(result, LOG, draws=20)
     roll = outcome.axes[0]
     assert roll.derivative_share == pytest.approx(0.63, abs=0.03)
     assert verdict(roll).startswith("roll: calm; turns into")
     noisy = dataclasses.replace(roll, derivative_share=1.4)
-    assert verdict(noisy).startswith(
-        "roll: not called calm: D is 1.4 times P and I at the crossover, so its filter"
-    )
+    assert_text(verdict(noisy))
 
 
-def test_why_a_flight_shows_too_little_is_said():
+def test_why_a_flight_shows_too_little_is_said(assert_text):
     band = Band(low=0.3, high=0.45, ratio=1.0, degrees=0.0, uncertainty=0.1, by_gain=1, by_delay=0)
     near = dataclasses.replace(band, low=4.0, high=6.0)
     sharp = LoopError(gain=1.0, delay=0.0, covariance=np.diag([0.02, 1e-3]) ** 2)
     late = dataclasses.replace(sharp, covariance=np.diag([0.02, 4e-3]) ** 2)
     weak = dataclasses.replace(sharp, covariance=np.diag([0.2, 1e-3]) ** 2)
     assert too_little(5.0, [band, near], sharp) == []
-    assert "as predicted up to 0.5 Hz; fly" in too_little(5.0, [band], sharp)[0]
+    assert_text(too_little(5.0, [band], sharp)[0])
     assert "and is seen to 14 degrees" in too_little(5.0, [band, near], late)[0]
-    assert "effectiveness is seen to 39 %" in too_little(5.0, [band, near], weak)[0]
+    assert_text(too_little(5.0, [band, near], weak)[0])
 
 
-def test_unproven_yaw_says_what_lacks_and_what_to_fly(result):
+def test_unproven_yaw_says_what_lacks_and_what_to_fly(result, assert_wording):
     words = verdict(loop_margins(result, LOG, draws=20).axes[2])
-    assert words.startswith("yaw: unproven, whatever is flown: its loop is computed from the")
-    assert "the torque by which rotors speed up" in words
-    assert "fly 20 s of quick yaw steps" in words
+    assert_wording(words)
+    assert "fly 20 s" in words
 
 
 def test_a_page_of_what_is_not_proved_says_so(result):
@@ -220,13 +213,15 @@ def test_a_configuration_that_is_not_there_is_refused(result):
         rotorfit.loop_margins(result, LOG, "B")
 
 
-def test_what_is_known_of_other_loops_is_said(result, tmp_path):
+def test_what_is_known_of_other_loops_is_said(result, tmp_path, assert_wording):
     log = tmp_path / "LOG.BFL"
     log.write_bytes(HEADER + b"H Firmware revision:Betaflight 4.5.1 (77d01ba3b) STM32F405\n")
     with pytest.raises(rotorfit.LogError) as caught:
         rotorfit.loop_margins(result, log)
     assert "TPA" in str(caught.value)
-    assert "kt / Ixx 309.9 +- 3.3 1/(m s^2) per squared command" in str(caught.value)
+    assert "Ixx 309.9 +- 3.3" in str(caught.value)
+    assert "1/(m s^2) per" in str(caught.value)
+    assert_wording(str(caught.value))
     assert "motor_lag 33.1 +- 1.8 ms" in str(caught.value)
 
 
@@ -284,12 +279,12 @@ def mixed_by(throttle, **parameters):
     return replay_mixer(flight, 0)
 
 
-def test_a_gain_read_wrongly_withholds_the_margins(result):
+def test_a_gain_read_wrongly_withholds_the_margins(result, assert_wording):
     flight, log = read_with_controller(LOG)
     parameters = {**log.parameters, "MC_ROLLRATE_P": 1.15 * log.parameters["MC_ROLLRATE_P"]}
     wrong = dataclasses.replace(log, parameters=parameters)
     roll, pitch, _ = judge_flight(result, "A", flight, wrong, draws=DRAWS).axes
-    assert "of the controller as its parameters set it" in roll.doubts[0]
+    assert_wording(roll.doubts[0])
     assert pitch.doubts == ()
 
 
@@ -313,7 +308,7 @@ def test_a_forgotten_gyro_filter_is_measured_instead(result):
     assert phases[1] == pytest.approx(phases[0], abs=1.0)
 
 
-def test_an_unknown_notch_is_in_the_loop_by_its_delay(result):
+def test_an_unknown_notch_is_in_the_loop_by_its_delay(result, assert_wording):
     flight, log = read_with_controller(LOG)
     notch = GyroFilter(frequency=80.0, order=0, width=40.0, floor=0.01)
     hertz = np.maximum(np.fft.rfftfreq(len(log.rate), log.period), 1e-6)
@@ -331,7 +326,8 @@ def test_an_unknown_notch_is_in_the_loop_by_its_delay(result):
     found = judge_flight(result, "A", flight, moved, draws=20)
     known = judge_flight(result, "A", flight, moved, read=exact, draws=20).axes[0].with_attitude
     loop = found.axes[0].with_attitude
-    assert any("follow the rotors, or are split (IMU_GYRO_DNF_EN 1)" in n for n in found.notes)
+    assert any("(IMU_GYRO_DNF_EN 1)" in n for n in found.notes)
+    assert_wording(found.notes)
     assert loop.phase.value == pytest.approx(known.phase.value, abs=0.3)
     assert loop.sensitivity.value == pytest.approx(known.sensitivity.value, rel=0.01)
     assert plain.sensitivity.value < known.sensitivity.value - 0.03

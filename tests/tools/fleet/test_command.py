@@ -9,6 +9,7 @@ import shutil
 
 import pytest
 
+from kept_words import lines_with
 from rotorfit.cli.main import main
 from rotorfit.tools.fleet.run import Workers, claim
 from rotorfit.tools.fleet.tables import csv_bytes
@@ -45,11 +46,14 @@ def declared(small_fleet):
     return "--airframe", small_fleet.defaults.airframe, "--mass", small_fleet.defaults.mass
 
 
-def test_tables_and_page_of_a_fleet(run, out, small_fleet):
+def test_tables_and_page_of_a_fleet(run, out, small_fleet, assert_wording, assert_text):
     code, said, _ = run(small_fleet.folder, *declared(small_fleet), "-o", out)
     assert code == 0
-    assert "4 flights identified, of 2 vehicles" in said
-    assert f"3 logs not identified: why, and what to do, is in {out / 'failures.csv'}" in said
+    assert "4 flights" in said
+    assert "of 2 vehicles" in said
+    assert_wording(said)
+    assert "3 logs" in said
+    assert f"in {out / 'failures.csv'}" in said
     parquet = pytest.importorskip("pyarrow.parquet")
     flights = parquet.read_table(out / "flights.parquet").to_pylist()
     assert [f["file"] for f in flights] == [r.file for r in small_fleet.fleet.records]
@@ -64,7 +68,8 @@ def test_tables_and_page_of_a_fleet(run, out, small_fleet):
     failures = list(csv.DictReader(io.StringIO((out / "failures.csv").read_text("utf-8"))))
     assert [f["log"] for f in failures] == [f.file for f in small_fleet.fleet.refused]
     page = (out / "fleet.html").read_text("utf-8")
-    assert "rotorfit identify one/flight1.csv --mass 1.285 --airframe airframe.toml" in page
+    assert "identify one/flight1.csv --mass 1.285" in page
+    assert_text(lines_with(page, "one/flight1.csv --mass"))
 
 
 def test_a_flights_command_makes_the_report_the_next_run_links(
@@ -87,35 +92,36 @@ def test_a_flights_command_makes_the_report_the_next_run_links(
     assert again.count(f'<a href="reports/{report.name}">open</a>') == again.count('href="rep') == 1
 
 
-def test_without_pyarrow_the_tables_are_csv(run, out, small_fleet, monkeypatch):
+def test_without_pyarrow_the_tables_are_csv(run, out, small_fleet, monkeypatch, assert_wording):
     monkeypatch.setattr("rotorfit.tools.fleet.tables.find_spec", lambda name: None)
     code, _, err = run(small_fleet.folder, *declared(small_fleet), "-o", out, "--json")
     assert code == 0
-    assert "tables are CSV: pip install 'rotorfit[parquet]'" in err
+    assert_wording(err)
     rows = list(csv.DictReader(io.StringIO((out / "flights.csv").read_text("utf-8"))))
     assert float(rows[0]["kt"]) == small_fleet.fleet.records[0].value("kt")
 
 
-def test_a_fleet_without_a_single_flight_says_why(run, tmp_path, small_fleet):
+def test_a_fleet_without_a_single_flight_says_why(run, tmp_path, small_fleet, assert_wording):
     logs = tmp_path / "logs"
     logs.mkdir()
     (logs / "a.bfl").write_bytes(b"")
     code, _, err = run(logs, *declared(small_fleet), "-o", tmp_path / "out")
     assert code == 1
-    assert "none of 1 logs could be used" in err
+    assert "of 1 logs" in err
+    assert_wording(err)
     assert "is empty (0 bytes)" in err
     assert (tmp_path / "out" / "failures.csv").exists()
 
 
-def test_stopped_it_says_how_to_go_on(run, out, small_fleet, monkeypatch):
+def test_stopped_it_says_how_to_go_on(run, out, small_fleet, monkeypatch, assert_wording):
     def stopped(logs, cache, workers, *, progress):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("rotorfit.tools.fleet.run.read_fleet", stopped)
     code, _, err = run(small_fleet.folder, *declared(small_fleet), "-o", out)
     assert code == 130
-    assert "0 of 7 logs are done and kept" in err
-    assert "the same command goes on from there" in err
+    assert "0 of 7 logs" in err
+    assert_wording(err)
 
 
 @pytest.mark.parametrize(

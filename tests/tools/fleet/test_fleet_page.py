@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fleet_material import DAY, KT, START, STD, a_fleet, a_record, planted_fleet
 
+from kept_words import lines_with
 from rotorfit.report.fleet_page import MOST_ROWS, Links, fleet_html, report_command
 from rotorfit.tools.fleet.records import KT_WEIGHT, RefusedLog, refusal
 from rotorfit.tools.fleet.statistics import fleet_statistics
@@ -59,18 +60,22 @@ def test_names_are_text(html):
     assert "/logs/" not in html  # folders are nobody's business
 
 
-def test_findings_come_first_with_what_to_check(html):
+def test_findings_come_first_with_what_to_check(html, assert_wording):
     first = html[: html.index('id="type"')]
     assert first.count('class="find ') == 3
-    assert "Thrust coefficient of rotor 2 falls by" in first
-    assert "check or replace propeller 2" in first
-    assert "False alarms: in 5 of 100 fleets without any change" in first
+    assert "rotor 2 falls" in first
+    assert "propeller 2" in first
+    assert "in 5 of 100" in first
+    assert_wording(lines_with(first, "rotor 2 falls"))
+    assert_wording(lines_with(first, "propeller 2"))
+    assert_wording(lines_with(first, "False alarms"))
 
 
-def test_every_flight_has_its_report_or_its_command(html):
+def test_every_flight_has_its_report_or_its_command(html, assert_text):
     assert '<a href="reports/V01-log1.html">open</a>' in html
     assert html.count("rotorfit identify V") == 95
-    assert "rotorfit identify V02/log5.ulg --mass 1.4 --airframe airframe.toml" in html
+    assert "identify V02/log5.ulg --mass 1.4" in html
+    assert_text(lines_with(html, "V02/log5.ulg --mass"))
 
 
 def test_vehicles_can_be_sorted_and_changes_are_marked(html):
@@ -80,20 +85,21 @@ def test_vehicles_can_be_sorted_and_changes_are_marked(html):
     assert html.count('<figure class="changed">') == 3  # rotor 2 and all rotors of one, the battery
 
 
-def test_a_quiet_fleet_says_so():
+def test_a_quiet_fleet_says_so(assert_wording):
     records = a_fleet(seed=1, vehicles=5, flights=4)
-    assert "No change was found, and no vehicle is unlike the others." in fleet_html(
-        fleet_statistics(records), records
+    assert_wording(
+        lines_with(fleet_html(fleet_statistics(records), records), "No change was found")
     )
 
 
 @pytest.mark.parametrize(("flights", "said"), [(3, "nothing to compare yet"), (5, "No change")])
-def test_one_vehicle_has_no_column_of_dashes(flights, said):
+def test_one_vehicle_has_no_column_of_dashes(flights, said, assert_wording):
     records = a_fleet(seed=1, vehicles=1, flights=flights)
     page = fleet_html(fleet_statistics(records), records)
     assert said in page
     assert ("False alarms" in page) is (flights > 3)
-    assert "a vehicle unlike the others takes 5 vehicles" in page
+    assert "takes 5 vehicles" in page
+    assert_wording(lines_with(page, "takes 5 vehicles"))
     kept = page[
         page.index('<table class="fleet-type">') : page.index('aria-labelledby="over-time"')
     ]
@@ -112,7 +118,7 @@ def test_many_flights_are_averaged_in_drawings_and_not_listed():
         fleet_html(fleet_statistics(part), part) for part in (records[: MOST_ROWS + 1], records)
     )
     assert len(many) < 1.3 * len(few)
-    assert f"{len(records)} more flights are in the file of flights" in many
+    assert f"{len(records)} more flights are in" in many
 
 
 def test_no_flight_at_all():

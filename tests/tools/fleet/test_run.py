@@ -27,7 +27,7 @@ def files(fleet, cache):
     return fleet_files(fleet, types_of(fleet), cache, Workers(count=0), name="small")
 
 
-def test_every_log_has_a_row_or_a_reason(small_fleet):
+def test_every_log_has_a_row_or_a_reason(small_fleet, assert_wording):
     fleet = small_fleet.fleet
     assert [(r.file, r.vehicle, r.configuration) for r in fleet.records] == [
         ("one/flight1.csv", "one", "A"),
@@ -38,7 +38,8 @@ def test_every_log_has_a_row_or_a_reason(small_fleet):
     found = {r.file: (r.refusal.sentence, r.refusal.next_step) for r in fleet.refused}
     assert set(found) == {"two/empty.bfl", "two/flight9.csv", "two/notes.csv"}
     assert "is empty (0 bytes)" in found["two/empty.bfl"][0]
-    assert found["two/flight9.csv"][0].startswith("has the same content as one/flight1.csv")
+    assert "as one/flight1.csv" in found["two/flight9.csv"][0]
+    assert_wording(found["two/flight9.csv"][0])
     assert all(advice for _, advice in found.values())
 
 
@@ -135,7 +136,7 @@ def test_interrupted_processes_give_the_same_bytes(small_fleet, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_log_that_hangs_costs_that_log(small_fleet, tmp_path):
+def test_a_log_that_hangs_costs_that_log(small_fleet, tmp_path, assert_text):
     """A pipe that nobody writes into is a log that never ends."""
     pipe = tmp_path / "pipe.csv"
     os.mkfifo(pipe)
@@ -147,18 +148,18 @@ def test_a_log_that_hangs_costs_that_log(small_fleet, tmp_path):
     outcomes = {o.task: o for o in by_processes([hanging, good], space, workers=1)}
     assert outcomes[good].key == small_fleet.fleet.cached[0].key
     refusal = outcomes[hanging].refusal
-    assert refusal.sentence == "stopped after 2 s, the time limit of a log"
+    assert_text(refusal.sentence)
     assert "--time-limit" in refusal.next_step
     assert not list(space.running.iterdir())
 
 
-def test_a_log_that_ends_its_process_twice_is_refused(small_fleet, tmp_path):
+def test_a_log_that_ends_its_process_twice_is_refused(small_fleet, tmp_path, assert_text):
     space = Workspace(cache=tmp_path, time_limit=60.0)
     space.running.mkdir()
     task = small_fleet.fleet.cached[0].task
     space.mark_of(task).write_text("began\nbegan\n", encoding="utf-8")
     refusal = process_log(task, space).refusal
-    assert refusal.sentence == "the process that worked on it died, 2 times"
+    assert_text(refusal.sentence)
     assert "--workers" in refusal.next_step
 
 

@@ -45,12 +45,12 @@ def peaks(gyro, speed):
     return spectrum("gyro", gyro, spans=[], rotor_speed=speed).peaks
 
 
-def test_a_sine_at_the_rotors_frequency_is_named():
+def test_a_sine_at_the_rotors_frequency_is_named(assert_text):
     gyro, speed = shaken(1000.0, 20.0, lambda t: ROTOR + 0.0 * t, shaking=np.ones_like)
     [peak] = peaks(gyro, speed)
-    assert peak.words == "1st rotor harmonic, 187 Hz"
+    assert_text(peak.words)
     [peak] = peaks(gyro, channel(speed.time, speed.values / 2))
-    assert peak.words == "2nd rotor harmonic, 187 Hz"
+    assert_text(peak.words)
     [peak] = peaks(gyro, None)
     assert peak.words == "187 Hz"
 
@@ -67,12 +67,12 @@ def test_a_sine_that_stays_when_the_rotors_change_is_not_theirs():
     assert peak.harmonic == 1
 
 
-def test_a_slow_log_folds_the_sine_down_and_says_so():
+def test_a_slow_log_folds_the_sine_down_and_says_so(assert_text):
     gyro, speed = shaken(
         300.0, 24.0, lambda t: np.where(t < 12.0, ROTOR, 140.0), shaking=lambda t: t < 12.0
     )
     [peak] = peaks(gyro, speed)
-    assert peak.words == "1st rotor harmonic (187 Hz), folded to 113 Hz"
+    assert_text(peak.words)
 
 
 def test_noise_has_no_peak():
@@ -257,7 +257,7 @@ def test_filters_of_inav():
     ]
 
 
-def test_filters_of_px4_are_behind_the_samples_of_the_sensors():
+def test_filters_of_px4_are_behind_the_samples_of_the_sensors(assert_wording):
     stated = {
         "IMU_GYRO_CUTOFF": "40",
         "IMU_ACCEL_CUTOFF": "30",
@@ -275,7 +275,7 @@ def test_filters_of_px4_are_behind_the_samples_of_the_sensors():
         (25.0, 25.0, (1, 2), False),
         (30.0, 30.0, (), False),
     ]
-    assert found[0].words.endswith("(IMU_GYRO_CUTOFF); the samples of this log are from before it")
+    assert_wording(found[0].words)
     control = filters_on_board(
         log_of(imu("vehicle_angular_velocity.xyz"), log_format="ulog", **stated)
     )
