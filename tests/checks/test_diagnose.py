@@ -81,18 +81,18 @@ def test_sound_flights_raise_no_doubt(flights, doubts):
     assert 5.0 < said["condition_bodies"] < 30.0
 
 
-def test_a_misplaced_payload_is_reported_with_moment_and_amount(flights, doubts):
+def test_a_misplaced_payload_is_reported_with_moment_and_amount(flights, doubts, assert_wording):
     (words,) = doubts(flights, payload=PAYLOAD % 0.33).warnings
-    assert words.startswith("payload of B: it should add ")
-    assert "to the msx of A, the flights say 0.04" in words or "to the Iyy of A, the" in words
-    assert "measure its place from the body origin again" in words
+    assert_wording(words)
+    assert "msx of A, the flights" in words or "Iyy of A, the" in words
+    assert "flights say 0.04" in words or "Iyy of A, the" in words
 
 
-def test_a_known_payload_shows_a_wrong_arm(flights, doubts):
+def test_a_known_payload_shows_a_wrong_arm(flights, doubts, assert_wording):
     result = doubts(flights, arm=0.94, payload=PAYLOAD % 0.372)
     assert result.diagnostics["arm_factor@B"] == pytest.approx(0.94, abs=0.02)
     (words,) = result.warnings
-    assert "too short; measure the distances between the motors" in words
+    assert_wording(words)
     percent = float(words.split("declared ")[1].split(" %")[0])
     assert percent == pytest.approx(6.0, abs=2.0)
 
@@ -108,32 +108,34 @@ def test_a_wrong_accelerometer_scale_shows_in_the_weight(flights, doubts):
     assert high - low < 0.06 * flights["A"].truth.kt
 
 
-def test_accelerometer_bias_is_distinguished_from_a_wrong_scale(flights, doubts):
+def test_accelerometer_bias_is_distinguished_from_a_wrong_scale(flights, doubts, assert_wording):
     biased = {
         name: replace(f, accel=f.accel + np.array([0, 0, 0.3])) for name, f in flights.items()
     }
     result = doubts(biased)
     (words,) = result.warnings
-    assert "in hover of configuration A the accelerometer reads 10.1" in words
+    assert "reads 10.1" in words
+    assert_wording(words)
     assert "where gravity is 9.81" in words
     assert result.diagnostics["thrust_over_weight"] == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_wrong_mass_of_one_configuration_is_seen_in_hover(flights, doubts):
+def test_a_wrong_mass_of_one_configuration_is_seen_in_hover(flights, doubts, assert_wording):
     (words,) = doubts(flights, mass=1.05 * 1.285).warnings
     assert words.startswith("B (B.csv) hovers on ")
     assert float(words.split("hovers on ")[1].split(" +-")[0]) == pytest.approx(5.0, abs=1.0)
-    assert "one of the masses is wrong" in words
+    assert_wording(words)
 
 
-def test_a_vibration_is_named_with_its_frequency(flights, doubts):
+def test_a_vibration_is_named_with_its_frequency(flights, doubts, assert_wording):
     shake = 0.03 * np.sin(2 * np.pi * 12.3 * flights["A"].time)[:, None] * [1.0, 0.0, 0.0]
     shaken = replace(flights["A"], gyro=flights["A"].gyro + shake)
     (words,) = doubts({"A": shaken}).warnings
-    assert "roll moves at 12." in words and "that the model does not explain" in words
+    assert "roll moves at 12." in words
+    assert_wording(words)
 
 
-def test_tilted_motors_are_found_from_the_steady_yaw_torque(doubts):
+def test_tilted_motors_are_found_from_the_steady_yaw_torque(doubts, assert_wording):
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
     tilt = np.radians(1.0)
     rotors = tuple(
@@ -150,11 +152,8 @@ def test_tilted_motors_are_found_from_the_steady_yaw_torque(doubts):
     twist = result.parameter("twist", "A")
     assert twist.std < 0.07 * twist.value
     assert twist.interval[0] < 0.2 * np.sin(tilt) < twist.interval[1]
-    assert any(
-        "turns the vehicle counter-clockwise (seen from above) as if all motors leaned by 1.0"
-        in words
-        for words in result.warnings
-    )
+    assert any("by 1.0" in words for words in result.warnings)
+    assert_wording(result.warnings)
     # Without the term, k_d is lost: 0.2 degrees took a quarter of it.
     low, high = result.parameter("kd").interval
     assert low < truth.kd < high
@@ -204,7 +203,7 @@ def test_a_throw_hovers_on_its_weight(gained):
     assert abs(found.ratio - 1.0) < 1.96 * found.std < 0.05
 
 
-def test_flights_that_hover_alike_raise_no_doubt():
+def test_flights_that_hover_alike_raise_no_doubt(assert_wording):
     alike = hovers_differ(
         [thrust("A", 1.0), thrust("A", 1.008), thrust("B", 0.999)], by_battery=True
     )
@@ -212,7 +211,8 @@ def test_flights_that_hover_alike_raise_no_doubt():
     assert alike.diagnostics["largest_hover_ratio"] == pytest.approx(1.008 / 0.999)
     unlike = [thrust("A", 1.0), thrust("A", 1.06)]
     words = hovers_differ(unlike, by_battery=True).sentence
-    assert "A1.csv hovers on 6.0" in words and "% more thrust for its mass" in words
+    assert "A1.csv hovers on 6.0" in words
+    assert_wording(words)
     assert "battery" in words
     assert "battery" not in hovers_differ(unlike, by_battery=False).sentence
     both = pooled([Held(ratio=1.0, std=0.1, seconds=5.0), Held(ratio=2.0, std=0.2, seconds=7.0)])
@@ -221,14 +221,15 @@ def test_flights_that_hover_alike_raise_no_doubt():
     assert both.seconds == 12.0
 
 
-def test_a_sagging_battery_is_said():
+def test_a_sagging_battery_is_said(assert_wording):
     assert thrust_sags([thrust("A", 1.0, sag=0.01)], by_battery=True).severity == "passed"
     both = [thrust("A", 1.0, sag=0.01), thrust("B", 1.0, sag=0.08)]
     measured = thrust_sags(both, by_battery=False).sentence
-    assert "than at its beginning: drag in climb or descent, ground effect" in measured
-    assert "fly slower, higher and clear" in measured
+    assert_wording(measured)
     sag = thrust_sags(both, by_battery=True)
     words = sag.sentence
     assert sag.diagnostics["thrust_change"] == pytest.approx(0.16)
-    assert words.startswith("B (B1.csv): the same motor data give 16 % less thrust at the end")
+    assert words.startswith("B (B1.csv): the")
+    assert "give 16 %" in words
+    assert_wording(words)
     assert "log rotor speed" in words

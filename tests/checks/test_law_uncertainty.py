@@ -68,12 +68,13 @@ def flights(flight_data_dir, tmp_path_factory):
     return first, flown.quietly_identified(path)
 
 
-def test_a_law_from_a_result_brings_its_deviation(flights):
+def test_a_law_from_a_result_brings_its_deviation(flights, assert_wording):
     first, _ = flights
     law = first.command_law.motors["law"]
     assert law["speed_std"] == pytest.approx(0.0385, abs=0.001)  # of an unknown charge, nearly all
     assert 0.005 < law["slope_std"] < 0.1
-    assert any("on others its speeds to +-8 %" in words for words in first.warnings)
+    assert any("to +-8 %" in words for words in first.warnings)
+    assert_wording(first.warnings)
 
 
 def test_kt_by_the_law_of_another_flight_holds(flights):

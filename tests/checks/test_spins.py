@@ -166,13 +166,13 @@ def numbers(*, yaw=20.0, **values):
         (numbers(kd_over_Izz=(-2e-6, np.inf)), None),
     ],
 )
-def test_a_drag_below_zero_reverses_the_propellers(found, said):
+def test_a_drag_below_zero_reverses_the_propellers(found, said, assert_wording):
     words = negative_drag(["A"], found)
     if said is None:
         assert words is None
     else:
         assert words.startswith(f"{said} comes out below zero (")
-        assert "the propellers turn the other way than declared: reverse all spins" in words
+        assert_wording(words)
 
 
 def test_identify_refuses_a_wrong_spin(tmp_path):

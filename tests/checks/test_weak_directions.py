@@ -26,7 +26,7 @@ def estimate(names, values, information):
     )
 
 
-def test_a_ratio_is_called_a_ratio():
+def test_a_ratio_is_called_a_ratio(assert_wording):
     # Two equations: kd / Izz known to 1e-3, the sizes to 50 %, in units far apart; kt by itself.
     kd, Izz, kt = 5e-8, 0.03, 3e-6
     rows = np.array([[1e3 / kd, -1e3 / Izz, 0.0], [2.0 / kd, 0.0, 0.0], [0.0, 0.0, 100.0 / kt]])
@@ -38,7 +38,8 @@ def test_a_ratio_is_called_a_ratio():
     assert condition_number(directions) == pytest.approx(1000.0, rel=0.01)
     words = weak_sentence(directions, {"kd", "Izz@A"})
     assert words is not None
-    assert "are known only as a ratio (condition number 1000: as poor as one axis" in words
+    assert "number 1000: as" in words
+    assert_wording(words)
     assert weak_sentence(directions, {"kt"}) is None
     assert weak_sentence(directions, set()) is None
 
@@ -51,13 +52,13 @@ def test_what_has_no_number_is_not_said_to_be_known_together():
     assert words is not None and " of A" not in words
 
 
-def test_what_is_not_a_ratio_is_known_together():
+def test_what_is_not_a_ratio_is_known_together(assert_wording):
     rows = np.array([[100.0, 100.0], [1.0, 0.0]])
     directions = body_directions(estimate(("msz@A", "Ixz@A"), [-1.0, 3.0], rows.T @ rows))
     assert not directions[0].is_ratio
     words = weak_sentence(directions, {"msz@A"})
     assert words is not None
-    assert "of A are known only together" in words
+    assert_wording(words)
 
 
 def test_nuisances_are_no_direction_of_the_body():
@@ -66,9 +67,9 @@ def test_nuisances_are_no_direction_of_the_body():
     assert all("spread_1" not in d.parts for d in body_directions(made))
 
 
-def test_condition_numbers_in_words():
+def test_condition_numbers_in_words(assert_text):
     said = [condition_words(c) for c in (10.0, 30.0, 254.0, 255.0)]
-    assert said == ["good", "fair", "poor", "as poor as one axis flown at a time"]
+    assert_text(said)
     assert [condition_words(c) for c in (10.1, 30.1)] == ["fair", "poor"]
 
 
