@@ -57,12 +57,15 @@ def test_questions_are_asked_one_by_one_and_the_file_is_written(answered, tmp_pa
 
 
 @pytest.mark.parametrize(("reply", "spin"), [("", "cw"), ("usual\n", "cw"), ("reversed\n", "ccw")])
-def test_spins_that_nothing_shows_are_asked_for(answered, tmp_path, monkeypatch, reply, spin):
+def test_spins_that_nothing_shows_are_asked_for(
+    answered, tmp_path, monkeypatch, reply, spin, assert_wording
+):
     monkeypatch.chdir(tmp_path)
     given = ("--layout", "quad-x", "--order", "betaflight", "--speed", "measured")
     ended = answered(reply, *given, "--spacing", "91,127")
     assert ended.code == 0
-    assert "Motor 1 (rear right), seen from above, turns clockwise: usual" in ended.err
+    assert "Motor 1 (rear" in ended.err
+    assert_wording(ended.err)
     assert ("taken as usual" in ended.err) == (reply == "")
     assert vehicle(tmp_path / "airframe.toml").rotors[0].spin == spin
 
@@ -77,39 +80,40 @@ def test_a_flight_that_hardly_yaws_shows_no_spins(shown):
     assert ("but not the spins" in shown_by_flight(seen)) is not shown
 
 
-def test_wrong_answers_are_asked_again(answered, tmp_path, monkeypatch):
+def test_wrong_answers_are_asked_again(answered, tmp_path, monkeypatch, assert_wording):
     monkeypatch.chdir(tmp_path)
     ended = answered("quad\nquad-x\npx4\n91, 127\n91\n127\nfast\nmeasured\n")
     assert ended.code == 0
     assert "'quad' is none of quad-x," in ended.err
     assert "crazyflie): " in ended.err  # no order is a default where nothing shows one
-    assert "a spacing of '91, 127' mm; expected 15 to 10000 millimetres" in ended.err
+    assert "of '91, 127' mm;" in ended.err
+    assert "expected 15 to 10000" in ended.err
+    assert_wording(ended.err)
     made = tomllib.loads((tmp_path / "airframe.toml").read_text())
     assert (made["airframe"]["spacing"], made["motors"]["speed"]) == ([0.091, 0.127], "measured")
 
 
-def test_a_log_fills_in_layout_order_and_speed(answered, here):
+def test_a_log_fills_in_layout_order_and_speed(answered, here, assert_wording):
     ended = answered("400\n\n", "flight.csv", "-o", "mine.toml")
     assert ended.code == 0, ended
-    assert "the flight shows the layout (quad-plus), the motor order (p" in ended.err
-    assert "and the spins (as usual for that order)" in ended.err
+    assert_wording(ended.err)
     made = vehicle(here / "mine.toml").rotors
     assert [r.spin for r in made] == ["ccw", "ccw", "cw", "cw"]
     assert np.abs([r.position[:2] for r in made]).max() == 0.2
 
 
-def test_what_the_flight_does_not_bear_out_is_said(answered, here):
+def test_what_the_flight_does_not_bear_out_is_said(answered, here, assert_wording):
     asked = ("flight.csv", "-o", "mine.toml", "--layout", "quad-x", "--order", "px4")
     ended = answered("", *asked, "--spacing", "200,200")
     assert ended.code == 0
-    assert "the flight responds like layout quad-plus, not quad-x" in ended.err
+    assert_wording(ended.err)
 
 
-def test_without_an_answer_nothing_is_written(answered, tmp_path, monkeypatch):
+def test_without_an_answer_nothing_is_written(answered, tmp_path, monkeypatch, assert_wording):
     monkeypatch.chdir(tmp_path)
     ended = answered("")
     assert (ended.code, ended.out) == (1, "")
-    assert "rotorfit: no answer to 'Layout (quad-x, " in ended.err
+    assert_wording(ended.err)
     assert not (tmp_path / "airframe.toml").exists()
 
 
@@ -178,14 +182,14 @@ def test_rotors_that_a_log_lists_are_scaled_to_what_was_measured(tmp_path):
 
 
 def test_of_rotors_in_the_parameters_only_the_size_is_asked_for(
-    answered, flight_data_dir, tmp_path
+    answered, flight_data_dir, tmp_path, assert_wording
 ):
     log = flight_data_dir / "autopilot-sitl" / "px4-hex.ulg"
     if not log.is_file():
         pytest.skip(f"no {log}")
     ended = answered("519.6\n600\n", log, "-o", tmp_path / "hexa.toml")
     assert ended.code == 0, ended
-    assert "CA_ROTOR* in the log gives order and spins" in ended.err
+    assert_wording(ended.err)
     made = vehicle(tmp_path / "hexa.toml").rotors
     assert [rotor.spin for rotor in made] == ["ccw", "cw"] * 3
     assert made[1].position == pytest.approx((0.0, -0.3, 0.0))
@@ -199,20 +203,24 @@ def own_geometry(simulated, tmp_path):
     return path
 
 
-def test_rotors_that_somebody_set_in_px4_need_no_ruler(answered, own_geometry, simulated, tmp_path):
+def test_rotors_that_somebody_set_in_px4_need_no_ruler(
+    answered, own_geometry, simulated, tmp_path, assert_wording
+):
     ended = answered("", own_geometry, "-o", tmp_path / "own.toml")
     assert ended.code == 0, ended
-    assert "order, spins and places of the rotors: check them" in ended.err
+    assert_wording(ended.err)
     made, true = vehicle(tmp_path / "own.toml").rotors, simulated.vehicle.rotors
     assert [r.spin for r in made] == [r.spin for r in true]
     for one, other in zip(made, true, strict=True):
         assert one.position == pytest.approx(other.position, abs=1e-6)
 
 
-def test_identify_takes_them_off_the_log_itself(run, own_geometry):
+def test_identify_takes_them_off_the_log_itself(run, own_geometry, assert_wording):
     ended = run("identify", own_geometry, "--mass", "1.285", "--json")
     assert ended.code == 0, ended.err
-    assert "rotors by CA_ROTOR* of the log: 4, arms of 0.2 m, speed measured" in ended.err
+    assert "log: 4, arms" in ended.err
+    assert "of 0.2 m," in ended.err
+    assert_wording(ended.err)
     assert len(json.loads(ended.out)["settings"]["airframe"]["rotors"]) == 4
 
 
@@ -229,14 +237,16 @@ def unknown(here, columns) -> Path:
     return here / "own.csv"
 
 
-def test_an_unknown_table_is_mapped_once_and_read_ever_after(answered, run, unknown):
+def test_an_unknown_table_is_mapped_once_and_read_ever_after(
+    answered, run, unknown, assert_wording
+):
     refusal = run("inspect", "own.csv")
     assert (refusal.code, "rotorfit airframe" in refusal.err) == (1, True)
     ended = answered("rpm\n", "own.csv", "--spacing", "400,400", "-o", "own.toml")
     assert ended.code == 0, ended
     assert "says axes FRD (z down)" in ended.err
     assert "Unit of esc0 to esc3" in ended.err
-    assert "the flight shows the layout (quad-plus)" in ended.err
+    assert_wording(ended.err)
     made = tomllib.loads(Path("own.toml").read_text())["table"]
     assert made["axes"] == "FRD"
     assert made["columns"]["rotor_1"] == {"name": "esc0", "unit": "rpm"}
@@ -251,7 +261,7 @@ def test_an_unknown_table_is_mapped_once_and_read_ever_after(answered, run, unkn
     assert mapped["Ixx"] == pytest.approx(direct["Ixx"], rel=1e-2)
 
 
-def test_poses_and_motors_need_no_imu(run, flight_data_dir, tmp_path, monkeypatch):
+def test_poses_and_motors_need_no_imu(run, flight_data_dir, tmp_path, monkeypatch, assert_wording):
     """NanoBench's table without its IMU: proposed, written down, and identified by its poses."""
     recording = flight_data_dir / "nanobench-crazyflie" / "B8_star_fast_rep1.csv"
     if not recording.is_file():
@@ -264,7 +274,7 @@ def test_poses_and_motors_need_no_imu(run, flight_data_dir, tmp_path, monkeypatc
     shape = ("--layout", "quad-x", "--order", "crazyflie", "--spacing", "65,65")
     ended = run("airframe", "own.csv", "--unit", "motors=counts", *shape, "-o", "own.toml")
     assert ended.code == 0, ended
-    assert "accelerates to where the attitude leans, in m, axes FLU" in ended.err
+    assert_wording(ended.err)
     assert "CHECK" not in ended.err
     found = run("identify", "own.csv", "--mass", "0.033", "--airframe", "own.toml", "--json")
     assert found.code == 0, found.err
@@ -280,13 +290,14 @@ def test_poses_and_motors_need_no_imu(run, flight_data_dir, tmp_path, monkeypatc
     assert (refused.code, "--source mocap" in refused.err) == (1, True)
 
 
-def test_a_wrong_proposal_is_put_right_by_options(run, unknown):
+def test_a_wrong_proposal_is_put_right_by_options(run, unknown, assert_wording):
     given = ("airframe", "own.csv", "--spacing", "400,400", "--unit", "motors=rpm")
     shape = ("--layout", "quad-plus", "--order", "paper")
     ended = run(*given, *shape, "--unit", "accel=m/s^2", "--axes", "FLU", "-o", "own.toml")
     assert ended.code == 0, ended
-    assert "CHECK: the accelerometer in m/s^2 feels 1" in ended.err
-    assert "CHECK: axes FLU, as stated, but az of -1" in ended.err
+    assert "in m/s^2 feels 1" in ended.err
+    assert_wording(ended.err)
+    assert "of -1" in ended.err
     made = tomllib.loads(Path("own.toml").read_text())["table"]
     assert (made["axes"], made["columns"]["accel_x"]) == ("FLU", {"name": "ax", "unit": "m/s^2"})
 
@@ -307,7 +318,7 @@ def test_an_experiment_file_has_the_columns_of_its_tables(run, unknown):
     assert run("inspect", "own.csv", "--airframe", "experiment.toml").code == 0
 
 
-def test_answers_for_a_table_may_be_options(run, refused, unknown):
+def test_answers_for_a_table_may_be_options(run, refused, unknown, assert_wording):
     given = ("--spacing", "400,400", "-o", "own.toml")
     stated = run("airframe", "own.csv", *given, "--unit", "motors=erpm", "--poles", "14")
     assert stated.code == 0, stated
@@ -315,9 +326,7 @@ def test_answers_for_a_table_may_be_options(run, refused, unknown):
     assert "unit 'furlong' of motors" in refused(
         "airframe", "own.csv", "-o", "b.toml", "--unit", "motors=furlong"
     )
-    assert "no column 'nix' for gyro_x" in refused(
-        "airframe", "own.csv", "-o", "b.toml", "--column", "gyro_x=nix"
-    )
+    assert_wording(refused("airframe", "own.csv", "-o", "b.toml", "--column", "gyro_x=nix"))
     assert "exists" in refused("airframe", "own.csv", *given, "--unit", "motors=rpm")
 
 

@@ -239,22 +239,20 @@ def test_nobody_reads_on(saved):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
-def test_a_full_disk_under_what_is_printed_is_no_fault_of_ours(saved):
+def test_a_full_disk_under_what_is_printed_is_no_fault_of_ours(saved, assert_wording):
     with Path("/dev/full").open("w") as full:
         ended = inspected_into(full, saved)
     assert ended.returncode == 1
-    assert ended.stderr.startswith("rotorfit: the result cannot be printed (No space left")
+    assert_wording(ended.stderr)
     assert ended.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("fault", [ValueError("odd\nvalue"), MemoryError(), RecursionError("deep")])
-def test_a_fault_of_ours_is_one_line(refused_fault, fault):
+def test_a_fault_of_ours_is_one_line(refused_fault, fault, assert_text):
     line = refused_fault(fault)
     words = f"{type(fault).__name__}: {' '.join(str(fault).split())}".removesuffix(": ")
-    assert line == (
-        f"rotorfit: internal error ({words}); please report it with the log, "
-        "run with ROTORFIT_DEBUG=1 for details\n"
-    )
+    assert f"({words})" in line
+    assert_text(line)
 
 
 def test_equations_without_a_solution_are_refused(here):
@@ -303,7 +301,7 @@ def test_python_m_and_version():
         assert (ended.stdout, ended.stderr) == (f"rotorfit {__version__}\n", "")
 
 
-def test_ascii_terminal_and_warnings_as_errors(saved, tmp_path):
+def test_ascii_terminal_and_warnings_as_errors(saved, tmp_path, assert_wording):
     """A C locale, and a Python that takes every warning for an error."""
     folder = tmp_path / "Höhe"
     folder.mkdir()
@@ -318,7 +316,8 @@ def test_ascii_terminal_and_warnings_as_errors(saved, tmp_path):
     assert ended.stdout.split() == expected.split()  # a longer name, wrapped elsewhere
     ended = installed("inspect", f"{folder}/none.csv", **surroundings)
     assert ended.returncode == 1
-    assert ended.stderr.endswith("H\\xf6he/none.csv: no such file: check the path\n")
+    assert "H\\xf6he/none.csv: no" in ended.stderr
+    assert_wording(ended.stderr)
 
 
 def test_plain_lines_where_stderr_is_no_terminal():
@@ -389,8 +388,8 @@ def test_verdicts_in_colour_on_a_terminal(monkeypatch, when, variables, expected
     assert re.sub(r"\x1b\[\d+m", "", shown) == text
 
 
-def test_a_colour_that_is_none_is_refused(refused):
-    assert "--color 'red'; expected auto, always or never" in refused("inspect", "--color=red")
+def test_a_colour_that_is_none_is_refused(refused, assert_wording):
+    assert_wording(refused("inspect", "--color=red"))
 
 
 def test_prose_is_as_wide_as_the_terminal(run, here, monkeypatch):
@@ -400,10 +399,10 @@ def test_prose_is_as_wide_as_the_terminal(run, here, monkeypatch):
         assert 60 < max(map(len, text.splitlines())) <= widest
 
 
-def test_a_target_that_is_misspelt_is_named(run, here):
+def test_a_target_that_is_misspelt_is_named(run, here, assert_wording):
     ended = run("export", "result.json", "--to", "gazbo", "-o", "x")
     assert ended.code == 2
-    assert "no target 'gazbo'; did you mean gazebo? targets: gazebo," in " ".join(ended.err.split())
+    assert_wording(" ".join(ended.err.split()))
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

@@ -48,13 +48,14 @@ def test_a_file_is_written_and_reported(run, there):
     assert "CA_ROTOR3_KM" in (there / "my.params").read_text()
 
 
-def test_an_export_into_a_file_of_the_user_shows_what_changes(run, there):
+def test_an_export_into_a_file_of_the_user_shows_what_changes(run, there, assert_wording):
     mine = "# mine\n1\t1\tSYS_AUTOSTART\t4001\t6\n1\t1\tCA_ROTOR3_KM\t0.5\t9\n"
     (there / "mine.params").write_text(mine)
     asked = ("export", "result.json", "--to", "px4", "--into", "mine.params", "-o")
     ended = run(*asked, "new.params")
     assert (ended.code, ended.err) == (0, "")
-    assert "  -1\t1\tCA_ROTOR3_KM\t0.5\t9\n  +1\t1\tCA_ROTOR3_KM\t" in ended.out
+    assert "-1\t1\tCA_ROTOR3_KM\t0.5\t9\n  +1\t1\tCA_ROTOR3_KM\t" in ended.out
+    assert_wording(ended.out)
     assert "SYS_AUTOSTART" not in ended.out
     assert (there / "new.params").read_text().startswith(mine.partition("0.5")[0])
     assert (there / "mine.params").read_text() == mine
@@ -63,11 +64,11 @@ def test_an_export_into_a_file_of_the_user_shows_what_changes(run, there):
     assert (there / "mine.params").read_text() == (there / "new.params").read_text()
 
 
-def test_a_file_to_export_into_is_never_lost(refused, there):
+def test_a_file_to_export_into_is_never_lost(refused, there, assert_text):
     (there / "mine.params").write_text("no parameters")
     asked = ("export", "result.json", "--to", "px4", "--into", "mine.params", "-o", "mine.params")
     assert "--force" in refused(*asked)
-    assert "has no parameter as px4 writes them" in refused(*asked, "--force")
+    assert_text(refused(*asked, "--force"))
     assert (there / "mine.params").read_text() == "no parameters"
     words = refused("export", "result.json", "--to", "px4", "--into", "none", "-o", "new.params")
     assert words.startswith("rotorfit: none: ")
@@ -81,18 +82,21 @@ def test_as_json(run, there):
     assert (mass["value"], mass["origin"]) == (MASS, "given")
 
 
-def test_what_is_not_known_is_refused_in_one_line(refused, there):
+def test_what_is_not_known_is_refused_in_one_line(refused, there, assert_wording):
     words = refused("export", "no_yaw.json", "--to", "gazebo", "-o", "my.sdf")
-    assert "kd is ratio-only (known only together with Izz)" in words
+    assert_wording(words)
     assert "--assume kd=VALUE" in words
 
 
-def test_an_assumption_is_reported(run, there):
+def test_an_assumption_is_reported(run, there, assert_wording):
     asked = ("export", "no_yaw.json", "--to", "gazebo", "-o", "my.sdf", "--assume", "kd=5.2e-8")
     ended = run(*asked)
     assert (ended.code, ended.err) == (0, "")
-    assert "kd = 5.2e-08 N m s^2/rad^2 is assumed" in ended.out
-    assert "Izz_com = 0.02931 kg m^2 is from-ratio: kd, assumed, over kd_over_Izz" in ended.out
+    assert "kd = 5.2e-08 N" in ended.out
+    assert "m s^2/rad^2 is" in ended.out
+    assert_wording(ended.out)
+    assert "Izz_com = 0.02931 kg" in ended.out
+    assert "m^2 is" in ended.out
 
 
 @pytest.mark.parametrize(
@@ -133,11 +137,12 @@ def test_a_file_that_is_no_result(refused, there):
     )
 
 
-def test_a_table_of_a_flight(run, here):
+def test_a_table_of_a_flight(run, here, assert_wording):
     assert run("identify", "experiment.toml", "-o", "r.json").code == 0
     ended = run("export", "r.json", "--to", "table", "-o", "wrenches.csv")
     assert ended.code == 0
-    assert "wrenches.csv: wrenches of flight.csv (of the fit), low-pass 3 Hz" in ended.out
+    assert "low-pass 3 Hz" in ended.out
+    assert_wording(ended.out)
     lines = (here / "wrenches.csv").read_text().splitlines()
     names = lines[0].split(",")
     assert names[0] == "time"
@@ -208,14 +213,17 @@ def test_files_of_several_flights_have_their_names():
 @pytest.mark.parametrize(
     ("name", "value"), [("kd", float("nan")), ("mass", 1e-300), ("com_x", 1e308)]
 )
-def test_a_damaged_result_is_refused_by_every_target(refused, there, target, name, value):
+def test_a_damaged_result_is_refused_by_every_target(
+    refused, there, target, name, value, assert_wording
+):
     data = json.loads((there / "result.json").read_text())
     for entry in (*data["parameters"], *data["derived"]):
         if entry["name"] == name:
             entry["value"] = value
     (there / "damaged.json").write_text(json.dumps(data))
     words = refused("export", "damaged.json", "--to", target, "-o", "out")
-    assert f"damaged.json: the result was changed since it was written ({name} is" in words
+    assert f"written ({name} is" in words
+    assert_wording(words)
     assert not (there / "out").exists()
 
 
@@ -229,40 +237,41 @@ def test_a_damaged_result_is_refused_by_every_target(refused, there, target, nam
     ],
     ids=lambda command: command[0],
 )
-def test_a_damaged_result_is_refused_by_every_command(refused, there, command):
+def test_a_damaged_result_is_refused_by_every_command(refused, there, command, assert_wording):
     data = json.loads((there / "result.json").read_text())
     next(entry for entry in data["parameters"] if entry["name"] == "kd")["value"] = float("nan")
     (there / "damaged.json").write_text(json.dumps(data))
     (there / "airframe.toml").write_text(AIRFRAME)
     (there / "flight.csv").write_text("time\n")
     words = refused(*command)
-    assert "damaged.json: the result was changed since it was written (kd is nan" in words
+    assert_wording(words)
 
 
 @pytest.mark.parametrize("airframe", ["x", None, 3, {"rotors": []}])
-def test_settings_that_describe_no_vehicle_are_refused(refused, there, airframe):
+def test_settings_that_describe_no_vehicle_are_refused(refused, there, airframe, assert_wording):
     data = json.loads((there / "result.json").read_text())
     data["settings"]["airframe"] = airframe
     (there / "damaged.json").write_text(json.dumps(data))
     words = refused("export", "damaged.json", "--to", "urdf", "-o", "out")
     assert refused("fly", "damaged.json") == words
-    assert "settings do not describe its vehicle" in words
+    assert_wording(words)
 
 
-def test_a_lag_below_zero_is_refused(refused, there):
+def test_a_lag_below_zero_is_refused(refused, there, assert_wording):
     changed(a_result(), motor_lag={"value": -0.01, "interval": (-0.02, 0.0)}).save(
         there / "early.json"
     )
     words = refused("export", "early.json", "--to", "mujoco", "-o", "out.xml")
-    assert "motor_lag_up is -0.01 s, and no motor responds before its command" in words
+    assert "is -0.01 s," in words
+    assert_wording(words)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
-def test_a_device_or_a_pipe_is_never_replaced(refused, there):
+def test_a_device_or_a_pipe_is_never_replaced(refused, there, assert_wording):
     """As root, a file would else be moved into the place of /dev/null."""
     os.mkfifo(there / "pipe")
     words = refused("export", "result.json", "--to", "px4", "-o", "pipe", "--force")
-    assert "pipe is a device or a pipe, and no file" in words
+    assert_wording(words)
     assert (there / "pipe").is_fifo()
     refused("fly", "result.json", "-o", "pipe", "--force")
     refused("fly", "result.json", "--report", "pipe", "--force")
@@ -271,13 +280,11 @@ def test_a_device_or_a_pipe_is_never_replaced(refused, there):
     assert (there / "pipe").is_fifo()
 
 
-def test_drawn_vehicles_are_written_with_the_rejected_share(run, there):
+def test_drawn_vehicles_are_written_with_the_rejected_share(run, there, assert_text):
     asked = ("export", "result.json", "--to", "samples", "--samples", "7", "-o", "v.npz")
     ended = run(*asked)
     assert (ended.code, ended.err) == (0, "")
-    assert "  7 vehicles drawn from the joint posterior, seed 0; 0 % of the draws rejected" in (
-        ended.out.splitlines()
-    )
+    assert_text(ended.out.splitlines())
     assert len(np.load(there / "v.npz")["kt"]) == 7
     told = run(
         "export", "result.json", "--to", "mujoco", "--samples", "2", "-o", "m", "--json"

@@ -100,11 +100,11 @@ def test_every_command_is_described_by_a_whole_clause(run):
         assert first.endswith(".") and ". " not in first, name
 
 
-def test_help_shows_each_argument_once_without_types(run):
+def test_help_shows_each_argument_once_without_types(run, assert_text, assert_wording):
     lines = run("fleet", "--help").out.splitlines()
-    assert lines[0] == "Usage: rotorfit fleet [OPTIONS] DIR|TABLE"
-    assert any(line.startswith("  DIR|TABLE  A folder with logs") for line in lines)
-    assert run("airframe", "--help").out.startswith("Usage: rotorfit airframe [OPTIONS] [LOG]\n")
+    assert_text(lines[0])
+    assert_wording(lines)
+    assert_wording(run("airframe", "--help").out)
     for name in COMMANDS:
         shown = run(name, "--help").out
         assert not re.search(r"[<>{}](?!=)", shown), name

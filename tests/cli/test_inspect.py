@@ -24,11 +24,15 @@ def blackbox(columns) -> bytes:
     return blackbox_of({name: values[::4] for name, values in columns.items()})
 
 
-def test_a_good_log(run, here):
+def test_a_good_log(run, here, assert_wording):
     ended = run("inspect", "flight.csv")
     assert (ended.code, ended.err) == (0, "")
-    assert ended.out.startswith("flight.csv: table, log 1 of 1, 30.0 s\n")
-    assert "  rotor_speed        4     6000    200 Hz     -  rad/s" in ended.out
+    assert "log 1 of 1," in ended.out
+    assert "30.0 s\n" in ended.out
+    assert_wording(ended.out)
+    assert "4 " in ended.out
+    assert "6000 " in ended.out
+    assert "200 Hz" in ended.out
     assert "airborne: " in ended.out and "nothing found" not in ended.out
     assert "To know" not in ended.out
 
@@ -46,7 +50,7 @@ def test_json_agrees_with_the_text(run, here):
     assert report["trouble"] == []
 
 
-def test_a_hover_on_commands_is_foreseen_at_the_usual_lag(run, here):
+def test_a_hover_on_commands_is_foreseen_at_the_usual_lag(run, here, assert_wording):
     """At the lag that fits best, an answer to the gyro's noise looks like a yaw response."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
     scenario = Scenario(
@@ -55,13 +59,10 @@ def test_a_hover_on_commands_is_foreseen_at_the_usual_lag(run, here):
     flight = simulate_flight(truth, vehicle, scenario, seed=12)
     write_flight_table(flight, here / "hover.csv", channels=("gyro", "accel", "command"))
     text = " ".join(run("inspect", "hover.csv").out.split())
-    assert "the commands follow the motion by" in text
+    assert_wording(text)
     for axis in ("roll", "pitch", "yaw"):
-        assert re.search(
-            rf"- {axis}: [0-9.]+ rad/s\^2: .* cannot be found: "
-            r"signal-to-noise (under )?0[.0-9]*, need",
-            text,
-        ), text
+        found = rf"- {axis}: [0-9.]+ rad/s\^2: .*"
+        assert re.search(found + r"signal-to-noise (under )?0[.0-9]*, need", text), text
 
 
 @pytest.mark.parametrize(
@@ -106,19 +107,22 @@ def test_unreadable(refused, here, content):
     assert "flight.csv" in refused("inspect", "flight.csv")
 
 
-def test_one_of_two_cannot_be_read(run, here):
+def test_one_of_two_cannot_be_read(run, here, assert_text):
     ended = run("inspect", "none.csv", "flight.csv", "--json")
     assert ended.code == 1
     assert [report["file"] for report in ended.json] == ["flight.csv"]
-    assert ended.err == "rotorfit: none.csv: no such file: check the path\n"
+    assert_text(ended.err)
 
 
-def test_several_logs_are_listed_and_one_is_chosen(run, refused, here, blackbox):
+def test_several_logs_are_listed_and_one_is_chosen(
+    run, refused, here, blackbox, assert_text, assert_wording
+):
     (here / "two.bbl").write_bytes(blackbox + blackbox)
     listed = run("inspect", "two.bbl")
     assert listed.code == 0
-    assert listed.out.startswith("two.bbl: 2 logs, the longest first; to look at one, such as\n")
-    assert listed.out.splitlines()[1] == "  rotorfit inspect two.bbl --log 1"
+    assert listed.out.startswith("two.bbl: 2 logs,")
+    assert_wording(listed.out)
+    assert_text(listed.out.splitlines()[1])
     [choice] = run("inspect", "two.bbl", "--json").json
     assert [line[:2] for line in choice["logs"]] == ["1:", "2:"]
     chosen = run("inspect", "two.bbl", "--log", "2", "--json")
@@ -233,15 +237,15 @@ def test_commands_only_get_the_settings_of_their_autopilot(run, here, blackbox):
     assert ("dshot_bidir" in names) is not speeds
 
 
-def test_a_recording_of_cameras_alone_belongs_next_to_a_log(run, here):
+def test_a_recording_of_cameras_alone_belongs_next_to_a_log(run, here, assert_wording):
     lines = [f"{0.01 * i} {0.1 * i} 0 1 0 0 0 1" for i in range(200)]
     (here / "take.tum").write_text("\n".join(lines) + "\n", encoding="utf-8")
     [report] = run("inspect", "take.tum", "--json").json
     [words] = report["trouble"]
-    assert words.startswith("this file has only the pose, no motors")
+    assert_wording(words)
 
 
-def test_poses_next_to_motors_are_for_motion_capture(run, here):
+def test_poses_next_to_motors_are_for_motion_capture(run, here, assert_wording):
     names = (
         "time pos_x pos_y pos_z quat_w quat_x quat_y quat_z command_1 command_2 command_3 command_4"
     )
@@ -253,8 +257,8 @@ def test_poses_next_to_motors_are_for_motion_capture(run, here):
     words = f"no gyro channel (rotation rates) and no accel channel (specific force): {cure}"
     assert words in report["trouble"]
     shown = run("inspect", "posed.csv").out
-    assert "airborne: not looked for, as the log has no IMU" in shown
-    assert report["next_step"]["action"].startswith("if the poses are those of motion capture")
+    assert_wording(shown)
+    assert_wording(report["next_step"]["action"])
 
 
 def with_commands(order=(0, 1, 2, 3)):
@@ -262,7 +266,7 @@ def with_commands(order=(0, 1, 2, 3)):
     return lambda c: c | {f"rotor_{i + 1}": c[f"rotor_{k + 1}"] for i, k in enumerate(order)}
 
 
-def test_speeds_that_follow_their_commands(run, changed):
+def test_speeds_that_follow_their_commands(run, changed, assert_wording):
     changed(with_commands())
     [report] = run("inspect", "flight.csv", "--json").json
     rotors = report["telemetry"]["rotors"]
@@ -272,7 +276,7 @@ def test_speeds_that_follow_their_commands(run, changed):
     assert report["telemetry"]["doubts"] == []
     assert report["trouble"] == []
     text = " ".join(run("inspect", "flight.csv").out.split())
-    assert "each measured rotor speed follows its own command (correlation " in text
+    assert_wording(text)
 
 
 def test_speeds_in_another_order_than_commands(run, changed):
@@ -304,11 +308,12 @@ def test_the_airframe_looks_at_the_chosen_log(run, here, columns):
     assert chosen["trouble"] == alone["trouble"]
 
 
-def test_the_scale_of_the_accelerometer_without_an_airframe(run, changed):
+def test_the_scale_of_the_accelerometer_without_an_airframe(run, changed, assert_wording):
     changed(lambda c: {n: 1.07 * v if n.startswith("accel") else v for n, v in c.items()})
     [report] = run("inspect", "flight.csv", "--json").json
     [told] = report["trouble"]
-    assert told.startswith("at rest on the ground the accelerometer reads 10.")
+    assert "reads 10." in told
+    assert_wording(told)
     assert report["gravity"]["at_rest"] == pytest.approx(1.07, abs=0.02)
     assert report["gravity"]["in_flight"] == pytest.approx(1.07, abs=0.04)
 
@@ -326,20 +331,18 @@ def in_pieces(columns: Columns) -> Columns:
     return {name: values[kept] for name, values in columns.items()}
 
 
-def test_a_flight_too_short_for_prospects_is_reported(run, changed):
+def test_a_flight_too_short_for_prospects_is_reported(run, changed, assert_text):
     changed(in_pieces)
     ended = run("inspect", "flight.csv", "--json")
     assert (ended.code, ended.err) == (0, "")
-    assert ended.json[0]["trouble"] == [
-        "the airborne part is too short to use; fly longer, or set start and end yourself"
-    ]
+    assert_text(ended.json[0]["trouble"])
     assert ended.json[0]["prospects"] is None
 
 
 RENAMED = {"gyro_x": "p", "gyro_y": "q", "gyro_z": "r"}
 
 
-def test_an_experiment_file_names_the_columns(run, changed, here):
+def test_an_experiment_file_names_the_columns(run, changed, here, assert_wording):
     changed(without("command_"))
     text = (here / "flight.csv").read_text(encoding="utf-8")
     head, _, rows = text.partition("\n")
@@ -360,7 +363,7 @@ def test_an_experiment_file_names_the_columns(run, changed, here):
     layout = ("--layout", "quad-x", "--order", "px4", "--spacing", "200,200", "-o", "seen.toml")
     seen = run("airframe", "mapped.toml", *layout)
     assert seen.code == 0, seen.err
-    assert seen.out.endswith("  rotorfit identify mapped.toml\n")
+    assert_wording(seen.out)
 
 
 def test_an_airframe_file_next_to_a_log_is_its_airframe(run, here):
@@ -369,10 +372,9 @@ def test_an_airframe_file_next_to_a_log_is_its_airframe(run, here):
     assert run("inspect", "airframe.toml", "flight.csv", "--json").json == as_option.json
 
 
-def test_an_airframe_file_is_no_log(refused, here):
+def test_an_airframe_file_is_no_log(refused, here, assert_wording):
     words = refused("inspect", "airframe.toml")
-    assert "this is an airframe file, without [[configuration]] and flights" in words
-    assert "an airframe file with --airframe" in words
+    assert_wording(words)
 
 
 def test_no_line_is_wider_than_the_terminal(run, changed, monkeypatch):
@@ -391,7 +393,7 @@ def test_verdicts_stand_in_the_place_of_what_was_foreseen(run, here):
     assert "can be found" not in text
 
 
-def test_what_cannot_be_identified_gets_no_advice_how(run, changed):
+def test_what_cannot_be_identified_gets_no_advice_how(run, changed, assert_wording):
     only_commands = without("rotor_")
     advice = 'identify with speed = "commanded"'
     changed(only_commands)
@@ -401,15 +403,16 @@ def test_what_cannot_be_identified_gets_no_advice_how(run, changed):
     [grounded] = run("inspect", "flight.csv", "--json").json
     assert any("only commands: log measured" in words for words in grounded["trouble"])
     assert not any(advice in words for words in grounded["trouble"])
-    assert "airborne: not found from motors and IMU" in run("inspect", "flight.csv").out
+    assert_wording(run("inspect", "flight.csv").out)
 
 
-def test_a_motor_clock_that_is_far_off_is_named(run, changed):
+def test_a_motor_clock_that_is_far_off_is_named(run, changed, assert_wording):
     changed(lambda c: {n: np.roll(v, -40) if n.startswith("rotor") else v for n, v in c.items()})
     [report] = run("inspect", "flight.csv", "--json").json
     assert report["motor_lateness"] == pytest.approx(0.204, abs=0.004)
     text = " ".join(run("inspect", "flight.csv").out.split())
-    assert "responds 204 ms after the motor data: no motor is so slow" in text
+    assert "responds 204 ms" in text
+    assert_wording(text)
 
 
 def test_settings_are_those_of_the_firmware_and_of_a_file(run, here, blackbox):
@@ -421,23 +424,24 @@ def test_settings_are_those_of_the_firmware_and_of_a_file(run, here, blackbox):
     assert "dshot_bidir" not in out and "blackbox_disable" not in out
 
 
-def test_poses_at_times_of_receipt_are_not_sent_next_to_a_log(run, here):
+def test_poses_at_times_of_receipt_are_not_sent_next_to_a_log(run, here, assert_wording):
     rng = np.random.default_rng(1)
     times = np.arange(400) * 0.01 + rng.exponential(0.008, 400)
     lines = [f"{t} {0.1 * i} 0 1 0 0 0 1" for i, t in enumerate(np.sort(times))]
     (here / "take.tum").write_text("\n".join(lines) + "\n", encoding="utf-8")
     [report] = run("inspect", "take.tum", "--json").json
     [words] = report["trouble"]
-    assert words.startswith("this file has only the pose, no motors")
+    assert_wording(words)
     assert "times of receipt" in words and "give it together" not in words
 
 
 @pytest.mark.flights
-def test_the_number_to_set_and_the_file_are_those_of_the_log(run, flight_data_dir):
+def test_the_number_to_set_and_the_file_are_those_of_the_log(run, flight_data_dir, assert_wording):
     logs = sorted((flight_data_dir / "ardupilot-dronekit").glob("*.[bB][iI][nN]"))
     if not logs:
         pytest.skip("no DataFlash log")
     out = " ".join(run("inspect", logs[0]).out.split())
-    assert out.count("LOG_BITMASK = 917503, which adds") == 2  # the reader's note, and the list
-    assert f"as a file, from this log's own values: rotorfit settings {logs[0]}" in out
+    assert out.count("LOG_BITMASK = 917503, which") == 2  # the reader's note, and the list
+    assert f"settings {logs[0]}" in out
+    assert_wording(out)
     assert "+LOG_BITMASK,917503" in run("settings", logs[0]).out

@@ -73,7 +73,7 @@ def test_from_the_command_line(run, here):
     ended = run("plan", "airframe.toml", *QUICK, *files, "--guess", "Izz=0.03")
     assert ended.code == 0
     assert ended.err == "wrote plan.json\nwrote card.html\n"
-    assert "Fly: steady turns while rolling, 20 s" in ended.out
+    assert "turns while rolling, 20 s" in ended.out
     saved = json.loads((here / "plan.json").read_text())
     assert saved["recommended"]["schedule"] == "turns"
     assert saved["payload"] == []

@@ -54,11 +54,11 @@ def test_json_lists_the_files(run, tmp_path):
     assert ended.json == {"folder": str(tmp_path), "files": FILES}
 
 
-def test_nothing_is_overwritten_unless_forced(run, tmp_path, flown_files):
+def test_nothing_is_overwritten_unless_forced(run, tmp_path, flown_files, assert_wording):
     (tmp_path / "truth.json").write_text("mine")
     ended = run(*QUICK, "-o", tmp_path)
     assert ended.code == 1
-    assert "already holds truth.json; name another folder, or pass --force" in ended.err
+    assert_wording(ended.err)
     assert [path.name for path in tmp_path.iterdir()] == ["truth.json"]
     assert run(*QUICK, "-o", tmp_path, "--force").code == 0
     assert (tmp_path / "truth.json").read_bytes() == flown_files["truth.json"]
