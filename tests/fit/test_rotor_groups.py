@@ -47,7 +47,7 @@ def test_what_a_mixer_hardly_moves_alone_is_not_identified(tmp_path, name, rotor
     assert len(found) == rotors
     for parameter in found:
         assert (parameter.verdict, parameter.value) == ("not-identified", None)
-        assert parameter.reason == "the mixer moves these rotors together"
+        assert "moves these rotors" in parameter.reason
         assert "the same group" in parameter.advice
     kt = result.parameter("kt")
     assert kt.verdict == "identified"
@@ -87,7 +87,7 @@ def test_rotor_groups_mixed_alike_are_not_distinguished(tmp_path):
     result, true = identified(tmp_path, "x8", spread=(1.0,) * 4 + (0.92,) * 4, groups=groups)
     for parameter in rotor_parameters(result):
         assert parameter.value is None
-        assert parameter.reason == "the mixer moves these groups of rotors together"
+        assert "these groups of rotors" in parameter.reason
     kt = result.parameter("kt")
     assert kt.interval[0] < true.mean() < kt.interval[1]
 

@@ -79,13 +79,13 @@ def once(draggy, tmp_path_factory):
     return identified(tmp_path_factory.mktemp("once"), draggy)
 
 
-def test_drag_enters_by_itself_where_the_velocity_is_known(once, draggy):
+def test_drag_enters_by_itself_where_the_velocity_is_known(once, draggy, assert_wording):
     result = once
     used = result.settings["used"]
     assert used["terms"][-1] == "drag"
     assert used["terms_gain"]["drag"] > used["terms_least_gain"] == LEAST_GAIN
     (words,) = [w for w in result.warnings if "air drag of the frame" in w]
-    assert "(drag), as the flights show it" in words
+    assert_wording(words)
     assert "(drag)" in words
     for axis, true in zip("xyz", draggy.truth.drag, strict=True):
         found = result.parameter(f"drag_{axis}", "A")

@@ -231,21 +231,23 @@ def refusal(indiflight_logs, tmp_path, vehicle):
     return str(caught.value)
 
 
-def test_reversed_spins_are_refused(indiflight_logs, tmp_path):
+def test_reversed_spins_are_refused(indiflight_logs, tmp_path, assert_wording):
     other = {"cw": "ccw", "ccw": "cw"}
     wrong = replace(CINERAT, rotors=tuple(replace(r, spin=other[r.spin]) for r in CINERAT.rotors))
-    assert "with every spin reversed (props out instead of in), they would respond +0.9" in (
-        refusal(indiflight_logs, tmp_path, wrong)
-    )
+    said = refusal(indiflight_logs, tmp_path, wrong)
+    assert "respond +0.9" in said
+    assert_wording(said)
 
 
 @pytest.mark.parametrize(("i", "k"), [(0, 1), (0, 2), (0, 3), (1, 2)])
-def test_two_swapped_motors_are_refused(indiflight_logs, tmp_path, i, k):
+def test_two_swapped_motors_are_refused(indiflight_logs, tmp_path, i, k, assert_wording):
     order = [0, 1, 2, 3]
     order[i], order[k] = order[k], order[i]
     wrong = replace(CINERAT, rotors=tuple(CINERAT.rotors[n] for n in order))
     named = ", ".join(str(n + 1) for n in order)
-    assert f"your rotors listed in the order {named}" in refusal(indiflight_logs, tmp_path, wrong)
+    said = refusal(indiflight_logs, tmp_path, wrong)
+    assert f"in the order {named}" in said
+    assert_wording(said)
 
 
 @pytest.mark.parametrize(

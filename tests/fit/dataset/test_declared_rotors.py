@@ -96,30 +96,30 @@ def test_any_two_swapped_motors_are_refused(flights, name):
         assert words in refusal(data, reordered(vehicle, order))
 
 
-def test_a_known_motor_order_is_offered_by_its_name(flights):
+def test_a_known_motor_order_is_offered_by_its_name(flights, assert_wording):
     data, vehicle = flights["A"]
     words = refusal(data, swapped(vehicle, 0, 1))
-    assert 'listed in the order 2, 1, 3, 4 (layout = "quad-plus", order = "p' in words
+    assert "order 2, 1, 3," in words
+    assert "4 (layout" in words
+    assert_wording(words)
     data, props_out = flights["quad-x"]
     assert "(layout = " not in refusal(data, swapped(props_out, 0, 1))
 
 
-def test_swapped_motors_of_eight_are_refused_where_they_matter(flights):
+def test_swapped_motors_of_eight_are_refused_where_they_matter(flights, assert_wording):
     data, vehicle = flights["octo"]
     # Neighbours but one of equal spin, such as 3 and 5, are so alike that their swap costs only
     # 7 % of pitch: it is not noticed.
     for i, k in ((0, 1), (0, 3), (0, 4), (2, 3)):
-        assert "your rotors listed in the order" in refusal(data, swapped(vehicle, i, k))
+        assert_wording(refusal(data, swapped(vehicle, i, k)))
 
 
-def test_swapped_positions_with_the_right_spins_are_refused(flights):
+def test_swapped_positions_with_the_right_spins_are_refused(flights, assert_text):
     data, vehicle = flights["quad-x"]
     moved = reordered(vehicle, (1, 0, 2, 3)).rotors
     kept = [replace(m, spin=r.spin) for m, r in zip(moved, vehicle.rotors, strict=True)]
     wrong = replace(vehicle, rotors=tuple(kept))
-    assert "the positions alone, without the spins, listed in the order 2, 1, 3, 4" in refusal(
-        data, wrong
-    )
+    assert_text(refusal(data, wrong))
 
 
 @pytest.mark.parametrize("name", flown.VEHICLES)
@@ -161,7 +161,7 @@ def test_yaw_that_tilted_motors_make_says_nothing_of_spins():
 
 
 @pytest.mark.parametrize("name", flown.VEHICLES)
-def test_a_gyro_with_y_and_z_reversed_is_refused(flights, name):
+def test_a_gyro_with_y_and_z_reversed_is_refused(flights, name, assert_wording):
     data, vehicle = flights[name]
     R = np.diag([1.0, -1.0, -1.0])
     wrong = replace(
@@ -169,9 +169,7 @@ def test_a_gyro_with_y_and_z_reversed_is_refused(flights, name):
         angular_velocity=data.angular_velocity @ R,
         angular_acceleration=data.angular_acceleration @ R,
     )
-    assert "with the gyro's y and z reversed (FRD axes where FLU is declared)" in refusal(
-        wrong, vehicle
-    )
+    assert_wording(refusal(wrong, vehicle))
 
 
 @pytest.mark.parametrize("quarters", [1, 2, 3])
@@ -184,21 +182,21 @@ def test_a_turned_imu_is_refused(flights, name, quarters):
     assert words in refusal(wrong, vehicle)
 
 
-def test_a_numbering_that_no_swap_mends_is_refused(flights):
+def test_a_numbering_that_no_swap_mends_is_refused(flights, assert_wording):
     data, vehicle = flights["hexa-x"]
     message = refusal(data, reordered(vehicle, (3, 0, 4, 1, 5, 2)))
-    assert "with rotor positions left free, the speeds explain +0.9" in message
-    assert "check the rotors' positions, order and spin" in message
+    assert "explain +0.9" in message
+    assert_wording(message)
 
 
 @pytest.mark.parametrize("name", ["hexa-x", "octo"])
-def test_positions_in_other_axes_than_declared_are_named(flights, name):
+def test_positions_in_other_axes_than_declared_are_named(flights, name, assert_wording):
     data, vehicle = flights[name]
     sides = [
         replace(r, position=(r.position[0], -r.position[1], r.position[2])) for r in vehicle.rotors
     ]
     message = refusal(data, replace(vehicle, rotors=tuple(sides)))
-    assert "with the rotors' y reversed (FRD positions where FLU is declared)" in message
+    assert_wording(message)
 
 
 GUSTS = {

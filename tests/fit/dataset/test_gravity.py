@@ -32,18 +32,17 @@ def test_a_calibrated_accelerometer_reads_gravity(log):
 
 
 @pytest.mark.parametrize("scale", [0.85, 0.95, 1.05, 1.2])
-def test_a_wrong_scale_shows_at_rest_and_in_flight(log, scale):
+def test_a_wrong_scale_shows_at_rest_and_in_flight(log, scale, assert_wording):
     found = seen(log, lambda accel, time: scale * accel)
     assert found.at_rest == pytest.approx(scale, abs=1e-3)
     assert found.in_flight == pytest.approx(scale, rel=0.03)
     [said] = gravity_doubts(found)
-    assert said.startswith(
-        f"at rest on the ground the accelerometer reads {9.80665 * scale:.2f} m/s^2 where gravity "
-        "is 9.81: calibrate it"
-    )
+    assert f"reads {9.80665 * scale:.2f} m/s^2 where" in said
+    assert "is 9.81: calibrate" in said
+    assert_wording(said)
 
 
-def test_a_shift_in_flight_alone_is_vibration(log):
+def test_a_shift_in_flight_alone_is_vibration(log, assert_wording):
     turns = log.channels["rotor_speed"].values.mean(axis=1) > 200.0
 
     def shifted(accel, time):
@@ -52,14 +51,16 @@ def test_a_shift_in_flight_alone_is_vibration(log):
     found = seen(log, shifted)
     assert found.at_rest == pytest.approx(1.0, abs=1e-3)
     [said] = gravity_doubts(found)
-    assert "at rest 9.81: vibration shifts it" in said
+    assert "rest 9.81: vibration" in said
+    assert_wording(said)
 
 
-def test_without_rest_the_flight_alone_counts(log):
+def test_without_rest_the_flight_alone_counts(log, assert_wording):
     found = replace(seen(log, lambda accel, time: 1.2 * accel), at_rest=None)
     [said] = gravity_doubts(found)
-    assert said.startswith("in hover the accelerometer reads 11.")
-    assert said.endswith("where gravity is 9.81: calibrate it (bias or scale)")
+    assert "reads 11." in said
+    assert_wording(said)
+    assert "is 9.81: calibrate" in said
 
 
 def test_a_flight_from_the_air_has_no_rest(log):

@@ -132,14 +132,14 @@ def test_identify_names_the_fault(flight, tmp_path, name):
     assert error is ExperimentError or "flight0.csv: " in str(refused.value)
 
 
-def test_a_gyro_in_degrees_is_named_even_with_plausible_readings(gentle, tmp_path):
+def test_a_gyro_in_degrees_is_named_even_with_plausible_readings(gentle, tmp_path, assert_wording):
     changed = scaled(gentle, "gyro", DEGREES)
     assert np.percentile(np.abs(changed.gyro).max(axis=1), 99.8) < 40.0
     with pytest.raises(FlightError) as refused:
         flown.identified(tmp_path, [changed])
     words = str(refused.value)
-    assert words.startswith("flight0.csv: turned by the gyro, the specific force averages to ")
-    assert "the gyro is in deg/s but taken for rad/s; declare its unit (columns = { gyro" in words
+    assert words.startswith("flight0.csv: turned")
+    assert_wording(words)
 
 
 @pytest.mark.parametrize("which", ["flight", "gentle"])
@@ -173,7 +173,7 @@ def turning(data, factor):
 
 
 @pytest.mark.parametrize("name", flown.VEHICLES)
-def test_rotor_speeds_in_rpm_are_refused_and_right_ones_never(name):
+def test_rotor_speeds_in_rpm_are_refused_and_right_ones_never(name, assert_wording):
     flight = flown.simulated(name, "noisy", seed=3, seconds=8.0)
     data, arm = sampled_flight_data(flight, signals="measured"), flight.vehicle.arm
     refuse_rotors_too_fast({"sound": turning(data, 2.0)}, arm, law=False)
@@ -181,7 +181,7 @@ def test_rotor_speeds_in_rpm_are_refused_and_right_ones_never(name):
     with pytest.raises(FlightError, match="look like rpm read as rad/s"):
         refuse_rotors_too_fast({"rpm": turning(data, RPM)}, arm, law=False)
     (words,) = slow_rotor_doubts(turning(data, 1.0 / RPM), arm, law=False)
-    assert "look like rad/s read as rpm" in words
+    assert_wording(words)
 
 
 # Mass [kg], number of rotors, their diameter [m], arm [m] of vehicles from nano to agricultural.
@@ -201,7 +201,7 @@ def usual_hover(mass, count, diameter):
 
 
 @pytest.mark.parametrize("name", SIZES)
-def test_vehicles_of_every_size_pass_and_in_rpm_do_not(flight, name):
+def test_vehicles_of_every_size_pass_and_in_rpm_do_not(flight, name, assert_wording):
     *rotor, arm = SIZES[name]
     hover = usual_hover(*rotor)
     data = sampled_flight_data(flight, signals="measured")
@@ -212,18 +212,16 @@ def test_vehicles_of_every_size_pass_and_in_rpm_do_not(flight, name):
     with pytest.raises(FlightError, match=r"the law of \[motors\] gives rad/s"):
         refuse_rotors_too_fast({name: turning(data, RPM)}, arm, law=True)
     (words,) = slow_rotor_doubts(turning(data, 1.0 / RPM), arm, law=True)
-    assert "correct the law of [motors]" in words
+    assert_wording(words)
 
 
-def test_identify_says_it_of_rotor_speeds(flight, tmp_path):
+def test_identify_says_it_of_rotor_speeds(flight, tmp_path, assert_wording):
     with pytest.raises(FlightError) as refused:
         flown.identified(tmp_path, [scaled(flight, "rotor_speed_measured", RPM)])
     words = str(refused.value)
-    assert words.startswith("flight0.csv: the rotors hover at 89")
-    assert words.endswith(
-        'set unit = "rpm" (or "erpm", with poles) in columns, or correct poles; '
-        "or correct the rotors' positions"
-    )
+    assert words.startswith("flight0.csv: the")
+    assert "at 89" in words
+    assert_wording(words)
     with pytest.raises(FlightError, match=r"rotor speed has another scale \(poles\)"):
         flown.identified(tmp_path, [scaled(flight, "rotor_speed_measured", 1.0 / RPM)])
 
