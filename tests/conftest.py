@@ -34,11 +34,16 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return min(cores or 1, MOST_WORKERS)
 
 
+def real_logs_folder() -> Path:
+    """Return $ROTORFIT_DATA, or ../shared/data beside the repository."""
+    default = Path(__file__).parents[2] / "shared" / "data"
+    return Path(os.environ.get("ROTORFIT_DATA") or default)
+
+
 @pytest.fixture(scope="session")
 def flight_data_dir() -> Path:
     """Folder of the real logs: $ROTORFIT_DATA, or ../shared/data beside the repository."""
-    default = Path(__file__).parents[2] / "shared" / "data"
-    folder = Path(os.environ.get("ROTORFIT_DATA") or default)
+    folder = real_logs_folder()
     if not folder.is_dir():
         pytest.skip(f"no flight data in {folder}: set ROTORFIT_DATA")
     return folder
@@ -79,6 +84,7 @@ def kept_words(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPath
     places = {
         rf"{re.escape(str(tmp_path_factory.getbasetemp()))}(/[^/\s]+)?": "TMP",
         re.escape(str(Path(__file__).parents[1])): "REPOSITORY",
+        re.escape(str(real_logs_folder())): "DATA",
     }
     update = request.config.getoption("--update-golden")
     return KeptWords(request.node.name, request.path, places, update=update)

@@ -62,10 +62,21 @@ class KeptWords:
 
     def compare(self, said: str | Iterable[str]) -> None:
         """Fail where a text, or one line for each of several, is not the kept one."""
+        self._compare_lines(self._named_places(said))
+
+    def compare_masked(self, said: str | Iterable[str]) -> None:
+        """Fail where a text says other words than the kept one, whatever its numbers."""
+        self._compare_lines(mask_numbers(self._named_places(said)))
+
+    def _named_places(self, said: str | Iterable[str]) -> str:
+        """Return a text in which folders of this machine have names."""
         text = said if isinstance(said, str) else "\n".join(map(str, said))
         for place, name in self.places.items():
             text = re.sub(place, name, text)
-        text = "\n".join(line.rstrip() for line in text.splitlines())
+        return text
+
+    def _compare_lines(self, said: str) -> None:
+        text = "\n".join(line.rstrip() for line in said.splitlines())
         self.number[self.test] += 1
         place = self.number[self.test]
         head = self.test if place == 1 else f"{self.test} ({place})"
@@ -77,8 +88,3 @@ class KeptWords:
             diff = difflib.unified_diff(kept, text.splitlines(), "kept", "said", lineterm="", n=1)
             lines = "\n".join(diff)
             pytest.fail(f"{head}: meant so? then  pytest --update-golden\n{lines}", pytrace=False)
-
-    def compare_masked(self, said: str | Iterable[str]) -> None:
-        """Fail where a text says other words than the kept one, whatever its numbers."""
-        text = said if isinstance(said, str) else "\n".join(map(str, said))
-        self.compare(mask_numbers(text))
