@@ -12,8 +12,8 @@ from scipy import signal
 
 import newton_euler as ne
 from rotorfit.errors import EstimationError, FlightError
+from rotorfit.fit.reduction import reduce
 from rotorfit.fit.reduction.reduce import (
-    CHUNK_ROWS,
     BandPlan,
     LowPass,
     band_factors,
@@ -56,13 +56,15 @@ def assert_no_residual(factors, *, tolerance):
         assert (residual[:, rows] <= tolerance * terms[:, rows].max(axis=1, keepdims=True)).all()
 
 
-@pytest.fixture(scope="module")
-def long_flight():
-    """A flight of several chunks, the last of them not full."""
-    return flight(2 * CHUNK_ROWS + 1530)
+@pytest.fixture
+def long_flight(monkeypatch):
+    """A flight of several chunks, here an eighth of the usual ones, the last of them not full."""
+    rows = reduce.CHUNK_ROWS // 8
+    monkeypatch.setattr(reduce, "CHUNK_ROWS", rows)
+    return flight(2 * rows + 630)
 
 
-@pytest.mark.parametrize("block_rows", [200, 450, 16_000, 20_000])
+@pytest.mark.parametrize("block_rows", [200, 450, 2_000, 2_500])
 def test_chunks_of_a_long_flight_are_factored_as_a_whole(long_flight, block_rows):
     """Of blocks that fill a chunk or not, and of one that is longer than a chunk."""
     Z = dense(long_flight)
