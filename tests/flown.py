@@ -1,7 +1,9 @@
 """Experiments on simulated and real flights: written as files, read back, identified."""
 
+import copy
 import warnings
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 from rotorfit.errors import FlightWarning
@@ -28,9 +30,19 @@ def simulated_vehicle(name: str) -> SimulatedVehicle:
 
 
 def simulated(name: str, kind: str = "clean", *, seed: int, **scenario: object) -> SimulatedFlight:
-    """Return a flight of a named vehicle with the sensors of a variant."""
+    """Return a flight of a named vehicle with the sensors of a variant; its arrays are the test's.
+
+    What was flown lately for another test is not flown again.
+    """
+    return copy.deepcopy(_fly_once(name, kind, seed, tuple(sorted(scenario.items()))))
+
+
+@lru_cache(maxsize=16)  # of some megabytes each
+def _fly_once(
+    name: str, kind: str, seed: int, scenario: tuple[tuple[str, object], ...]
+) -> SimulatedFlight:
     flown, sensors = variant(simulated_vehicle(name), kind)
-    return simulate_flight(*flown, Scenario(**{"sensors": sensors, **scenario}), seed=seed)
+    return simulate_flight(*flown, Scenario(**{"sensors": sensors, **dict(scenario)}), seed=seed)
 
 
 def airframe_table(vehicle: Vehicle) -> str:

@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -221,18 +222,24 @@ def test_a_gentle_flight_in_gusts_does_not_make_its_speeds_late(tmp_path):
     assert delay.interval[1] - delay.interval[0] < 8.5e-3
 
 
-def timing_of(folder, *, seed, channels, motors=""):
-    """Return the timing of a flight of 20 s whose motors have a lag of 40 and a delay of 10 ms."""
+@cache
+def late_flight(seed):
+    """Return a flight of 20 s whose motors have a lag of 40 and a delay of 10 ms."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "noisy")
     truth = replace(truth, motor_lag=0.04, motor_delay=0.01)
     scenario = Scenario(seconds=20.0, ground_seconds=2.0, sensors=sensors)
-    flight = simulate_flight(truth, vehicle, scenario, seed=seed)
+    return simulate_flight(truth, vehicle, scenario, seed=seed)
+
+
+def timing_of(folder, *, seed, channels, motors=""):
+    """Return the timing of that flight as some channels show it."""
+    flight = late_flight(seed)
     write_flight_table(flight, folder / "flight.csv", channels=channels)
     path = flown.experiment_file(
         folder / "experiment.toml",
-        vehicle,
+        flight.vehicle,
         [folder / "flight.csv"],
-        mass=truth.mass,
+        mass=flight.truth.mass,
         extra=motors and f"{motors}law = {{ linear = [0, {flight.max_speed}] }}\n",
     )
     return find_timing(TimedDataset.of(load_dataset(load_experiment(path), lambda words: None)))

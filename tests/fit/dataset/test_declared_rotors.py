@@ -47,7 +47,7 @@ def flights():
     """Return one real-looking flight of each vehicle, as measured, with the vehicle."""
     flights = {}
     for name in flown.VEHICLES:
-        flight = flown.simulated(name, "real", seed=3, seconds=SECONDS)
+        flight = flown.simulated(name, "real", seed=3, seconds=SECONDS, physics_rate=200.0)
         flights[name] = (sampled_flight_data(flight, signals="measured"), flight.vehicle)
     return flights
 
@@ -143,10 +143,7 @@ def test_yaw_by_drag_has_the_sign_of_the_declared_spins(flights, name):
 
 def test_yaw_that_tilted_motors_make_says_nothing_of_spins():
     """An autopilot holds yaw against what its pitching does to it: by drag of the other sign."""
-    rng, vehicle = (
-        np.random.default_rng(8),
-        flown.simulated("quad-x", seed=1, seconds=SECONDS).vehicle,
-    )
+    rng, vehicle = np.random.default_rng(8), flown.simulated_vehicle("quad-x").vehicle
     layout = signal_layout(vehicle)
     pattern = np.column_stack([-vehicle.spins, np.cross(vehicle.positions, vehicle.axes)[:, 1]])
     pitch = rng.normal(size=400)

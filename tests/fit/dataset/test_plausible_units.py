@@ -151,7 +151,7 @@ def test_the_right_declaration_is_identified(request, which, tmp_path):
 
 @pytest.mark.parametrize("name", flown.VEHICLES)
 def test_the_radius_of_gyration_is_that_of_the_body(name):
-    flight = flown.simulated(name, "noisy", seed=3, seconds=8.0)
+    flight = flown.simulated(name, "noisy", seed=3, seconds=8.0, physics_rate=200.0)
     data, truth, vehicle = (
         sampled_flight_data(flight, signals="measured"),
         flight.truth,
@@ -174,7 +174,7 @@ def turning(data, factor):
 
 @pytest.mark.parametrize("name", flown.VEHICLES)
 def test_rotor_speeds_in_rpm_are_refused_and_right_ones_never(name, assert_wording):
-    flight = flown.simulated(name, "noisy", seed=3, seconds=8.0)
+    flight = flown.simulated(name, "noisy", seed=3, seconds=8.0, physics_rate=200.0)
     data, arm = sampled_flight_data(flight, signals="measured"), flight.vehicle.arm
     refuse_rotors_too_fast({"sound": turning(data, 2.0)}, arm, law=False)
     assert slow_rotor_doubts(turning(data, 0.5), arm, law=False) == ()
