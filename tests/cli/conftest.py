@@ -17,11 +17,13 @@ from rotorfit.simulation import (
     simulate_flight,
     variant,
 )
+from shared_work import shared_manoeuvres as shared_manoeuvres
 
 
 @pytest.fixture
-def run(capsys) -> Callable[..., Outcome]:
-    """Call the command line in process."""
+def run(capsys, monkeypatch) -> Callable[..., Outcome]:
+    """Call the command line in process, on a terminal of 80 columns."""
+    monkeypatch.setenv("COLUMNS", "80")
 
     def outcome(*arguments: object) -> Outcome:
         capsys.readouterr()

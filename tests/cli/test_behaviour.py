@@ -40,7 +40,7 @@ def installed(*arguments: str, **environment: str) -> subprocess.CompletedProces
         [PROGRAM, *arguments],
         capture_output=True,
         text=True,
-        env={**os.environ, **environment},
+        env={**os.environ, "COLUMNS": "80", **environment},
         timeout=600,
         check=False,
     )
