@@ -126,12 +126,13 @@ def induced_velocity(
     """Solve Glauert's v_i = v_h^2 / sqrt(v_perp^2 + (u + v_i)^2) for the induced velocity [m/s].
 
     `across`, `along`: velocity of a rotor across its axis and along it. `hover`: v_h. By halving:
-    there is one root from -u up. Momentum theory has none in a descent near v_h and no sense
-    below (vortex ring): there u counts as -v_h / 2, to which flights agree with it (Leishman,
-    Principles of Helicopter Aerodynamics, 2006, 2.13; Glauert 1935).
+    there is one root from 0 up, below -u where fast forward flight blows air up through the disk.
+    Momentum theory has none in a descent near v_h and no sense below (vortex ring): there u counts
+    as -v_h / 2, to which flights agree with it (Leishman, Principles of Helicopter Aerodynamics,
+    2006, 2.13; Glauert 1935).
     """
     u = np.maximum(along, -0.5 * hover)
-    low, high = np.maximum(-u, 0.0), np.maximum(-u, 0.0) + 2.0 * hover
+    low, high = np.zeros_like(u), np.maximum(-u, 0.0) + 2.0 * hover
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         above = middle * np.hypot(across, u + middle) > hover**2
