@@ -35,8 +35,6 @@ from export_material import (
 
 from kept_words import lines_with
 from rotorfit.errors import OutputError
-from rotorfit.model.parameters import PARAMETERS
-from rotorfit.results.result import Parameter
 
 FULL = 1100.0
 TURN = np.diag([1.0, -1.0, -1.0])
@@ -422,42 +420,6 @@ def test_the_com_is_taken_off_every_position():
     for i, (place, _) in enumerate(ROTORS):
         found = [p[f"CA_ROTOR{i}_P{axis}"] for axis in "XYZ"]
         np.testing.assert_allclose(found, TURN @ (np.array(place) - COM), atol=1e-12)
-
-
-def with_air(result, **values):
-    """Return a result to which flights have told what the air does, each within a tenth."""
-    told = tuple(
-        Parameter(
-            name=name,
-            configuration=None if name == "rotor_drag" else "A",
-            value=value,
-            std=0.05 * value,
-            interval=(0.9 * value, 1.1 * value),
-            unit=PARAMETERS[name].unit,
-            verdict="identified",
-        )
-        for name, value in values.items()
-    )
-    kept = [p for p in result.parameters if p.name not in values]
-    return replace(result, parameters=(*kept, *told))
-
-
-def test_sih_brakes_as_the_vehicle():
-    """sih.cpp: force -KDV v, torque -KDW w; the rotors' part of yaw as they turn in hover."""
-    result = flat(rotors=CENTERED, com=np.zeros(3), imu=np.zeros(3))
-    assert params(text_of(result, "px4-sih"))["SIH_KDW"] == 0.0
-    squares = sum(x * x + y * y for (x, y, _), _ in CENTERED)
-    hover = np.sqrt(MASS * 9.80665 / (4 * KT))
-    told = with_air(
-        result,
-        drag_x=0.9, drag_y=1.1, drag_z=1.0,
-        turn_damping_x=0.02, turn_damping_y=0.03, rotor_drag=0.025 / (hover * squares),
-    )  # fmt: skip
-    text = text_of(told, "px4-sih")
-    p = params(text)
-    assert (p["SIH_KDV"], p["SIH_KDW"]) == pytest.approx((1.0, 0.025))
-    assert "this kind of file has no place for" not in text
-    assert "drag_x = 0.9" in text_of(told, "px4")
 
 
 def test_a_law_with_its_range_comes_back_as_arducopter_has_it():

@@ -9,10 +9,12 @@ links and CoM are given from the origin of the model, FLU, as Gazebo's axes are.
 Names, units and signs of the plugins are those of gz-sim (6 and newer), src/systems/
 multicopter_motor_model/MulticopterMotorModel.cc: thrust = motorConstant w^2 along z of the rotor's
 link; torque on the parent link = -turningDirection momentConstant thrust (ccw: +1); the speed
-follows its command with timeConstantUp or timeConstantDown, whichever way it goes. The two
-coefficients of rotor drag, which are left out, have defaults other than zero there, and are written
-as zero. The place of a rotor in the commands is motorNumber in gz-sim 6, and actuator_number in
-newer ones, which warn of the former: both are written.
+follows its command with timeConstantUp or timeConstantDown, whichever way it goes. A rotor's drag
+is -|w| rotorDragCoefficient times the velocity of its link across its axis (Martin and Salaun, ICRA
+2010), which is rotorfit's `rotor_drag`. rollingMomentCoefficient is a torque against that velocity,
+while the torque of the wakes lifts the front: it is 0. Both have other defaults there. The place of
+a rotor in the commands is motorNumber in gz-sim 6, and actuator_number in newer ones, which warn of
+the former: both are written.
 """
 
 from collections.abc import Sequence
@@ -192,7 +194,7 @@ def _motor_plugin(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
         ("commandSubTopic", "command/motor_speed"),
         ("motorNumber", str(i)),
         ("actuator_number", str(i)),
-        ("rotorDragCoefficient", "0"),
+        ("rotorDragCoefficient", text(model.air.get("rotor_drag", 0.0))),
         ("rollingMomentCoefficient", "0"),
         ("rotorVelocitySlowdownSim", text(SLOWDOWN)),
         ("motorType", "velocity"),

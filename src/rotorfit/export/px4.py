@@ -308,7 +308,7 @@ def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
         ("SIH_L_ROLL", roll, FLOAT),
         ("SIH_L_PITCH", pitch, FLOAT),
         ("SIH_T_TAU", model.mean_lag, FLOAT),
-        ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG_NAMES])), FLOAT),
+        ("SIH_KDV", float(np.mean(_braking(model))), FLOAT),
         ("SIH_KDW", float(np.mean(_turn_damping(model))), FLOAT),
         ("THR_MDL_FAC", 0.0, FLOAT),
         *hover_parameter(model),
@@ -353,6 +353,18 @@ def _is_seated(model: VehicleModel, seats: Seats) -> bool:
     )
 
 
+def _braking(model: VehicleModel) -> list[float]:
+    """Collect the drag along x, y, z near hover [N s/m]: of the frame, and of its rotors.
+
+    S, the sum of their speeds, times `rotor_drag` across their axes; along them half of `inflow`,
+    as a slow climb at u takes v_i down by u / 2 (momentum theory).
+    """
+    S = model.hover_speed * len(model.rotors)
+    across, along = (model.air.get(name, 0.0) * S for name in ("rotor_drag", "inflow"))
+    of_rotors = (across, across, 0.5 * along)
+    return [model.air.get(n, 0.0) + more for n, more in zip(DRAG_NAMES, of_rotors, strict=True)]
+
+
 def _turn_damping(model: VehicleModel) -> list[float]:
     """Collect the damping of roll, pitch and yaw [N m s], the last from the rotors in hover."""
     carried = model.hover_speed * float((model.arms_from_middle[:, :2] ** 2).sum())
@@ -387,6 +399,7 @@ def _air_remark(model: VehicleModel) -> str:
     if not known:
         return "SIH_KDV and SIH_KDW (drag and damping) are 0: these flights do not show them"
     return (
-        "SIH_KDV is the mean of drag along the three axes, SIH_KDW that of damping about them, "
+        "SIH_KDV is the mean of drag along the three axes, of frame and rotors in hover, SIH_KDW "
+        "that of damping about them, "
         f"0 where these flights show none ({', '.join(known)} are shown)"
     )

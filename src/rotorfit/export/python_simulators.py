@@ -15,7 +15,8 @@ leading axes (worlds, drones), and the curves may be those of each motor. Joint 
 RotorPy, the dictionary `quad_params`: rotorpy/vehicles/multirotor.py and crazyflie_params.py:
 vectors are from the CoM, axes FLU; thrust k_eta w^2 along z, torque rotor_directions k_m w^2 about
 z (so -1 for a rotor that turns ccw); inertia about the CoM as tensor elements; one time constant
-tau_m; its allocation inverts a 4 x N matrix, and takes four rotors only.
+tau_m; its allocation inverts a 4 x N matrix, and takes four rotors only. Its rotor drag, with the
+velocity of each rotor, is -w diag(k_d, k_d, k_z) v.
 
 CasADi: the equations are those of the model (`rotorfit.model.regressor`) about the CoM: rotor
 inertia with its gyroscopic torque and reaction included. Nothing but casadi is needed to use the
@@ -150,7 +151,10 @@ def _drone_params(model: VehicleModel) -> dict[str, np.ndarray]:
     }
 
 
-LEFT_OUT = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap", "motor_noise_std")
+LEFT_OUT = ("c_Dx", "c_Dy", "c_Dz", "k_z", "k_h", "k_flap", "motor_noise_std")
+"""What rotorfit identifies has another form: `inflow` ties climb (k_z) and translational lift (k_h)
+by Glauert's velocity, the torque of the wakes has no rotor speed in it (k_flap), and drag of the
+frame is in proportion to velocity, not to its square (c_D)."""
 
 
 def write_rotorpy(model: VehicleModel, head: Sequence[str]) -> str:
@@ -163,6 +167,7 @@ def write_rotorpy(model: VehicleModel, head: Sequence[str]) -> str:
         "about z, -1 for a rotor that turns ccw",
         "k_eta is the mean of the rotors, k_m is kd; tau_m is the mean of up and down; Jr has no "
         "place in RotorPy",
+        "k_d is rotor_drag: 0 where these flights do not show it",
         f"left out, 0 here: {', '.join(LEFT_OUT)}",
     )
     lines = "".join(f"    {name!r}: {value},\n" for name, value in _quad_params(model))
@@ -185,6 +190,7 @@ def _quad_params(model: VehicleModel) -> list[tuple[str, str]]:
         ("tau_m", text(model.mean_lag)),
         ("rotor_speed_min", "0.0"),
         ("rotor_speed_max", text(model.max_speed)),
+        ("k_d", text(model.air.get("rotor_drag", 0.0))),
         *((name, "0.0") for name in LEFT_OUT),
     ]
 

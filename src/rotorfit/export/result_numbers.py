@@ -38,6 +38,8 @@ REPLACED: Final = {"kt": ROTOR_KT, "motor_lag": ("motor_lag_up", "motor_lag_down
 """Numbers of single rotors or directions that an assumed number replaces."""
 RATIOS: Final = {"kd": "kd_over_Izz", "Jr": "Jr_over_Izz"}
 """Ratios that the yaw equation gives even where the number alone is lost."""
+PER_SPEED: Final = ("Jr", "Jr_over_Izz", "rotor_drag", "inflow")
+"""Numbers over the rotor speed; all others that depend on it are over its square."""
 DOUBTFUL: Final[tuple[Origin, ...]] = ("weak", "doubtful", "removed", "assumed", "from-ratio")
 MAY_BE_REMOVED: Final = (*COM, *INERTIA_COM[3:], "Jr")
 """Parameters that are zero where the paper's method took them out; of the others, zero is wrong."""
@@ -117,6 +119,28 @@ def numbers_of(
     }
     found = {name: _in_si(number, found, result) for name, number in found.items()}
     return _with_ratios(_with_assumed_origin(found, assumed))
+
+
+def air_of(
+    result: IdentificationResult,
+    owner: str,
+    names: Iterable[str],
+    *,
+    found: Mapping[str, Number | Missing],
+) -> dict[str, float]:
+    """Return coefficients of the air in a file's units, those whose whole interval is above zero.
+
+    `found`: the other numbers of the file, with mass and speed at full command.
+    """
+    asked, values = set(names), dict[str, float]()
+    for p in result.parameters:
+        if p.name not in asked or p.configuration not in (None, owner):
+            continue
+        number = _of_parameter(p)
+        number = _in_si(number, found, result)
+        if isinstance(number, Number) and number.interval is not None and number.interval[0] > 0.0:
+            values[p.name] = number.value
+    return values
 
 
 def unit_of(name: str) -> str:
@@ -319,7 +343,7 @@ def _in_si(
                 cure="max_speed",
             )
         if speed.unit != FULL_COMMAND:
-            factor /= speed.value ** (1 if number.name in ("Jr", "Jr_over_Izz") else 2)
+            factor /= speed.value ** (1 if number.name in PER_SPEED else 2)
             unit = _physical_unit(number.name)
     if unit == number.unit:
         return number

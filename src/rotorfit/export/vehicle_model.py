@@ -17,6 +17,7 @@ from rotorfit.export.result_numbers import (
     ROTOR_KT,
     Missing,
     Number,
+    air_of,
     numbers_of,
     unit_of,
 )
@@ -240,12 +241,7 @@ def _assemble_model(
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
         numbers=tuple(n for name in _SHOWN if isinstance(n := numbers.get(name), Number)),
         notes=_list_notes(numbers, vehicle, law),
-        air={
-            p.name: p.value
-            for p in result.parameters
-            if p.name in ("rotor_drag", *AIR) and p.configuration in (None, owner)
-            if p.value is not None and p.interval is not None and p.interval[0] > 0.0
-        },
+        air=air_of(result, owner, ("rotor_drag", *AIR), found=numbers),
     )
 
 
