@@ -93,31 +93,35 @@ def inflow_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 def inflow_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n i"]:
     """Compute the signals of air through the rotors, with rotor i's velocity u_i along its axis."""
-    v, n = _known_velocity(flight, rows), vehicle.axes
-    w, O = flight.angular_velocity[rows], flight.rotor_speed[rows]
-    lever = np.cross(vehicle.positions, n)
-    # Velocity of each rotor along its axis: n . (v + w x r) = n . v + w . (r x n).
-    along = v @ n.T + w @ lever.T
-    wrenches = (O * (along + _gained_inflow(flight, v, along, n))) @ np.hstack([n, lever])
+    moving, n = _rotor_velocities(flight, rows, vehicle), vehicle.axes
+    through = (moving * n).sum(axis=2) + _gained_inflow(flight, moving, n)
+    wrenches = (flight.rotor_speed[rows] * through) @ np.hstack([n, np.cross(vehicle.positions, n)])
     names = inflow_names(vehicle)
     return wrenches[:, [i for i, name in enumerate(INFLOW_SIGNALS) if name in names]]
 
 
 def _gained_inflow(
-    flight: FlightData,
-    v: Float[np.ndarray, "n 3"],
-    along: Float[np.ndarray, "n N"],
-    n: Float[np.ndarray, "N 3"],
+    flight: FlightData, moving: Float[np.ndarray, "n N 3"], n: Float[np.ndarray, "N 3"]
 ) -> Float[np.ndarray, "n N"]:
     """Return by how much each rotor's induced velocity is above that of hover [m/s].
 
-    Zero where the mass, and so the velocity of hover, is not known.
+    `moving`: velocity of each rotor. Zero where the mass, and so the velocity of hover, is not
+    known.
     """
+    along = (moving * n).sum(axis=2)
     hover = flight.hover_inflow
     if hover is None:
         return np.zeros_like(along)
-    across = np.sqrt(((v[:, None] - (v @ n.T)[:, :, None] * n) ** 2).sum(axis=2))
+    across = np.sqrt(((moving - along[:, :, None] * n) ** 2).sum(axis=2))
     return induced_velocity(across, along, hover) - hover
+
+
+def _rotor_velocities(
+    flight: FlightData, rows: slice, vehicle: Vehicle
+) -> Float[np.ndarray, "n N 3"]:
+    """Return the velocity v + w x r of each rotor [m/s]."""
+    v, w = _known_velocity(flight, rows), flight.angular_velocity[rows]
+    return v[:, None] + np.cross(w[:, None], vehicle.positions)
 
 
 def induced_velocity(
@@ -126,13 +130,13 @@ def induced_velocity(
     """Solve Glauert's v_i = v_h^2 / sqrt(v_perp^2 + (u + v_i)^2) for the induced velocity [m/s].
 
     `across`, `along`: velocity of a rotor across its axis and along it. `hover`: v_h. By halving:
-    there is one root from 0 up, below -u where fast forward flight blows air up through the disk.
-    Momentum theory has none in a descent near v_h and no sense below (vortex ring): there u counts
-    as -v_h / 2, to which flights agree with it (Leishman, Principles of Helicopter Aerodynamics,
-    2006, 2.13; Glauert 1935).
+    there is one root where u is above -sqrt(8) v_perp or -v_h / 2, and the air may go through the
+    disk from below (braking at speed). Momentum theory has no sense in a steeper descent (vortex
+    ring): there u counts as -v_h / 2, to which flights agree with it (Leishman, Principles of
+    Helicopter Aerodynamics, 2006, 2.13; Glauert 1935), or -2 v_perp.
     """
-    u = np.maximum(along, -0.5 * hover)
-    low, high = np.zeros_like(u), np.maximum(-u, 0.0) + 2.0 * hover
+    u = np.maximum(along, -np.maximum(0.5 * hover, 2.0 * across))
+    low, high = np.zeros_like(u), np.maximum(-u, 0.0) + 1.01 * hover
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         above = middle * np.hypot(across, u + middle) > hover**2
@@ -156,12 +160,11 @@ def wake_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 def wake_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n 2"]:
     """Return the velocity of the body, x and y, times the rotors' mean induced one [m^2/s^2]."""
-    v, n = _known_velocity(flight, rows), vehicle.axes
-    hover = flight.hover_inflow
+    v, hover = _known_velocity(flight, rows), flight.hover_inflow
     if hover is None:
         return np.zeros((len(v), 2))
-    along = v @ n.T
-    return v[:, :2] * (hover + _gained_inflow(flight, v, along, n).mean(axis=1))[:, None]
+    gained = _gained_inflow(flight, _rotor_velocities(flight, rows, vehicle), vehicle.axes)
+    return v[:, :2] * (hover + gained.mean(axis=1))[:, None]
 
 
 def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]:
