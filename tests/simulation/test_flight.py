@@ -10,10 +10,13 @@ from scipy.linalg import lstsq
 from rotorfit.errors import ExperimentError
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
+from rotorfit.model.terms.air import hover_inflow
+from rotorfit.model.terms.registry import added_signals
 from rotorfit.simulation import (
     GRAVITY,
     STILL,
     TYPICAL,
+    Course,
     Scenario,
     Sensors,
     SimulatedFlight,
@@ -50,7 +53,9 @@ def newton_euler_residual(flight: SimulatedFlight) -> np.ndarray:
         force = force - thrust
         torque = torque - np.cross(p, thrust) + s * truth.kd * O**2 * n
         torque = torque + s * truth.Jr * (dO * n + np.cross(w, O * n))
-        torque = torque + truth.rotor_drag * O * (p[:2] @ p[:2]) * w * [0, 0, 1]
+        moving = flight.velocity_body + np.cross(w, p)
+        held = truth.rotor_drag * O * (moving - (moving @ n)[:, None] * n)
+        force, torque = force + held, torque + np.cross(p, held)
     return np.hstack([force, torque]) - flight.external_wrench
 
 
@@ -60,19 +65,75 @@ def test_exact_data_satisfy_newton_euler_to_rounding(name, request):
     assert np.abs(residual).max() < 5e-14
 
 
+def explained(flight: SimulatedFlight, names=(), *, velocity=True) -> np.ndarray:
+    """Return what the model with these terms leaves of an exact flight at its true parameters."""
+    truth, vehicle = flight.truth, flight.vehicle
+    added = added_signals([*names, "drag"] * velocity)
+    data = exact_flight_data(flight, vehicle, specific_force_at="imu")
+    data = replace(data, hover_inflow=hover_inflow(truth.mass, vehicle))
+    model = regressor(vehicle, added=added)
+    theta = {name: value for name, value in truth.parameters().items() if name in model.names}
+    Z = signal_matrix(data, vehicle, 0, len(data.time), added=added)
+    return model.residual(Z, theta)
+
+
 @pytest.mark.parametrize("rotor_drag", [0.0, 2e-4])
 def test_the_model_explains_an_exact_flight_to_rounding(rotor_drag):
     truth, vehicle = paper_vehicle("B")
     truth = replace(truth, Jr=2e-5, rotor_drag=rotor_drag)
     flight = simulate_flight(truth, vehicle, Scenario(seconds=10.0), seed=3)
-    data, model = exact_flight_data(flight, vehicle), regressor(vehicle)
-    theta = {name: value for name, value in truth.parameters().items() if name in model.names}
-    Z = signal_matrix(data, vehicle, 0, len(data.time))
-    assert np.abs(model.residual(Z, theta)).max() < 5e-14
+    assert np.abs(explained(flight, ["rotor_drag"])).max() < 5e-14
     if rotor_drag:
-        missed = model.residual(Z, theta | {"rotor_drag": 0.0})
-        assert np.abs(missed[:, 5]).max() > 1e-3
-        np.testing.assert_allclose(missed[:, :5], 0.0, atol=5e-14)
+        none = replace(flight, truth=replace(truth, rotor_drag=0.0))
+        missed = explained(none, ["rotor_drag"])
+        np.testing.assert_array_less([0.1, 0.1, 1e-3], np.abs(missed[:, [0, 1, 5]]).max(axis=0))
+        np.testing.assert_allclose(missed[:, 2], 0.0, atol=5e-14)
+
+
+def test_without_velocity_the_model_has_the_rotors_drag_of_a_turn():
+    truth, vehicle = paper_vehicle("A")
+    truth = replace(truth, first_moments=(0.0, 0.0, 0.0), rotor_drag=2e-4)
+    yaw = replace(STILL, yaw=Stick(band=(0.1, 0.6), rms=1.0))
+    flight = simulate_flight(truth, vehicle, Scenario(seconds=6.0, sticks=yaw), seed=3)
+    left = explained(flight, velocity=False)[:, 5]
+    none = explained(replace(flight, truth=replace(truth, rotor_drag=0.0)), velocity=False)[:, 5]
+    assert rms(left) < 1e-2 * rms(none)
+    assert rms(none) > 1e-2
+
+
+def fast_flight(**air) -> SimulatedFlight:
+    truth, vehicle = layout_vehicle("quad-x")
+    vehicle = replace(vehicle, propeller=0.25)
+    course = Course(route="eights", speed=12.0, size=30.0, lean=0.5 if "rotor_drag" in air else 0.0)
+    scenario = Scenario(seconds=12.0, course=course, physics_rate=200.0)
+    return simulate_flight(replace(truth, propeller=0.25, **air), vehicle, scenario, seed=5)
+
+
+@pytest.mark.parametrize(
+    ("term", "rows", "air"),
+    [
+        ("inflow", [2, 3, 4], {"inflow": 2.4e-4}),
+        ("wake_moment", [3, 4], {"wake_moment": (3e-3, 2e-3)}),
+    ],
+)
+def test_the_model_explains_what_the_air_does_at_speed(term, rows, air):
+    flight = fast_flight(**air)
+    assert 9.0 < np.linalg.norm(flight.velocity, axis=1).max() < 16.0
+    none = replace(flight, truth=replace(flight.truth, inflow=0.0, wake_moment=(0.0, 0.0)))
+    left, there = (rms(explained(one, [term])) for one in (flight, none))
+    assert (left[rows] < 1e-6 * there[rows]).all()
+    assert (there[rows] > 1e-2).all()
+    np.testing.assert_allclose(left[[0, 1, 5]], 0.0, atol=1e-12)
+
+
+def test_a_course_is_flown_at_its_speed_and_a_wind_moves_the_air():
+    calm = fast_flight(rotor_drag=2e-4)
+    windy = fast_flight(rotor_drag=2e-4, wind=(4.0, 0.0, 0.0))
+    assert np.linalg.norm(calm.velocity, axis=1).max() == pytest.approx(12.0, rel=0.2)
+    assert np.abs(newton_euler_residual(calm)).max() < 5e-14
+    through = windy.velocity - [4.0, 0.0, 0.0]
+    assert np.abs(newton_euler_residual(windy)).max() > 0.1
+    assert np.abs(newton_euler_residual(replace(windy, velocity=through))).max() < 5e-14
 
 
 @pytest.mark.parametrize(

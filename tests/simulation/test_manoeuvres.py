@@ -7,7 +7,7 @@ import pytest
 
 from rotorfit.errors import ExperimentError
 from rotorfit.simulation import STILL, Scenario, Stick, paper_vehicle, simulate_flight
-from rotorfit.simulation.pilot import MANOEUVRES, movement
+from rotorfit.simulation.pilot import MANOEUVRES, Course, follow_course, movement
 
 RATE = 100.0
 
@@ -69,3 +69,18 @@ def test_a_manoeuvre_of_one_axis_moves_that_axis():
         spread = simulate_flight(truth, vehicle, scenario, seed=1).angular_velocity.std(axis=0)
         assert spread[axis] == spread.max()
     assert MANOEUVRES["hover"] == STILL
+
+
+@pytest.mark.parametrize("route", ["to-and-fro", "circles", "eights"])
+def test_a_course_is_consistent_and_begins_and_ends_at_rest(route):
+    course = Course(route=route, speed=10.0, size=20.0, lean=0.3)
+    rows = follow_course(course, samples=6000, sample_rate=200.0)
+    place, velocity, push = rows[:, :2], rows[:, 2:4], rows[:, 4:]
+    assert np.abs(place[0]).max() == np.abs(velocity[[0, -1]]).max() == 0.0
+    np.testing.assert_allclose(np.gradient(place, 0.005, axis=0)[1:-1], velocity[1:-1], atol=2e-2)
+    slope = np.gradient(velocity, 0.005, axis=0)[1:-1]
+    np.testing.assert_allclose(push[1:-1] - 0.3 * velocity[1:-1], slope, atol=2e-2)
+    speed = np.linalg.norm(velocity, axis=1)
+    assert speed.max() == pytest.approx(10.0, rel=1e-3)
+    inside = {"to-and-fro": (20.0, 0.0), "circles": (20.0, 40.0), "eights": (20.0, 10.0)}[route]
+    np.testing.assert_allclose(np.abs(place).max(axis=0), inside, rtol=1e-3)

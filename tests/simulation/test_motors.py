@@ -104,17 +104,6 @@ def test_drag_torque_linear_in_speed_is_against_the_spin():
     np.testing.assert_allclose(wrench[5], -1e-5 * (500 + 500 - 100 - 100), rtol=1e-12)
 
 
-def test_a_turn_is_held_back_by_rotors_far_out_and_fast():
-    truth, _ = paper_vehicle("A")
-    places = ((0.3, 0.4, 0.1), (-0.1, 0.0, 0.0))
-    vehicle = Vehicle(rotors=tuple(Rotor(position=p, spin="cw") for p in places))
-    rotors = rotors_of(replace(truth, rotor_drag=2e-5), vehicle)
-    speeds = np.array([[500.0, 800.0]])
-    (wrench,) = wrenches(rotors, speeds, np.zeros((1, 2)))
-    # Force 2e-5 * 500 * w_z * 0.5 at 0.5 m, and 2e-5 * 800 * w_z * 0.1 at 0.1 m
-    assert wrench[9] == pytest.approx(2.5e-3 + 1.6e-4, rel=1e-12)
-
-
 def test_spread_scales_each_rotor():
     truth, vehicle = paper_vehicle("A")
     spread = replace(truth, kt_spread=(1.02, 0.98, 1.01, 0.99))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rotorfit.simulation import Sensors, measure
-from rotorfit.simulation.sensors import at_place, gauss_markov, measured
+from rotorfit.simulation.sensors import at_place, gauss_markov, low_passed, measured
 
 
 def test_noise_and_bias_have_their_sizes():
@@ -18,6 +18,29 @@ def test_resolution_rounds_to_the_nearest_step():
     exact = np.array([[0.24, 0.26, -0.9]])
     logged = measured(exact, std=0.0, rng=np.random.default_rng(1), resolution=0.25)
     np.testing.assert_array_equal(logged, [[0.25, 0.25, -1.0]])
+
+
+def test_a_low_pass_halves_the_power_at_its_cutoff_and_lets_the_mean_through():
+    time = np.arange(4000) / 200.0
+    wave = np.column_stack([5.0 + np.sin(2.0 * np.pi * f * time) for f in (1.0, 10.0, 40.0)])
+    filtered = low_passed(wave, cutoff=10.0, sample_rate=200.0)
+    gains = (filtered - 5.0)[2000:].std(axis=0) * 2.0**0.5
+    np.testing.assert_allclose(gains[:2], [1.0, 0.5**0.5], rtol=1e-3)
+    assert gains[2] < 0.06  # 12 dB per octave
+    np.testing.assert_allclose(filtered[0], wave[0])
+    assert low_passed(wave, cutoff=0.0, sample_rate=200.0) is wave
+
+
+def test_the_error_of_an_estimated_velocity_drifts_in_world_axes(paper_flight):
+    flight = measure(paper_flight, Sensors(velocity_std=0.15, velocity_bandwidth=1.0), seed=1)
+    error = flight.velocity_measured - flight.velocity_body
+    assert error.std() == pytest.approx(0.15, rel=0.15)
+    in_world = flight.rotation_body_to_world.apply(error)
+    jumps = np.diff(in_world, axis=0).std() / in_world.std()
+    assert jumps == pytest.approx((2.0 * (1.0 - np.exp(-2.0 * np.pi / 200.0))) ** 0.5, rel=0.05)
+    np.testing.assert_allclose(
+        paper_flight.velocity_measured, paper_flight.velocity_body, atol=1e-12
+    )
 
 
 def test_specific_force_of_a_point_on_a_turntable():

@@ -23,6 +23,14 @@ def test_parameters_have_the_names_of_results():
     assert list(p)[7:13] == ["Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"]
     assert (p["kt"], p["Jr"], p["motor_lag"], p["motor_delay"]) == (3.63e-6, 2e-5, 0.04, 0.01)
     assert (p["Ixy"], p["Ixz"], p["Iyz"], p["rotor_drag"]) == (0.5e-4, 1e-4, -1e-4, 1e-4)
+    p = replace(truth, inflow=1e-4, wake_moment=(2e-3, 3e-3), propeller=0.2).parameters()
+    assert (p["inflow"], p["wake_moment_x"], p["wake_moment_y"]) == (1e-4, 2e-3, 3e-3)
+
+
+def test_what_depends_on_induced_velocity_needs_the_propellers():
+    for air in ({"inflow": 1e-4}, {"wake_moment": (1e-3, 0.0)}):
+        with pytest.raises(ExperimentError, match="diameter of the propellers"):
+            replace(paper_vehicle("A").truth, **air)
 
 
 def test_inertia_about_the_centre_of_mass_by_hand():

@@ -13,6 +13,7 @@ from rotorfit.simulation.experiments import variant as variant
 from rotorfit.simulation.flight import Scenario as Scenario
 from rotorfit.simulation.flight import simulate_flight as simulate_flight
 from rotorfit.simulation.pilot import STILL as STILL
+from rotorfit.simulation.pilot import Course as Course
 from rotorfit.simulation.pilot import Stick as Stick
 from rotorfit.simulation.pilot import Sticks as Sticks
 from rotorfit.simulation.sensors import PERFECT as PERFECT

@@ -3,13 +3,14 @@
 Vectors, matrices and unit quaternions are tuples of floats: on three floats, plain Python is
 several times faster than NumPy.
 
-The rotors: speed after speed command, and the wrench that they put on the body.
+The rotors: speed after speed command, and the wrench that they put on the body. The air: drag of
+the frame, and what it does to rotors that move through it (`with_rotor_air`).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import atan2, cos, sin
-from typing import Final, TypeVar
+from math import atan2, cos, pi, sin, sqrt
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -114,11 +115,33 @@ of the origin in body axes (3), position of the origin in world axes (3)."""
 
 
 NO_DRAG: Final = (0.0, 0.0, 0.0)
+NO_WIND: Final = (0.0, 0.0, 0.0)
+AIR_DENSITY: Final = 1.2
+"""Density of the air [kg/m^3]."""
+INFLOW_STEPS: Final = 7
+"""Newton steps for the induced velocity: to 1e-6 of that in hover, at any velocity."""
 
 Wrench = Sequence[float]
-"""Ten floats: what acts on the body, gravity left out, body axes, about the origin. Force (3) [N],
-torque (3) [N m], angular momentum Jr H of the rotors relative to the body (3) [N m s], and torque
-against a turn about z per rate [N m s/rad]."""
+"""Nine floats: what acts on the body, gravity left out, body axes, about the origin. Force (3) [N],
+torque (3) [N m], angular momentum Jr H of the rotors relative to the body (3) [N m s]. Behind them,
+where the air acts on moving rotors, the speed of each [rad/s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorAir:
+    """What the air does to rotors that move through it.
+
+    - `places`, `axes`: of the rotors, from the origin [m].
+    - `drag`, `inflow`, `wake`: see `Truth.rotor_drag`, `Truth.inflow` and `Truth.wake_moment`.
+    - `hover`: velocity that the rotors induce in hover [m/s].
+    """
+
+    places: tuple[Vector, ...]
+    axes: tuple[Vector, ...]
+    drag: float
+    inflow: float
+    wake: tuple[float, float]
+    hover: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,6 +153,8 @@ class RigidBody:
     - `inverse_com_inertia`: the same elements of the inverse inertia about the CoM [1/(kg m^2)].
     - `drag`: force per velocity along each body axis [N s/m].
     - `drag_position`: where it acts, from the origin [m].
+    - `wind`: velocity of the air, world axes [m/s].
+    - `rotors`: what the air does to moving rotors; None: nothing.
     """
 
     mass: float
@@ -138,10 +163,12 @@ class RigidBody:
     inverse_com_inertia: Tensor
     drag: Vector = NO_DRAG
     drag_position: Vector = (0.0, 0.0, 0.0)
+    wind: Vector = NO_WIND
+    rotors: RotorAir | None = None
 
 
-def rigid_body(truth: Truth) -> RigidBody:
-    """Build the body of a vehicle."""
+def rigid_body(truth: Truth, vehicle: Vehicle | None = None) -> RigidBody:
+    """Build the body of a vehicle; without its rotors' places, the air does nothing to them."""
     return RigidBody(
         mass=truth.mass,
         first_moments=truth.first_moments,
@@ -149,6 +176,29 @@ def rigid_body(truth: Truth) -> RigidBody:
         inverse_com_inertia=tensor_elements(np.linalg.inv(truth.com_inertia)),
         drag=truth.drag,
         drag_position=truth.drag_position,
+        wind=truth.wind,
+        rotors=None if vehicle is None else rotor_air(truth, vehicle),
+    )
+
+
+def rotor_air(truth: Truth, vehicle: Vehicle) -> RotorAir | None:
+    """Collect what the air does to moving rotors; None if it does nothing.
+
+    In hover each rotor carries its share of the weight: m g / N = 2 rho pi (D/2)^2 v_h^2.
+    """
+    if not (truth.rotor_drag or truth.inflow or any(truth.wake_moment)):
+        return None
+    hover = 0.0
+    if truth.propeller > 0.0:
+        disks = len(vehicle.rotors) * pi * (truth.propeller / 2.0) ** 2
+        hover = sqrt(truth.mass * GRAVITY / (2.0 * AIR_DENSITY * disks))
+    return RotorAir(
+        places=tuple(rotor.position for rotor in vehicle.rotors),
+        axes=tuple(rotor.axis for rotor in vehicle.rotors),
+        drag=truth.rotor_drag,
+        inflow=truth.inflow,
+        wake=truth.wake_moment,
+        hover=hover,
     )
 
 
@@ -159,7 +209,7 @@ def accelerations(
     """Solve Newton-Euler about the body origin for a and dw.
 
         m a + dw x ms + w x (w x ms) = f
-        I dw + w x (I w + Jr H) + ms x a = tau - (0, 0, damping w_z)
+        I dw + w x (I w + Jr H) + ms x a = tau
 
     With a from the first put into the second, the inertia about the centre of mass is left in
     front of dw (the Schur complement of the mass).
@@ -167,18 +217,18 @@ def accelerations(
     m, (mx, my, mz) = body.mass, body.first_moments
     Ixx, Iyy, Izz, Ixy, Ixz, Iyz = body.inertia
     Jxx, Jyy, Jzz, Jxy, Jxz, Jyz = body.inverse_com_inertia
-    fx, fy, fz, tx, ty, tz, hx, hy, hz, damping = wrench
+    fx, fy, fz, tx, ty, tz, hx, hy, hz = wrench[:9]
     x, y, z = w
     # w x ms, and f - w x (w x ms)
     ux, uy, uz = y * mz - z * my, z * mx - x * mz, x * my - y * mx
     fx, fy, fz = fx - (y * uz - z * uy), fy - (z * ux - x * uz), fz - (x * uy - y * ux)
-    # I w + Jr H, and tau - (0, 0, damping w_z) - w x (I w + Jr H) - ms x a for dw = 0
+    # I w + Jr H, and tau - w x (I w + Jr H) - ms x a for dw = 0
     Lx = Ixx * x + Ixy * y + Ixz * z + hx
     Ly = Ixy * x + Iyy * y + Iyz * z + hy
     Lz = Ixz * x + Iyz * y + Izz * z + hz
     tx = tx - (y * Lz - z * Ly) - (my * fz - mz * fy) / m
     ty = ty - (z * Lx - x * Lz) - (mz * fx - mx * fz) / m
-    tz = tz - damping * z - (x * Ly - y * Lx) - (mx * fy - my * fx) / m
+    tz = tz - (x * Ly - y * Lx) - (mx * fy - my * fx) / m
     dx = Jxx * tx + Jxy * ty + Jxz * tz
     dy = Jxy * tx + Jyy * ty + Jyz * tz
     dz = Jxz * tx + Jyz * ty + Jzz * tz
@@ -195,17 +245,93 @@ def with_drag(
     velocity: tuple[Number, Number, Number],
     w: tuple[Number, Number, Number],
 ) -> tuple[Number, ...]:
-    """Add the drag on an origin that moves with `velocity` [m/s] while turning with `w` [rad/s]."""
+    """Add the frame's drag; the origin moves with `velocity` through the air [m/s], turns with `w`.
+
+    Forces -c v at `drag_position`.
+    """
     cx, cy, cz = body.drag
     px, py, pz = body.drag_position
-    fx, fy, fz, tx, ty, tz, hx, hy, hz, damping = wrench
+    fx, fy, fz, tx, ty, tz, *rest = wrench
     (vx, vy, vz), (x, y, z) = velocity, w
     dx = cx * (vx + y * pz - z * py)
     dy = cy * (vy + z * px - x * pz)
     dz = cz * (vz + x * py - y * px)
     fx, fy, fz = fx - dx, fy - dy, fz - dz
     tx, ty, tz = tx - (py * dz - pz * dy), ty - (pz * dx - px * dz), tz - (px * dy - py * dx)
-    return fx, fy, fz, tx, ty, tz, hx, hy, hz, damping
+    return fx, fy, fz, tx, ty, tz, *rest
+
+
+@no_type_check
+def with_rotor_air(
+    air: RotorAir,
+    wrench: Sequence[Number],
+    velocity: tuple[Number, Number, Number],
+    w: tuple[Number, Number, Number],
+) -> tuple[Number, ...]:
+    """Add what the air does to rotors that move through it.
+
+    Rotor i at r_i has the velocity v_i = v + w x r_i, of which u_i goes along its axis n_i. On it
+    acts -c O_i (v_i - u_i n_i) - k_u O_i (u_i + nu_i - v_h) n_i, nu_i being its induced velocity.
+    The wakes turn the body with (k_x v_y, -k_y v_x) times the mean of nu_i.
+    """
+    fx, fy, fz, tx, ty, tz, hx, hy, hz, *speeds = wrench
+    (vx, vy, vz), (x, y, z) = velocity, w
+    induced = 0.0 * vx
+    for (px, py, pz), (nx, ny, nz), O in zip(air.places, air.axes, speeds, strict=True):
+        ax, ay, az = vx + y * pz - z * py, vy + z * px - x * pz, vz + x * py - y * px
+        u = ax * nx + ay * ny + az * nz
+        ax, ay, az = ax - u * nx, ay - u * ny, az - u * nz
+        lost = 0.0
+        if air.hover > 0.0:
+            nu = solve_inflow(ax * ax + ay * ay + az * az, u, air.hover)
+            induced = induced + nu
+            lost = air.inflow * O * (u + nu - air.hover)
+        held = air.drag * O
+        dx, dy, dz = held * ax + lost * nx, held * ay + lost * ny, held * az + lost * nz
+        fx, fy, fz = fx - dx, fy - dy, fz - dz
+        tx, ty, tz = tx - (py * dz - pz * dy), ty - (pz * dx - px * dz), tz - (px * dy - py * dx)
+    kx, ky = air.wake
+    nu = induced / len(air.places)
+    return fx, fy, fz, tx + kx * nu * vy, ty - ky * nu * vx, tz, hx, hy, hz, *speeds
+
+
+@no_type_check
+def solve_inflow(squared_across: Number, along: Number, hover: float) -> Number:
+    """Solve Glauert's nu^2 (v_perp^2 + (u + nu)^2) = v_h^4 for a rotor's induced velocity [m/s].
+
+    `squared_across`, `along`: v_perp^2 and u, of its velocity through the air across its axis and
+    along it. By Newton steps of the logarithms. There are three roots where it falls so fast and so
+    steeply that it meets its own wake (u^2 > 8 v_perp^2), and none of them is right: there, past
+    half of v_h, it counts as falling with the larger of v_h / 2 and 2 v_perp.
+    """
+    across: Any = squared_across**0.5
+    slow = 0.5 * hover
+    steepest = across + 0.5 * slow + abs(across - 0.5 * slow)  # the larger of slow and 2 across
+    u = 0.5 * (along - steepest + abs(along + steepest))  # the larger of along and -steepest
+    nu: Any = hover + 0.0 * u
+    for _ in range(INFLOW_STEPS):
+        through = u + nu
+        squared = squared_across + through * through
+        nu = nu * (hover**4 / (nu * nu * squared)) ** (0.5 / (1.0 + nu * through / squared))
+    return nu
+
+
+@no_type_check
+def through_air(
+    wind: Vector,
+    R: tuple[tuple[Number, Number, Number], ...],
+    velocity: tuple[Number, Number, Number],
+) -> tuple[Number, Number, Number]:
+    """Subtract a wind in world axes from a velocity in body axes, R body to world."""
+    if wind == NO_WIND:
+        return velocity
+    (Rxx, Rxy, Rxz), (Ryx, Ryy, Ryz), (Rzx, Rzy, Rzz) = R
+    (x, y, z), (vx, vy, vz) = wind, velocity
+    return (
+        vx - (Rxx * x + Ryx * y + Rzx * z),
+        vy - (Rxy * x + Ryy * y + Rzy * z),
+        vz - (Rxz * x + Ryz * y + Rzz * z),
+    )
 
 
 @no_type_check
@@ -216,10 +342,14 @@ def derivative(body: RigidBody, wrench: Wrench, state: State) -> State:
     """
     x, y, z, qw, qx, qy, qz, vx, vy, vz, _, _, _ = state
     w = (x, y, z)
+    R = rotation((qw, qx, qy, qz))
+    moving = through_air(body.wind, R, (vx, vy, vz))
     if body.drag != NO_DRAG:
-        wrench = with_drag(body, wrench, (vx, vy, vz), w)
+        wrench = with_drag(body, wrench, moving, w)
+    if body.rotors is not None:
+        wrench = with_rotor_air(body.rotors, wrench, moving, w)
     (ax, ay, az), (dx, dy, dz) = accelerations(body, wrench, w)
-    (Rxx, Rxy, Rxz), (Ryx, Ryy, Ryz), (Rzx, Rzy, Rzz) = rotation((qw, qx, qy, qz))
+    (Rxx, Rxy, Rxz), (Ryx, Ryy, Ryz), (Rzx, Rzy, Rzz) = R
     dqw = -0.5 * (qx * x + qy * y + qz * z)
     dqx = 0.5 * (qw * x + qy * z - qz * y)
     dqy = 0.5 * (qw * y + qz * x - qx * z)
@@ -269,13 +399,13 @@ class Rotors:
     """The rotors of one vehicle, as constant matrices.
 
     - `wrench_matrix`: columns: force [N] and torque about the body origin [N m], angular momentum
-      relative to the body [N m s], and torque against a turn about z per rate [N m s/rad]. Rows:
-      per squared speed, per speed, and per slope of the speed of each rotor.
+      relative to the body [N m s]. Rows: per squared speed, per speed, and per slope of the speed
+      of each rotor.
     - `lag`: time constant of the speed towards its command [s].
     - `lag_down`: the same while it falls [s].
     """
 
-    wrench_matrix: Float[np.ndarray, "three_N 10"]
+    wrench_matrix: Float[np.ndarray, "three_N 9"]
     lag: float
     lag_down: float
 
@@ -288,19 +418,18 @@ class Rotors:
 def rotors_of(truth: Truth, vehicle: Vehicle) -> Rotors:
     """Collect the rotors of a vehicle: s_i spins, n_i axes, (x_i, y_i) places.
 
-    Per squared speed their `allocation`; per speed the torque -k_l s_i n_i, the angular momentum
-    Jr s_i n_i and the damping c (x_i^2 + y_i^2) of a turn; per slope the torque -Jr s_i n_i.
+    Per squared speed their `allocation`; per speed the torque -k_l s_i n_i and the angular momentum
+    Jr s_i n_i; per slope the torque -Jr s_i n_i.
     """
     N = len(vehicle.rotors)
     spins = vehicle.spins[:, None] * vehicle.axes
-    matrix = np.zeros((3, N, 10))
+    matrix = np.zeros((3, N, 9))
     matrix[0, :, :6] = allocation(vehicle, kt=truth.rotor_kt(N), kd=truth.kd).T
     matrix[1, :, 3:6] = -truth.kd_linear * spins
     matrix[1, :, 6:9] = truth.Jr * spins
-    matrix[1, :, 9] = truth.rotor_drag * vehicle.squared_arms
     matrix[2, :, 3:6] = -truth.Jr * spins
     return Rotors(
-        wrench_matrix=matrix.reshape(-1, 10), lag=truth.motor_lag, lag_down=truth.falling_lag
+        wrench_matrix=matrix.reshape(-1, 9), lag=truth.motor_lag, lag_down=truth.falling_lag
     )
 
 
@@ -358,11 +487,10 @@ def speed_slopes(
 @no_type_check
 def wrenches(
     rotors: Rotors, speeds: Float[np.ndarray, "k N"], slopes: Float[np.ndarray, "k N"]
-) -> Float[np.ndarray, "k 10"]:
-    """Compute the wrench of the rotors on the body at k instants, in rows as `body.Wrench`.
+) -> Float[np.ndarray, "k 9"]:
+    """Compute the wrench of rotors at rest in the air at k instants, in rows as `body.Wrench`.
 
-    Aerodynamic forces and torques, the reaction -Jr dH/dt, the angular momentum Jr H for the
-    gyroscopic torque -w x Jr H, and the drag of rotors that a turn about z carries through the
-    air.
+    Aerodynamic forces and torques, the reaction -Jr dH/dt, and the angular momentum Jr H for the
+    gyroscopic torque -w x Jr H.
     """
     return np.concatenate([speeds * speeds, speeds, slopes], axis=1) @ rotors.wrench_matrix

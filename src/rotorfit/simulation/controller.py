@@ -5,7 +5,7 @@ be measured with any number of noises.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, sin, sqrt
+from math import atan, atan2, cos, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -156,13 +156,15 @@ def _outer_loops(
     gains = autopilot.gains
     vx, vy, vz = times(R, (state[7], state[8], state[9]))
     px, py, pz = state[10:13]
-    ax = -gains.position * px - gains.velocity * vx
-    ay = -gains.position * py - gains.velocity * vy
+    ax = gains.position * (reference.x - px) + gains.velocity * (reference.velocity_x - vx)
+    ay = gains.position * (reference.y - py) + gains.velocity * (reference.velocity_y - vy)
     yaw = atan2(R[1][0], R[0][0])
     forward = cos(yaw) * ax + sin(yaw) * ay
     left = -sin(yaw) * ax + cos(yaw) * ay
-    roll = reference.roll - clip(left / GRAVITY, gains.hold_tilt)
-    pitch = reference.pitch + clip(forward / GRAVITY, gains.hold_tilt)
+    ahead = cos(yaw) * reference.push_x + sin(yaw) * reference.push_y
+    aside = -sin(yaw) * reference.push_x + cos(yaw) * reference.push_y
+    roll = reference.roll - atan(aside / GRAVITY) - clip(left / GRAVITY, gains.hold_tilt)
+    pitch = reference.pitch + atan(ahead / GRAVITY) + clip(forward / GRAVITY, gains.hold_tilt)
     rise = gains.height * (reference.height - pz) + gains.climb * (reference.height_rate - vz)
     upright = max(R[2][2], 0.5)  # past 60 degrees the height is given up
     return roll, pitch, autopilot.mass * (GRAVITY + reference.climb + rise) / upright

@@ -95,7 +95,7 @@ def sampled_flight_data(
             if len(run) > 2
         ),
         rotor_speed_std=std if measured else 0.0,
-        velocity=flight.velocity_body,
+        velocity=flight.velocity_measured if measured else flight.velocity_body,
     )
 
 
@@ -152,7 +152,7 @@ def _logged_values(flight: SimulatedFlight, channel: LoggedChannel) -> Float[np.
         case "command":
             return flight.command
         case "velocity":
-            return flight.velocity_body
+            return flight.velocity_measured
         case "reference":
             return flight.reference
         case "position":

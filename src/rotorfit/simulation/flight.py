@@ -25,7 +25,9 @@ from rotorfit.simulation.body import (
     rotors_of,
     speed_slopes,
     step,
+    through_air,
     with_drag,
+    with_rotor_air,
     wrenches,
 )
 from rotorfit.simulation.controller import (
@@ -37,7 +39,7 @@ from rotorfit.simulation.controller import (
     mix,
     trimmed,
 )
-from rotorfit.simulation.pilot import Reference, Sticks, plan_flight
+from rotorfit.simulation.pilot import Course, Reference, Sticks, plan_flight
 from rotorfit.simulation.sensors import (
     PERFECT,
     Sensors,
@@ -57,6 +59,7 @@ class Scenario:
     - `seconds`: duration of the flight between take-off and landing [s].
     - `ground_seconds`: rest before take-off and after landing [s]; 0: from hover to hover.
     - `sticks`: what the pilot does.
+    - `course`: what fast course is flown at the same time; None: the vehicle stays.
     - `sensors`: errors of what is logged.
     - `sample_rate`: of the autopilot and of the log [Hz].
     - `physics_rate`: least number of Runge-Kutta steps per second [Hz].
@@ -69,6 +72,7 @@ class Scenario:
     seconds: float = 75.0
     ground_seconds: float = 0.0
     sticks: Sticks = field(default_factory=Sticks)
+    course: Course | None = None
     sensors: Sensors = PERFECT
     sample_rate: float = 200.0
     physics_rate: float = 400.0
@@ -147,6 +151,7 @@ def simulate_flight(
     pilot, air, sensing = np.random.SeedSequence(seed).spawn(3)
     plan = plan_flight(
         scenario.sticks,
+        course=scenario.course,
         seconds=scenario.seconds,
         ground_seconds=scenario.ground_seconds,
         sample_rate=scenario.sample_rate,
@@ -180,7 +185,7 @@ def _make_machine(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Machin
     """Collect everything that stays constant during a flight."""
     period = 1 / scenario.sample_rate
     return _Machine(
-        body=rigid_body(truth),
+        body=rigid_body(truth, vehicle),
         rotors=rotors_of(truth, vehicle),
         autopilot=autopilot_of(
             truth,
@@ -242,10 +247,10 @@ def _fly_samples(
 
 def _interpolate_disturbance(
     disturbance: Float[np.ndarray, "n_and_1 6"], fractions: Float[np.ndarray, " k"]
-) -> Float[np.ndarray, "n k 10"]:
+) -> Float[np.ndarray, "n k 9"]:
     """Interpolate the disturbance linearly between each sample and the next, as wrenches."""
     before, after = disturbance[:-1, None], disturbance[1:, None]
-    return np.pad(before + fractions[:, None] * (after - before), ((0, 0), (0, 0), (0, 4)))
+    return np.pad(before + fractions[:, None] * (after - before), ((0, 0), (0, 0), (0, 3)))
 
 
 @no_type_check
@@ -273,7 +278,7 @@ def _advance_to_sample(
     state: State,
     speeds: Float[np.ndarray, " N"],
     commands: list[Float[np.ndarray, " N"]],
-    gust: tuple[Float[np.ndarray, "k 10"], ...],
+    gust: tuple[Float[np.ndarray, "k 9"], ...],
     grounded: bool,
 ) -> tuple[State, Float[np.ndarray, " N"]]:
     """Integrate state and rotor speeds to the next sample, with the disturbance of each stretch."""
@@ -283,32 +288,37 @@ def _advance_to_sample(
         speeds = nodes[-1]
         if not grounded:
             slopes = speed_slopes(machine.rotors, nodes, command)
-            acting = (wrenches(machine.rotors, nodes, slopes) + external).tolist()
+            wrench = wrenches(machine.rotors, nodes, slopes) + external
+            if machine.body.rotors is not None:
+                wrench = np.concatenate([wrench, nodes], axis=1)
+            acting = wrench.tolist()
             for first in range(0, len(acting) - 1, 2):
                 state = step(machine.body, acting[first : first + 3], state, h)
     return state, speeds
 
 
 def _compute_motions(
-    body: RigidBody,
-    state: Float[np.ndarray, "n 13"],
-    of_rotors: Float[np.ndarray, "n 10"],
-    disturbance: Float[np.ndarray, "n 6"],
-    grounded: Bool[np.ndarray, " n"],
+    body: RigidBody, recorded: Recording, of_rotors: Float[np.ndarray, "n 9"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 6"]]:
     """Compute a and dw at the samples, and the wrench that acts beside that of the rotors.
 
+    `of_rotors`: at rest in the air.
+
     The ground holds a body at rest: its wrench makes up for the weight and for the rotors.
     """
-    wx, wy, wz, qw, qx, qy, qz, vx, vy, vz, _, _, _ = state.T
-    w, v = (wx, wy, wz), (vx, vy, vz)
-    gust = np.pad(disturbance, ((0, 0), (0, 4)))
-    external = np.column_stack(with_drag(body, list(gust.T), v, w))
+    wx, wy, wz, qw, qx, qy, qz, vx, vy, vz, _, _, _ = recorded.state.T
+    w, R = (wx, wy, wz), rotation((qw, qx, qy, qz))
+    moving = through_air(body.wind, R, (vx, vy, vz))
+    gust = np.pad(recorded.disturbance, ((0, 0), (0, 3)))
+    external = np.column_stack(with_drag(body, list(gust.T), moving, w))
+    if body.rotors is not None:
+        still = [*of_rotors.T, *recorded.speeds.T]
+        of_rotors = np.column_stack(with_rotor_air(body.rotors, still, moving, w))[:, :9]
     a, dw = map(np.column_stack, accelerations(body, list((of_rotors + external).T), w))
-    rest = GRAVITY * np.column_stack(rotation((qw, qx, qy, qz))[2])
+    rest = GRAVITY * np.column_stack(R[2])
     needed = np.hstack([body.mass * rest, np.cross(body.first_moments, rest)])
     held = needed - of_rotors[:, :6]
-    stands = grounded[:, None]
+    stands = recorded.grounded[:, None]
     return (
         np.where(stands, rest, a),
         np.where(stands, 0.0, dw),
@@ -341,9 +351,7 @@ def assemble_flight(
     rotors = rotors_of(truth, vehicle)
     slopes = speed_slopes(rotors, rotor_speed, recorded.acting)
     of_rotors = wrenches(rotors, rotor_speed, slopes)
-    force, turn, external = _compute_motions(
-        rigid_body(truth), state, of_rotors, recorded.disturbance, grounded
-    )
+    force, turn, external = _compute_motions(rigid_body(truth, vehicle), recorded, of_rotors)
     time = np.arange(len(state)) / scenario.sample_rate
     return SimulatedFlight(
         truth=truth,
@@ -354,6 +362,7 @@ def assemble_flight(
         attitude_wxyz=attitude,
         position=state[:, 10:],
         velocity=from_wxyz(attitude).apply(state[:, 7:10]),
+        velocity_measured=state[:, 7:10],
         specific_force=force,
         specific_force_imu=force,
         angular_velocity=state[:, :3],

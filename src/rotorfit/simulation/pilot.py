@@ -14,6 +14,7 @@ CLIMB_SECONDS: Final = 4.0
 LAND_SECONDS: Final = 5.0
 FLIGHT_HEIGHT: Final = 1.0
 FADE_SECONDS: Final = 1.0
+COURSE_FADE_SECONDS: Final = 3.0
 EDGE_SECONDS: Final = 0.5
 """How long a pilot takes from one side to the other of a turn."""
 
@@ -60,6 +61,26 @@ STILL: Final = Sticks(
 """Hands off: hover."""
 
 
+Route = Literal["to-and-fro", "circles", "eights"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """A course over ground that is flown fast, next to what the sticks do.
+
+    - `route`: ``"to-and-fro"``: along world x. ``"circles"``: to the left. ``"eights"``: to
+      alternate sides.
+    - `speed`: the largest, over ground [m/s].
+    - `size`: half of a straight or radius of a circle [m].
+    - `lean`: acceleration for which the pilot leans against the drag, per speed [1/s].
+    """
+
+    route: Route
+    speed: float
+    size: float
+    lean: float = 0.5
+
+
 class Reference(NamedTuple):
     """What the pilot asks for at one instant.
 
@@ -68,6 +89,9 @@ class Reference(NamedTuple):
       rise [m, m/s].
     - `throttle`: factor of the thrust: 0 with the motors off, 1 in flight, between in spooling up.
     - `landing`: 1 from the end of the flight on: touching the ground stops the motors.
+    - `x`, `y`, `velocity_x`, `velocity_y`: where the origin should be, world axes from the start
+      [m], and its velocity [m/s].
+    - `push_x`, `push_y`: horizontal acceleration for which the pilot leans in advance [m/s^2].
     """
 
     roll: float
@@ -78,6 +102,12 @@ class Reference(NamedTuple):
     height_rate: float
     throttle: float
     landing: float
+    x: float = 0.0
+    y: float = 0.0
+    velocity_x: float = 0.0
+    velocity_y: float = 0.0
+    push_x: float = 0.0
+    push_y: float = 0.0
 
 
 def plan_flight(
@@ -87,12 +117,58 @@ def plan_flight(
     ground_seconds: float,
     sample_rate: float,
     rng: np.random.Generator,
+    course: Course | None = None,
 ) -> list[Reference]:
     """Plan the pilot's references at each sample, with rest on the ground before and after [s]."""
     rows = plan_rows(
         sticks, seconds=seconds, ground_seconds=ground_seconds, sample_rate=sample_rate, rng=rng
     )
-    return [Reference(*row) for row in rows.tolist()]
+    if course is None:
+        return [Reference(*row) for row in rows.tolist()]
+    n = round(seconds * sample_rate)
+    before = len(_take_off(ground_seconds, sample_rate)) if ground_seconds > 0 else 0
+    along = np.zeros((len(rows), 6))
+    along[before : before + n] = follow_course(course, samples=n, sample_rate=sample_rate)
+    along[before + n :, :2] = along[before + n - 1, :2]  # it lands where it ends
+    return [Reference(*row) for row in np.hstack([rows, along]).tolist()]
+
+
+def follow_course(course: Course, *, samples: int, sample_rate: float) -> Float[np.ndarray, "n 6"]:
+    """Compute place, velocity and push along a course, in the last six columns of `Reference`.
+
+    The phase runs evenly but for the fading in and out, from and to rest.
+    """
+    time = np.arange(samples) / sample_rate
+    edge = np.minimum(np.minimum(time, time[::-1]) / COURSE_FADE_SECONDS, 1.0)
+    # Speed of the phase, and the phase by the trapezoidal rule.
+    rate = course.speed / (course.size * _LONGEST[course.route]) * np.sin(np.pi / 2 * edge) ** 2
+    phase = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) / sample_rate)])
+    growth = np.gradient(rate, 1.0 / sample_rate)
+    place, slope, bend = (course.size * row for row in _trace_route(course.route, phase))
+    velocity = slope * rate[:, None]
+    push = bend * rate[:, None] ** 2 + slope * growth[:, None] + course.lean * velocity
+    return np.hstack([place, velocity, push])
+
+
+_LONGEST: Final[Mapping[Route, float]] = {"to-and-fro": 1.0, "circles": 1.0, "eights": 2.0**0.5}
+"""The largest slope of each route of size 1."""
+
+
+def _trace_route(
+    route: Route, phase: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]:
+    """Return the places of a route of size 1, and their first and second derivative by phase."""
+    s, c, none = np.sin(phase), np.cos(phase), np.zeros_like(phase)
+    match route:
+        case "to-and-fro":
+            rows = (s, none), (c, none), (-s, none)
+        case "circles":
+            rows = (s, 1.0 - c), (c, s), (-s, c)
+        case "eights":
+            twice, other = np.sin(2.0 * phase), np.cos(2.0 * phase)
+            rows = (s, 0.5 * twice), (c, other), (-s, -2.0 * twice)
+    place, slope, bend = (np.column_stack(row) for row in rows)
+    return place, slope, bend
 
 
 def plan_rows(

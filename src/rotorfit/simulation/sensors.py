@@ -20,6 +20,10 @@ class Sensors:
     - `gyro_bias`, `accel_bias`: constant, body axes [rad/s, m/s^2].
     - `gyro_resolution`, `accel_resolution`, `rotor_speed_resolution`: smallest step; 0 for none
       [rad/s, m/s^2, rad/s].
+    - `accel_cutoff`: of a Butterworth low-pass of second order, through which the accelerometer and
+      its noise go before they are logged [Hz]; 0: none.
+    - `velocity_std`, `velocity_bandwidth`: deviation of each component of the logged velocity's
+      error, world axes [m/s], and its corner frequency [Hz]: it drifts as an estimator's does.
     - `position_std`, `attitude_std`: noise of each component of the motion-capture pose [m, rad].
     - `pose_rate`: frames of the motion capture [Hz]; 0: one with every sample of the log.
     - `pose_delay`: how much later than it was a pose stands in the log [s].
@@ -33,6 +37,9 @@ class Sensors:
     gyro_resolution: float = 0.0
     accel_resolution: float = 0.0
     rotor_speed_resolution: float = 0.0
+    accel_cutoff: float = 0.0
+    velocity_std: float = 0.0
+    velocity_bandwidth: float = 0.1
     position_std: float = 0.0
     attitude_std: float = 0.0
     pose_rate: float = 0.0
@@ -56,7 +63,33 @@ def measured(
 ) -> Float[np.ndarray, "n k"]:
     """Log a quantity as a sensor: bias and noise added, then rounded to its steps."""
     values = exact + np.array(bias) + std * rng.normal(size=exact.shape)
+    return rounded(values, resolution)
+
+
+def rounded(values: Float[np.ndarray, "n k"], resolution: float) -> Float[np.ndarray, "n k"]:
+    """Round to steps; 0: not at all."""
     return np.round(values / resolution) * resolution if resolution > 0 else values
+
+
+def low_passed(
+    values: Float[np.ndarray, "n k"], *, cutoff: float, sample_rate: float
+) -> Float[np.ndarray, "n k"]:
+    """Filter by a Butterworth low-pass of second order, at rest at the first row; 0 Hz: not."""
+    if cutoff == 0.0:
+        return values
+    # 1 / (1 + sqrt(2) s + s^2) by the bilinear transform, s = (1 - 1/z) / (1 + 1/z) / k.
+    k = float(np.tan(np.pi * cutoff / sample_rate))
+    whole = 1.0 + 2.0**0.5 * k + k * k
+    own, last, before = (
+        k * k / whole,
+        2.0 * (1.0 - k * k) / whole,
+        (2.0**0.5 * k - 1.0 - k * k) / whole,
+    )
+    x = np.concatenate([values[:1], values[:1], values])
+    y = x.copy()
+    for n in range(2, len(x)):
+        y[n] = own * (x[n] + 2.0 * x[n - 1] + x[n - 2]) + last * y[n - 1] + before * y[n - 2]
+    return y[2:]
 
 
 def at_place(
@@ -115,6 +148,7 @@ class SimulatedFlight:
     - `airborne`: False while the vehicle stands on the ground.
     - `gyro`, `accel`, `rotor_speed_measured`: as logged: body axes [rad/s], at the accelerometer's
       place [m/s^2], and [rad/s].
+    - `velocity_measured`: velocity over ground as logged, body axes [m/s].
     - `pose_time`: when each frame of the motion capture was logged [s].
     - `position_measured`, `attitude_wxyz_measured`: as logged by motion capture, at `pose_time`.
     """
@@ -141,6 +175,7 @@ class SimulatedFlight:
     gyro: Float[np.ndarray, "n 3"]
     accel: Float[np.ndarray, "n 3"]
     rotor_speed_measured: Float[np.ndarray, "n N"]
+    velocity_measured: Float[np.ndarray, "n 3"]
     pose_time: Float[np.ndarray, " p"]
     position_measured: Float[np.ndarray, "p 3"]
     attitude_wxyz_measured: Float[np.ndarray, "p 4"]
@@ -167,6 +202,11 @@ def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> Simulate
     s, place = sensors, flight.vehicle.imu_position or (0.0, 0.0, 0.0)
     a, w = flight.specific_force, flight.angular_velocity
     force = at_place(a, w, flight.angular_acceleration, position=place)
+    felt = low_passed(
+        measured(force, std=s.accel_std, rng=rngs[1], bias=s.accel_bias),
+        cutoff=s.accel_cutoff,
+        sample_rate=flight.sample_rate,
+    )
     pose_time, place_seen, attitude_seen = _mocap_frames(flight, s)
     tilt = Rotation.from_rotvec(s.attitude_std * rngs[4].normal(size=place_seen.shape))
     return replace(
@@ -176,9 +216,7 @@ def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> Simulate
         gyro=measured(
             w, std=s.gyro_std, rng=rngs[0], bias=s.gyro_bias, resolution=s.gyro_resolution
         ),
-        accel=measured(
-            force, std=s.accel_std, rng=rngs[1], bias=s.accel_bias, resolution=s.accel_resolution
-        ),
+        accel=rounded(felt, s.accel_resolution),
         rotor_speed_measured=np.abs(
             measured(
                 flight.rotor_speed,
@@ -187,6 +225,7 @@ def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> Simulate
                 resolution=s.rotor_speed_resolution,
             )
         ),
+        velocity_measured=_estimated_velocity(flight, s, rngs[5]),
         pose_time=pose_time,
         position_measured=measured(place_seen, std=s.position_std, rng=rngs[3]),
         attitude_wxyz_measured=to_wxyz(attitude_seen * tilt),
@@ -199,8 +238,22 @@ def gyro_noise(sensors: Sensors, samples: int, *, seed: int) -> Float[np.ndarray
 
 
 def _seed_generators(seed: int) -> list[np.random.Generator]:
-    """Seed a generator for each of gyro, accelerometer, rotors, position and attitude."""
-    return np.random.default_rng(seed).spawn(5)
+    """Seed a generator for each of gyro, accelerometer, rotors, position, attitude, velocity."""
+    return np.random.default_rng(seed).spawn(6)
+
+
+def _estimated_velocity(
+    flight: SimulatedFlight, sensors: Sensors, rng: np.random.Generator
+) -> Float[np.ndarray, "n 3"]:
+    """Return the velocity over ground with the drifting error of an estimate, body axes [m/s]."""
+    error = gauss_markov(
+        np.full(3, sensors.velocity_std),
+        bandwidth=sensors.velocity_bandwidth,
+        samples=len(flight.time),
+        sample_rate=flight.sample_rate,
+        rng=rng,
+    )
+    return flight.rotation_body_to_world.inv().apply(flight.velocity + error)
 
 
 def _mocap_frames(

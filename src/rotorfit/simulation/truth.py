@@ -27,8 +27,14 @@ class Truth:
     - `motor_delay`: time that a command takes before the motor sees it [s].
     - `drag`: force per velocity along each body axis [N s/m].
     - `drag_position`: where it acts, by the velocity there, from the body origin [m].
-    - `rotor_drag`: force on a rotor per speed and per velocity with which a turn about z carries it
-      through the air [N s^2/(m rad)].
+    - `rotor_drag`: force against the velocity of a rotor across its axis through the air, per speed
+      and per velocity [N s^2/(m rad)].
+    - `inflow`: thrust that a rotor loses per speed and per velocity of the air through its disk
+      above that in hover [N s^2/(m rad)].
+    - `wake_moment`: torque about x and y per velocity along the other axis and per induced velocity
+      of the rotors [N s^2/m]; it lifts the side towards which the vehicle moves.
+    - `propeller`: diameter, by which thrust induces a velocity of the air [m]; 0: not needed.
+    - `wind`: velocity of the air, world axes [m/s].
     - `kd_linear`: drag torque of a rotor per speed [N m s/rad].
     - `disturbance_force_std`, `disturbance_torque_std`: of each component of the disturbing wrench
       about the body origin [N, N m].
@@ -49,6 +55,10 @@ class Truth:
     drag: tuple[float, float, float] = (0.0, 0.0, 0.0)
     drag_position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rotor_drag: float = 0.0
+    inflow: float = 0.0
+    wake_moment: tuple[float, float] = (0.0, 0.0)
+    propeller: float = 0.0
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
     kd_linear: float = 0.0
     disturbance_force_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbance_torque_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -62,6 +72,8 @@ class Truth:
                 "inertia about the centre of mass is not positive definite: check the signs and "
                 "that the inertia is given about the body origin"
             )
+        if self.propeller <= 0 and (self.inflow or any(self.wake_moment)):
+            raise ExperimentError("inflow and wake moments need the diameter of the propellers")
         if self.motor_lag < 0 or self.motor_delay < 0:
             raise ExperimentError("motor lag and delay cannot be negative")
         if self.Jr != 0 and self.motor_lag == 0:
@@ -107,6 +119,10 @@ class Truth:
         values |= {"rotor_drag": self.rotor_drag}
         if self.kd_linear:
             values["kd_linear"] = self.kd_linear
+        if self.inflow:
+            values["inflow"] = self.inflow
+        if any(self.wake_moment):
+            values |= zip(("wake_moment_x", "wake_moment_y"), self.wake_moment, strict=True)
         at_com = tensor_elements(self.com_inertia)
         return values | {f"{name}_com": value for name, value in zip(names, at_com, strict=True)}
 
