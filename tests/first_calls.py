@@ -4,6 +4,7 @@ Checking all of the calls takes a third of the tests' time: the loops of an esti
 functions with the same shapes tens of thousands of times. `CALLS=all pytest` checks them all.
 """
 
+import ast
 import functools
 import inspect
 import os
@@ -22,7 +23,12 @@ _left_out: list[Callable[..., object]] = []
 
 def checked(function: Callable[..., object]) -> Callable[..., object]:
     """Check a function's types as beartype does, until it has been called often enough."""
-    check = functools.cache(lambda: beartype(function))  # when called: most functions never are
+
+    @functools.cache
+    def check() -> Callable[..., object]:  # when called: most functions never are
+        import_types_alone(function.__module__)
+        return beartype(function)
+
     name = (function.__module__, function.__qualname__)
 
     @functools.wraps(function)
@@ -33,6 +39,15 @@ def checked(function: Callable[..., object]) -> Callable[..., object]:
         return check()(*args, **kwargs)
 
     return counted
+
+
+@functools.cache
+def import_types_alone(module: str) -> None:
+    """Import what a module imports for its annotations alone, so that these can be resolved."""
+    owner = sys.modules[module]
+    for node in ast.parse(inspect.getsource(owner)).body:
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            exec(compile(ast.Module(node.body, []), module, "exec"), vars(owner))
 
 
 def check_all_again() -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.checks import kt_from_weight
 from rotorfit.checks.kt_from_weight import held_at, kt_from_changes, kt_of
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.measured import Measured
+from rotorfit.fit import fit as fitting
+from rotorfit.fit import fit_flights
 
 FLIGHTS = made_fit.dataset(made_fit.prepared())
 
@@ -51,13 +52,13 @@ def held_by(monkeypatch, moves):
         return moves(known["kt"][0] - 10.0)
 
     for name, made in (("refit", refit), ("shift_of", shift)):
-        monkeypatch.setattr(kt_from_weight, name, made)
-    monkeypatch.setattr(kt_from_weight, "allow_for_settings", lambda fit: fit)
+        monkeypatch.setattr(fitting, name, made)
+    monkeypatch.setattr(fit_flights, "allow_for_settings", lambda fit: fit)
     return tried
 
 
 def test_changes_are_open_by_what_propellers_do_in_motion(monkeypatch):
-    monkeypatch.setattr(kt_from_weight, "refit", lambda fit, dataset, **_: ONE)
+    monkeypatch.setattr(fitting, "refit", lambda fit, dataset, **_: ONE)
     found = kt_from_changes(ONE)
     assert found.value == 10.0
     assert found.std == pytest.approx(np.hypot(0.5 / 1.96, 0.02 * 10.0))
@@ -67,5 +68,5 @@ def test_flights_that_do_not_settle_leave_the_weight(monkeypatch):
     def refit(fit, dataset, **_):
         raise UnsettledError("no")
 
-    monkeypatch.setattr(kt_from_weight, "refit", refit)
+    monkeypatch.setattr(fitting, "refit", refit)
     assert kt_from_changes(ONE) is None

@@ -1,8 +1,10 @@
 """Compare thrust and accelerometer with gravity: in hover the thrust is the weight."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from jaxtyping import Float
@@ -20,11 +22,8 @@ from rotorfit.fit.dataset.carried_weight import (
     needed_stretches,
     vertical_motions,
 )
-from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.fit.dataset.weight_balance import Held, held_together, held_up, hovering, turning
-from rotorfit.fit.experiment.experiment import Source
 from rotorfit.fit.experiment.payload import MOMENTS
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration
@@ -38,6 +37,11 @@ from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.term import Term
 from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
+    from rotorfit.fit.experiment.experiment import Source
+    from rotorfit.fit.fit import Fit
 
 UNLIKELY = 1e-4
 """Probability of chance alone below which two estimates differ."""

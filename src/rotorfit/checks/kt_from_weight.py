@@ -12,9 +12,12 @@ Where a law makes speeds of commands, changes of thrust show how wrong its slope
 by the flight, k_t is that of the weight.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -40,12 +43,8 @@ from rotorfit.estimation.measured import (
 )
 from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.dataset.carried_weight import carrying_stretches
-from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.fit.dataset.plausible_units import gravity_at_rest
 from rotorfit.fit.dataset.weight_balance import Held
-from rotorfit.fit.experiment.experiment import MotorsEntry, Source
-from rotorfit.fit.fit import Fit, refit, shift_of
-from rotorfit.fit.fit_flights import allow_for_settings
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
 from rotorfit.fit.reduction.frequency_bands import retimed
@@ -56,6 +55,11 @@ from rotorfit.model.parameters import INERTIA, INERTIA_COM
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std
 from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
+    from rotorfit.fit.experiment.experiment import MotorsEntry, Source
+    from rotorfit.fit.fit import Fit
 
 CHANGES_STD = 0.02
 """Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise
@@ -144,6 +148,8 @@ class Balance:
 
 def weigh_thrust(fit: Fit) -> Fit:
     """Take k_t from changes of thrust and from the weight, and the intervals at that k_t."""
+    from rotorfit.fit.fit_flights import allow_for_settings  # `inspect` weighs without a fit
+
     dataset, weighed = fit.dataset, _flights_of(fit)
     shares = thrust_shares(fit.numbers, dataset.vehicle)
     weight = kt_of_stretches(weighed, shares)
@@ -213,6 +219,8 @@ def kt_from_changes(fit: Fit) -> Measured | None:
     None where it is not identifiable so. Inflow and an altitude hold act on thrust alone, so that
     its own blocks, and not the scatter of turns, say how certain changes of thrust are.
     """
+    from rotorfit.fit.fit import refit
+
     names = [n for n in fit.estimate.estimate.names if n.startswith("accel_bias_z@")]
     begin = fit.estimate.estimate.by_name
     try:
@@ -226,6 +234,9 @@ def kt_from_changes(fit: Fit) -> Measured | None:
 
 def held_at(fit: Fit, kt: Measured) -> Fit:
     """Fit again with k_t held, and its uncertainty in every interval."""
+    from rotorfit.fit.fit import refit, shift_of
+    from rotorfit.fit.fit_flights import allow_for_settings
+
     known = {"kt": (kt.value, HELD_TO * kt.value)}
     begin = {**fit.estimate.estimate.by_name, "kt": kt.value}
     held = allow_for_settings(refit(fit, fit.dataset, begin=begin, known=known))

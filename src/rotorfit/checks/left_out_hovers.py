@@ -1,13 +1,17 @@
 """State where a log hovers on another thrust than in the part that is used."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.findings import Finding
-from rotorfit.fit.fit import Fit
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.parameters import EVERY
+
+if TYPE_CHECKING:
+    from rotorfit.fit.fit import Fit
 
 KIND: Final = "hovers-contradict"
 NUMBERS: Final = (

@@ -7,14 +7,20 @@ g(phi) comes from a few of them it is known as badly as from so few: with the sh
 Bell and McCaffrey, Survey Methodology 28, 2002).
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.banded_equations import decorrelated_solutions, lifted_slopes
 from rotorfit.estimation.banded_problem import solutions
 from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.reweighted import scatter_covariance
+
+if TYPE_CHECKING:
+    from rotorfit.estimation.banded import BandedEstimate
 
 
 def effective_blocks(

@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import ndimage
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded_problem import solved
@@ -28,8 +27,10 @@ from rotorfit.fit.reduction.frequency_bands import EDGES, banded_data
 from rotorfit.fit.reduction.reduce import split_segment
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.flight.airborne import MOTION_CUTOFF
+from rotorfit.flight.filters import correlate
 from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.flight.prepare import PreparedFlight
+from rotorfit.flight.signals import running_mean
 from rotorfit.model.signals import signal_matrix
 
 WINDOW: Final = 0.12
@@ -166,10 +167,18 @@ def noise_levels(errors: Float[np.ndarray, "n k"], sample_rate: float) -> Float[
     white = _whiten_errors(errors, sample_rate)
     if white is None:
         return np.ones(len(errors))
-    power = ndimage.gaussian_filter1d((white**2).mean(axis=1), WINDOW * sample_rate, mode="nearest")
+    power = _smooth_by_gaussian((white**2).mean(axis=1), WINDOW * sample_rate)
     level = np.sqrt(np.maximum(power, LEAST**2 * power.max()))
     found: Float[np.ndarray, " n"] = level / np.exp(np.log(level).mean())
     return found
+
+
+def _smooth_by_gaussian(values: Float[np.ndarray, " n"], width: float) -> Float[np.ndarray, " n"]:
+    """Average under a Gaussian of this deviation [samples], as if the ends went on."""
+    reach = int(4.0 * width + 0.5)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
+    wide = np.pad(values, reach, mode="edge")
+    return correlate(wide, weights / weights.sum())[2 * reach : 2 * reach + len(values)]
 
 
 def _whiten_errors(
@@ -183,7 +192,7 @@ def _whiten_errors(
     if len(motion) < FLAT:
         return None
     lines = np.fft.rfft(errors, axis=0)
-    power = ndimage.uniform_filter1d(np.abs(lines[motion]) ** 2, FLAT, axis=0, mode="nearest")
+    power = running_mean(np.abs(lines[motion]) ** 2, FLAT)
     if not (power > 0.0).all():
         return None
     white = np.zeros_like(lines)

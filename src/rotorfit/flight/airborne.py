@@ -16,13 +16,13 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import ndimage
 
 from rotorfit.errors import FlightError
 from rotorfit.findings import Finding, doubt
 from rotorfit.flight.signals import (
     central_difference,
     pieces,
+    running_mean,
     smooth,
     true_runs,
     whole_samples,
@@ -125,7 +125,7 @@ def fast_rows(motion: Motion, thrust: Float[np.ndarray, " n"]) -> Bool[np.ndarra
     inside = np.zeros(len(thrust), dtype=bool)
     for start, stop in motion.stretches:
         inside[start:stop] = True
-    level = ndimage.uniform_filter1d(np.where(inside, thrust, 0.0), window, mode="nearest")
+    level = running_mean(np.where(inside, thrust, 0.0), window)
     return inside & (thrust > 0.5 * level.max())
 
 
@@ -262,7 +262,7 @@ def _refuse_grounded(
 
 def take_drift_out(values: Float[np.ndarray, " m"], width: int) -> Float[np.ndarray, " m"]:
     """Subtract a running mean of this width from the values."""
-    return values - ndimage.uniform_filter1d(values, width, mode="nearest")
+    return values - running_mean(values, width)
 
 
 def following_share(
@@ -340,7 +340,7 @@ def _log_angular_acceleration(
     acceleration = central_difference(rates, sample_rate)
     power: Float[np.ndarray, " n"] = np.einsum("ni,ni->n", acceleration, acceleration)
     window = max(whole_samples(LEVEL_WINDOW * sample_rate), 1)
-    mean = ndimage.uniform_filter1d(power, window, mode="nearest")[stride // 2 :: stride]
+    mean = running_mean(power, window)[stride // 2 :: stride]
     floor = max(LEAST_LEVEL**2 * float(mean.max()), float(np.finfo(float).tiny))
     level: Float[np.ndarray, " m"] = 0.5 * np.log(np.maximum(mean, floor))
     return level

@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.kinematics import climb_velocity
@@ -37,7 +36,8 @@ class ImuTilt:
     def rotation_imu_to_body(self) -> Float[np.ndarray, "3 3"]:
         """Turns vectors of the IMU (FLU) into the rotors' axes."""
         # About y (left) a positive turn lowers the nose.
-        return Rotation.from_euler("XY", [self.roll, -self.pitch]).as_matrix()
+        (c, s), (C, S) = ((np.cos(angle), np.sin(angle)) for angle in (self.roll, -self.pitch))
+        return np.array([[C, 0.0, S], [s * S, c, -s * C], [-c * S, s, c * C]])
 
     @property
     def angle(self) -> float:

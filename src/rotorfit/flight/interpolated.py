@@ -11,7 +11,9 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import ndimage, special
+from scipy import special
+
+from rotorfit.flight.signals import running_mean
 
 TINY: Final = 1e-300
 
@@ -87,7 +89,7 @@ def _of_span(
         return None
     frequency = np.fft.rfftfreq(rows, 1.0 / sample_rate)
     top = min(HIGHEST, 0.25 * sample_rate, 0.5 / span)
-    bend /= np.maximum(ndimage.uniform_filter1d(bend, round(LEVEL * sample_rate)), 1e-9)
+    bend /= np.maximum(running_mean(bend, round(LEVEL * sample_rate), beyond="symmetric"), 1e-9)
     windows = 1.0 + OVERLAP * ((len(bend) - rows) // max(rows // 2, 1))
     power = _mean_power(bend, rows)
     chance = _chance_of_lines(power, windows)

@@ -19,8 +19,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import fft
-from scipy.spatial.transform import Rotation
 
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.filters import without_line
@@ -113,12 +111,12 @@ def motion_from_quaternions(
     dq, ddq = spline_derivatives(q, sample_rate)
     size: Float[np.ndarray, "n 1"] = (q * q).sum(axis=1, keepdims=True)
     velocity, acceleration = spline_derivatives(position, sample_rate)
-    to_body = Rotation.from_quat(np.roll(q, -1, axis=1)).inv()
+    attitude = q / np.sqrt(size)
     return BodyMotion(
-        specific_force=to_body.apply(acceleration + np.array([0.0, 0.0, GRAVITY])),
+        specific_force=rotated_back(attitude, acceleration + np.array([0.0, 0.0, GRAVITY])),
         angular_velocity=2.0 * _conjugate_times(q, dq) / size,
         angular_acceleration=2.0 * _conjugate_times(q, ddq) / size,
-        velocity=to_body.apply(velocity),
+        velocity=rotated_back(attitude, velocity),
     )
 
 
@@ -163,9 +161,10 @@ def _along_z(
     a -= a.mean(axis=0)
     v: Float[np.ndarray, "m 3"] = (np.cumsum(a, axis=0) - 0.5 * a) * step
     v = without_line(v)
-    lines: Float[np.ndarray, "m 3"] = np.asarray(fft.dct(v, axis=0, norm="ortho"))
+    # Cosines, as of a record that goes on backwards: its ends do not jump.
+    lines = np.fft.rfft(np.concatenate([v, v[::-1]]), axis=0)
     lines[: int(2.0 * SLOWEST * count * step) + 1] = 0.0
-    velocity: Float[np.ndarray, "m 3"] = np.asarray(fft.idct(lines, axis=0, norm="ortho"))
+    velocity = np.fft.irfft(lines, 2 * count, axis=0)[:count]
     along = rotated_back(attitude, velocity)[:, 2]
     middle = (np.arange(count) + 0.5) * group - 0.5
     return np.interp(np.arange(len(force)), middle, along)

@@ -15,8 +15,8 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
-from scipy.fft import next_fast_len
 
+from rotorfit.flight.filters import fast_length
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.logs.firmware import Filter, filters_on_board
 from rotorfit.logs.flight_log import FlightLog
@@ -134,7 +134,7 @@ def _filter_stretch(
     """Filter a stretch as if its first and last rows had stood before and after it."""
     pad = round(FADING * sample_rate)
     wide = np.pad(values, ((pad, pad), (0, 0)), mode="edge")
-    rows = next_fast_len(len(wide), real=True)
+    rows = fast_length(len(wide))
     wide = np.pad(wide, ((0, rows - len(wide)), (0, 0)), mode="edge")
     response = respond(np.fft.rfftfreq(rows, 1.0 / sample_rate))
     # The two ends of the circle differ: their step fades within the rows that are cut off.

@@ -5,7 +5,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import ndimage
 
 from rotorfit.flight.airborne import (
     DRIFT,
@@ -16,7 +15,7 @@ from rotorfit.flight.airborne import (
     following_share,
     take_drift_out,
 )
-from rotorfit.flight.signals import true_runs, whole_samples
+from rotorfit.flight.signals import running_mean, true_runs, whole_samples
 
 SHORTEST: Final = 5.0
 """Hover that counts [s]: no spooling up or down takes as long."""
@@ -69,7 +68,7 @@ def other_hovers(
     found: list[OtherHover] = []
     for start, stop in motion.stretches:
         window = min(whole_samples(SMOOTHED * rate), stop - start)
-        own = ndimage.uniform_filter1d(thrust[start:stop], max(window, 1), mode="nearest")
+        own = running_mean(thrust[start:stop], max(window, 1))
         flying = (own > LEAST_THRUST * level) & ~used[start:stop]
         for a, b in true_runs(flying):
             rows = slice(start + a, start + b)

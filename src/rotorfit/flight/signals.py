@@ -21,7 +21,6 @@ from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy import ndimage
 
 from rotorfit.flight.filters import (
     butterworth,
@@ -67,21 +66,19 @@ def hampel(
         return clean, spikes
     for column in range(values.shape[1]):
         x = values[:, column]
-        deviation = np.empty(len(x))
-        for rows in pieces(len(x)):
-            deviation[rows] = np.abs(x[rows] - _running_median(x, MEDIAN_WIDTH, rows))
+        deviation = np.abs(x - local_medians(x, MEDIAN_WIDTH, np.arange(len(x))))
         low, high = np.percentile(x, [1.0, 99.0])
         floor = max(0.4 * float(np.percentile(deviation, 95)), 1e-3 * float(high - low))
-        far = np.zeros(len(x), dtype=bool)
-        for rows in pieces(len(x)):
-            local = _running_median(deviation, SCALE_WIDTH, rows)
-            far[rows] = deviation[rows] > SPIKE_THRESHOLD * 1.4826 * np.maximum(local, floor)
+        # Few samples are far enough to need the median of the deviations around them.
+        far = deviation > SPIKE_THRESHOLD * 1.4826 * floor
+        rows = np.flatnonzero(far)
+        local = local_medians(deviation, SCALE_WIDTH, rows)
+        far[rows] = deviation[rows] > SPIKE_THRESHOLD * 1.4826 * local
         bad = _keep_sudden(x, far)
         if not bad.any():
             continue
         clean = values.copy() if clean is values else clean
-        for rows in pieces(len(x)):
-            clean[rows, column][bad[rows]] = _running_median(x, MEDIAN_WIDTH, rows)[bad[rows]]
+        clean[bad, column] = local_medians(x, MEDIAN_WIDTH, np.flatnonzero(bad))
         spikes |= bad
     return clean, spikes
 
@@ -109,14 +106,30 @@ def whole_samples(count: float) -> int:
     return int(np.floor(count + SLACK))
 
 
-def _running_median(
-    values: Float[np.ndarray, " n"], width: int, rows: slice
+def local_medians(
+    values: Float[np.ndarray, " n"], width: int, rows: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, " m"]:
-    """Compute the median over `width` samples around each of some rows."""
+    """Compute the median over an odd number of samples around each of some rows."""
     half = width // 2
-    first, last = max(rows.start - half, 0), min(rows.stop + half, len(values))
-    median = ndimage.median_filter(values[first:last], width, mode="nearest")
-    return median[rows.start - first : rows.stop - first]
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, half, mode="edge"), width)
+    found = np.empty(len(rows))
+    for part in pieces(len(rows)):
+        found[part] = np.partition(windows[rows[part]], half, axis=1)[:, half]
+    return found
+
+
+def running_mean(
+    values: Float[np.ndarray, "..."],
+    width: int,
+    *,
+    beyond: Literal["edge", "symmetric"] = "edge",
+) -> Float[np.ndarray, "..."]:
+    """Average over `width` samples around each; beyond the ends stand those, or a mirror image."""
+    before = width // 2
+    around = ((before, width - before - 1), *((0, 0) for _ in values.shape[1:]))
+    sums = np.cumsum(np.pad(values, around, mode=beyond), axis=0)
+    sums[width:] -= sums[:-width].copy()
+    return np.asarray(sums[width - 1 :] / width)
 
 
 def central_difference(

@@ -8,7 +8,8 @@ from typing import Final
 
 from rotorfit.sheet import wrapped
 from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre, Stick
-from rotorfit.tools.planning.next_step import NextStep, best_manoeuvre, next_step
+from rotorfit.tools.planning.advised_step import NextStep
+from rotorfit.tools.planning.next_step import best_manoeuvre, next_step
 from rotorfit.tools.planning.plan import SCHEDULES, FlightPlan
 from rotorfit.tools.planning.vehicle import payload_rotors
 from rotorfit.tools.planning.wanted import IN_MM, WANTABLE, Candidate, ScheduleName, shown_width

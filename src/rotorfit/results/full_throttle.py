@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from rotorfit.estimation.measured import Measured
+from rotorfit.estimation.root import root_between
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.fit.intervals.interval_terms import (
@@ -61,7 +62,6 @@ class FullLoad:
     @property
     def voltage(self) -> float:
         """The voltage at which battery and motors agree [V]."""
-        from scipy.optimize import brentq  # slow to import
 
         def beyond(voltage: float) -> float:
             cubed = np.asarray(self.speed_at(voltage) ** 3)
@@ -70,7 +70,7 @@ class FullLoad:
 
         rest = self.sag.at_load(0.0)
         lowest = EMPTY * rest
-        return float(brentq(beyond, lowest, rest)) if beyond(lowest) > 0.0 else lowest
+        return root_between(beyond, lowest, rest) if beyond(lowest) > 0.0 else lowest
 
     @property
     def thrust(self) -> float:

@@ -1,15 +1,20 @@
 """The sensors and their errors, and the flight as simulated and as they logged it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial.transform import Rotation
 
 from rotorfit.flight.filters import first_order_recursion
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.simulation.body import rotation, times
 from rotorfit.simulation.truth import Truth
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,11 +198,14 @@ class SimulatedFlight:
     @property
     def velocity_body(self) -> Float[np.ndarray, "n 3"]:
         """Velocity of the body origin, body axes [m/s]."""
-        return self.rotation_body_to_world.inv().apply(self.velocity)
+        w, x, y, z = self.attitude_wxyz.T
+        return np.column_stack(times(rotation((w, -x, -y, -z)), tuple(self.velocity.T)))
 
 
 def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> SimulatedFlight:
     """Measure the same flight by other sensors or with other noise."""
+    from scipy.spatial.transform import Rotation  # slow to import
+
     rngs = _seed_generators(seed)
     s, place = sensors, flight.vehicle.imu_position or (0.0, 0.0, 0.0)
     a, w = flight.specific_force, flight.angular_velocity
@@ -280,6 +288,8 @@ def _mocap_frames(
 
 def from_wxyz(attitude_wxyz: Float[np.ndarray, "n 4"]) -> Rotation:
     """Convert quaternions with the scalar first to rotations."""
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_quat(np.roll(attitude_wxyz, -1, axis=1))
 
 

@@ -8,10 +8,12 @@ At its lowest and highest command a motor does what its law does not say: it coa
 the battery has. Where commands tell the speed, those two speeds are as open as that.
 """
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -19,15 +21,18 @@ from jaxtyping import Float
 from rotorfit.checks.kt_from_weight import HELD_TO, kt_from_weight, kt_of, open_law
 from rotorfit.digits import short
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight, with_prepared
-from rotorfit.fit.experiment.law_table import LawEntry, bent_speed
-from rotorfit.fit.fit import Fit, shift_of
+from rotorfit.fit.experiment.law_table import bent_speed
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.flight.motors.motor_model import with_motors
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.parameters import EVERY
+
+if TYPE_CHECKING:
+    from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight
+    from rotorfit.fit.experiment.law_table import LawEntry
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 Speeds = Float[np.ndarray, "n N"]
 Change = Callable[[Speeds, Float[np.ndarray, "m N"]], Speeds]
@@ -36,6 +41,8 @@ Change = Callable[[Speeds, Float[np.ndarray, "m N"]], Speeds]
 
 def with_other_speeds(dataset: TimedDataset, change: Change) -> TimedDataset:
     """Return the flights with other speeds of the motor channel, before lag and delay."""
+    from rotorfit.fit.dataset.dataset import with_prepared
+
     return with_prepared(dataset, lambda prepared: _change_speeds(prepared, dataset, change))
 
 
@@ -56,6 +63,8 @@ def _change_speeds(
 
 def shift_by_speeds(fit: Fit, other: TimedDataset) -> Float[np.ndarray, " q"]:
     """Compute the shift of the numbers with other speeds, and of k_t with the weight they carry."""
+    from rotorfit.fit.fit import shift_of
+
     weights = [
         kt_from_weight(one.configurations, one.vehicle, source=one.source, timing=one.timing)
         for one in (fit.dataset, other)

@@ -4,16 +4,20 @@ A vehicle of twice the mass hovers on twice the thrust, whatever the acceleromet
 squared speeds of the law that is assumed must be as the masses.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.checks.kt_from_weight import kt_from_weight
 from rotorfit.estimation.measured import Measured
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.flight.flight_data import FlightData
+
+if TYPE_CHECKING:
+    from rotorfit.fit.fit import Fit
 
 HOVERS_STD: Final = 0.02
 """Deviation of the thrust of one command between flights, as a share: air, propellers, tilt."""

@@ -21,9 +21,11 @@ A law by a setting of the firmware (MOT_THST_EXPO, THR_MDL_FAC) is a default tha
 measured: real motors have powers of it, with a deviation of `STATED_STD`.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -33,14 +35,17 @@ from rotorfit.checks.motors.hovers_by_mass import exponent_share_by_masses, rms_
 from rotorfit.digits import with_half
 from rotorfit.estimation.distributions import normal_density, normal_tail
 from rotorfit.estimation.measured import Measured, combine_scales
+from rotorfit.estimation.root import root_between
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.dataset.dataset import Kind, with_flights
-from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, bent, bent_speed
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.reduction.frequency_bands import retimed
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import EVERY
+
+if TYPE_CHECKING:
+    from rotorfit.fit.dataset.dataset import Kind
+    from rotorfit.fit.experiment.experiment import MotorsEntry
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 USUAL: Final = Measured(value=0.8, std=0.2)
 """Exponent of the speed over the command before the flight: thrust goes with the command's power of
@@ -105,7 +110,7 @@ class Trial:
     power: float
     shown: Measured | None
 
-    def growth_since(self, other: "Trial") -> float:
+    def growth_since(self, other: Trial) -> float:
         """Return the growth of the exponent that a fit shows with the exponent that it assumes."""
         if self.shown is None or other.shown is None:
             return 0.0
@@ -220,7 +225,7 @@ class FoundLaw:
         return abs(self.step) < max(near * self.exponent.std, LEAST * self.exponent.value)
 
     @property
-    def fitted(self) -> "FoundLaw":
+    def fitted(self) -> FoundLaw:
         """The law that the last fit was made with, and how well it is known."""
         power = self.trial.power
         if self.given is None:
@@ -433,10 +438,8 @@ def mixed(
             for side in (-1.0, 1.0)
         )
 
-    from scipy.optimize import brentq  # slow to import
-
     farthest = max(abs(one.value - mean) + 3.0 * one.std for _, one in both)
-    return Measured(value=mean, std=float(brentq(beyond, 0.0, farthest)) / 1.96)
+    return Measured(value=mean, std=root_between(beyond, 0.0, farthest) / 1.96)
 
 
 def with_found_law(dataset: TimedDataset, found: FoundLaw) -> TimedDataset:
@@ -456,4 +459,6 @@ def with_law(dataset: Kind, law: LawEntry) -> Kind:
         return motors.model_copy(update={"law": law})
 
     dataset = replace(dataset, motors=with_it(dataset.motors))
+    from rotorfit.fit.dataset.dataset import with_flights  # `inspect` needs no data set
+
     return with_flights(dataset, lambda flight: replace(flight, motors=with_it(flight.motors)))

@@ -1,11 +1,11 @@
 """Check that the log has the signals and rates that the numbers need."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.findings import Finding, note
-from rotorfit.fit.dataset.dataset import LoadedFlight
-from rotorfit.fit.fit import Fit
 from rotorfit.flight.flight_checks import ENOUGH_RATE, LEAST_RATE
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.logs.firmware import (
@@ -20,6 +20,10 @@ from rotorfit.logs.firmware import (
 from rotorfit.logs.flight_log import LEAVES_OUT, FlightLog
 from rotorfit.model.parameters import EVERY
 from rotorfit.model.terms.rotors import ROTOR_SPREAD
+
+if TYPE_CHECKING:
+    from rotorfit.fit.dataset.dataset import LoadedFlight
+    from rotorfit.fit.fit import Fit
 
 TOO_SLOW: Final = "log-too-slow"
 NO_ROTOR_SPEED: Final = "no-rotor-speed"

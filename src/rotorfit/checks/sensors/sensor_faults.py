@@ -10,22 +10,25 @@ variance (errors in variables).
 A sensor at the end of its range cuts off what is faster or harder: that no interval covers.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.findings import Finding, doubt_or_passed
-from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.timing.timed_dataset import TimedDataset
-from rotorfit.fit.timing.timing_fit import filter_delay, lowpass_of
 from rotorfit.logs.formats import FORMATS
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.model.terms.air import VELOCITY
+
+if TYPE_CHECKING:
+    from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 FLOWN_AT: Final = 3.0
 """About where quick rolls and nods are [Hz]."""
@@ -48,6 +51,8 @@ PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
 
 def lowpass_sentence(dataset: TimedDataset) -> str | None:
     """Explain that the motors' times include the delay of a low-pass; None if there is none."""
+    from rotorfit.fit.timing.timing_fit import filter_delay, lowpass_of  # `inspect` fits nothing
+
     cutoff = lowpass_of(dataset)
     if dataset.motor_timing is None or dataset.motors.speed == "measured":
         return None
@@ -80,6 +85,8 @@ def allow_for_gyro_lowpass(fit: Fit) -> Fit:
 
 def lowpass_term(numbers: Numbers, dataset: TimedDataset) -> IntervalTerm:
     """Return the term of inertia and places by taking a low-pass of the gyro for a motor lag."""
+    from rotorfit.fit.timing.timing_fit import lowpass_of
+
     cutoff, timing = lowpass_of(dataset), dataset.timing
     half = np.zeros(len(numbers.names))
     term = IntervalTerm(

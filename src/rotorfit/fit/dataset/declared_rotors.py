@@ -7,12 +7,14 @@ order. Where another one explains the flight much better, or the motors explain 
 of the declared rotors does, the declaration is wrong and every number would be.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import permutations
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import scipy.linalg
@@ -20,7 +22,6 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
-from rotorfit.fit.dataset.dataset import LoadedFlight
 from rotorfit.fit.dataset.plausible_units import refuse_implausible_size
 from rotorfit.fit.dataset.response_signals import (
     CLEAR,
@@ -30,13 +31,16 @@ from rotorfit.fit.dataset.response_signals import (
     square_columns,
 )
 from rotorfit.fit.dataset.turned_imu import refuse_turned
-from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.reduction.frequency_bands import prepared_bands
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.flight.imu_tilt import LEAST_TILT, mean_force_tilt, tilt_phrase
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import LAYOUTS, Rotor, Vehicle, layout_rotors, reversed_rotor
+
+if TYPE_CHECKING:
+    from rotorfit.fit.dataset.dataset import LoadedFlight
+    from rotorfit.fit.experiment.experiment import MotorsEntry
 
 BETTER = 0.6
 """Log of how many times less another declaration leaves unexplained, summed over the axes."""
@@ -74,7 +78,7 @@ class Response:
         """Whether at least two axes are explained: one may be so by chance in a gusty hover."""
         return int((self.shares > CLEAR).sum()) >= 2
 
-    def gain_over(self, other: "Response") -> float:
+    def gain_over(self, other: Response) -> float:
         """Compute the factor by which the unexplained part is smaller, see `BETTER`."""
         left = np.maximum(1.0 - np.array([other.shares, self.shares]), NEGLIGIBLE)
         return float(np.log(left[0] / left[1]).sum())

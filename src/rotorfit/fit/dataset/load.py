@@ -46,8 +46,6 @@ from rotorfit.fit.reduction.frequency_bands import EDGES
 from rotorfit.flight.decimate import as_recorded, decimated
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.imu_tilt import levelled
-from rotorfit.flight.mocap.align import with_poses
-from rotorfit.flight.mocap.prepare_mocap import prepare_mocap
 from rotorfit.flight.motors.battery_sag import BatterySag, battery_sag
 from rotorfit.flight.motors.command_response import (
     command_responses,
@@ -352,11 +350,15 @@ def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     responses = command_responses(log, excluded=unresponsive) if seen else ()
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
+        from rotorfit.flight.mocap.align import with_poses
+
         log = with_poses(log, recording)
     window, count = (entry.start, entry.end), len(vehicle.rotors)
     battery, command = log.channels.get("battery"), log.channels.get("command")
     motor_log = motor_channels_of(log) if seen else None
     if source == "mocap":
+        from rotorfit.flight.mocap.prepare_mocap import prepare_mocap
+
         prepared = prepare_mocap(
             log, rotor_count=count, arm=vehicle.arm, motors=motor_model, window=window
         )

@@ -36,7 +36,6 @@ from rotorfit.fit.experiment.toml_files import (
 )
 from rotorfit.logs.columns import NAMES
 from rotorfit.logs.flight_log import LagOn
-from rotorfit.logs.proposal import explains_itself
 from rotorfit.logs.read import format_of
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -404,6 +403,8 @@ def with_columns(flight: FlightEntry, table: TableEntry | None) -> FlightEntry:
 
 def _is_unknown_table(path: Path) -> bool:
     """Decide whether a file is a table whose columns do not carry rotorfit's own names."""
+    from rotorfit.logs.proposal import explains_itself  # for tables alone
+
     form = format_of(path)
     try:
         return form is not None and form.name == "table" and not explains_itself(path)

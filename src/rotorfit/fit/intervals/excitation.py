@@ -4,7 +4,10 @@ Disturbances, which an autopilot works against, pull every estimate of an axis b
 this ratio.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -12,8 +15,10 @@ from jaxtyping import Float, Int
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import Factors, flights_of
 from rotorfit.fit.intervals.numbers import AXES, LEAST_EXCITATION
-from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.reduction.frequency_bands import in_pilot_band
+
+if TYPE_CHECKING:
+    from rotorfit.fit.joint.joint_problem import JointConfiguration
 
 
 def excitation(

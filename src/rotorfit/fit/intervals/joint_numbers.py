@@ -19,7 +19,6 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial.transform import Rotation
 
 from rotorfit.estimation.banded import (
     BandedEstimate,
@@ -48,7 +47,7 @@ from rotorfit.fit.intervals.excitation import (
     weighed_excitation,
 )
 from rotorfit.fit.intervals.interval_terms import IntervalTerm, combined_half_width
-from rotorfit.fit.intervals.numbers import Numbers, correlation_of, hover_speed
+from rotorfit.fit.intervals.numbers import FEWEST_PHASES, Numbers, correlation_of, hover_speed
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
@@ -64,8 +63,6 @@ from rotorfit.model.parameters import (
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.model.terms.rotors import IMU_MOUNTING
 
-FEWEST_PHASES = 3
-"""Whose scatter is informative."""
 MOST_LEVERAGE = 4.0
 """Leverage of a phase that has three quarters of the information."""
 FEWEST_FLIGHTS = 3
@@ -330,7 +327,7 @@ def physical(
     spread = spread_names(configurations[0].vehicle)
     for i in range(len(spread) if set(spread) <= set(p) else 0):
         out[f"kt_{i + 1}"] = p["kt"] + float(theta[0, index(f"kt_{i + 1}")])
-    turn = Rotation.from_rotvec([p.get(name, 0.0) for name in IMU_MOUNTING.names]).as_matrix()
+    turn = rotation_by_vector(np.array([p.get(name, 0.0) for name in IMU_MOUNTING.names]))
     for c, configuration in enumerate(configurations):
         own = {
             name.removesuffix(f"@{configuration.name}"): value
@@ -345,6 +342,15 @@ def physical(
         )
         out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
     return out
+
+
+def rotation_by_vector(vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    """Compute the matrix of a turn about a vector by its length [rad] (Rodrigues)."""
+    x, y, z = vector
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = float(np.linalg.norm(vector))
+    # sin(a) / a and (1 - cos(a)) / a^2, which hold at zero as well.
+    return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * K @ K
 
 
 def turned_moments(

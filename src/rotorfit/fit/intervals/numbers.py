@@ -39,6 +39,8 @@ from rotorfit.model.parameters import EVERY, FIRST_MOMENTS
 from rotorfit.model.terms.term import Motion, Size
 from rotorfit.model.vehicle import Vehicle
 
+FEWEST_PHASES: Final = 3
+"""Fewest phases of a flight whose scatter is informative."""
 INERTIA_BIAS: Final = 2.5
 CLOSED_LOOP_BIAS: Final = 1.0
 RATIO_BIAS: Final = 1.5

@@ -11,7 +11,7 @@ from rotorfit.estimation.dispersion import Dispersion, dispersion_of_parts, pool
 from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.effective_blocks import effective_count
 from rotorfit.estimation.reweighted import BandedFit
-from rotorfit.fit.intervals.joint_numbers import FEWEST_PHASES
+from rotorfit.fit.intervals.numbers import FEWEST_PHASES
 from rotorfit.fit.row_fits import ROWS, RowFits, block_diagonal
 
 

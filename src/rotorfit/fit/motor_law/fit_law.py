@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import ndimage
 
 from rotorfit.errors import EstimationError
 from rotorfit.fit.motor_law.block_jackknife import FEWEST_BLOCKS
@@ -35,6 +34,7 @@ from rotorfit.fit.motor_law.form_fit import (
     with_commands,
 )
 from rotorfit.fit.motor_law.law_model import FORMS, Layout
+from rotorfit.flight.filters import correlate
 from rotorfit.flight.motors.command_response import (
     MeasuredResponse,
     response_spans,
@@ -267,13 +267,22 @@ def _slow_shift(recording: Recording, fit: LawFit) -> Float[np.ndarray, " p"]:
     """
     rows = round(1.0 / (SLOW * float(np.median(np.diff(recording.time)))))
     window = np.hanning(rows + 2)
-    slopes = np.asarray(ndimage.convolve1d(fit.slopes, window, axis=1), dtype=float)
-    residuals = np.asarray(ndimage.convolve1d(fit.residuals, window, axis=0), dtype=float)
+    slopes = np.array([_moving_sums(row, window) for row in fit.slopes])
+    residuals = _moving_sums(fit.residuals, window)
     size: Float[np.ndarray, " p"] = np.linalg.norm(slopes, axis=1)
     size[size == 0.0] = 1.0
     scaled: Float[np.ndarray, "m p"] = slopes.T / size
     moved: Float[np.ndarray, " p"] = np.linalg.lstsq(scaled, residuals)[0] / size
     return moved
+
+
+def _moving_sums(
+    values: Float[np.ndarray, " n"], window: Float[np.ndarray, " w"]
+) -> Float[np.ndarray, " n"]:
+    """Weight the values around each by a window; beyond the ends stands their mirror image."""
+    before = (len(window) - 1) // 2
+    wide = np.pad(values, (before, len(window) - 1 - before), mode="symmetric")
+    return correlate(wide, window)[len(window) - 1 :][: len(values)]
 
 
 def _command_noise(logged: Recording) -> float:

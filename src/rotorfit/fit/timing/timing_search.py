@@ -6,17 +6,21 @@ answer to gusts and to the noise of its own gyro, which comes later than they do
 for a delay (8 ms in simulation, where there was none).
 """
 
+from __future__ import annotations
+
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, or_every, slow_bands
 from rotorfit.fit.row_fits import angular_log_likelihood, excited_turns, turn_ratios, turned_flights
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.flight.motors.motor_model import MotorResponse
+
+if TYPE_CHECKING:
+    from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 DELAYS_TRIED: Final[Mapping[str, tuple[float, float, int]]] = {
     "imu": (-0.012, 0.012, 7),

@@ -26,16 +26,15 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import ndimage
-from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.clocks import FEWEST_SAMPLES, usable_samples
-from rotorfit.flight.kinematics import continuous_quaternions
+from rotorfit.flight.kinematics import continuous_quaternions, rotated, rotated_back
 from rotorfit.flight.signals import (
     SCALE_WIDTH,
     SPIKE_THRESHOLD,
+    local_medians,
     low_pass,
     spline_derivatives,
     whole_samples,
@@ -66,7 +65,9 @@ def without_spikes(
     inner[REACH:-REACH] = near[:-3] & near[1:-2] & near[2:-1] & near[3:]
     for _ in range(MOST_PASSES):
         off, limit = _off_and_limit(clean, inner)
-        peaks = np.flatnonzero((off > limit) & (off >= ndimage.maximum_filter1d(off, 5)))
+        wide = np.pad(off, REACH)
+        highest = np.lib.stride_tricks.sliding_window_view(wide, 2 * REACH + 1).max(axis=1)
+        peaks = np.flatnonzero((off > limit) & (off >= highest))
         returned = [int(i) for i in peaks if _jumped_alone(clean, int(i), limit)]
         if not returned:
             break
@@ -81,12 +82,24 @@ def _off_and_limit(
     values: Float[np.ndarray, "n k"], inner: Bool[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Compute each frame's distance from the cubic, and the limit of a spike."""
-    cubic = ndimage.correlate1d(values, CUBIC, axis=0, mode="nearest")
+    cubic = _cubic_of_neighbours(values)
     off = np.where(inner, np.linalg.norm(values - cubic, axis=1), 0.0)
-    usual = ndimage.median_filter(off, SCALE_WIDTH, mode="nearest")
     # Quiet stretches between lively ones: as for the gyro, never much below the column's own.
     floor = 0.4 * float(np.percentile(off, 95)) + np.finfo(float).tiny
-    return off, SPIKE_THRESHOLD * 1.4826 * np.maximum(usual, floor)
+    limit = np.full(len(off), SPIKE_THRESHOLD * 1.4826 * floor)
+    # The median of the frames around matters about frames that are far alone.
+    near_far = np.convolve(off > limit, np.ones(4 * REACH + 1), "same") > 0.0
+    rows = np.flatnonzero(near_far)
+    usual = local_medians(off, SCALE_WIDTH, rows)
+    limit[rows] = SPIKE_THRESHOLD * 1.4826 * np.maximum(usual, floor)
+    return off, limit
+
+
+def _cubic_of_neighbours(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
+    """Compute the middle of the cubic through the neighbours of every frame."""
+    wide = np.pad(values, ((REACH, REACH), (0, 0)), mode="edge")
+    near = [wide[k : k + len(values)] for k in range(2 * REACH + 1)]
+    return np.add.reduce([weight * part for weight, part in zip(CUBIC, near, strict=True)])
 
 
 def _jumped_alone(values: Float[np.ndarray, "n k"], i: int, limit: Float[np.ndarray, " n"]) -> bool:
@@ -94,7 +107,7 @@ def _jumped_alone(values: Float[np.ndarray, "n k"], i: int, limit: Float[np.ndar
     first, stop = max(i - 2 * REACH, 0), min(i + 2 * REACH + 1, len(values))
     trial = values[first:stop].copy()
     trial[i - first] = CUBIC @ values[i - REACH : i + REACH + 1]
-    cubic = ndimage.correlate1d(trial, CUBIC, axis=0, mode="nearest")
+    cubic = _cubic_of_neighbours(trial)
     off = np.linalg.norm(trial - cubic, axis=1)
     return bool((off < limit[first:stop])[REACH:-REACH].all())
 
@@ -256,7 +269,7 @@ def restamped(time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     period = float(np.median(steps))
     number = np.concatenate([[0.0], np.cumsum(1.0 + _count_lost_frames(time, period))])
     off = time - period * number
-    due = ndimage.median_filter(off, NEIGHBOURS, mode="nearest")
+    due = local_medians(off, NEIGHBOURS, np.arange(len(off)))
     stray = np.abs(off - due) > STRAY * period
     if not 0.0 < float(stray.mean()) <= IRREGULAR_SHARE:
         return time
@@ -394,7 +407,7 @@ def _in_body(
     known: Bool[np.ndarray, " n"] = (time >= attitude.time[0]) & (time <= attitude.time[-1])
     time, world = time[known], world[known]
     between = _interpolate_between(time, attitude.time, q)
-    body = Rotation.from_quat(between[:, [1, 2, 3, 0]]).apply(world, inverse=True)
+    body = rotated_back(between / np.linalg.norm(between, axis=1, keepdims=True), world)
     return Channel(time=time, values=body, source=source)
 
 
@@ -432,14 +445,14 @@ def _between_positions(log: FlightLog) -> Channel | None:
     if len(fixes) < FEWEST or near.sum() < FEWEST:
         return None
     turned = _interpolate_attitude(time, attitude)
-    force = turned.apply(accel.values[turning])
+    force = rotated(turned, accel.values[turning])
     position = without_spikes(fixes, place.values[fresh])[0]
     world = _integrate_velocity(time, force, fixes, position, near)
     if world is None:
         return None
     return Channel(
         time=time[near],
-        values=turned.apply(world, inverse=True)[near],
+        values=rotated_back(turned, world)[near],
         source=f"{place.source}, with {accel.source} between, turned by {attitude.source}",
     )
 
@@ -456,11 +469,13 @@ def _mark_near_fixes(
     return distance <= LONGEST_CARRIED
 
 
-def _interpolate_attitude(at: Float[np.ndarray, " n"], attitude: Channel) -> Rotation:
-    """Interpolate the rotation from the body to the world at other times."""
+def _interpolate_attitude(
+    at: Float[np.ndarray, " n"], attitude: Channel
+) -> Float[np.ndarray, "n 4"]:
+    """Interpolate the rotation from the body to the world at other times, as quaternions."""
     q = continuous_quaternions(attitude.values)
-    between = np.column_stack([np.interp(at, attitude.time, q[:, k]) for k in (1, 2, 3, 0)])
-    return Rotation.from_quat(between)
+    between = np.column_stack([np.interp(at, attitude.time, q[:, k]) for k in range(4)])
+    return between / np.linalg.norm(between, axis=1, keepdims=True)
 
 
 def _integrate_velocity(

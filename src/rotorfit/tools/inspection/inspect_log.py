@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.checks.left_out_hovers import contradicting_hovers
-from rotorfit.checks.motors.law_from_flight import STATED, stated_sentence
 from rotorfit.checks.sensors.log_settings import better_log
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.findings import Evidence, Finding, doubt, note, sentences
@@ -20,7 +19,6 @@ from rotorfit.fit.dataset.plausible_units import (
     gravity_seen,
     gyro_in_degrees,
 )
-from rotorfit.fit.experiment.law_table import law_entry_of
 from rotorfit.flight.mocap.camera import camera_clock
 from rotorfit.flight.motors.rotor_telemetry import Telemetry, telemetry
 from rotorfit.flight.prepare import PreparedFlight
@@ -44,7 +42,7 @@ from rotorfit.tools.inspection.pictures import LogPictures, log_pictures
 from rotorfit.tools.inspection.prospects import Prospects, foreseen_step, prospects
 from rotorfit.tools.inspection.recording import ChannelReport, Vibration, settings_for, vibration
 from rotorfit.tools.inspection.spectra import Sweep, frequency_sweeps
-from rotorfit.tools.planning.next_step import NextStep, next_step
+from rotorfit.tools.planning.advised_step import NextStep
 
 if TYPE_CHECKING:
     from rotorfit.fit.experiment.experiment import FlightEntry
@@ -208,6 +206,8 @@ def _next_step(
 ) -> NextStep | None:
     """Choose the next step: the one of the identification, else the predicted one."""
     if look.result is not None:
+        from rotorfit.tools.planning.next_step import next_step  # brings what a plan needs
+
         return next_step(look.result)
     if look.prepared is None:
         needed = better_log(look.log, lacking - NO_SPEED - NO_BATTERY)
@@ -229,8 +229,12 @@ def _predict_prospects(
     if prepared is None:
         return None, None
     commanded = "rotor_speed" not in log.channels
+    law = None
+    if log.motors is not None:
+        from rotorfit.fit.experiment.law_table import law_entry_of  # slow to import
+
+        law = law_entry_of(log.motors)
     try:
-        law = None if log.motors is None else law_entry_of(log.motors)
         found = prospects(prepared, expected_response(log, late), commanded=commanded, law=law)
         return replace(found, motors=found.motors and name_in_usual_order(log, found.motors)), None
     except (FlightError, EstimationError) as error:
@@ -387,6 +391,8 @@ def _stated_law(look: _Look) -> Iterator[Finding]:
     if motors is None or motors.exact or foreseen is None or look.result is not None:
         return
     if foreseen.commanded:
+        from rotorfit.checks.motors.law_from_flight import STATED, stated_sentence
+
         shown = "one flight at one weight hardly shows whether they are right"
         sentence = stated_sentence(motors.words, foreseen.thrust.law_full, shown=shown)
         yield note(STATED, sentence, numbers=("thrust_to_weight", "max_thrust"))

@@ -1,8 +1,10 @@
 """Predict cheaply what one log can show: kt, excitation of each axis, and the motor order."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -31,7 +33,6 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.dataset.carried_weight import carrying_stretches
 from rotorfit.fit.dataset.weight_balance import turning
-from rotorfit.fit.experiment.law_table import LawEntry
 from rotorfit.fit.intervals.excitation import enough_by_weight, mean_ratios, pilots_rows
 from rotorfit.fit.intervals.numbers import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.intervals.row_scatter import row_half_widths
@@ -47,8 +48,6 @@ from rotorfit.flight.signals import smooth
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.results.result import Verdict
-from rotorfit.simulation.pilot import Manoeuvre
 from rotorfit.tools.inspection.flown_part import tried_response
 from rotorfit.tools.inspection.guessed_rotors import confirmed_motors, guessed_vehicles
 from rotorfit.tools.inspection.lag_search import (
@@ -60,7 +59,12 @@ from rotorfit.tools.inspection.lag_search import (
     turn_likelihood,
 )
 from rotorfit.tools.inspection.motor_lateness import LOW_PASS
-from rotorfit.tools.planning.next_step import NextStep
+from rotorfit.tools.planning.advised_step import NextStep
+
+if TYPE_CHECKING:
+    from rotorfit.fit.experiment.law_table import LawEntry
+    from rotorfit.results.result import Verdict
+    from rotorfit.simulation.pilot import Manoeuvre
 
 Axis = Literal["roll", "pitch", "yaw"]
 Prospect = Literal["well", "roughly", "not"]

@@ -6,8 +6,8 @@ that matters is known.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Final, Literal
+from dataclasses import replace
+from typing import Final
 
 from rotorfit.checks.left_out_hovers import KIND as CONTRADICTING
 from rotorfit.checks.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
@@ -20,6 +20,7 @@ from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
 from rotorfit.simulation.pilot import Manoeuvre
 from rotorfit.tools.planning import bound
+from rotorfit.tools.planning.advised_step import Kind, NextStep
 from rotorfit.tools.planning.after import (
     AS_GOOD,
     LACKING,
@@ -58,40 +59,6 @@ MOST_OF_IT: Final = 0.5
 """Share of a squared interval over which a contribution decides it."""
 NAMED: Final = 2
 """How many of the numbers that a manoeuvre sharpens are named."""
-Kind = Literal["log", "declare", "fly", "done"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NextStep:
-    """The one thing to do next.
-
-    Attributes
-    ----------
-    kind
-        ``log``: set the log; ``declare``: mend what was declared, or the vehicle; ``fly``: a
-        manoeuvre; ``done``: nothing that a simple flight betters.
-    action
-        What to do.
-    because
-        Why this comes before any flying; None for the others.
-    gain
-        What it gives, such as ``kd from +-18 to +-6 %``; None if that is not predicted.
-    numbers
-        Names of the numbers that it is for.
-    """
-
-    kind: Kind
-    action: str
-    because: str | None = None
-    gain: str | None = None
-    numbers: tuple[str, ...] = ()
-
-    @property
-    def sentence(self) -> str:
-        """All of it in one sentence."""
-        gain = "" if self.gain is None else f" (gives {self.gain})"
-        because = "" if self.because is None else f", because {self.because}"
-        return f"{self.action}{gain}{because}"
 
 
 def next_step(result: IdentificationResult, *, predicted: Finding | None = None) -> NextStep:

@@ -1,0 +1,39 @@
+"""The one thing to do next with a vehicle, as `next_step` chooses it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["log", "declare", "fly", "done"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NextStep:
+    """The one thing to do next.
+
+    Attributes
+    ----------
+    kind
+        ``log``: set the log; ``declare``: mend what was declared, or the vehicle; ``fly``: a
+        manoeuvre; ``done``: nothing that a simple flight betters.
+    action
+        What to do.
+    because
+        Why this comes before any flying; None for the others.
+    gain
+        What it gives, such as ``kd from +-18 to +-6 %``; None if that is not predicted.
+    numbers
+        Names of the numbers that it is for.
+    """
+
+    kind: Kind
+    action: str
+    because: str | None = None
+    gain: str | None = None
+    numbers: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one sentence."""
+        gain = "" if self.gain is None else f" (gives {self.gain})"
+        because = "" if self.because is None else f", because {self.because}"
+        return f"{self.action}{gain}{because}"
