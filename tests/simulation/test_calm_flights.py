@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import ExperimentError
-from rotorfit.simulation import Scenario, Truth, paper_vehicle, simulate_flight
+from rotorfit.simulation import Scenario, Truth, calm_flights, paper_vehicle, simulate_flight
 from rotorfit.simulation.calm_flights import simulate_calm_flights
 from rotorfit.simulation.pilot import MANOEUVRES
 from rotorfit.tools.planning.after import PRACTICE
@@ -49,6 +49,26 @@ def test_the_error_falls_with_the_square_of_the_step() -> None:
         return float(np.abs(flight.angular_velocity - alone.angular_velocity).max())
 
     assert error(400.0) < 0.1 * error(100.0)
+
+
+def test_pieces_fly_as_the_whole_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = Scenario(seconds=12.0, sample_rate=100.0)
+    sticks = [MANOEUVRES[manoeuvre] for manoeuvre in PRACTICE]
+    whole = simulate_calm_flights(TRUTH, PAPER.vehicle, scenario, sticks=sticks, seed=3)
+    steps: list[int] = []
+    advance = calm_flights._advance_step
+
+    def counted(*given: object) -> None:
+        steps.append(1)
+        advance(*given)
+
+    monkeypatch.setattr(calm_flights, "_advance_step", counted)
+    pieces = simulate_calm_flights(TRUTH, PAPER.vehicle, scenario, sticks=sticks, seed=3, piece=2.0)
+    assert len(steps) == round((2.0 + calm_flights.SETTLING) * 100.0)
+    rates = [(p.angular_velocity, q.angular_velocity) for p, q in zip(whole, pieces, strict=True)]
+    usual = max(float(np.linalg.norm(right)) for right, _ in rates)
+    for right, found in rates:
+        assert np.linalg.norm(found - right) < 0.06 * usual
 
 
 @pytest.mark.parametrize(

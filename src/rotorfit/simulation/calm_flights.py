@@ -26,6 +26,11 @@ CALM: Final = frozenset(
     | {"disturbance_bandwidth"}
 )
 """Fields of `Truth` that a calm flight may have; all others must be as they are by default."""
+SETTLING: Final = 4.0
+"""Time in which a piece that begins in hover comes to fly as the whole does [s].
+
+The slowest loop, that of the place, has forgotten four fifths by then.
+"""
 
 
 def _product_matrix() -> Float[np.ndarray, "4 4 4"]:
@@ -125,13 +130,18 @@ def simulate_calm_flights(
     *,
     sticks: Sequence[Sticks],
     seed: int,
+    piece: float | None = None,
 ) -> list[SimulatedFlight]:
     """Fly a vehicle through one scenario with each of several pilots' sticks.
 
     The flights are those of `simulate_flight` with the same seed but for the integration: one
     second-order step from sample to sample instead of Runge-Kutta steps. Their samples satisfy the
-    equations of motion exactly. Raises `ExperimentError` where the vehicle or the scenario has
-    what a calm flight leaves out.
+    equations of motion exactly.
+
+    `piece`: fly pieces of this length [s] at once, each from a hover `SETTLING` seconds before it,
+    and put them together: the motion jumps a little from one to the next.
+
+    Raises `ExperimentError` where the vehicle or the scenario has what a calm flight leaves out.
     """
     _check_calm(truth, scenario)
     plan = np.stack(
@@ -148,7 +158,10 @@ def simulate_calm_flights(
         ],
         axis=1,
     )
-    recorded = _fly_together(truth, vehicle, scenario, plan)
+    if piece is None:
+        recorded = _fly_together(truth, vehicle, scenario, plan)
+    else:
+        recorded = _fly_pieces(truth, vehicle, scenario, plan, round(piece * scenario.sample_rate))
     return [assemble_flight(truth, vehicle, scenario, one) for one in recorded]
 
 
@@ -161,6 +174,34 @@ def _check_calm(truth: Truth, scenario: Scenario) -> None:
         raise ExperimentError("a calm flight is simulated with a motor lag > 0 only")
     if scenario.ground_seconds > 0 or scenario.gyro_noise_in_loop:
         raise ExperimentError("a calm flight is simulated without ground and without gyro noise")
+
+
+def _fly_pieces(
+    truth: Truth,
+    vehicle: Vehicle,
+    scenario: Scenario,
+    plan: Float[np.ndarray, "n m 8"],
+    length: int,
+) -> list[Recording]:
+    """Fly pieces of all manoeuvres at once, and join what each flew after it had settled."""
+    n, m, _ = plan.shape
+    before = round(SETTLING * scenario.sample_rate)
+    count = -(-n // length)
+    hover = plan[:1] * 0.0
+    wide = np.concatenate([hover.repeat(before, 0), plan, hover.repeat(count * length - n, 0)])
+    pieces = np.stack([wide[k * length :][: before + length] for k in range(count)], axis=1)
+    flown = _fly_together(truth, vehicle, scenario, pieces.reshape(before + length, count * m, 8))
+    return [_join_pieces(flown[i::m], before, n) for i in range(m)]
+
+
+def _join_pieces(pieces: Sequence[Recording], before: int, count: int) -> Recording:
+    """Join the samples after the first ones of every piece, as many as are wanted."""
+    whole = {
+        field.name: np.concatenate([getattr(one, field.name)[before:] for one in pieces])[:count]
+        for field in fields(Recording)
+        if field.name != "max_speed"
+    }
+    return Recording(**whole, max_speed=pieces[0].max_speed)
 
 
 def _fly_together(

@@ -48,6 +48,9 @@ from rotorfit.tools.planning.vehicle import (
 SECONDS: Final = 30.0
 SAMPLE_RATE: Final = 100.0
 SEED: Final = 1
+PIECE: Final = 2.0
+"""Length of the pieces that are flown at once [s]. The half-widths of roll, pitch, yaw and mixed
+sticks change by 1 to 5 % against a flight in one piece, and it takes 600 steps in place of 3000."""
 BARE: Final = "A"
 LOADED: Final = "B"
 FARTHEST: Final = 100.0
@@ -166,6 +169,7 @@ def fly(
             Scenario(seconds=SECONDS, sample_rate=SAMPLE_RATE),
             sticks=[MANOEUVRES[manoeuvre] for manoeuvre in manoeuvres],
             seed=SEED,
+            piece=PIECE,
         )
     if not all(np.abs(flight.position).max() < FARTHEST for flight in flights):
         raise ExperimentError(
