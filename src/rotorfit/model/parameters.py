@@ -223,9 +223,9 @@ def inertia_about(
     elements_com: Float[np.ndarray, " 6"], mass: float, com: Float[np.ndarray, " 3"]
 ) -> Float[np.ndarray, " 6"]:
     """Return the inertia at the origin from that about a CoM at `com` (parallel axes, Steiner)."""
-    steiner = mass * (com @ com * np.eye(3) - np.outer(com, com))
-    moved = inertia_matrix(elements_com) + steiner
-    return np.array([moved[i, j] for i, j in INERTIA_PLACES])
+    x, y, z = (float(c) for c in com)
+    steiner = (y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)
+    return elements_com + mass * np.array(steiner)
 
 
 def full_name(name: str, configuration: str) -> str:

@@ -327,6 +327,7 @@ def physical(
     spread = spread_names(configurations[0].vehicle)
     for i in range(len(spread) if set(spread) <= set(p) else 0):
         out[f"kt_{i + 1}"] = p["kt"] + float(theta[0, index(f"kt_{i + 1}")])
+    is_turned = not set(IMU_MOUNTING.names).isdisjoint(p)
     turn = rotation_by_vector(np.array([p.get(name, 0.0) for name in IMU_MOUNTING.names]))
     for c, configuration in enumerate(configurations):
         own = {
@@ -337,9 +338,9 @@ def physical(
         # From theta, not phi: a body with a known payload has no free moments of its own.
         place = configuration.model.names.index
         moments = {name: float(theta[c, place(name)]) for name in MOMENTS}
-        numbers = _own_numbers(
-            {**own, **out, **turned_moments(moments, turn, configuration)}, configuration
-        )
+        if is_turned:
+            moments = turned_moments(moments, turn, configuration)
+        numbers = _own_numbers({**own, **out, **moments}, configuration)
         out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
     return out
 
