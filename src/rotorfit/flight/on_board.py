@@ -93,7 +93,11 @@ def with_filters(
 ) -> FlightData:
     """Return a flight with its filters, and its specific force behind those of the gyro."""
     force = data.specific_force
-    if any(one.channel == "accel" for one in filters):
+    own, gyro = (
+        [replace(one, channel="", setting="") for one in filters if one.channel == name]
+        for name in ("accel", "gyro")
+    )
+    if own and own != gyro:
         respond = partial(restoring_response, filters)
         force = _filter_stretches(force, data.sample_rate, respond, jumps)
     return replace(data, filters=tuple(filters), specific_force=force)
