@@ -23,9 +23,10 @@ from rotorfit.fit.joint.term_choice import LEAST_GAIN
 from rotorfit.fit.reduction.frequency_bands import STRETCH
 from rotorfit.fit.rest_tilt import rest_denies_tilt, rest_sentence
 from rotorfit.fit.timing.timed_dataset import TimedDataset, tilt_corrected_flights
-from rotorfit.fit.timing.timing_fit import find_timing
+from rotorfit.fit.timing.timing_fit import find_timing, timed_again
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
+from rotorfit.model.terms.registry import DEFAULT_TERMS
 
 FEWEST_PARTS: Final = 3
 """Whose scatter is informative."""
@@ -69,7 +70,13 @@ def correct_imu_tilt(
     """Turn the readings into the rotors' axes where the flights show that the IMU is tilted."""
     if experiment.airframe.imu_tilt_deg is not None:
         return experiment, dataset, ()
-    tilt, lean = estimate_imu_tilt(dataset, joint_fit), lean_evidence(dataset)
+    fits: list[Fitted] = []
+
+    def fitted(flights: TimedDataset) -> Fitted:
+        fits.append(joint_fit(flights))
+        return fits[-1]
+
+    tilt, lean = estimate_imu_tilt(dataset, fitted), lean_evidence(dataset)
     if tilt is None:
         sentence = lean_sentence(dataset)
         leans = () if sentence is None else (_doubt_lean(sentence, lean),)
@@ -80,9 +87,13 @@ def correct_imu_tilt(
     if rest is not None:
         return experiment, dataset, (_doubt_lean(rest_sentence(tilt, rest), lean),)
     dataset = tilt_corrected_flights(dataset, tilt).reduced()
-    if dataset.motor_timing is not None:
-        near = dataset.motor_timing
-        dataset = replace(dataset, motor_timing=find_timing(dataset, near=near))
+    near = dataset.motor_timing
+    if near is not None:
+        # The last fit is that of the corrected flights, at the timing that was found before.
+        begin = fits[-1][0].estimate.by_name
+        again = timed_again(dataset, DEFAULT_TERMS, begin=begin)
+        timing = find_timing(dataset, near=near) if again is dataset else again.motor_timing
+        dataset = replace(dataset, motor_timing=timing)
     found = doubt("imu-tilt", mounting_sentence(tilt), evidence=lean)
     return with_imu_tilt(experiment, tilt), dataset, (found,)
 
