@@ -468,7 +468,7 @@ def test_a_log_has_a_bar_where_someone_watches(monkeypatch, tmp_path):
         assert (re.search(BAR, words) is not None) == shown
 
 
-def test_modules_load_behind_a_sign_of_life_where_someone_watches(monkeypatch):
+def test_modules_load_behind_a_sign_of_life(monkeypatch):
     for stream, shown in ((io.StringIO(), False), (Terminal(), True)):
         loaded: list[str] = []
 

@@ -192,8 +192,8 @@ def _disowned_numbers(finding: Finding, result: IdentificationResult) -> str:
     names, own = list(dict.fromkeys(about)), "its interval"
     if len(names) > 1:
         own = "their intervals"
-    apart = next((one.value for one in finding.evidence if one.name == "thrust_over_weight"), None)
-    by = "" if apart is None else f" by {100.0 * abs(apart - 1.0):.0f} %"
+    ratio = next((one.value for one in finding.evidence if one.name == "thrust_over_weight"), None)
+    by = "" if ratio is None else f" by {100.0 * abs(ratio - 1.0):.0f} %"
     return f"{', '.join(names)} may be outside {own}: {finding.doubtful_because}{by}"
 
 
