@@ -37,11 +37,11 @@ CASES = {
     ),
     "betaflight": Case(log="betaflight/LOG00037.BFL", mass="unknown", answers=("240", "240")),
     "indiflight": Case(log="tudelft-indiflight/LOG00267.BFL", mass="0.428", answers=("91", "127")),
-    "crazyflie": Case(log="arplab-crazyflie/log15", mass="0.027", answers=("65", "65")),
+    "crazyflie": Case(log="arplab-crazyflie/log15", mass="0.027", answers=("65", "65", "usual")),
     "table": Case(
         log="nanobench-crazyflie/B8_star_fast_rep1.csv",
         mass="0.033",
-        answers=("counts", "quad-x", "crazyflie", "65", "65"),
+        answers=("counts", "quad-x", "crazyflie", "65", "65", "usual"),
     ),
 }
 
