@@ -245,6 +245,7 @@ ROOMS: Final[dict[str, Room]] = {
             "tests/results/test_stated_intervals.py",
         ),
         scaled=(
+            "FEWEST_PHASES: Final = <<3>>",
             "INERTIA_BIAS: Final = <<2.5>>",
             "CLOSED_LOOP_BIAS: Final = <<1.0>>",
             "RATIO_BIAS: Final = <<1.5>>",
@@ -404,7 +405,6 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         scaled=(
             "FEWEST_FLIGHTS = <<3>>",
-            "FEWEST_PHASES = <<3>>",
             "MOST_LEVERAGE = <<4.0>>",
             "<<student_quantile(0.975, degrees) * np.sqrt(variance)>>",
             "half_width=<<1.96 * np.sqrt(before)>>",
