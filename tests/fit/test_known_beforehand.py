@@ -58,7 +58,7 @@ def test_rotors_turn_as_fast_as_their_mean_square_says():
         ("torque_offset_x@A", 0.05 * MASS * G * 0.25),
         ("drag_moment_yz@A", 0.3 * MASS * 0.25),
         ("turn_damping_x@A", 0.3 * MASS * 0.25**2),
-        ("inflow", MASS / 2000.0),
+        ("inflow", 0.4 * MASS / 2000.0),
         ("translational_lift", 0.05 * MASS),
     ],
 )
@@ -83,7 +83,8 @@ def test_a_payload_is_known_to_its_tolerances():
 def test_a_known_thrust_coefficient_keeps_its_deviation():
     body = made_fit.configuration(mass=MASS, factors=hovering())
     problem = joint_problem([body], known={"kt": (2e-6, 3e-8)})
-    assert (problem.prior_mean, problem.prior_std["kt"]) == ({"kt": 2e-6}, 3e-8)
+    means = {"kt": 2e-6, "inflow": pytest.approx(0.65 * MASS / 2000.0)}
+    assert (problem.prior_mean, problem.prior_std["kt"]) == (means, 3e-8)
     assert "kt" not in joint_problem([body]).prior_std
 
 
@@ -92,7 +93,8 @@ def test_times_are_known_from_where_their_signals_were_made():
     timing = FreeTiming(at=MotorResponse(lag=0.05), names=("motor_lag", "motor_delay"))
     body = made_fit.configuration(mass=MASS, factors=hovering(), timing=timing)
     problem = joint_problem([body], known={"kt": (2e-6, 3e-8)})
-    assert problem.prior_mean == pytest.approx({"kt": 2e-6, "motor_lag": -0.015})
+    means = {"kt": 2e-6, "motor_lag": -0.015, "inflow": 0.65 * MASS / 2000.0}
+    assert problem.prior_mean == pytest.approx(means)
     assert problem.prior_std["motor_lag"] == 0.03
     assert "motor_delay" not in problem.prior_std
     assert problem.moving == ("motor_lag", "motor_delay")

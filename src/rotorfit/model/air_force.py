@@ -1,6 +1,6 @@
-"""The force of the air on a vehicle at known values of its parameters."""
+"""The wrench of the air on a vehicle that moves at a known velocity."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from jaxtyping import Float
@@ -8,7 +8,7 @@ from jaxtyping import Float
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.registry import terms_in
-from rotorfit.model.terms.term import FX, MX, Term
+from rotorfit.model.terms.term import Term
 from rotorfit.model.vehicle import Vehicle
 
 
@@ -23,6 +23,36 @@ def air_force(
     `data`: with a velocity in every row. `layout`: of the model. `value`: from a term and one of
     its parameters to the parameter's value, zero where the model does not have it.
     """
+    force = np.zeros((len(data.time), 3))
+    for term, name, wrench in air_wrenches(data, vehicle, layout):
+        force += value(term, name) * wrench[:, :3]
+    return force
+
+
+def air_wrenches(
+    data: FlightData, vehicle: Vehicle, layout: SignalLayout
+) -> Iterator[tuple[Term, str, Float[np.ndarray, "n 6"]]]:
+    """Yield terms that depend on the velocity, their parameters, and the wrench of a unit of each.
+
+    Force, then torque about the origin, body axes, of every sample. `data`: with a velocity in
+    every row. `layout`: of the model.
+    """
+    columns = _signal_columns(data, vehicle, layout)
+    for term in terms_in(layout):
+        if term.entries is None or not (term.needs == "velocity" or term.with_velocity):
+            continue
+        for name, entries in term.entries(vehicle, layout).items():
+            wrench = np.zeros((len(data.time), 6))
+            for z in np.flatnonzero(entries.any(axis=0)):
+                if layout.names[z] in columns:
+                    wrench -= columns[layout.names[z]][:, None] * entries[:, z]
+            yield term, name, wrench
+
+
+def _signal_columns(
+    data: FlightData, vehicle: Vehicle, layout: SignalLayout
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Compute the added signals of a layout, by name."""
     every = slice(0, len(data.time))
     columns: dict[str, Float[np.ndarray, " n"]] = {}
     for signals in layout.added:
@@ -34,13 +64,4 @@ def air_force(
         else:
             continue
         columns |= dict(zip(names, made.T, strict=True))
-    force = np.zeros((len(data.time), 3))
-    for term in terms_in(layout):
-        if term.entries is None or not (term.needs == "velocity" or term.with_velocity):
-            continue
-        for name, entries in term.entries(vehicle, layout).items():
-            rows = entries[FX:MX] * value(term, name)
-            for z in np.flatnonzero(rows.any(axis=0)):
-                if layout.names[z] in columns:
-                    force -= columns[layout.names[z]][:, None] * rows[:, z]
-    return force
+    return columns

@@ -21,7 +21,12 @@ from rotorfit.results.validation.replay import (
     replay,
     window_starts,
 )
-from rotorfit.results.validation.replay_vehicle import hover_centre, replay_vehicle, unknown_body
+from rotorfit.results.validation.replay_vehicle import (
+    AIR_NAMES,
+    hover_centre,
+    replay_vehicle,
+    unknown_body,
+)
 from rotorfit.simulation import Scenario, Truth, exact_flight_data, simulate_flight
 
 sys.path.append(str(Path(__file__).parents[2] / "export"))
@@ -269,3 +274,31 @@ def test_an_unknown_centre_is_that_of_the_rotors():
         own, msx={"value": None}, com_x={"value": None}, rotor_center_x={"value": None}
     )
     assert hover_centre(neither, "A") == {"com_x": pytest.approx(middle[0]), "rotor_center_x": 0.0}
+
+
+def test_the_air_pushes_and_turns_about_the_centre_of_mass(data):
+    """A wrench about the origin: its torque about the CoM is that of a constant torque offset."""
+    torque, force, unit = np.array([2e-3, -1e-3, 5e-4]), np.array([0.3, -0.2, 0.1]), 4e-5
+    own = entrant(data)
+    coefficients = np.zeros_like(own.vehicle.air)
+    coefficients[:, AIR_NAMES.index("rotor_drag")] = unit
+    wrench = np.zeros((len(data.time), len(AIR_NAMES), 6))
+    whole = np.concatenate([force, torque + np.cross(COM, force)])
+    wrench[:, AIR_NAMES.index("rotor_drag")] = whole / unit
+    blown = replace(own, vehicle=replace(own.vehicle, air=coefficients), air=wrench)
+    offset = replace(own, vehicle=replace(own.vehicle, offset=own.vehicle.offset + torque))
+    found = replayed(data, own=own, blown=blown, offset=offset).predicted
+    still, moved, turned = found
+    np.testing.assert_allclose(moved.rates, turned.rates, rtol=1e-9, atol=1e-12)
+    assert np.abs(moved.rates - still.rates).max() > 0.01
+    felt = turned.force + force / MASS
+    np.testing.assert_allclose(moved.force, felt, rtol=1e-9, atol=1e-12)
+
+
+def test_the_wrench_of_the_air_takes_the_place_of_the_drag_of_turns(data):
+    """The drag of rotors that a turn carries is in that wrench already."""
+    own = entrant(data)
+    damped = replace(own.vehicle, damping=np.full_like(own.vehicle.damping, 1e-4))
+    calm = np.zeros((len(data.time), len(AIR_NAMES), 6))
+    found = replayed(data, own=own, calm=replace(own, vehicle=damped, air=calm)).predicted
+    np.testing.assert_array_equal(found[1].rates, found[0].rates)

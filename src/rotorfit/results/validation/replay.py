@@ -8,10 +8,12 @@ Each window begins with the rates that were measured, and goes on by Newton and 
     - \omega \times (I_C \omega + h)
 
 with :math:`h` the angular momentum of the rotors in the body, :math:`l_i` the torque in proportion
-to speed, and :math:`d_i` the drag of rotors that the turn carries through the air. Attitude, place
-and gravity are not in it: the accelerometer reads force over mass, whatever the attitude. A general
-engine would give nothing more here (MuJoCo's model even leaves the reaction of spinning-up rotors
-out); these few lines step all windows and all draws of the parameters at once.
+to speed, and :math:`d_i` the drag of rotors that the turn carries through the air. Where the
+velocity is known, the wrench of the air at that velocity and the flown rates (drag and inflow of
+the rotors, wakes, drag of the frame) is there in place of :math:`d_i`. Attitude, place and gravity
+are not in it: the accelerometer reads force over mass, whatever the attitude. A general engine
+would give nothing more here (MuJoCo's model even leaves the reaction of spinning-up rotors out);
+these few lines step all windows and all draws of the parameters at once.
 
 What was flown is smoothed without delay (30 Hz) before windows start from it and are compared with
 it: the gyro's noise at one instant would else be carried through the whole window.
@@ -29,6 +31,7 @@ from jaxtyping import Float, Int
 from rotorfit.errors import ExperimentError, FlightError, LogError
 from rotorfit.fit.dataset.dataset import LoadedFlight
 from rotorfit.fit.dataset.load import load_flight
+from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import (
     Experiment,
     FlightEntry,
@@ -39,9 +42,18 @@ from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.flight.signals import smooth
+from rotorfit.model.air_force import air_wrenches
+from rotorfit.model.regressor import regressor
+from rotorfit.model.terms.rotors import DRAG_OF_ROTORS
 from rotorfit.results.result import IdentificationResult
-from rotorfit.results.validation.replay_vehicle import ReplayVehicle, replay_vehicle
-from rotorfit.results.validation.validate import compare_wrenches, fitted_flights, fitted_response
+from rotorfit.results.validation.replay_vehicle import AIR_NAMES, ReplayVehicle, replay_vehicle
+from rotorfit.results.validation.validate import (
+    compare_wrenches,
+    fitted_flights,
+    fitted_response,
+    signals_of_terms,
+    with_hover_of,
+)
 from rotorfit.results.validation.wrench_comparison import WrenchComparison
 
 WINDOW: Final = 0.5
@@ -94,10 +106,14 @@ class Replay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entrant:
-    """One set of parameters, and the rotor speeds at the motors' timing that goes with it."""
+    """One set of parameters, and the rotor speeds at the motors' timing that goes with it.
+
+    `air`: wrench about the origin of a unit of each of `AIR_NAMES`; None without a velocity.
+    """
 
     vehicle: ReplayVehicle
     rotor_speed: Float[np.ndarray, "n N"]
+    air: Float[np.ndarray, "n P 6"] | None = None
 
 
 def replay(
@@ -189,6 +205,8 @@ def _predict_windows(
 ) -> Predicted:
     """Step all windows and all draws at once; keep the nominal vehicle and the draws' spread."""
     vehicle, speed = entrant.vehicle, entrant.rotor_speed[rows]
+    if entrant.air is not None:
+        vehicle = dataclasses.replace(vehicle, damping=np.zeros_like(vehicle.damping))
     inverse = np.linalg.inv(vehicle.inertia)
     draws = len(vehicle.mass)
     w = np.repeat(start[None], draws, axis=0)
@@ -199,10 +217,11 @@ def _predict_windows(
         slope = (end - begin) / dt
         rates[:, k] = w[0]
         spread[:, k] = w[1:].std(axis=0) if draws > 2 else 0.0
-        dw = _angular_acceleration(vehicle, inverse, w[:1], speed[:, k], slope)
-        force[:, k] = _predict_force(vehicle, w[0], dw[0], speed[:, k])
+        push, turn = _air_of(vehicle, entrant.air, rows[:, k])
+        dw = _angular_acceleration(vehicle, inverse, w[:1], speed[:, k], slope, turn[:1])
+        force[:, k] = _predict_force(vehicle, w[0], dw[0], speed[:, k]) + push[0] / vehicle.mass[0]
         if not last:
-            w = _step_motion(vehicle, inverse, w, (begin, end), dt)
+            w = _step_motion(vehicle, inverse, w, (begin, end), dt, turn)
     return Predicted(label=label, rates=rates, rates_std=spread, force=_average_blocks(force, size))
 
 
@@ -212,11 +231,12 @@ def _angular_acceleration(
     w: Float[np.ndarray, "E K 3"],
     speed: Float[np.ndarray, "K N"],
     slope: Float[np.ndarray, "K N"],
+    turn: Float[np.ndarray, "E K 3"],
 ) -> Float[np.ndarray, "E K 3"]:
     """Compute the angular acceleration of the first E vehicles: Euler's equation about the CoM."""
     first = slice(0, len(w))
     torque = speed**2 @ vehicle.torque[first] - slope @ vehicle.spin[first]
-    torque += speed @ vehicle.speed_torque[first] + vehicle.offset[first, None]
+    torque += speed @ vehicle.speed_torque[first] + vehicle.offset[first, None] + turn
     torque[..., 2] -= w[..., 2] * (vehicle.damping[first] @ speed.T)
     turning = w @ vehicle.inertia[first] + speed @ vehicle.spin[first]
     return (torque - np.cross(w, turning)) @ inverse[first]
@@ -228,15 +248,33 @@ def _step_motion(
     w: Float[np.ndarray, "D K 3"],
     speeds: tuple[Float[np.ndarray, "K N"], Float[np.ndarray, "K N"]],
     dt: float,
+    turn: Float[np.ndarray, "D K 3"],
 ) -> Float[np.ndarray, "D K 3"]:
-    """Take one Runge-Kutta step of fourth order; the speed goes straight between two samples."""
+    """Take one Runge-Kutta step of fourth order; the speed goes straight between two samples.
+
+    `turn`: torque of the air, which hardly changes in a step.
+    """
     begin, end = speeds
     slope, middle = (end - begin) / dt, 0.5 * (begin + end)
-    k1 = _angular_acceleration(vehicle, inverse, w, begin, slope)
-    k2 = _angular_acceleration(vehicle, inverse, w + 0.5 * dt * k1, middle, slope)
-    k3 = _angular_acceleration(vehicle, inverse, w + 0.5 * dt * k2, middle, slope)
-    k4 = _angular_acceleration(vehicle, inverse, w + dt * k3, end, slope)
+    k1 = _angular_acceleration(vehicle, inverse, w, begin, slope, turn)
+    k2 = _angular_acceleration(vehicle, inverse, w + 0.5 * dt * k1, middle, slope, turn)
+    k3 = _angular_acceleration(vehicle, inverse, w + 0.5 * dt * k2, middle, slope, turn)
+    k4 = _angular_acceleration(vehicle, inverse, w + dt * k3, end, slope, turn)
     return w + dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+
+
+def _air_of(
+    vehicle: ReplayVehicle,
+    air: Float[np.ndarray, "n P 6"] | None,
+    rows: Int[np.ndarray, " K"],
+) -> tuple[Float[np.ndarray, "D K 3"], Float[np.ndarray, "D K 3"]]:
+    """Compute force and torque about the CoM of the air as flown, zeros without a velocity."""
+    if air is None:
+        nothing = np.zeros((len(vehicle.mass), len(rows), 3))
+        return nothing, nothing
+    wrench = np.einsum("dp,kpj->dkj", vehicle.air, air[rows])
+    force = wrench[..., :3]
+    return force, wrench[..., 3:] - np.cross(vehicle.com[:, None], force)
 
 
 def _predict_force(
@@ -381,13 +419,7 @@ def _replay_flight(
     """Replay one loaded flight, and compare its wrenches."""
     found = replay(
         used.prepared.data,
-        {
-            label: Entrant(
-                vehicle=timed.vehicle,
-                rotor_speed=retimed(used.prepared, timed.response).rotor_speed,
-            )
-            for label, timed in vehicles.items()
-        },
+        {label: _make_entrant(result, owner, used, timed) for label, timed in vehicles.items()},
         flight=Path(used.entry.file).name,
         sha256=used.log.sha256,
         configuration=owner,
@@ -397,6 +429,25 @@ def _replay_flight(
     except FlightError:
         return found
     return dataclasses.replace(found, comparison=compared)
+
+
+def _make_entrant(
+    result: IdentificationResult, owner: str, used: LoadedFlight, timed: Timed
+) -> Entrant:
+    """Return a vehicle with its rotor speeds on a flight, and the air where a velocity is known."""
+    experiment = experiment_of_settings(result.settings)
+    vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
+    flown = with_hover_of(result, owner, used, vehicle)
+    data = retimed(flown.prepared, timed.response)
+    known = [p.name for p in result.parameters if p.value is not None]
+    layout = regressor(vehicle, added=signals_of_terms(used, known)).layout
+    air = None
+    if DRAG_OF_ROTORS in layout.added and data.velocity is not None:
+        moving = dataclasses.replace(data, velocity=np.nan_to_num(data.velocity))
+        found = {name: wrench for _, name, wrench in air_wrenches(moving, vehicle, layout)}
+        nothing = np.zeros((len(data.time), 6))
+        air = np.stack([found.get(name, nothing) for name in AIR_NAMES], axis=1)
+    return Entrant(vehicle=timed.vehicle, rotor_speed=data.rotor_speed, air=air)
 
 
 def validated_flight(

@@ -21,6 +21,13 @@ NEEDED: Final = ("kt", "kd", *COM, *INERTIA_COM)
 ROTOR_CENTER: Final = ("rotor_center_x", "rotor_center_y")
 SPARE: Final = 4
 """Draws made for each one wanted: where an interval is wide, some are no body."""
+AIR_NAMES: Final = tuple(
+    name
+    for term in TERMS
+    if term.needs == "velocity" or term.with_velocity
+    for name in term.parameters
+)
+"""Parameters of forces over the velocity."""
 _ROTOR_KT: Final = re.compile(r"kt_[0-9]+")
 
 
@@ -36,6 +43,7 @@ class ReplayVehicle:
     - `speed_torque`: torque of each rotor per speed [N m s/rad].
     - `spin`: angular momentum of each rotor per speed [kg m^2].
     - `damping`: torque of each rotor against a turn about z, per rate and speed [N m s^2/rad^2].
+    - `air`: coefficients of `AIR_NAMES`, zero where the model does not have them.
     - `offset`: torque that does not change [N m].
     - `accel_bias`: [m/s^2]
     - `imu`: place of the accelerometer from the origin [m].
@@ -49,6 +57,7 @@ class ReplayVehicle:
     speed_torque: Float[np.ndarray, "D N 3"]
     spin: Float[np.ndarray, "D N 3"]
     damping: Float[np.ndarray, "D N"]
+    air: Float[np.ndarray, "D P"]
     offset: Float[np.ndarray, "D 3"]
     accel_bias: Float[np.ndarray, "D 3"]
     imu: Float[np.ndarray, " 3"]
@@ -225,6 +234,7 @@ def _stack_values(values: Values, vehicle: Vehicle) -> ReplayVehicle:
         inertia=tensors({name: values.get(name, zero) for name in INERTIA_COM}),
         thrust=thrust,
         spin=values.get("Jr", zero)[:, None, None] * spin,
+        air=columns(*AIR_NAMES),
         accel_bias=columns("accel_bias_x", "accel_bias_y", "accel_bias_z"),
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
         **added,

@@ -1,7 +1,7 @@
 """Validate the model on flights kept apart: body wrench against rotor wrench (P16)."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +26,11 @@ from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.logs.flight_log import AIRLESS_ROTORS
 from rotorfit.model.regressor import Regressor, regressor
+from rotorfit.model.signals import AddedSignals
 from rotorfit.model.terms import body as body_terms
 from rotorfit.model.terms.registry import OPTIONAL, TERMS, added_signals, considered_terms
 from rotorfit.model.terms.rotors import THRUST
+from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import (
     FlightRecord,
     IdentificationResult,
@@ -212,17 +214,9 @@ def compare_wrenches(
     known = _known_values(result, owner)
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
-    present = [term for term in OPTIONAL if set(term.parameters) & set(known)]
-    asked = any(term.needs == "velocity" for term in present) and velocity_known([used])
-    names = considered_terms([term.name for term in present], velocity=asked, felt=False)
-    added = added_signals(
-        names,
-        carried=used.prepared.data.carried is not None,
-        rotor_air=used.log.simulator not in AIRLESS_ROTORS,
-    )
+    added = signals_of_terms(used, known)
     model = regressor(vehicle, added=added)
-    mass = result.parameter("mass", owner).value
-    used = with_hover_inflow(used, "unknown" if mass is None else mass, vehicle)
+    used = with_hover_of(result, owner, used, vehicle)
     data = retimed(used.prepared, fitted_response(result))
     lowpass = LowPass(cutoff=cutoff)
     # The two ends of a segment show the filter's transient, not the flight.
@@ -258,6 +252,26 @@ def compare_wrenches(
         speeds=_speed_range(used.prepared),
         whiteness={c: whiteness((body - rotors)[::step, COMPONENTS.index(c)]) for c in predicted},
     )
+
+
+def signals_of_terms(used: LoadedFlight, known: Collection[str]) -> tuple[AddedSignals, ...]:
+    """Return the signals that terms with known parameters add on a flight."""
+    present = [term for term in OPTIONAL if set(term.parameters) & set(known)]
+    asked = any(term.needs == "velocity" for term in present) and velocity_known([used])
+    names = considered_terms([term.name for term in present], velocity=asked, felt=False)
+    return added_signals(
+        names,
+        carried=used.prepared.data.carried is not None,
+        rotor_air=used.log.simulator not in AIRLESS_ROTORS,
+    )
+
+
+def with_hover_of(
+    result: IdentificationResult, owner: str, used: LoadedFlight, vehicle: Vehicle
+) -> LoadedFlight:
+    """Return a flight with the induced velocity of hover, where the result has a mass."""
+    mass = result.parameter("mass", owner).value
+    return with_hover_inflow(used, "unknown" if mass is None else mass, vehicle)
 
 
 def _speed_range(prepared: PreparedFlight) -> tuple[float, float]:
