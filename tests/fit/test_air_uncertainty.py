@@ -62,7 +62,7 @@ def test_several_coefficients_add_in_quadrature():
 
 
 @pytest.mark.parametrize("slower", [10.0, 100.0])
-def test_a_slow_flight_which_hardly_shows_them_opens_nothing_else(slower):
+def test_a_slow_flight_which_hardly_shows_them_opens_nothing(slower):
     """The prior keeps the coefficient: its form error is a small part of its deviation."""
     std = STD * [1.0, 1.0, slower, slower]
     matrix = correlated(kt__inflow=0.8, kt__rotor_drag=0.6)
@@ -101,7 +101,7 @@ def test_flown_bands_are_weighed_by_their_power():
     np.testing.assert_allclose(flown(moved, SIGNAL, LEFT), [40 / 4, 60 / 6, 5.5 / 3])
 
 
-def test_the_mean_is_no_motion_and_less_than_is_left_no_excitation():
+def test_the_mean_is_no_motion_and_less_than_is_left_none():
     everything = [(True,) * 3, (False,) * 3, (False, False, True)]
     np.testing.assert_array_equal(flown(everything, SIGNAL, LEFT), 0.0)
 

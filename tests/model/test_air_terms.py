@@ -75,7 +75,7 @@ def glauert(across, along, hover):
 
 @settings(max_examples=60, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, kind=TILTED_OR_LEVEL)
-def test_rotor_drag_is_a_force_on_each_rotor_against_its_velocity_in_its_plane(seed, rotors, kind):
+def test_drag_is_a_force_on_each_rotor_against_its_velocity(seed, rotors, kind):
     rng = np.random.default_rng(seed)
     vehicle, c = drawn_vehicle(rng, rotors, kind), rng.uniform(1e-5, 1e-3)
     flight = drawn_flight(rng, rotors, None)
@@ -88,7 +88,7 @@ def test_rotor_drag_is_a_force_on_each_rotor_against_its_velocity_in_its_plane(s
 
 @settings(max_examples=60, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, kind=TILTED_OR_LEVEL, hover=st.floats(2.0, 12.0))
-def test_inflow_takes_thrust_by_the_air_that_flows_through_beyond_hover(seed, rotors, kind, hover):
+def test_inflow_takes_thrust_by_the_air_beyond_that_of_hover(seed, rotors, kind, hover):
     rng = np.random.default_rng(seed)
     vehicle, k = drawn_vehicle(rng, rotors, kind), rng.uniform(1e-5, 1e-3)
     flight = drawn_flight(rng, rotors, hover)
@@ -173,14 +173,14 @@ def test_the_airs_force_is_the_force_of_the_terms_with_velocity(seed, rotors, ki
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
 
 
-def test_a_simulator_without_air_at_its_rotors_gets_no_such_signals():
+def test_a_simulator_without_air_at_its_rotors_has_no_signals():
     """PX4's SIH moves its rotors through no air: a term for that would take what is not there."""
     assert AIRLESS_ROTORS == (SIH,)
     assert {s.name for s in added_signals(FAST)} == {"velocity", "rotor_drag", "inflow", "wake"}
     assert {s.name for s in added_signals(FAST, rotor_air=False)} == {"velocity"}
 
 
-def test_rotors_are_dragged_by_the_velocity_only_where_it_is_known():
+def test_rotors_are_dragged_only_where_the_velocity_is_known():
     assert added_signals(["rotor_drag"]) == ()
     names = {s.name for s in added_signals(["rotor_drag", "drag"])}
     assert names == {"velocity", "rotor_drag"}

@@ -122,8 +122,8 @@ class Vehicle:
         diameter = self.propeller
         if diameter is None:
             places = self.positions
-            apart = np.linalg.norm(places[:, None] - places[None], axis=2)
-            diameter = PROPELLER_SHARE * float(apart[apart > COAXIAL * self.arm].min())
+            distances = np.linalg.norm(places[:, None] - places[None], axis=2)
+            diameter = PROPELLER_SHARE * float(distances[distances > COAXIAL * self.arm].min())
         return len(self.rotors) * np.pi * diameter**2 / 4.0
 
     @property

@@ -295,7 +295,7 @@ def test_the_air_pushes_and_turns_about_the_centre_of_mass(data):
     np.testing.assert_allclose(moved.force, felt, rtol=1e-9, atol=1e-12)
 
 
-def test_the_wrench_of_the_air_takes_the_place_of_the_drag_of_turns(data):
+def test_the_wrench_of_the_air_replaces_the_drag_of_turns(data):
     """The drag of rotors that a turn carries is in that wrench already."""
     own = entrant(data)
     damped = replace(own.vehicle, damping=np.full_like(own.vehicle.damping, 1e-4))
