@@ -90,7 +90,7 @@ def test_the_model_explains_an_exact_flight_to_rounding(rotor_drag):
         np.testing.assert_allclose(missed[:, 2], 0.0, atol=5e-14)
 
 
-def test_without_velocity_the_model_has_the_rotors_drag_of_a_turn():
+def test_without_velocity_the_model_has_the_drag_of_a_turn():
     truth, vehicle = paper_vehicle("A")
     truth = replace(truth, first_moments=(0.0, 0.0, 0.0), rotor_drag=2e-4)
     yaw = replace(STILL, yaw=Stick(band=(0.1, 0.6), rms=1.0))

@@ -88,12 +88,12 @@ def test_induced_velocity_in_a_climb_is_that_of_the_textbook(climb):
     assert solve_inflow(0.0, climb, HOVER) == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_fast_descent_into_the_wake_counts_as_half_of_the_hover_velocity():
+def test_a_fast_descent_counts_as_half_of_the_hover_velocity():
     assert solve_inflow(0.0, -9.0, HOVER) == solve_inflow(0.0, -2.5, HOVER)
     assert solve_inflow(0.0, -2.4, HOVER) < solve_inflow(0.0, -2.5, HOVER)
 
 
-def test_a_climb_costs_thrust_and_a_roll_more_of_the_rotor_that_rises():
+def test_a_climb_costs_thrust_and_a_roll_that_of_one_side():
     truth, vehicle = layout_vehicle("quad-x")
     air = rotor_air(replace(truth, inflow=2e-4, propeller=0.25), vehicle)
     speeds, h = (900.0,) * 4, air.hover

@@ -20,7 +20,7 @@ def test_resolution_rounds_to_the_nearest_step():
     np.testing.assert_array_equal(logged, [[0.25, 0.25, -1.0]])
 
 
-def test_a_low_pass_halves_the_power_at_its_cutoff_and_lets_the_mean_through():
+def test_a_low_pass_halves_the_power_at_its_cutoff():
     time = np.arange(4000) / 200.0
     wave = np.column_stack([5.0 + np.sin(2.0 * np.pi * f * time) for f in (1.0, 10.0, 40.0)])
     filtered = low_passed(wave, cutoff=10.0, sample_rate=200.0)
