@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.checks.kt_from_weight import bias_and_velocity_std, pooled_weight
+from rotorfit.checks.kt_from_weight import (
+    bias_and_velocity_std,
+    estimated_air_force,
+    pooled_weight,
+)
 from rotorfit.digits import with_half
 from rotorfit.estimation.banded import shift_without
 from rotorfit.estimation.distributions import normal_quantile, student_quantile
@@ -32,10 +36,8 @@ from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.logs.files import file_name
-from rotorfit.model.air_force import air_force
 from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
-from rotorfit.model.terms.term import Term
 from rotorfit.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -143,7 +145,7 @@ def hover_thrusts(
         for flight in configured.flights:
             data = retimed(flight.prepared, timing)
             thrust = (data.rotor_speed**2 * each) @ vehicle.axes
-            air = _air_force(data, numbers, configured.entry.name, (vehicle, layout))
+            air = estimated_air_force(data, numbers, configured.entry.name, (vehicle, layout))
             force = (thrust + air) / configured.mass
             whole = thrust_over_weight(flight, data, force, source)
             if whole is None:
@@ -172,21 +174,6 @@ def thrust_over_weight(
         return None
     seconds = sum(one.seconds for one in found)
     return Held(ratio=1.0 / needed.value, std=needed.std / needed.value**2, seconds=seconds)
-
-
-def _air_force(
-    data: FlightData, numbers: Numbers, configuration: str, shape: tuple[Vehicle, SignalLayout]
-) -> Float[np.ndarray, "n 3"]:
-    """Compute the air force along the body axes by the estimate [N]; zeros without velocity."""
-
-    def value(term: Term, name: str) -> float:
-        full = f"{name}@{configuration}" if term.owner == "configuration" else name
-        return float(numbers.values[numbers.index(full)]) if full in numbers.names else 0.0
-
-    if data.velocity is None:
-        return np.zeros((len(data.time), 3))
-    known = replace(data, velocity=np.nan_to_num(data.velocity))
-    return air_force(known, *shape, value)
 
 
 def thrust_sag(data: FlightData, force: Float[np.ndarray, "n 3"]) -> Measured | None:

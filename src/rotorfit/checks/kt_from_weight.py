@@ -14,7 +14,7 @@ by the flight, k_t is that of the weight.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -51,15 +51,22 @@ from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.model.air_force import air_force
 from rotorfit.model.parameters import INERTIA, INERTIA_COM
+from rotorfit.model.signals import SignalLayout
+from rotorfit.model.terms.air import VELOCITY
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std
+from rotorfit.model.terms.term import Term
 from rotorfit.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
     from rotorfit.fit.experiment.experiment import MotorsEntry, Source
     from rotorfit.fit.fit import Fit
+
+    AirOverKt = Callable[[ConfigurationData, FlightData], Float[np.ndarray, "n 3"]]
+    """Force of the air over k_t, of a flight of a configuration."""
 
 CHANGES_STD = 0.02
 """Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise
@@ -76,6 +83,9 @@ CARRIED_VELOCITY = 0.1
 """The same of one by rare positions, with the accelerometer between them [m/s]: 3 cm over .3 s."""
 CAMERA_BIAS = Measured(value=0.0, std=0.01)
 """Bias of an acceleration by motion capture, over seconds [m/s^2]."""
+AIR_STD = 0.1
+"""Deviation of what the air does to the k_t of the weight, as a share: of its coefficients in one
+flight, that of inflow differs by .2 between flights and that of the rotors' drag by .05."""
 HELD_TO = 1e-4
 """Share of itself to which k_t is held: what is open of it is in the interval."""
 OF_THRUST = ("kt", "kd", "Jr", *INERTIA, *INERTIA_COM)
@@ -150,9 +160,8 @@ def weigh_thrust(fit: Fit) -> Fit:
     """Take k_t from changes of thrust and from the weight, and the intervals at that k_t."""
     from rotorfit.fit.fit_flights import allow_for_settings  # `inspect` weighs without a fit
 
-    dataset, weighed = fit.dataset, _flights_of(fit)
-    shares = thrust_shares(fit.numbers, dataset.vehicle)
-    weight = kt_of_stretches(weighed, shares)
+    dataset, shares = fit.dataset, thrust_shares(fit.numbers, fit.dataset.vehicle)
+    weighed, weight = _weigh_flights(fit)
     if weight is None:
         return allow_for_settings(fit)
     flights = _weights_by_flight(weighed, shares)
@@ -192,17 +201,55 @@ def with_open_slope(changes: Measured, slope_std: float) -> Measured:
 
 def weight_of(fit: Fit) -> Measured | None:
     """Estimate the thrust coefficient that carries the weight in the flights of a fit."""
-    return kt_of_stretches(_flights_of(fit), thrust_shares(fit.numbers, fit.dataset.vehicle))
+    return _weigh_flights(fit)[1]
 
 
-def _flights_of(fit: Fit) -> list[WeighedFlight]:
-    """Weigh the flights of a fit."""
+def _weigh_flights(fit: Fit) -> tuple[list[WeighedFlight], Measured | None]:
+    """Weigh the flights of a fit, with what the air carries where their velocity is known."""
     dataset = fit.dataset
-    return list(
-        weighed_flights(
-            dataset.configurations, dataset.vehicle, source=dataset.source, timing=dataset.timing
+    shares = thrust_shares(fit.numbers, dataset.vehicle)
+    kt = float(fit.numbers.values[fit.numbers.index("kt")])
+
+    def air_over_kt(configured: ConfigurationData, data: FlightData) -> Float[np.ndarray, "n 3"]:
+        shape = dataset.vehicle, dataset.model.layout
+        return estimated_air_force(data, fit.numbers, configured.entry.name, shape) / kt
+
+    def weigh(air: AirOverKt | None) -> list[WeighedFlight]:
+        return list(
+            weighed_flights(
+                dataset.configurations,
+                dataset.vehicle,
+                source=dataset.source,
+                timing=dataset.timing,
+                air=air,
+            )
         )
-    )
+
+    flights = weigh(None)
+    still = kt_of_stretches(flights, shares)
+    if still is None or VELOCITY not in dataset.model.layout.added:
+        return flights, still
+    through_air = weigh(air_over_kt)
+    moving = kt_of_stretches(through_air, shares)
+    if moving is None:
+        return flights, still
+    open_std = AIR_STD * abs(moving.value - still.value)
+    return through_air, replace(moving, std=float(np.hypot(moving.std, open_std)))
+
+
+def estimated_air_force(
+    data: FlightData, numbers: Numbers, configuration: str, shape: tuple[Vehicle, SignalLayout]
+) -> Float[np.ndarray, "n 3"]:
+    """Compute the air force along the body axes by the estimate [N]; zeros without velocity."""
+
+    def value(term: Term, name: str) -> float:
+        full = f"{name}@{configuration}" if term.owner == "configuration" else name
+        return float(numbers.values[numbers.index(full)]) if full in numbers.names else 0.0
+
+    if data.velocity is None:
+        return np.zeros((len(data.time), 3))
+    known = replace(data, velocity=np.nan_to_num(data.velocity))
+    return air_force(known, *shape, value)
 
 
 def _weights_by_flight(
@@ -289,8 +336,9 @@ def kt_from_weight(
     found: with the centre of mass off the centre, some rotors carry more of the weight than others,
     and it is their k_t.
     """
-    flights = list(weighed_flights(configurations, vehicle, source=source, timing=timing))
-    return kt_of_stretches(flights, shares)
+    return kt_of_stretches(
+        list(weighed_flights(configurations, vehicle, source=source, timing=timing)), shares
+    )
 
 
 def weighed_flights(
@@ -299,8 +347,13 @@ def weighed_flights(
     *,
     source: Source,
     timing: MotorResponse | None,
+    air: AirOverKt | None = None,
 ) -> Iterator[WeighedFlight]:
-    """Yield the k_t that carries the weight in the stretches of every flight."""
+    """Yield the k_t that carries the weight in the stretches of every flight.
+
+    `air`: force of the air over k_t, where a fit knows it: at speed rotors lose thrust to the air
+    through them, and their drag carries a part of the weight.
+    """
     for configured in configurations:
         for flight in configured.flights:
             data = retimed(flight.prepared, timing)
@@ -312,6 +365,7 @@ def weighed_flights(
                 mass=configured.mass,
                 bias=bias,
                 velocity_std=velocity_std,
+                air=None if air is None else air(configured, data),
             )
             squares = np.square(data.rotor_speed[data.used_rows]).sum(axis=0)
             yield WeighedFlight(

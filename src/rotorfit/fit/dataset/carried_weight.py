@@ -207,15 +207,17 @@ def carrying_stretches(
     mass: float,
     bias: Measured,
     velocity_std: float,
+    air: Float[np.ndarray, "n 3"] | None = None,
 ) -> Iterator[Held]:
     """Yield the k_t that carries the weight over each stretch: `ratio` and `std` are in its unit.
 
     `bias`: of the accelerometer along the vertical [m/s^2]; `velocity_std`: of the velocity, where
-    the log has it [m/s].
+    the log has it [m/s]; `air`: force of the air that carries with the thrust, over a k_t near the
+    one that is sought [rad^2/s^2].
     """
     # The square of a noisy speed is larger by the noise.
     squares = flight.rotor_speed**2 - flight.rotor_speed_std**2
-    push = (squares @ vehicle.axes) / mass
+    push = (squares @ vehicle.axes + (0.0 if air is None else air)) / mass
     yield from needed_stretches(flight, axes, push, bias=bias, velocity_std=velocity_std)
 
 
