@@ -51,9 +51,9 @@ MOST_OF_A_LAG: Final = 0.75
 """Largest share by which a lag falls in one round: without any lag, its slope says nothing of
 longer ones."""
 NEAR: Final = 0.3
-"""Deviations by which the last round may still move a time, by the slopes of its signals. Slopes
-are off by a quarter at worst (of lags that differ for rising and falling speed), so that signals
-made anew there would move the time by less than a tenth of its deviation."""
+"""Deviations by which the last round may still move a time, by the slopes of its signals. On a
+flight whose rising and falling lags differ such a step was off by a quarter in the signals, so that
+made anew they would move the time by about a tenth of its deviation."""
 ENOUGH: Final[Mapping[str, float]] = {
     "motor_delay": 0.1 * SUM_FAULT,
     "motor_lag": 0.1 * SUM_FAULT,
