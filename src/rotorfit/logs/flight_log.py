@@ -313,6 +313,9 @@ LEAVES_OUT: Final[dict[str, str]] = {
     "yaw torque is proportional to command times thrust",
 }
 """Effects that a simulator leaves out, by its name."""
+DRAGLESS_ROTORS: Final = (SIH, SITL)
+"""Simulators that damp a turn by another coefficient than they hold back the vehicle with: one drag
+of the rotors for both would be none of theirs."""
 AIRLESS_ROTORS: Final = (SIH,)
 """Simulators whose rotors feel no air: only a drag of the frame, and damping of turns."""
 

@@ -59,7 +59,7 @@ from rotorfit.flight.motors.rotor_telemetry import (
 )
 from rotorfit.flight.prepare import on_one_clock, prepared_from
 from rotorfit.logs import read_log
-from rotorfit.logs.flight_log import AIRLESS_ROTORS, Channel, FlightLog
+from rotorfit.logs.flight_log import AIRLESS_ROTORS, DRAGLESS_ROTORS, Channel, FlightLog
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.air import CLIMB, VELOCITY, hover_inflow
 from rotorfit.model.terms.registry import added_signals, considered_terms, terms_named
@@ -149,10 +149,13 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
     _refuse_copies(flights)
     _refuse_mixed_commands(flights)
     carried = any(flight.prepared.data.carried is not None for flight in flights)
-    airless = all(f.log.simulator in AIRLESS_ROTORS for f in flights)
+    simulators = {f.log.simulator for f in flights}
     asked = experiment.identification.terms is not None
     added = added_signals(
-        _terms_considered(experiment, loaded), carried=carried, rotor_air=asked or not airless
+        _terms_considered(experiment, loaded),
+        carried=carried,
+        rotor_air=asked or not simulators <= {*AIRLESS_ROTORS},
+        rotor_drag=not simulators <= {*DRAGLESS_ROTORS},
     )
     if VELOCITY in added and experiment.identification.source == "imu":
         loaded = tuple(

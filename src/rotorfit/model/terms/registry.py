@@ -70,15 +70,20 @@ def considered_terms(asked: Collection[str] | None, *, velocity: bool, felt: boo
 
 
 def added_signals(
-    names: Collection[str], *, carried: bool = False, rotor_air: bool = True
+    names: Collection[str],
+    *,
+    carried: bool = False,
+    rotor_air: bool = True,
+    rotor_drag: bool = True,
 ) -> tuple[AddedSignals, ...]:
     """Return the signals that these terms add to a layout, each once.
 
-    `carried`: whether any flight knows what carries its rotors. `rotor_air`: whether the air moves
-    at the rotors, which some simulators leave out.
+    `carried`: whether any flight knows what carries its rotors. `rotor_air`, `rotor_drag`: whether
+    the air moves at the rotors, and their drag is one of forces and turns; some simulators leave
+    that out.
     """
     terms = [term for term in terms_named(names) if rotor_air or not term.air_at_rotors]
-    velocity = rotor_air and any(term.needs == "velocity" for term in terms)
+    velocity = rotor_air and rotor_drag and any(term.needs == "velocity" for term in terms)
     own = [
         s
         for term in terms

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.fit.dataset.dataset import LoadedFlight
 from rotorfit.fit.dataset.load import load_flight, velocity_known, with_hover_inflow
+from rotorfit.fit.dataset.through_air import through_air
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import (
     ConfigurationEntry,
@@ -24,7 +25,7 @@ from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.fit.reduction.reduce import LowPass, filtered_signals
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight
-from rotorfit.logs.flight_log import AIRLESS_ROTORS
+from rotorfit.logs.flight_log import AIRLESS_ROTORS, DRAGLESS_ROTORS
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.signals import AddedSignals
 from rotorfit.model.terms import body as body_terms
@@ -263,15 +264,16 @@ def signals_of_terms(used: LoadedFlight, known: Collection[str]) -> tuple[AddedS
         names,
         carried=used.prepared.data.carried is not None,
         rotor_air=used.log.simulator not in AIRLESS_ROTORS,
+        rotor_drag=used.log.simulator not in DRAGLESS_ROTORS,
     )
 
 
 def with_hover_of(
     result: IdentificationResult, owner: str, used: LoadedFlight, vehicle: Vehicle
 ) -> LoadedFlight:
-    """Return a flight with the induced velocity of hover, where the result has a mass."""
+    """Return a flight with its velocity through the air, and, with a mass, the inflow of hover."""
     mass = result.parameter("mass", owner).value
-    return with_hover_inflow(used, "unknown" if mass is None else mass, vehicle)
+    return with_hover_inflow(through_air(used), "unknown" if mass is None else mass, vehicle)
 
 
 def _speed_range(prepared: PreparedFlight) -> tuple[float, float]:
