@@ -137,7 +137,8 @@ def test_drag_does_not_depend_on_where_the_origin_is(once, draggy, tmp_path):
     attitude = Rotation.from_quat(draggy.attitude_wxyz, scalar_first=True)
     there = draggy.velocity + attitude.apply(np.cross(draggy.angular_velocity, up))
     result = identified(tmp_path, replace(draggy, vehicle=moved, velocity=there))
-    # Of the frame and of the rotors, which one hover speed hardly tells apart.
+    # Of the frame and of the rotors, which one hover speed hardly tells apart; what is known of
+    # their moments before the flight is about the origin.
     speeds = 4.0 * once.derived_value("hover_speed").value
     shares = {"x": ("rotor_drag", 1.0), "y": ("rotor_drag", 1.0), "z": ("inflow", 0.5)}
     for axis, (name, share) in shares.items():
@@ -146,7 +147,7 @@ def test_drag_does_not_depend_on_where_the_origin_is(once, draggy, tmp_path):
             + share * speeds * (r.parameter(name).value or 0.0)
             for r in (result, once)
         )
-        assert found == pytest.approx(same, rel=0.02)
+        assert found == pytest.approx(same, rel=0.04)
 
 
 def test_drag_is_in_the_predicted_wrench_of_other_flights(once, draggy, tmp_path):
@@ -194,7 +195,7 @@ def test_rotors_that_a_turn_drags_do_not_bend_the_drag_torque(tmp_path):
     low, high = found.interval
     assert ratio - bent.value > 2.0 * (high - low)  # its own interval grows with the misfit
     assert 0.03 < 1.0 - bent.value / ratio < 0.06
-    assert without.parameter("kd").value < 0.97 * true["kd"]
+    assert without.parameter("kd").value < 0.99 * true["kd"]
 
 
 USUAL = ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag")

@@ -63,7 +63,7 @@ def rotor_by_rotor(flight, vehicle, force_on):
 
 def glauert(across, along, hover):
     """Return the induced velocity by the root of the momentum balance, not by halving."""
-    u = max(along, -0.5 * hover)
+    u = max(along, -max(0.5 * hover, 2.0 * across))
     return brentq(
         lambda x: x * np.hypot(across, u + x) - hover**2,
         0.0,
@@ -93,10 +93,9 @@ def test_inflow_takes_thrust_by_the_air_beyond_that_of_hover(seed, rotors, kind,
     vehicle, k = drawn_vehicle(rng, rotors, kind), rng.uniform(1e-5, 1e-3)
     flight = drawn_flight(rng, rotors, hover)
 
-    def lost_thrust(O, moving, n, v):
-        # The velocity of the body across the axis is enough: arms are short to it.
-        across = np.linalg.norm(v - (v @ n) * n)
+    def lost_thrust(O, moving, n, _):
         u = moving @ n
+        across = np.linalg.norm(moving - u * n)
         return -k * O * (u + glauert(across, u, hover) - hover) * n
 
     expected = rotor_by_rotor(flight, vehicle, lost_thrust)
@@ -112,8 +111,13 @@ def test_wakes_lift_the_side_towards_which_the_vehicle_moves(seed, rotors, kind,
     flight = drawn_flight(rng, rotors, hover)
     expected = np.zeros((SAMPLES, 6))
     for k, v in enumerate(flight.velocity):
-        axes = [np.array(rotor.axis) for rotor in vehicle.rotors]
-        induced = np.mean([glauert(np.linalg.norm(v - (v @ n) * n), v @ n, hover) for n in axes])
+        found = []
+        for rotor in vehicle.rotors:
+            n = np.array(rotor.axis)
+            moving = v + np.cross(flight.angular_velocity[k], rotor.position)
+            across = np.linalg.norm(moving - (moving @ n) * n)
+            found.append(glauert(across, moving @ n, hover))
+        induced = np.mean(found)
         # About x, the left side rises for v_y > 0; about y, the nose for v_x > 0.
         expected[k, 3:5] = a * induced * v[1], -b * induced * v[0]
     actual = wrench_of(flight, vehicle, {"wake_moment_x": a, "wake_moment_y": b})

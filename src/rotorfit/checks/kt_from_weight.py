@@ -54,7 +54,7 @@ from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.air_force import air_force
 from rotorfit.model.parameters import INERTIA, INERTIA_COM
 from rotorfit.model.signals import SignalLayout
-from rotorfit.model.terms.air import VELOCITY
+from rotorfit.model.terms.air import INFLOW, VELOCITY
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std
 from rotorfit.model.terms.term import Term
@@ -233,8 +233,19 @@ def _weigh_flights(fit: Fit) -> tuple[list[WeighedFlight], Measured | None]:
     moving = kt_of_stretches(through_air, shares)
     if moving is None:
         return flights, still
-    open_std = AIR_STD * abs(moving.value - still.value)
+    open_std = _open_share_of_air(fit.numbers) * abs(moving.value - still.value)
     return through_air, replace(moving, std=float(np.hypot(moving.std, open_std)))
+
+
+def _open_share_of_air(numbers: Numbers) -> float:
+    """Return the deviation of what the air does to k_t, as a share of it.
+
+    Of flights that do not show the inflow it is that of the inflow's coefficient.
+    """
+    if INFLOW.name not in numbers.names:
+        return AIR_STD
+    value, half = numbers.number(INFLOW.name)
+    return max(AIR_STD, half / 1.96 / max(abs(value), np.finfo(float).tiny))
 
 
 def estimated_air_force(
