@@ -280,13 +280,12 @@ def _mark_shown_bands(
     What else makes the channel (air, damping) is taken off it, as the lowest bands show it.
     """
     low = band[:, :FIRST_BANDS].any(axis=1)
-    causes, channel = x[:, low].reshape(-1, x.shape[2]), y[:, low].reshape(-1)
+    causes: Complex[np.ndarray, "n k"] = x[:, low].reshape(-1, x.shape[2])
+    channel: Complex[np.ndarray, " n"] = y[:, low].reshape(-1)
     size = np.linalg.norm(causes, axis=0).clip(min=TINY)
-    share = np.linalg.lstsq(
-        np.concatenate([causes.real, causes.imag]) / size,
-        np.concatenate([channel.real, channel.imag]),
-    )[0]
-    share /= size
+    X: Float[np.ndarray, "m k"] = np.concatenate([np.real(causes), np.imag(causes)]) / size
+    felt: Float[np.ndarray, " m"] = np.concatenate([np.real(channel), np.imag(channel)])
+    share = np.asarray(np.linalg.lstsq(X, felt)[0], dtype=float) / size
     own, made = y - x[:, :, 1:] @ share[1:], x[:, :, 0]
     coherent = _coherence(own, made, band) >= LEAST_COHERENCE
     power, expected = ((np.abs(one) ** 2).sum(axis=0) @ band for one in (own, share[0] * made))

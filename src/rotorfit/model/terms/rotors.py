@@ -23,7 +23,7 @@ from rotorfit.model.terms.term import (
 )
 from rotorfit.model.vehicle import Rotor, Vehicle
 
-DRAG_SIGNALS: Final = ("Od_Fx", "Od_Fy", "Od_Fz", "Od_Mx", "Od_My", "Od_Mz")
+DRAG_SIGNALS: Final[tuple[str, ...]] = ("Od_Fx", "Od_Fy", "Od_Fz", "Od_Mx", "Od_My", "Od_Mz")
 MOST_ROTORS: Final = 16
 ROTOR_SPREAD_STD: Final = 0.04
 """Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or
@@ -126,8 +126,7 @@ def rotor_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     what carries the rotors.
     """
     if DRAG_OF_ROTORS in layout.added:
-        rows = dict(zip(DRAG_SIGNALS, range(6), strict=True))
-        entries = {(rows[name], name): 1.0 for name in rotor_drag_names(vehicle)}
+        entries = {(DRAG_SIGNALS.index(name), name): 1.0 for name in rotor_drag_names(vehicle)}
         return {"rotor_drag": block(layout, entries)}
     signals = ("wzO", "Ov_Mz") if "Ov_Mz" in layout else ("wzO",)
     return {"rotor_drag": block(layout, {(MZ, name): 1.0 for name in signals})}
