@@ -93,12 +93,12 @@ def test_a_plain_result_is_the_vehicle():
 
 @pytest.mark.parametrize("target", [target for target in EVERY if target != "px4-sih"])
 def test_terms_that_are_left_out_are_named_in_the_file(target, assert_wording):
-    term = parameter("rotor_drag", 1.2e-5)
+    term = parameter("wake_moment_x", 1.2e-5)
     lost = replace(parameter("twist", 0.0, "A"), **UNKNOWN, verdict="not-identified")
     text = text_of(with_numbers(a_result(), term, lost), target)
-    assert "rotor_drag = (1.200 +-" in text
-    assert "0.012)e-05 N s^2/(m rad)" in text
-    assert_wording(lines_with(text, "rotor_drag ="))
+    assert "wake_moment_x = (1.200 +-" in text
+    assert "0.012)e-05 N s^2/m" in text
+    assert_wording(lines_with(text, "wake_moment_x ="))
     assert "left out here" not in text_of(with_numbers(a_result(), lost), target)
 
 

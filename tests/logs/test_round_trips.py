@@ -133,7 +133,7 @@ def tolerance_of(name, other, flight):
     tolerance = ALIKE * max(abs(parameter.value), scale_of(name, other, flight))
     # Poses are in single precision; the velocity that they give is in the rotors' drag.
     # An accelerometer's bias and the IMU's turn share what is felt sideways.
-    if name in ("motor_delay", "rotor_drag", "accel_bias_x", "accel_bias_y"):
+    if name in ("motor_delay", "rotor_drag", "inflow", "accel_bias_x", "accel_bias_y"):
         return max(tolerance, SEARCH * parameter.std)
     return tolerance
 

@@ -124,8 +124,9 @@ def test_px4_stock_is_found_within_a_few_percent(result_of):
 def test_arducopter_without_gyroscopic_terms_has_no_yaw_scale(result_of, name, assert_wording):
     result = result_of(name)
     found = numbers(result)
-    for unknown in ("kd", "Jr", "Izz"):
+    for unknown in ("kd", "Izz"):
         assert (found[unknown].value, found[unknown].verdict) == (None, "ratio-only"), unknown
+    assert found["Jr"].value is None
     for unknown in ("kd", "Izz"):
         assert "no gyroscopic coupling" in found[unknown].reason
         assert "pendulum" in found[unknown].advice

@@ -35,16 +35,17 @@ def test_thrust_per_mass_is_what_carries_the_weight(result):
 
 def test_thrust_at_full_command_is_as_open_as_the_law(result):
     kt, ratio = result.parameter("kt"), result.derived_value("thrust_to_weight")
-    assert kt.interval[1] - kt.interval[0] > 0.5 * kt.value
+    assert kt.interval[1] - kt.interval[0] > 0.4 * kt.value
     assert ratio.interval[0] < 4 * kt.value / 9.81 < ratio.interval[1]
 
 
 def test_lag_and_delay_are_those_of_the_likeliest_fit(result):
     """Once it was 0, 34 or 150 ms, whichever end of the flight one sample was taken from.
 
-    The filters that the log names are no longer in it: with them the lag was 34.5 ms.
+    The filters that the log names are no longer in it, of gyro and accelerometer: with them the lag
+    was 34.5 ms, and with the accelerometer's 28.6.
     """
-    assert result.parameter("motor_lag").value == pytest.approx(0.0286, abs=0.0005)
+    assert result.parameter("motor_lag").value == pytest.approx(0.0267, abs=0.0005)
     assert result.parameter("motor_delay").value == pytest.approx(0.0031, abs=0.0003)
     # A delay and a lag look alike to slow commands: their sum is known better than the lag.
     total = result.derived_value("motor_lag_total")

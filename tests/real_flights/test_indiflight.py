@@ -250,18 +250,26 @@ def test_two_swapped_motors_are_refused(indiflight_logs, tmp_path, i, k, assert_
     assert_wording(said)
 
 
-@pytest.mark.parametrize(
-    ("name", "sides"),
-    [("LOG00230.BFL", (0.0635, 0.0455)), ("LOG00266.BFL", (0.0545, 0.0545))],
-    ids=["swapped", "square"],
-)
-def test_wrong_sides_are_seen_although_the_fit_lost_yaw(indiflight_logs, tmp_path, name, sides):
-    # Slopes at these sides leave the one open by .2 of s, and the other without any coupling.
-    places = np.sign([r.position for r in CINERAT.rotors]) * [*sides, 0.0]
-    rotors = [
+def of_sides(x, y):
+    """Return the vehicle with its rotors at other distances [m]."""
+    places = np.sign([r.position for r in CINERAT.rotors]) * [x, y, 0.0]
+    rotors = (
         replace(r, position=tuple(p.tolist())) for r, p in zip(CINERAT.rotors, places, strict=True)
-    ]
-    path, wrong = tmp_path / "experiment.toml", replace(CINERAT, rotors=tuple(rotors))
+    )
+    return replace(CINERAT, rotors=tuple(rotors))
+
+
+def test_swapped_sides_are_refused(indiflight_logs, tmp_path):
+    path = tmp_path / "experiment.toml"
+    flown.experiment_file(path, of_sides(0.0635, 0.0455), [indiflight_logs / "LOG00230.BFL"])
+    with pytest.raises(FrameError, match="are swapped"):
+        flown.quietly_identified(path)
+
+
+@pytest.mark.parametrize(("name", "sides"), [("LOG00266.BFL", (0.0545, 0.0545))], ids=["square"])
+def test_wrong_sides_are_seen_although_the_fit_lost_yaw(indiflight_logs, tmp_path, name, sides):
+    # Slopes at these sides leave the fit without any coupling.
+    path, wrong = tmp_path / "experiment.toml", of_sides(*sides)
     flown.experiment_file(path, wrong, [indiflight_logs / name], mass=0.428)
     result = flown.quietly_identified(path)
     (found,) = (one for one in result.findings if one.kind == "lever-arms")

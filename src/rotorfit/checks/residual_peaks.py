@@ -94,10 +94,12 @@ def highest_peaks(fit: Fit) -> list[Peak]:
     every = theta_of(estimate.problem.map, estimate.estimate.values, fit.configurations)
     each = solved(dataset.model.tensor, every, estimate.problem.noisy)[0]
     peaks: list[Peak] = []
-    for configured, G in zip(dataset.configurations, each, strict=True):
+    for configured, fitted, G in zip(dataset.configurations, fit.configurations, each, strict=True):
         prepared = [flight.prepared for flight in configured.flights]
         spectra = _bin_spectra(_errors_of_stretches(dataset, prepared, G))
-        peak = _find_highest_bin(spectra, configured.entry.name)
+        # What a sensor shows above its bandwidth is noise alone, whatever lines it has.
+        reach = np.full(len(AXES), np.inf) if fitted.reach is None else fitted.reach.min(axis=0)
+        peak = _find_highest_bin(spectra, configured.entry.name, reach=reach)
         if peak is not None:
             peaks.append(peak)
     return peaks
@@ -153,8 +155,13 @@ def _normalised_spectrum(values: Float[np.ndarray, "n k"]) -> Complex[np.ndarray
     return np.fft.rfft(values / np.where(size > 0.0, size, 1.0) * window, axis=0)
 
 
-def _find_highest_bin(spectra: Spectra, configuration: str) -> Peak | None:
-    """Find the highest bin over its surroundings; None if there is nothing to compare."""
+def _find_highest_bin(
+    spectra: Spectra, configuration: str, *, reach: Float[np.ndarray, " k"]
+) -> Peak | None:
+    """Find the highest bin over its surroundings; None if there is nothing to compare.
+
+    `reach`: highest frequency that is looked at, by axis [Hz].
+    """
     lines = spectra.lines
     bins = range(AROUND + 1, len(lines) - AROUND)
     best: Peak | None = None
@@ -162,7 +169,7 @@ def _find_highest_bin(spectra: Spectra, configuration: str) -> Peak | None:
         around = lines[f + OFFSETS].sum()
         if lines[f] == 0 or around == 0:
             continue
-        ratio = _over_surroundings(spectra.errors, lines, f)
+        ratio = _over_surroundings(spectra.errors, lines, f) * ((f + AROUND) * BIN < reach)
         k = int(np.argmax(ratio))
         if best is None or ratio[k] > best.ratio:
             tail = f_tail(float(ratio[k]), 2.0 * float(lines[f]), 2.0 * float(around))

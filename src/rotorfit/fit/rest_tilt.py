@@ -43,7 +43,7 @@ def tilts_at_rest(data: FlightData) -> Iterator[ImuTilt]:
 def angle_between(one: ImuTilt, other: ImuTilt) -> float:
     """Return the angle between the z axes of two IMUs [rad]."""
     first, second = (_up_in_imu(tilt) for tilt in (one, other))
-    return float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
+    return float(np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second))
 
 
 def _up_in_imu(tilt: ImuTilt) -> Float[np.ndarray, " 3"]:

@@ -315,7 +315,7 @@ LEAVES_OUT: Final[dict[str, str]] = {
 """Effects that a simulator leaves out, by its name."""
 DRAGLESS_ROTORS: Final = (SIH, SITL)
 """Simulators that damp a turn by another coefficient than they hold back the vehicle with: one drag
-of the rotors for both would be none of theirs."""
+of the rotors for both would be none of theirs. Nor have they an induced velocity."""
 AIRLESS_ROTORS: Final = (SIH,)
 """Simulators whose rotors feel no air: only a drag of the frame, and damping of turns."""
 

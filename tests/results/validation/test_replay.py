@@ -9,6 +9,9 @@ import pytest
 
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.flight.flight_data import Segment
+from rotorfit.model.air_force import air_wrenches
+from rotorfit.model.regressor import regressor
+from rotorfit.model.terms.registry import added_signals
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.validation.replay import (
     HOLD,
@@ -80,6 +83,14 @@ def entrant(data, result=None, **options):
     return Entrant(vehicle=flies, rotor_speed=data.rotor_speed)
 
 
+def air_as_flown(data):
+    """Return the wrench of a unit of each coefficient of the air, at the flown velocity."""
+    layout = regressor(PLACES, added=added_signals(("rotor_drag", "inflow"))).layout
+    found = {name: wrench for _, name, wrench in air_wrenches(data, PLACES, layout)}
+    nothing = np.zeros((len(data.time), 6))
+    return np.stack([found.get(name, nothing) for name in AIR_NAMES], axis=1)
+
+
 def replayed(data, **entrants):
     return replay(data, entrants, flight="simulated")
 
@@ -145,7 +156,8 @@ def test_rotors_that_a_turn_drags_are_in_it():
     flight = simulate_flight(replace(true_vehicle(), rotor_drag=c), PLACES, SHORT, seed=3)
     damped = exact_flight_data(flight, PLACES, specific_force_at="imu")
     result = replace(a_result(), parameters=(*a_result().parameters, parameter("rotor_drag", c)))
-    found = replayed(damped, own=entrant(damped, result), without=entrant(damped))
+    own = replace(entrant(damped, result), air=air_as_flown(damped))
+    found = replayed(damped, own=own, without=entrant(damped))
     moved = error_growth([found], HOLD)[-1]
     assert (error_growth([found], "own")[-1] < 0.02 * moved).all()
     assert error_growth([found], "without")[-1, 2] > 0.1 * moved[2]

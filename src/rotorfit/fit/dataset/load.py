@@ -216,8 +216,11 @@ def _load_configuration(
 def with_hover_inflow(
     flight: LoadedFlight, mass: float | Literal["unknown"], vehicle: Vehicle
 ) -> LoadedFlight:
-    """Return a flight with the air's velocity through its rotors in hover, where it was weighed."""
-    if mass == "unknown":
+    """Return a flight with the air's velocity through its rotors in hover, where it was weighed.
+
+    Some simulators have no induced velocity.
+    """
+    if mass == "unknown" or flight.log.simulator in DRAGLESS_ROTORS:
         return flight
     prepared = flight.prepared
     data = dataclasses.replace(prepared.data, hover_inflow=hover_inflow(mass, vehicle))

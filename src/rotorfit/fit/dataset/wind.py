@@ -72,13 +72,15 @@ def estimate_wind(data: FlightData) -> Wind | None:
     # What nobody knows of the bias: the nose that does not turn shows a wind as one.
     biased = [_solve_regression(X, y, bias=np.array(b)) for b in ((BIAS_STD, 0.0), (0.0, BIAS_STD))]
     shifts = np.array([one[1:3] / one[0] - wind for one in biased])
-    covariance = (GROUPS - 1) * np.cov(winds.T, bias=True) + shifts.T @ shifts
-    distance = float(wind @ np.linalg.solve(covariance, wind)) / 2.0
+    chance: Float[np.ndarray, "2 2"] = np.asarray(np.cov(winds.T, bias=True), dtype=float)
+    covariance: Float[np.ndarray, "2 2"] = (GROUPS - 1) * chance + shifts.T @ shifts
+    away: Float[np.ndarray, " 2"] = np.asarray(np.linalg.solve(covariance, wind), dtype=float)
+    distance = 0.5 * float(wind @ away)
     shown = distance > f_quantile(CHANCE, 2, GROUPS - 1)
     flown = float(np.sqrt((X[:, :, 0] ** 2).sum(axis=1).mean()))
     if not shown or float(np.hypot(*wind)) < max(LEAST_WIND, LEAST_SHARE * flown):
         return None
-    std = float(np.sqrt(np.trace(covariance) / 2.0))
+    std = float(np.sqrt(0.5 * np.diagonal(covariance).sum()))
     return Wind(velocity=(float(wind[0]), float(wind[1])), std=std)
 
 

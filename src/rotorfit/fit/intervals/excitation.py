@@ -16,6 +16,7 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import Factors, flights_of
 from rotorfit.fit.intervals.numbers import AXES, LEAST_EXCITATION
 from rotorfit.fit.reduction.frequency_bands import in_pilot_band
+from rotorfit.model.terms.rotors import DRAG_OF_ROTORS
 
 if TYPE_CHECKING:
     from rotorfit.fit.joint.joint_problem import JointConfiguration
@@ -63,7 +64,7 @@ def _excitation_ratios(
         )
         informative = _block_weights(c, power)
         found = _of_flights(means, np.array([informative[own].sum(axis=0) for own in flights]))
-        found = np.maximum(found, flown_ratio(c, power))
+        found = np.where(found > LEAST_EXCITATION, found, np.maximum(found, flown_ratio(c, power)))
         rho |= {f"{axis}@{c.name}": float(m) for axis, m in zip(AXES, found, strict=True)}
     return rho
 
@@ -76,10 +77,11 @@ def flown_ratio(
 
     They alone count for an axis that has any. In fast flight the rotors balance the air in the
     pilot's band, and turn the vehicle above it; an autopilot that works against gusts makes a ratio
-    of one to three there (`LEAST_RATIO`), and no band of it is flown.
+    of one to three there (`LEAST_RATIO`), and no band of it is flown. Where the model does not know
+    the air, zero: a pilot's motion is below.
     """
     flown = configuration.with_response
-    if flown is None:
+    if flown is None or DRAG_OF_ROTORS not in configuration.model.layout.added:
         return np.zeros(3)
     moving = flown & (configuration.factors.band[:, :1] > 0.0)
     signal, left = ((one * moving).sum(axis=0) for one in power)

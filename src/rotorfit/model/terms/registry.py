@@ -18,6 +18,7 @@ from rotorfit.model.terms.air import (
 )
 from rotorfit.model.terms.body import ACCEL_BIAS, FIRST_MOMENTS, INERTIA, MASS, TORQUE_OFFSET
 from rotorfit.model.terms.rotors import (
+    DRAG_OF_ROTORS,
     IMU_MOUNTING,
     LINEAR_DRAG_TORQUE,
     ROTOR_CENTER,
@@ -27,6 +28,7 @@ from rotorfit.model.terms.rotors import (
     THRUST,
     TORQUE,
     TWIST,
+    YAW_DAMPING,
 )
 from rotorfit.model.terms.term import Term
 
@@ -34,7 +36,7 @@ TERMS: Final[tuple[Term, ...]] = (
     *(MASS, FIRST_MOMENTS, INERTIA, THRUST, TORQUE),
     *(ROTOR_INERTIA, ROTOR_SPREAD, ACCEL_BIAS, ROTOR_CENTER, TWIST, ROTOR_DRAG, CLIMB_DRAG),
     *(DRAG, TURN_DAMPING, INFLOW, TRANSLATIONAL_LIFT, TORQUE_OFFSET, LINEAR_DRAG_TORQUE),
-    *(IMU_MOUNTING, WAKE_MOMENT),
+    *(IMU_MOUNTING, WAKE_MOMENT, YAW_DAMPING),
 )
 OPTIONAL: Final = tuple(term for term in TERMS if term.when != "always")
 DEFAULT: Final = tuple(term for term in OPTIONAL if term.when == "default")
@@ -93,7 +95,7 @@ def added_signals(
             *(term.with_velocity if velocity else ()),
         )
     ]
-    return tuple(dict.fromkeys(own))
+    return tuple(s for s in dict.fromkeys(own) if velocity or s is not DRAG_OF_ROTORS)
 
 
 def signals_named(names: Collection[str]) -> tuple[AddedSignals, ...]:

@@ -152,6 +152,16 @@ CARRIED: Final = AddedSignals(
 )
 
 
+def yaw_damping(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Yaw torque -b w_z sum O_i (x_i^2 + y_i^2) beside that of the rotors' drag.
+
+    What forces show of drag is the frame's, too, which turns nothing: it must not say how yaw is
+    damped, on which k_d and I_zz rest.
+    """
+    del vehicle
+    return {"yaw_damping": block(layout, {(MZ, "wzO"): 1.0})}
+
+
 def rotor_drag_names(vehicle: Vehicle) -> tuple[str, ...]:
     """Return the components of the rotors' drag that do not vanish."""
     if not aligned(vehicle):
@@ -375,6 +385,33 @@ ROTOR_DRAG: Final = Term(
     dropped=1,
     replayed=lambda values, vehicle: {
         "damping": values["rotor_drag"][:, None] * vehicle.squared_arms
+    },
+)
+YAW_DAMPING: Final = Term(
+    name="yaw_damping",
+    words="a damping of yaw beside the drag of the rotors",
+    when="default",
+    parameters={
+        "yaw_damping": ParameterInfo(
+            "N s^2/(m rad)",
+            1,
+            "damping of yaw beside a rotor's drag, over its speed and squared arm",
+            title="Damping of yaw beside the drag of the rotors",
+            effective_unit="N s/m per command",
+            speed_power=1,
+            motion="yaw",
+            on_yaw_scale=True,
+            relevant=rotor_drag_std,
+            prior=rotor_drag_std,
+            step=rotor_drag_std,
+        )
+    },
+    owner="shared",
+    entries=yaw_damping,
+    needs="velocity",
+    signals=(DRAG_OF_ROTORS,),
+    replayed=lambda values, vehicle: {
+        "damping": values["yaw_damping"][:, None] * vehicle.squared_arms
     },
 )
 LINEAR_DRAG_TORQUE: Final = Term(
