@@ -351,7 +351,7 @@ ROOMS: Final[dict[str, Room]] = {
             "speed = <<(mixer * vehicle.spins / (2.0 * rotor_speeds(configuration))).sum(axis=1)>>",
             'prior |= {f"{name}{at}": <<std>> for name, std, _ in tolerances',
             "{name: <<std>> for name, (_, std) in known.items()}",
-            "{name: <<mean>> for name, (mean, _) in known.items()}",
+            "{n: <<mean>> for n, (mean, _) in known.items()}",
             "size: Float[np.ndarray, \" N\"] = <<np.linalg.norm(lowest[:, :, squares], axis=(0, 1)) / one>>",
         ),
         changed=(

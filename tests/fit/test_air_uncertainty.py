@@ -80,7 +80,8 @@ def test_a_coefficient_that_was_not_fitted_opens_nothing():
 
 def flown(with_response, signal, left, *, bands=((0.0, 0.3), (1.0, 2.0), (8.0, 16.0))):
     """Return the ratio over three bands of one flight."""
-    body = made_fit.configuration(factors=made_fit.blocks(bands))
+    fast = regressor(made_fit.QUAD, added=added_signals(("rotor_drag", "inflow")))
+    body = replace(made_fit.configuration(factors=made_fit.blocks(bands)), model=fast)
     if with_response is not None:
         body = replace(body, with_response=np.array(with_response))
     return flown_ratio(body, (np.array(signal, dtype=float), np.array(left, dtype=float)))

@@ -264,7 +264,7 @@ def test_drag_without_velocity_is_refused_with_what_to_log(draggy, tmp_path):
 @pytest.mark.parametrize("kind", ["clean", "disturbed"])
 def test_terms_that_are_not_there_stay_out(tmp_path, kind):
     result = identified(tmp_path, flight_of((0.0, 0.0, 0.0), kind=kind, seed=4))
-    assert result.settings["used"]["terms"] == [*USUAL, "inflow", "imu_mounting"]
+    assert result.settings["used"]["terms"] == [*USUAL, "inflow", "imu_mounting", "yaw_damping"]
     assert set(result.settings["used"]["terms_gain"]) == {t.name for t in BY_LIKELIHOOD}
     assert not any("which the flights show" in words for words in result.warnings)
 

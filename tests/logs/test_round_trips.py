@@ -23,7 +23,7 @@ DRAG = ("ulog",)
 COMMANDED = ("ulog", "dataflash", "crazyflie", "blackbox")
 """Formats whose log has commands beside speeds; the motors' law is then found too."""
 LAW = {"motor_lag", "command_delay", "max_speed"}
-ESTIMATED = ("accel_bias_z",)
+ESTIMATED = ("accel_bias_z", "inflow", "yaw_damping")
 """What hangs on how sure a velocity or pose is: an autopilot's log has its own estimate, a table
 what was measured."""
 POSED = ("ros1", "ulog")
@@ -133,7 +133,14 @@ def tolerance_of(name, other, flight):
     tolerance = ALIKE * max(abs(parameter.value), scale_of(name, other, flight))
     # Poses are in single precision; the velocity that they give is in the rotors' drag.
     # An accelerometer's bias and the IMU's turn share what is felt sideways.
-    if name in ("motor_delay", "rotor_drag", "inflow", "accel_bias_x", "accel_bias_y"):
+    if name in (
+        "motor_delay",
+        "rotor_drag",
+        "yaw_damping",
+        "inflow",
+        "accel_bias_x",
+        "accel_bias_y",
+    ):
         return max(tolerance, SEARCH * parameter.std)
     return tolerance
 

@@ -261,7 +261,9 @@ def of_sides(x, y):
 
 def test_swapped_sides_are_refused(indiflight_logs, tmp_path):
     path = tmp_path / "experiment.toml"
-    flown.experiment_file(path, of_sides(0.0635, 0.0455), [indiflight_logs / "LOG00230.BFL"])
+    flown.experiment_file(
+        path, of_sides(0.0635, 0.0455), [indiflight_logs / "LOG00230.BFL"], mass=0.428
+    )
     with pytest.raises(FrameError, match="are swapped"):
         flown.quietly_identified(path)
 

@@ -83,11 +83,12 @@ CARRIED_VELOCITY = 0.1
 """The same of one by rare positions, with the accelerometer between them [m/s]: 3 cm over .3 s."""
 CAMERA_BIAS = Measured(value=0.0, std=0.01)
 """Bias of an acceleration by motion capture, over seconds [m/s^2]."""
-AIR_SHARE = 0.5
-"""Share of what the model's air does to the k_t of the weight that is taken, with as large a
-deviation. Momentum theory says that rotors carry more in forward flight; the air that a leaning
-body pushes up takes some of it. Simulated flights show all of it, NeuroBEM's (k_t 1.55e-6) none to
-half."""
+AIR_SHARE = 0.25
+AIR_STD = 0.4
+"""Share of what the model's air does to the k_t of the weight that is taken, and its deviation.
+Momentum theory says that rotors carry more in forward flight; the air that a leaning body pushes up
+takes some of it. NeuroBEM's flights (k_t 1.55e-6) show none to half of it, simulated ones all,
+which is within the interval."""
 HELD_TO = 1e-4
 """Share of itself to which k_t is held: what is open of it is in the interval."""
 OF_THRUST = ("kt", "kd", "Jr", *INERTIA, *INERTIA_COM)
@@ -235,10 +236,10 @@ def _weigh_flights(fit: Fit) -> tuple[list[WeighedFlight], Measured | None]:
     moving = kt_of_stretches(through_air, shares)
     if moving is None:
         return flights, still
-    gained = AIR_SHARE * (moving.value - still.value)
+    gained = moving.value - still.value
     # What scatters is less with the air of the fit, whose coefficients are no better known for it.
-    std = float(np.hypot(max(still.std, moving.std), gained))
-    return flights, Measured(value=still.value + gained, std=std)
+    std = float(np.hypot(max(still.std, moving.std), AIR_STD * gained))
+    return flights, Measured(value=still.value + AIR_SHARE * gained, std=std)
 
 
 def estimated_air_force(

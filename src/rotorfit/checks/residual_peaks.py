@@ -97,8 +97,10 @@ def highest_peaks(fit: Fit) -> list[Peak]:
     for configured, fitted, G in zip(dataset.configurations, fit.configurations, each, strict=True):
         prepared = [flight.prepared for flight in configured.flights]
         spectra = _bin_spectra(_errors_of_stretches(dataset, prepared, G))
-        # What a sensor shows above its bandwidth is noise alone, whatever lines it has.
-        reach = np.full(len(AXES), np.inf) if fitted.reach is None else fitted.reach.min(axis=0)
+        # What an accelerometer shows above its bandwidth is noise alone, whatever lines it has.
+        reach = np.full(len(AXES), np.inf)
+        if fitted.reach is not None:
+            reach[:3] = fitted.reach[:, :3].min(axis=0)
         peak = _find_highest_bin(spectra, configured.entry.name, reach=reach)
         if peak is not None:
             peaks.append(peak)

@@ -16,7 +16,9 @@ from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem, size_of
+from rotorfit.model.terms.air import DRAG
 from rotorfit.model.terms.registry import BY_LIKELIHOOD, DEFAULT_TERMS, OPTIONAL, terms_named
+from rotorfit.model.terms.rotors import DRAG_OF_ROTORS
 from rotorfit.model.terms.term import Term
 
 LEAST_GAIN = 50.0
@@ -25,6 +27,10 @@ parameters of a torque gain 1.5 on average, and 8 once in a thousand, the nine o
 the response to gusts makes up to 23 on simulated flights without the term, and throws
 and pulses up to 40 on real ones, where flights of the same vehicle contradict one another. Drag
 that spoils anything gains over 100."""
+SECOND_DRAG = 2.0
+"""Times as much is needed of the frame's drag beside that of the rotors, which forces hardly tell
+apart: drag that spoils anything gains over 100, and what goes with the velocity by chance (trims, a
+room's own air) gained 62 in a flight of NeuroBEM, and gave the frame half of the rotors' drag."""
 SURE = 4.0
 """Deviations by which what brakes must be more than none."""
 LIKELY = 2.0
@@ -96,13 +102,15 @@ def chosen(
     gains: dict[str, float] = {}
     least = LEAST_GAIN * len(joint)
     layout = joint[0].model.layout
+    times = {DRAG.name: SECOND_DRAG if DRAG_OF_ROTORS in layout.added else 1.0}
     open_terms = [term.name for term in BY_LIKELIHOOD if term.stands_in(layout)]
     while open_terms:
         # The one first that explains most: what is left for another is then its own.
         for one in open_terms:
             gains[one] = expected_gain(fit, joint, (*present, one))
-        name = max(open_terms, key=gains.__getitem__)
-        if gains[name] < 0.5 * least:
+        name = max(open_terms, key=lambda one: gains[one] / times.get(one, 1.0))
+        needed = least * times.get(name, 1.0)
+        if gains[name] < 0.5 * needed:
             break
         open_terms.remove(name)
         wider = (*present, name)
@@ -111,7 +119,7 @@ def chosen(
         except UnsettledError:
             continue  # the flights do not separate it from the other terms
         gains[name] = trial.log_likelihood - fit.log_likelihood
-        if gains[name] >= least and matters(name, trial, joint):
+        if gains[name] >= needed and matters(name, trial, joint):
             present, fit = wider, trial
     return Choice(terms=present, gains=gains, least_gain=least), fit
 

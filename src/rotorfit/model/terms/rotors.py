@@ -410,6 +410,7 @@ YAW_DAMPING: Final = Term(
     entries=yaw_damping,
     needs="velocity",
     signals=(DRAG_OF_ROTORS,),
+    dropped=7,
     replayed=lambda values, vehicle: {
         "damping": values["yaw_damping"][:, None] * vehicle.squared_arms
     },
