@@ -57,7 +57,7 @@ def blocks(bands, *, rows=30, source=None, width=None):
         R=np.tile(np.eye(width), (len(bands), 1, 1)),
         rows=np.broadcast_to(np.asarray(rows), len(bands)).astype(np.int64),
         segment=np.zeros(len(bands), dtype=np.int64),
-        band=np.array(bands, dtype=float),
+        band=np.array(bands, dtype=float).reshape(-1, 2),
         source=None if source is None else np.asarray(source),
     )
 

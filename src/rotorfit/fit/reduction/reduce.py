@@ -165,7 +165,7 @@ class BandLines:
     lines: Lines
     bands: list[tuple[int, int]]
     resolution: float
-    noise: Float[np.ndarray, "b z"] | None
+    noise: Float[np.ndarray, "bands signals"] | None
 
     @property
     def frequency(self) -> Float[np.ndarray, " l"]:
