@@ -463,7 +463,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         changed=(
             ("size = max(value, number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle))", "size = value"),
-            ("(base in SCALED and not weighed)", "base in SCALED"),
+            ("(numbers.on_yaw_scale(name) and not weighed)", "base in SCALED"),
             ("owner if base in HEIGHTS and not weighed else None", "owner if base in HEIGHTS else None"),
             ("owner if base in HEIGHTS and not weighed else None", "None"),
             ("else max(shares.values())", "else min(shares.values())"),
@@ -628,7 +628,7 @@ ROOMS: Final[dict[str, Room]] = {
             "SURE = <<4.0>>",
             "least = <<LEAST_GAIN * len(joint)>>",
             "return <<0.5 * float(equations.scores.sum(axis=0) @ equations.step)>>",
-            "if gains[name] < <<0.5 * least>>:",
+            "if gains[name] < <<0.5 * needed>>:",
         ),
     ),
     "fit/timing/timing_fit.py": Room(

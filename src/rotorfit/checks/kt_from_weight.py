@@ -87,8 +87,7 @@ AIR_SHARE = 0.25
 AIR_STD = 0.4
 """Share of what the model's air does to the k_t of the weight that is taken, and its deviation.
 Momentum theory says that rotors carry more in forward flight; the air that a leaning body pushes up
-takes some of it. NeuroBEM's flights (k_t 1.55e-6) show none to half of it, simulated ones all,
-which is within the interval."""
+takes some of it. NeuroBEM's flights (k_t 1.55e-6) show none to half of it, simulated ones all."""
 HELD_TO = 1e-4
 """Share of itself to which k_t is held: what is open of it is in the interval."""
 OF_THRUST = ("kt", "kd", "Jr", *INERTIA, *INERTIA_COM)

