@@ -157,7 +157,7 @@ QUOTED = re.compile(
     r"(?P<between>.*is between )(?P<low>\S+) and (?P<high>\S+) \("
 )
 """How the tutorial quotes the line of kd, and the ends of its interval."""
-PRINTED = re.compile(r"^(?P<line>print\(vehicles\)  # )(?P<said>.*)$", re.MULTILINE)
+PRINTED = re.compile(r"^(?P<line>print\(vehicles\)\n# )(?P<said>.*)$", re.MULTILINE)
 
 
 def assert_quoted(page: Path, pattern: re.Pattern[str], update: bool, **now: str) -> None:
