@@ -1,12 +1,13 @@
 """The wrench of the air on a vehicle that moves at a known velocity."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from rotorfit.flight.flight_data import FlightData
-from rotorfit.model.signals import SignalLayout
+from rotorfit.model.signals import SignalLayout, signal_matrix
 from rotorfit.model.terms.registry import terms_in
 from rotorfit.model.terms.term import Term
 from rotorfit.model.vehicle import Vehicle
@@ -37,31 +38,11 @@ def air_wrenches(
     Force, then torque about the origin, body axes, of every sample. `data`: with a velocity in
     every row. `layout`: of the model.
     """
-    columns = _signal_columns(data, vehicle, layout)
+    of_instants = replace(data, differentiation="exact")
+    Z = signal_matrix(of_instants, vehicle, 0, len(data.time), added=layout.added)
     for term in terms_in(layout):
         if term.entries is None or not (term.needs == "velocity" or term.with_velocity):
             continue
         for name, entries in term.entries(vehicle, layout).items():
-            wrench = np.zeros((len(data.time), 6))
-            for z in np.flatnonzero(entries.any(axis=0)):
-                if layout.names[z] in columns:
-                    wrench -= columns[layout.names[z]][:, None] * entries[:, z]
-            yield term, name, wrench
-
-
-def _signal_columns(
-    data: FlightData, vehicle: Vehicle, layout: SignalLayout
-) -> dict[str, Float[np.ndarray, " n"]]:
-    """Compute the added signals of a layout, by name."""
-    every = slice(0, len(data.time))
-    columns: dict[str, Float[np.ndarray, " n"]] = {}
-    for signals in layout.added:
-        names = signals.names(vehicle)
-        if signals.of_body is not None:
-            made = signals.of_body(data, every)
-        elif signals.of_rotors is not None:
-            made = signals.of_rotors(data, every, vehicle)
-        else:
-            continue
-        columns |= dict(zip(names, made.T, strict=True))
-    return columns
+            moved = np.flatnonzero(entries.any(axis=0))
+            yield term, name, -Z[:, moved] @ entries[:, moved].T

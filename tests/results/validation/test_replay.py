@@ -85,7 +85,8 @@ def entrant(data, result=None, **options):
 
 def air_as_flown(data):
     """Return the wrench of a unit of each coefficient of the air, at the flown velocity."""
-    layout = regressor(PLACES, added=added_signals(("rotor_drag", "inflow"))).layout
+    terms = ("rotor_drag", "inflow", "yaw_damping")
+    layout = regressor(PLACES, added=added_signals(terms)).layout
     found = {name: wrench for _, name, wrench in air_wrenches(data, PLACES, layout)}
     nothing = np.zeros((len(data.time), 6))
     return np.stack([found.get(name, nothing) for name in AIR_NAMES], axis=1)
@@ -161,6 +162,27 @@ def test_rotors_that_a_turn_drags_are_in_it():
     moved = error_growth([found], HOLD)[-1]
     assert (error_growth([found], "own")[-1] < 0.02 * moved).all()
     assert error_growth([found], "without")[-1, 2] > 0.1 * moved[2]
+
+
+def test_damping_of_yaw_is_in_it_where_the_velocity_is_known_too():
+    """Of a vehicle that only turns it is that of the rotors' drag, but for its force off the CoM."""
+    c = 2e-4
+    flight = simulate_flight(true_vehicle(), PLACES, SHORT, seed=3)
+    data = exact_flight_data(flight, PLACES, specific_force_at="imu")
+    still = replace(data, velocity=np.zeros_like(data.velocity))
+    own = {
+        name: replace(
+            entrant(still, replace(a_result(), parameters=(*a_result().parameters, added))),
+            air=air_as_flown(still),
+        )
+        for name in ("rotor_drag", "yaw_damping")
+        for added in (parameter(name, c),)
+    }
+    by_drag, by_damping, without = (
+        one.rates[:, -1, 2] for one in replayed(still, **own, none=entrant(still)).predicted
+    )
+    np.testing.assert_allclose(by_damping, by_drag, atol=1e-3)
+    assert np.abs(by_damping - without).max() > 0.01
 
 
 def test_the_band_is_of_the_covariance(data):
