@@ -181,8 +181,9 @@ def test_damping_of_yaw_is_in_it_where_the_velocity_is_known_too():
     by_drag, by_damping, without = (
         one.rates[:, -1, 2] for one in replayed(still, **own, none=entrant(still)).predicted
     )
-    np.testing.assert_allclose(by_damping, by_drag, atol=1e-3)
-    assert np.abs(by_damping - without).max() > 0.01
+    damped = np.abs(by_damping - without).max()
+    assert damped > 0.01
+    assert np.abs(by_damping - by_drag).max() < 0.05 * damped
 
 
 def test_the_band_is_of_the_covariance(data):

@@ -9,7 +9,7 @@ from rotorfit.errors import FlightError
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.signals import AddedSignals, SignalLayout, aligned
-from rotorfit.model.terms.rotors import rotor_drag_std
+from rotorfit.model.terms.rotors import known_rows, rotor_drag_std, rotor_velocities
 from rotorfit.model.terms.term import (
     FX,
     FY,
@@ -93,7 +93,7 @@ def inflow_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 def inflow_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n i"]:
     """Compute the signals of air through the rotors, with rotor i's velocity u_i along its axis."""
-    moving, n = _rotor_velocities(flight, rows, vehicle), vehicle.axes
+    moving, n = rotor_velocities(flight, flight.velocity, rows, vehicle), vehicle.axes
     through = (moving * n).sum(axis=2) + _gained_inflow(flight, moving, n)
     wrenches = (flight.rotor_speed[rows] * through) @ np.hstack([n, np.cross(vehicle.positions, n)])
     names = inflow_names(vehicle)
@@ -116,21 +116,13 @@ def _gained_inflow(
     return induced_velocity(across, along, hover) - hover
 
 
-def _rotor_velocities(
-    flight: FlightData, rows: slice, vehicle: Vehicle
-) -> Float[np.ndarray, "n N 3"]:
-    """Return the velocity v + w x r of each rotor [m/s]."""
-    v, w = _known_velocity(flight, rows), flight.angular_velocity[rows]
-    return v[:, None] + np.cross(w[:, None], vehicle.positions)
-
-
 def induced_velocity(
     across: Float[np.ndarray, "*n"], along: Float[np.ndarray, "*n"], hover: float
 ) -> Float[np.ndarray, "*n"]:
     """Solve Glauert's v_i = v_h^2 / sqrt(v_perp^2 + (u + v_i)^2) for the induced velocity [m/s].
 
-    `across`, `along`: velocity of a rotor across its axis and along it. `hover`: v_h. By halving:
-    there is one root where u is above -sqrt(8) v_perp or -v_h / 2, and the air may go through the
+    `across`, `along`: velocity of a rotor across its axis and along it. `hover`: v_h. There is one
+    root where u is above -sqrt(8) v_perp or -v_h / 2, and the air may go through the
     disk from below (braking at speed). Momentum theory has no sense in a steeper descent (vortex
     ring): there u counts as -v_h / 2, to which flights agree with it (Leishman, Principles of
     Helicopter Aerodynamics, 2006, 2.13; Glauert 1935), or -2 v_perp.
@@ -163,19 +155,14 @@ def wake_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.
     v, hover = _known_velocity(flight, rows), flight.hover_inflow
     if hover is None:
         return np.zeros((len(v), 2))
-    gained = _gained_inflow(flight, _rotor_velocities(flight, rows, vehicle), vehicle.axes)
+    moving = rotor_velocities(flight, flight.velocity, rows, vehicle)
+    gained = _gained_inflow(flight, moving, vehicle.axes)
     return v[:, :2] * (hover + gained.mean(axis=1))[:, None]
 
 
 def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]:
-    """Return the velocity of the body [m/s]; zero in a stretch that has none.
-
-    What the air does there is not in the model, and the other flights keep their terms.
-    """
-    known = flight.velocity is not None and np.isfinite(flight.velocity[rows]).all()
-    if not known or flight.velocity is None:
-        return np.zeros_like(flight.angular_velocity[rows])
-    return flight.velocity[rows]
+    """Return the velocity of the body [m/s]; zero in a stretch that has none."""
+    return known_rows(flight.velocity, rows, flight.angular_velocity[rows])
 
 
 VELOCITY: Final = AddedSignals(name="velocity", names=velocity_names, of_body=velocity_columns)
@@ -183,8 +170,6 @@ CLIMB: Final = AddedSignals(name="climb", names=climb_names, of_body=climb_colum
 INFLOW_OF_ROTORS: Final = AddedSignals(
     name="inflow", names=inflow_names, of_rotors=inflow_columns, sloped=False
 )
-
-
 WAKES: Final = AddedSignals(name="wake", names=wake_names, of_rotors=wake_columns, sloped=False)
 
 

@@ -84,18 +84,18 @@ def added_signals(
     the air moves at the rotors, and their drag is one of forces and turns; some simulators leave
     that out.
     """
-    terms = [term for term in terms_named(names) if rotor_air or not term.air_at_rotors]
-    velocity = rotor_air and rotor_drag and any(term.needs == "velocity" for term in terms)
-    own = [
-        s
-        for term in terms
-        for s in (
-            *term.signals,
-            *(term.carried if carried else ()),
-            *(term.with_velocity if velocity else ()),
-        )
+    terms = [
+        term
+        for term in terms_named(names)
+        if (rotor_air or not term.air_at_rotors)
+        and (rotor_drag or DRAG_OF_ROTORS not in term.signals)
     ]
-    return tuple(s for s in dict.fromkeys(own) if velocity or s is not DRAG_OF_ROTORS)
+    by_velocity = rotor_air and rotor_drag and any(term.needs == "velocity" for term in terms)
+    own: list[AddedSignals] = []
+    for term in terms:
+        instead = term.with_velocity if by_velocity else term.carried if carried else ()
+        own += [*term.signals, *instead]
+    return tuple(dict.fromkeys(own))
 
 
 def signals_named(names: Collection[str]) -> tuple[AddedSignals, ...]:

@@ -140,11 +140,9 @@ def carried_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 def carried_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n 1"]:
     """Return sum O_i (x_i v_y - y_i v_x) [rad m^2/s^2]; zero in a stretch without velocity."""
-    O, v = flight.rotor_speed[rows], flight.carried
-    if v is None or not np.isfinite(v[rows]).all():
-        return np.zeros((len(O), 1))
+    O, v = flight.rotor_speed[rows], known_rows(flight.carried, rows, flight.angular_velocity[rows])
     x, y = (O @ vehicle.positions[:, k] for k in (0, 1))
-    return (x * v[rows, 1] - y * v[rows, 0])[:, None]
+    return (x * v[:, 1] - y * v[:, 0])[:, None]
 
 
 CARRIED: Final = AddedSignals(
@@ -174,16 +172,31 @@ def rotor_drag_columns(
     flight: FlightData, rows: slice, vehicle: Vehicle
 ) -> Float[np.ndarray, "n d"]:
     """Return sum O_i (v_i, r_i x v_i), v_i the velocity of a rotor across its axis [m rad/s^2]."""
-    v, w, O = flight.any_velocity, flight.angular_velocity[rows], flight.rotor_speed[rows]
-    known = v is not None and np.isfinite(v[rows]).all()
-    of_body = v[rows] if v is not None and known else np.zeros_like(w)
-    total = np.zeros((len(O), 6))
-    for i, (r, n) in enumerate(zip(vehicle.positions, vehicle.axes, strict=True)):
-        moving = of_body + np.cross(w, r)
-        across = O[:, i : i + 1] * (moving - (moving @ n)[:, None] * n)
-        total[:, :3] += across
-        total[:, 3:] += np.cross(r, across)
-    return total[:, [DRAG_SIGNALS.index(name) for name in rotor_drag_names(vehicle)]]
+    moving, n = rotor_velocities(flight, flight.any_velocity, rows, vehicle), vehicle.axes
+    across = moving - (moving * n).sum(axis=2)[:, :, None] * n
+    drag = flight.rotor_speed[rows][:, :, None] * across
+    wrench = np.concatenate([drag, np.cross(vehicle.positions, drag)], axis=2).sum(axis=1)
+    return wrench[:, [DRAG_SIGNALS.index(name) for name in rotor_drag_names(vehicle)]]
+
+
+def known_rows(
+    velocity: Float[np.ndarray, "n 3"] | None, rows: slice, like: Float[np.ndarray, "m 3"]
+) -> Float[np.ndarray, "m 3"]:
+    """Return rows of a velocity; zeros `like` others in a stretch that has none.
+
+    What the air does there is not in the model, and the other flights keep their terms.
+    """
+    if velocity is None or not np.isfinite(velocity[rows]).all():
+        return np.zeros_like(like)
+    return velocity[rows]
+
+
+def rotor_velocities(
+    flight: FlightData, velocity: Float[np.ndarray, "n 3"] | None, rows: slice, vehicle: Vehicle
+) -> Float[np.ndarray, "m N 3"]:
+    """Compute the velocity v + w x r of each rotor, of a body with a velocity [m/s]."""
+    w = flight.angular_velocity[rows]
+    return known_rows(velocity, rows, w)[:, None] + np.cross(w[:, None], vehicle.positions)
 
 
 DRAG_OF_ROTORS: Final = AddedSignals(
@@ -235,6 +248,28 @@ def _thrust_parameter(rotor: str) -> ParameterInfo:
         effective_unit="N per squared command",
         speed_power=2,
     )
+
+
+def _drag_parameter(meaning: str, title: str) -> ParameterInfo:
+    """Return a coefficient over a rotor's speed and its velocity across its axis."""
+    return ParameterInfo(
+        "N s^2/(m rad)",
+        1,
+        meaning,
+        title=title,
+        effective_unit="N s/m per command",
+        speed_power=1,
+        motion="yaw",
+        on_yaw_scale=True,
+        relevant=rotor_drag_std,
+        prior=rotor_drag_std,
+        step=rotor_drag_std,
+    )
+
+
+def _yaw_damping(drawn: Float[np.ndarray, " D"], vehicle: Vehicle) -> dict[str, np.ndarray]:
+    """Return the damping of a replay by draws of such a coefficient."""
+    return {"damping": drawn[:, None] * vehicle.squared_arms}
 
 
 THRUST: Final = Term(
@@ -363,18 +398,11 @@ ROTOR_DRAG: Final = Term(
     words="the drag of rotors that move sideways through the air",
     when="default",
     parameters={
-        "rotor_drag": ParameterInfo(
-            "N s^2/(m rad)",
-            1,
-            "in-plane drag of a rotor over its speeds",
-            title="In-plane drag of a rotor over its two speeds",
-            effective_unit="N s/m per command",
-            speed_power=1,
-            motion="yaw",
-            on_yaw_scale=True,
-            relevant=rotor_drag_std,
-            prior=rotor_drag_std,
-            step=rotor_drag_std,
+        "rotor_drag": replace(
+            _drag_parameter(
+                "in-plane drag of a rotor over its speeds",
+                "In-plane drag of a rotor over its two speeds",
+            ),
             form_error=0.05,  # six flights of a racing quadrotor: 3.8 to 4.35e-5
         )
     },
@@ -383,27 +411,16 @@ ROTOR_DRAG: Final = Term(
     carried=(CARRIED,),
     with_velocity=(DRAG_OF_ROTORS,),
     dropped=1,
-    replayed=lambda values, vehicle: {
-        "damping": values["rotor_drag"][:, None] * vehicle.squared_arms
-    },
+    replayed=lambda values, vehicle: _yaw_damping(values["rotor_drag"], vehicle),
 )
 YAW_DAMPING: Final = Term(
     name="yaw_damping",
     words="a damping of yaw beside the drag of the rotors",
     when="default",
     parameters={
-        "yaw_damping": ParameterInfo(
-            "N s^2/(m rad)",
-            1,
+        "yaw_damping": _drag_parameter(
             "damping of yaw beside a rotor's drag, over its speed and squared arm",
-            title="Damping of yaw beside the drag of the rotors",
-            effective_unit="N s/m per command",
-            speed_power=1,
-            motion="yaw",
-            on_yaw_scale=True,
-            relevant=rotor_drag_std,
-            prior=rotor_drag_std,
-            step=rotor_drag_std,
+            "Damping of yaw beside the drag of the rotors",
         )
     },
     owner="shared",
@@ -411,9 +428,7 @@ YAW_DAMPING: Final = Term(
     needs="velocity",
     signals=(DRAG_OF_ROTORS,),
     dropped=7,
-    replayed=lambda values, vehicle: {
-        "damping": values["yaw_damping"][:, None] * vehicle.squared_arms
-    },
+    replayed=lambda values, vehicle: _yaw_damping(values["yaw_damping"], vehicle),
 )
 LINEAR_DRAG_TORQUE: Final = Term(
     name="linear_drag_torque",
