@@ -9,11 +9,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.checks.kt_from_weight import (
-    bias_and_velocity_std,
-    estimated_air_force,
-    pooled_weight,
-)
+from rotorfit.checks.estimated_air import estimated_air_force
+from rotorfit.checks.kt_from_weight import bias_and_velocity_std, pooled_weight
 from rotorfit.digits import with_half
 from rotorfit.estimation.banded import shift_without
 from rotorfit.estimation.distributions import normal_quantile, student_quantile

@@ -22,10 +22,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.checks.estimated_air import estimated_air_force
 from rotorfit.checks.sensors.sensor_faults import ERROR, is_estimate
 from rotorfit.checks.verdicts.judge import WEAK
 from rotorfit.checks.weight_by_flight import (
     FlightWeight,
+    best_share,
     flights_weigh_alike,
     limit_by_weight,
     limit_shared_error,
@@ -51,13 +53,10 @@ from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import MotorResponse
-from rotorfit.model.air_force import air_force
 from rotorfit.model.parameters import INERTIA, INERTIA_COM
-from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.air import VELOCITY
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std
-from rotorfit.model.terms.term import Term
 from rotorfit.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -163,7 +162,7 @@ def weigh_thrust(fit: Fit) -> Fit:
     from rotorfit.fit.fit_flights import allow_for_settings  # `inspect` weighs without a fit
 
     dataset, shares = fit.dataset, thrust_shares(fit.numbers, fit.dataset.vehicle)
-    weighed, weight = _weigh_flights(fit)
+    weighed, weight = _weigh_flights(fit, shares)
     if weight is None:
         return allow_for_settings(fit)
     flights = _weights_by_flight(weighed, shares)
@@ -175,25 +174,14 @@ def weigh_thrust(fit: Fit) -> Fit:
         changes = with_open_slope(changes, law.slope_std)
     balance = Balance(changes=changes, weight=weight)
     agreed = agreement(balance, dataset.motors)
-    if agreed.severity == "doubt":
-        return _with_flights(held_at(fit, balance.kt).found(agreed), flights)
-    kt = limit_by_weight(balance.kt, weight, flights)
+    doubted = agreed.severity == "doubt"
+    kt = balance.kt if doubted else limit_by_weight(balance.kt, weight, flights)
     held = held_at(fit, kt).found(agreed)
-    if len(flights) > 1:
-        widest = max(1.96 * kt.share, _best_half_width(flights))
+    if not doubted and len(flights) > 1:
+        widest = 1.96 * max(kt.share, best_share(flights))
         held = replace(held, numbers=limit_shared_error(held.numbers, widest))
-    return _with_flights(held, flights)
-
-
-def _best_half_width(flights: Sequence[FlightWeight]) -> float:
-    """Return the least relative half-width of a flight's k_t by the weight."""
-    return 1.96 * min(one.kt.share for one in flights)
-
-
-def _with_flights(fit: Fit, flights: Sequence[FlightWeight]) -> Fit:
-    """Append what the flights say of each other's k_t to the findings of a fit."""
     said = flights_weigh_alike(flights)
-    return fit if said is None else fit.found(said)
+    return held if said is None else held.found(said)
 
 
 def with_open_slope(changes: Measured, slope_std: float) -> Measured:
@@ -203,13 +191,14 @@ def with_open_slope(changes: Measured, slope_std: float) -> Measured:
 
 def weight_of(fit: Fit) -> Measured | None:
     """Estimate the thrust coefficient that carries the weight in the flights of a fit."""
-    return _weigh_flights(fit)[1]
+    return _weigh_flights(fit, thrust_shares(fit.numbers, fit.dataset.vehicle))[1]
 
 
-def _weigh_flights(fit: Fit) -> tuple[list[WeighedFlight], Measured | None]:
+def _weigh_flights(
+    fit: Fit, shares: ThrustShares | None
+) -> tuple[list[WeighedFlight], Measured | None]:
     """Weigh the flights of a fit, with what the air carries where their velocity is known."""
     dataset = fit.dataset
-    shares = thrust_shares(fit.numbers, dataset.vehicle)
     kt = float(fit.numbers.values[fit.numbers.index("kt")])
 
     def air_over_kt(configured: ConfigurationData, data: FlightData) -> Float[np.ndarray, "n 3"]:
@@ -239,21 +228,6 @@ def _weigh_flights(fit: Fit) -> tuple[list[WeighedFlight], Measured | None]:
     # What scatters is less with the air of the fit, whose coefficients are no better known for it.
     std = float(np.hypot(max(still.std, moving.std), AIR_STD * gained))
     return flights, Measured(value=still.value + AIR_SHARE * gained, std=std)
-
-
-def estimated_air_force(
-    data: FlightData, numbers: Numbers, configuration: str, shape: tuple[Vehicle, SignalLayout]
-) -> Float[np.ndarray, "n 3"]:
-    """Compute the air force along the body axes by the estimate [N]; zeros without velocity."""
-
-    def value(term: Term, name: str) -> float:
-        full = f"{name}@{configuration}" if term.owner == "configuration" else name
-        return float(numbers.values[numbers.index(full)]) if full in numbers.names else 0.0
-
-    if data.velocity is None:
-        return np.zeros((len(data.time), 3))
-    known = replace(data, velocity=np.nan_to_num(data.velocity))
-    return air_force(known, *shape, value)
 
 
 def _weights_by_flight(

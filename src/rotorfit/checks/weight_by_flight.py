@@ -49,10 +49,14 @@ def chance_of_difference(flights: Sequence[FlightWeight]) -> float:
 
 def weight_of_flights(pooled: Measured, flights: Sequence[FlightWeight]) -> Measured:
     """Limit the deviation of all flights to that of the best one, unless they contradict."""
-    if chance_of_difference(flights) < CHANCE:
+    if not flights or chance_of_difference(flights) < CHANCE:
         return pooled
-    best = min((one.kt.share for one in flights), default=pooled.share)
-    return replace(pooled, std=min(pooled.std, best * pooled.value))
+    return replace(pooled, std=min(pooled.std, best_share(flights) * pooled.value))
+
+
+def best_share(flights: Sequence[FlightWeight]) -> float:
+    """Return the least relative deviation of a flight's k_t."""
+    return min(one.kt.share for one in flights)
 
 
 def limit_by_weight(kt: Measured, weight: Measured, flights: Sequence[FlightWeight]) -> Measured:
@@ -63,7 +67,7 @@ def limit_by_weight(kt: Measured, weight: Measured, flights: Sequence[FlightWeig
     """
     if len(flights) < 2:
         return kt
-    widest = max(weight.share, min(one.kt.share for one in flights))
+    widest = max(weight.share, best_share(flights))
     return replace(kt, std=min(kt.std, widest * kt.value))
 
 
