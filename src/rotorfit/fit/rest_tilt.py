@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from rotorfit.fit.dataset.plausible_units import LEAST_REST, WINDOW, rest_forces
 from rotorfit.flight.flight_data import FlightData
-from rotorfit.flight.imu_tilt import ImuTilt, tilt_phrase
+from rotorfit.flight.imu_tilt import ImuTilt, tilt_of_force, tilt_phrase
 
 ON_ITS_FEET: Final = float(np.radians(30.0))
 """Angle up to which a vehicle stands on its feet: beyond, it lies where it crashed."""
@@ -34,8 +34,7 @@ def tilts_at_rest(data: FlightData) -> Iterator[ImuTilt]:
     ):
         if len(forces) * WINDOW < LEAST_REST:
             continue
-        x, y, z = np.median(forces, axis=0).tolist()
-        tilt = ImuTilt(roll=float(np.arctan2(y, np.hypot(x, z))), pitch=float(np.arctan2(x, z)))
+        tilt = tilt_of_force(np.median(forces, axis=0))
         if tilt.angle < ON_ITS_FEET:
             yield tilt
 

@@ -51,7 +51,12 @@ def mean_force_tilt(flights: Sequence[FlightData]) -> ImuTilt:
     for data in flights:
         for s in data.segments:
             total += data.specific_force[s.start : s.stop].sum(axis=0)
-    x, y, z = total
+    return tilt_of_force(total)
+
+
+def tilt_of_force(force: Float[np.ndarray, " 3"]) -> ImuTilt:
+    """Compute the IMU's tilt if a specific force in its axes is along z of the vehicle."""
+    x, y, z = force.tolist()
     return ImuTilt(roll=float(np.arctan2(y, np.hypot(x, z))), pitch=float(np.arctan2(x, z)))
 
 

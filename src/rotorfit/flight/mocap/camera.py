@@ -335,12 +335,8 @@ def horizontal_axes(log: FlightLog) -> Channel | None:
         attitude = usable_samples(log.channels["attitude"], "attitude")
     except FlightError:
         return None
-    w, x, y, z = attitude.values.T
-    ahead = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y))
-    left = (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x))
-    return Channel(
-        time=attitude.time, values=np.column_stack([*ahead, *left]), source=attitude.source
-    )
+    axes = [rotated_back(attitude.values, axis) for axis in np.eye(3)[:2]]
+    return Channel(time=attitude.time, values=np.hstack(axes), source=attitude.source)
 
 
 def velocity_of_pose(log: FlightLog) -> Channel | None:
