@@ -183,7 +183,7 @@ def _settled_timing(
 ) -> MotorTiming | None:
     """Fit the timing on from a first fit; None if the motion follows no motors."""
     timed, fit = settled_fit(begun, terms, first)
-    if _is_lagless(timed) and "motor_delay" in names:
+    if _loses_the_motion(timed):
         return _timing_without_lag(timed, fit, terms)
     if "motor_skew" in names and not _skew_is_shown(timed, fit):
         names, found = tuple(name for name in names if name != "motor_skew"), timed.free_timing
@@ -263,13 +263,13 @@ def settled_fit(
         along, fit = _search_along_lines(dataset, terms, fit, rounds)
         ended = along.free_timing
         assert ended is not None
-        if along is not dataset and _is_lagless(along) and "motor_delay" in free.names:
+        if along is not dataset and _loses_the_motion(along):
             return along, fit
         own = round_between(free, timing_round(ended, fit))
-        # A search along the lines ends within a deviation, and is not limited as the plain step is.
-        limited = along is dataset
-        by = accelerated_move(own, last, longest=LONGEST_MOVE)
-        moved = _move_times(free, by) if limited else _move_timing(ended, fit)
+        if along is dataset:
+            moved = _move_times(free, accelerated_move(own, last, longest=LONGEST_MOVE))
+        else:  # it ended within a deviation, and needs no limit
+            moved = _move_timing(ended, fit)
         dataset, last = dataset.at(moved, free.names), own
         fit, _ = joint_fit(dataset, terms=terms, begin=ended.without_times(fit.estimate.by_name))
     return dataset, fit
@@ -288,12 +288,15 @@ def _search_along_lines(
         free = dataset.free_timing
         assert free is not None
         own = timing_round(free, fit)
-        lagless = _is_lagless(dataset) and "motor_delay" in free.names
-        if lagless or (np.abs(own.move) <= own.std).all() or next(rounds, None) is None:
+        if (
+            _loses_the_motion(dataset)
+            or (np.abs(own.move) <= own.std).all()
+            or next(rounds, None) is None
+        ):
             return dataset, fit
         moved = _move_times(free, accelerated_move(own, last, longest=LONGEST_MOVE))
         dataset, last = made.moved_along_lines(moved), own
-        if _is_lagless(dataset) and "motor_delay" in free.names:
+        if _loses_the_motion(dataset):
             return dataset, fit
         fit, _ = joint_fit(dataset, terms=terms, begin=free.without_times(fit.estimate.by_name))
 
@@ -303,6 +306,13 @@ def _is_lagless(dataset: TimedDataset) -> bool:
     free = dataset.free_timing
     assert free is not None
     return "motor_lag" in free.names and free.at.mean_lag < LEAST_LAG
+
+
+def _loses_the_motion(dataset: TimedDataset) -> bool:
+    """Return whether a fit would take its delay for a lag that hardly is: both are free."""
+    free = dataset.free_timing
+    assert free is not None
+    return _is_lagless(dataset) and "motor_delay" in free.names
 
 
 def _timing_without_lag(
