@@ -41,10 +41,13 @@ from rotorfit.fit.experiment.experiment import (
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.signals import smooth
 from rotorfit.model.air_force import air_wrenches
 from rotorfit.model.regressor import regressor
+from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.rotors import DRAG_OF_ROTORS
+from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.validation.replay_vehicle import AIR_NAMES, ReplayVehicle, replay_vehicle
 from rotorfit.results.validation.validate import (
@@ -52,7 +55,7 @@ from rotorfit.results.validation.validate import (
     fitted_flights,
     fitted_response,
     signals_of_terms,
-    with_hover_of,
+    with_air_of,
 )
 from rotorfit.results.validation.wrench_comparison import WrenchComparison
 
@@ -417,9 +420,17 @@ def _replay_flight(
     vehicles: Mapping[str, Timed],
 ) -> Replay:
     """Replay one loaded flight, and compare its wrenches."""
+    experiment = experiment_of_settings(result.settings)
+    vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
+    flown = with_air_of(result, owner, used, vehicle)
+    known = [p.name for p in result.parameters if p.value is not None]
+    layout = regressor(vehicle, added=signals_of_terms(used, known)).layout
     found = replay(
         used.prepared.data,
-        {label: _make_entrant(result, owner, used, timed) for label, timed in vehicles.items()},
+        {
+            label: _make_entrant(flown.prepared, vehicle, layout, timed)
+            for label, timed in vehicles.items()
+        },
         flight=Path(used.entry.file).name,
         sha256=used.log.sha256,
         configuration=owner,
@@ -432,15 +443,10 @@ def _replay_flight(
 
 
 def _make_entrant(
-    result: IdentificationResult, owner: str, used: LoadedFlight, timed: Timed
+    flown: PreparedFlight, vehicle: Vehicle, layout: SignalLayout, timed: Timed
 ) -> Entrant:
     """Return a vehicle with its rotor speeds on a flight, and the air where a velocity is known."""
-    experiment = experiment_of_settings(result.settings)
-    vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
-    flown = with_hover_of(result, owner, used, vehicle)
-    data = retimed(flown.prepared, timed.response)
-    known = [p.name for p in result.parameters if p.value is not None]
-    layout = regressor(vehicle, added=signals_of_terms(used, known)).layout
+    data = retimed(flown, timed.response)
     air = None
     if DRAG_OF_ROTORS in layout.added and data.velocity is not None:
         moving = dataclasses.replace(data, velocity=np.nan_to_num(data.velocity))

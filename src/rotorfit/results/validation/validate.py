@@ -217,7 +217,7 @@ def compare_wrenches(
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     added = signals_of_terms(used, known)
     model = regressor(vehicle, added=added)
-    used = with_hover_of(result, owner, used, vehicle)
+    used = with_air_of(result, owner, used, vehicle)
     data = retimed(used.prepared, fitted_response(result))
     lowpass = LowPass(cutoff=cutoff)
     # The two ends of a segment show the filter's transient, not the flight.
@@ -268,7 +268,7 @@ def signals_of_terms(used: LoadedFlight, known: Collection[str]) -> tuple[AddedS
     )
 
 
-def with_hover_of(
+def with_air_of(
     result: IdentificationResult, owner: str, used: LoadedFlight, vehicle: Vehicle
 ) -> LoadedFlight:
     """Return a flight with its velocity through the air, and, with a mass, the inflow of hover."""
