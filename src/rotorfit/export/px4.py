@@ -308,7 +308,7 @@ def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
         ("SIH_L_ROLL", roll, FLOAT),
         ("SIH_L_PITCH", pitch, FLOAT),
         ("SIH_T_TAU", model.mean_lag, FLOAT),
-        ("SIH_KDV", float(np.mean(_braking(model))), FLOAT),
+        ("SIH_KDV", float(np.mean(_brake_coefficients(model))), FLOAT),
         ("SIH_KDW", float(np.mean(_turn_damping(model))), FLOAT),
         ("THR_MDL_FAC", 0.0, FLOAT),
         *hover_parameter(model),
@@ -353,7 +353,7 @@ def _is_seated(model: VehicleModel, seats: Seats) -> bool:
     )
 
 
-def _braking(model: VehicleModel) -> list[float]:
+def _brake_coefficients(model: VehicleModel) -> list[float]:
     """Collect the drag along x, y, z near hover [N s/m]: of the frame, and of its rotors.
 
     S, the sum of their speeds, times `rotor_drag` across their axes; along them half of `inflow`,

@@ -63,7 +63,7 @@ def estimate_wind(data: FlightData) -> Wind | None:
     X, y = rows
     whole = _solve_regression(X, y)
     parts = np.array_split(np.arange(len(X)), GROUPS)
-    left = np.array([_solve_regression(*_without(X, y, part)) for part in parts])
+    left = np.array([_solve_regression(*_leave_out(X, y, part)) for part in parts])
     c, wind = whole[0], whole[1:3] / whole[0]
     spread = np.sqrt((GROUPS - 1) * left[:, 0].var())
     if not c > SURE_DRAG * spread:
@@ -114,7 +114,7 @@ def _block_equations(
     return X, every[:, :2]
 
 
-def _without(
+def _leave_out(
     X: Float[np.ndarray, "k 2 5"], y: Float[np.ndarray, "k 2"], part: np.ndarray
 ) -> tuple[Float[np.ndarray, "m 2 5"], Float[np.ndarray, "m 2"]]:
     return np.delete(X, part, axis=0), np.delete(y, part, axis=0)

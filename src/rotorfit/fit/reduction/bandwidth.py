@@ -287,14 +287,14 @@ def _mark_shown_bands(
     felt: Float[np.ndarray, " m"] = np.concatenate([np.real(channel), np.imag(channel)])
     share = np.asarray(np.linalg.lstsq(X, felt)[0], dtype=float) / size
     own, made = y - x[:, :, 1:] @ share[1:], x[:, :, 0]
-    coherent = _coherence(own, made, band) >= LEAST_COHERENCE
+    coherent = _measure_coherence(own, made, band) >= LEAST_COHERENCE
     power, expected = ((np.abs(one) ** 2).sum(axis=0) @ band for one in (own, share[0] * made))
     silent = (power < MOST_SILENT * expected) & np.logical_or.accumulate(coherent)
     shown: Bool[np.ndarray, " b"] = coherent | silent
     return shown
 
 
-def _coherence(
+def _measure_coherence(
     y: Complex[np.ndarray, "w l"], x: Complex[np.ndarray, "w l"], band: Float[np.ndarray, "l b"]
 ) -> Float[np.ndarray, " b"]:
     """Compute the share of a channel's power that goes with a cause, line by line, in each band."""

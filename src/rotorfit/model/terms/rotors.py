@@ -175,7 +175,9 @@ def rotor_drag_columns(
     moving, n = rotor_velocities(flight, flight.any_velocity, rows, vehicle), vehicle.axes
     across = moving - (moving * n).sum(axis=2)[:, :, None] * n
     drag = flight.rotor_speed[rows][:, :, None] * across
-    wrench = np.concatenate([drag, np.cross(vehicle.positions, drag)], axis=2).sum(axis=1)
+    # r x F = sum F_k (r x e_k), of all rotors at once.
+    levers = np.cross(vehicle.positions[:, None], np.eye(3)).reshape(-1, 3)
+    wrench = np.hstack([drag.sum(axis=1), drag.reshape(len(drag), -1) @ levers])
     return wrench[:, [DRAG_SIGNALS.index(name) for name in rotor_drag_names(vehicle)]]
 
 
@@ -196,7 +198,9 @@ def rotor_velocities(
 ) -> Float[np.ndarray, "m N 3"]:
     """Compute the velocity v + w x r of each rotor, of a body with a velocity [m/s]."""
     w = flight.angular_velocity[rows]
-    return known_rows(velocity, rows, w)[:, None] + np.cross(w[:, None], vehicle.positions)
+    # w x r = sum w_k (e_k x r), of all rotors at once.
+    levers = np.cross(np.eye(3)[:, None], vehicle.positions)
+    return known_rows(velocity, rows, w)[:, None] + np.tensordot(w, levers, axes=1)
 
 
 DRAG_OF_ROTORS: Final = AddedSignals(
