@@ -18,6 +18,7 @@ from rotorfit.digits import with_interval
 from rotorfit.model.parameters import (
     COM,
     DERIVED,
+    EVERY,
     FIRST_MOMENTS,
     INERTIA,
     INERTIA_COM,
@@ -38,8 +39,6 @@ REPLACED: Final = {"kt": ROTOR_KT, "motor_lag": ("motor_lag_up", "motor_lag_down
 """Numbers of single rotors or directions that an assumed number replaces."""
 RATIOS: Final = {"kd": "kd_over_Izz", "Jr": "Jr_over_Izz"}
 """Ratios that the yaw equation gives even where the number alone is lost."""
-PER_SPEED: Final = ("Jr", "Jr_over_Izz", "rotor_drag", "inflow")
-"""Numbers over the rotor speed; all others that depend on it are over its square."""
 DOUBTFUL: Final[tuple[Origin, ...]] = ("weak", "doubtful", "removed", "assumed", "from-ratio")
 MAY_BE_REMOVED: Final = (*COM, *INERTIA_COM[3:], "Jr")
 """Parameters that are zero where the paper's method took them out; of the others, zero is wrong."""
@@ -343,7 +342,7 @@ def _in_si(
                 cure="max_speed",
             )
         if speed.unit != FULL_COMMAND:
-            factor /= speed.value ** (1 if number.name in PER_SPEED else 2)
+            factor /= speed.value ** EVERY[number.name].speed_power
             unit = _physical_unit(number.name)
     if unit == number.unit:
         return number
