@@ -5,7 +5,7 @@ flight. Turned readings mix roll and pitch torques into yaw, which drag does not
 flight is much likelier with its readings turned back, the IMU is turned.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -33,24 +33,23 @@ FEWEST_PARTS: Final = 3
 Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
 
 
-def estimate_imu_tilt(
-    dataset: TimedDataset, fitted: Callable[[TimedDataset], Fitted]
-) -> ImuTilt | None:
+def estimate_imu_tilt(dataset: TimedDataset) -> tuple[ImuTilt, Fitted] | None:
     """Estimate the tilt of the IMU; None if the flights are not far likelier with it.
 
-    `fitted` fits a dataset, and gives its configurations with their informative bands.
+    With the fit of the flights that are corrected by it.
     """
     tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
     if dataset.source != "imu" or tilt.angle < LEAST_TILT:
         return None
     level = tilt_corrected_flights(dataset, tilt)
-    first, second = fitted(dataset), fitted(level)
+    first, second = joint_fit(dataset), joint_fit(level)
     # Likelihoods compare on the same blocks alone, so on those that count for either.
     gains = [
         likelihood_on(second, level, first[1]) - first[0].log_likelihood,
         second[0].log_likelihood - likelihood_on(first, dataset, second[1]),
     ]
-    return tilt if min(gains) > LEAST_GAIN * len(dataset.configurations) else None
+    shown = min(gains) > LEAST_GAIN * len(dataset.configurations)
+    return (tilt, second) if shown else None
 
 
 def likelihood_on(
@@ -70,17 +69,12 @@ def correct_imu_tilt(
     """Turn the readings into the rotors' axes where the flights show that the IMU is tilted."""
     if experiment.airframe.imu_tilt_deg is not None:
         return experiment, dataset, ()
-    fits: list[Fitted] = []
-
-    def fitted(flights: TimedDataset) -> Fitted:
-        fits.append(joint_fit(flights))
-        return fits[-1]
-
-    tilt, lean = estimate_imu_tilt(dataset, fitted), lean_evidence(dataset)
-    if tilt is None:
+    estimated, lean = estimate_imu_tilt(dataset), lean_evidence(dataset)
+    if estimated is None:
         sentence = lean_sentence(dataset)
         leans = () if sentence is None else (_doubt_lean(sentence, lean),)
         return experiment, dataset, leans
+    tilt, corrected = estimated
     rest = rest_denies_tilt(
         [f.prepared.data for c in dataset.configurations for f in c.flights], tilt
     )
@@ -89,8 +83,7 @@ def correct_imu_tilt(
     dataset = tilt_corrected_flights(dataset, tilt).reduced()
     near = dataset.motor_timing
     if near is not None:
-        # The last fit is that of the corrected flights, at the timing that was found before.
-        begin = fits[-1][0].estimate.by_name
+        begin = corrected[0].estimate.by_name  # at the timing that was found before
         again = timed_again(dataset, DEFAULT_TERMS, begin=begin)
         timing = find_timing(dataset, near=near) if again is dataset else again.motor_timing
         dataset = replace(dataset, motor_timing=timing)
