@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rotorfit.estimation.damped_steps import damped_step, extrapolated, reduced_damping
+from rotorfit.estimation.damped_steps import damped_step, reduced_damping
 
 
 def test_a_damped_step_solves_the_equations_with_a_given_score():
@@ -23,17 +23,3 @@ def test_damping_falls_to_a_third_at_the_predicted_gain():
     assert reduced_damping(3.0, 2.5, 5.0) == pytest.approx(3.0)
     assert reduced_damping(3.0, 0.0, 5.0) == pytest.approx(6.0)
     assert reduced_damping(1e-9, 5.0, 5.0) == 1e-9
-
-
-def test_steps_that_shrink_by_one_ratio_are_followed_to_the_end():
-    """A geometric series from 7 by steps of 2 and 1.8: 7 + 2 / (1 - 0.9)."""
-    path = [np.array([7.0]), np.array([9.0]), np.array([10.8])]
-    assert extrapolated(path, np.ones(1)) == pytest.approx([27.0])
-    assert extrapolated(path, 100.0 * np.ones(1)) == pytest.approx([27.0])
-
-
-def test_steps_that_are_small_already_are_not_extrapolated_back():
-    assert extrapolated([np.zeros(1), np.ones(1)], np.ones(1)) is None
-    assert extrapolated([np.array([k]) for k in (0.0, 1.0, 2.0)], np.ones(1)) is None
-    there = extrapolated([np.array([k]) for k in (0.0, 1.0, 0.9)], np.ones(1))
-    assert there == pytest.approx([0.9])

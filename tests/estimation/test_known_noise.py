@@ -7,6 +7,7 @@ import pytest
 
 from rotorfit.estimation.banded import (
     BandedProblem,
+    Leaps,
     banded,
     log_likelihood,
     normal_equations,
@@ -18,7 +19,6 @@ from rotorfit.estimation.banded_equations import (
 )
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
-from rotorfit.estimation.fixed_point import FixedPointRounds
 from rotorfit.estimation.parameter_map import parameter_map
 
 ROWS, BLOCKS = 400, 5
@@ -217,6 +217,24 @@ def test_half_the_slope_of_the_squares_is_the_corrected_score():
     assert -0.5 * (ends[1] - ends[0]) / 2e-5 == pytest.approx(score[0], rel=1e-6)
 
 
+@pytest.mark.parametrize("noise", [None, 0.04])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_score_turns_by_information_less_noise_and_reweighting(noise, seed):
+    """Of a linear equation nothing else turns it; rows are too many to borrow of neighbours."""
+    y, x = points(seed)
+    problem = slope_problem(y, x, noise=noise, prior=(2.0, 0.5))
+    at, off = np.array([2.7]), 1e-5
+
+    def score(phi):
+        return float(corrected_equations(problem, evaluated(problem, phi)).score[0])
+
+    equations = corrected_equations(problem, evaluated(problem, at))
+    expected = equations.information - equations.noise_information - equations.reweighting
+    assert abs(equations.reweighting[0, 0]) > 0.01 * expected[0, 0]
+    turned = (score(at + off) - score(at - off)) / (2.0 * off)
+    assert -turned == pytest.approx(float(expected[0, 0]), rel=1e-6)
+
+
 def test_blocks_of_nearly_only_noise_do_not_stop_the_iteration():
     y, x = points(error=0.1)
     fit = banded(slope_problem(y, x, noise=0.04), np.array([1.5]))
@@ -271,7 +289,7 @@ def test_a_crawling_fit_ends_at_the_same_place_in_half_the_steps(monkeypatch):
     )
     start = np.zeros(4)
     quick = banded(problem, start)
-    monkeypatch.setattr(FixedPointRounds, "leap", lambda *_: None)
+    monkeypatch.setattr(Leaps, "from_state", lambda *_: None)
     plain = banded(problem, start)
     assert quick.iterations <= 0.5 * plain.iterations
     np.testing.assert_allclose(

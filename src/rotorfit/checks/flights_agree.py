@@ -31,7 +31,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import joint_numbers
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
-from rotorfit.fit.joint.joint_fit import NEAR
+from rotorfit.fit.joint.joint_fit import INTERMEDIATE
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, only
 from rotorfit.fit.joint.trims import TRIM
 from rotorfit.fit.row_fits import fit_rows
@@ -83,7 +83,7 @@ def _fit_flights_alone(
             continue
         one = only(replace(c, response=NOMINAL_RESPONSE), own)
         try:
-            alone = joint_estimate([one], [], begin=begin, close=NEAR)
+            alone = joint_estimate([one], [], begin=begin, close=INTERMEDIATE)
             yield k, joint_numbers(alone, [one], {c.name: 0.0})
         except EstimationError:
             continue  # too short or too still to be informative by itself

@@ -19,7 +19,7 @@ from the blocks' influences (one-step jackknife), and is at least the difference
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg
@@ -39,28 +39,27 @@ from rotorfit.estimation.banded_equations import (
 )
 from rotorfit.estimation.banded_problem import BandedProblem as BandedProblem
 from rotorfit.estimation.banded_problem import power_of, signal_power, solutions
-from rotorfit.estimation.damped_steps import damped_step, extrapolated, reduced_damping
+from rotorfit.estimation.damped_steps import damped_step, reduced_damping
 from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import borrowed_rows
 from rotorfit.estimation.fixed_point import FixedPointRounds
 from rotorfit.estimation.reweighted import scatter_covariance
 
 MOST_ITERATIONS = 400
-SMALLEST_STEP = 1e-3
+SMALLEST_STEP = 5e-3
 """Convergence tolerance, in standard deviations of a parameter."""
 LEAST_WIN = 0.02
 """Least gain of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the
 iteration is at the bottom or goes round it; a parameter is known to a tenth of its deviation."""
-PATIENCE = 15
+PATIENCE = 8
 NOISE_PATIENCE = 30
 """The same of steps with noise among the regressors: along a direction that the flights hardly show
 they stay of one length for some forty, and end a deviation further."""
 SHORTER = 0.7
 """Share to which such steps at least shorten the shortest one where the iteration settles."""
-FEW_STEPS = 12
-"""Steps after which crawling ones are extrapolated."""
-LITTLE_DAMPING = 1e-3
-"""Damping under which a step is of the reweighted fit, whose fixed point can be extrapolated."""
+MOST_REWEIGHTING = 0.95
+"""Largest share of the information that a step takes as given back by the variances: its leap is
+twenty times as long as the step of given variances."""
 MOST_LOSS = 1.0
 """Largest rise of the cost by a leap, that of one deviation of one parameter: variances borrowed
 from neighbours let the cost rise a little towards the end of an iteration, and no more."""
@@ -135,15 +134,13 @@ def banded(
     if any(factors.noise is not None for factors in problem.factors):
         return _complete_estimate(problem, *_settled_with_noise(problem, state, close))
     damping, rise, costs = 1e-3, 2.0, [state.cost]
-    path: tuple[Float[np.ndarray, " f"], ...] = ()
-    rounds = FixedPointRounds()
+    leaps = Leaps()
     for iteration in range(1, MOST_ITERATIONS + 1):
         equations = corrected_equations(problem, state)
         damped = damped_step(equations.information, equations.score, damping)
         size = float(np.abs(damped.step / damped.std).max())
-        trial, leap = None, rounds.leap(state.phi, damped.step, damped.std)
-        if leap is not None and damping < LITTLE_DAMPING:
-            trial = _likely_or_none(problem, state, leap)
+        leap = leaps.from_state(state, equations, damped.root)
+        trial = None if leap is None else _likely_or_none(problem, state, leap)
         if trial is not None:
             state = trial
         else:
@@ -159,9 +156,6 @@ def banded(
             else:
                 damping, rise = damping * rise, rise * 2.0
         costs.append(state.cost)
-        if len(costs) > FEW_STEPS and iteration % 3 == 0 and leap is None:
-            state = _leap_ahead(problem, state, path, damped.std)
-        path = (*path[-1:], state.phi)
         stalled = iteration > 2 * PATIENCE and min(costs[:-PATIENCE]) - min(costs) < LEAST_WIN
         if size <= close or stalled or damping > LARGEST_DAMPING:
             return _complete_estimate(problem, state, iteration)
@@ -178,18 +172,6 @@ def _likely_or_none(
     """Evaluate where a leap leads; None where nothing is solved, or too much likelihood lost."""
     trial = evaluated_or_none(problem, state.phi + leap)
     return None if trial is None or trial.cost > state.cost + MOST_LOSS else trial
-
-
-def _leap_ahead(
-    problem: BandedProblem,
-    state: Evaluated,
-    path: Sequence[Float[np.ndarray, " f"]],
-    std: Float[np.ndarray, " f"],
-) -> Evaluated:
-    """Extrapolate crawling steps, where the point they lead to is likelier."""
-    phi = extrapolated((*path, state.phi), std)
-    trial = None if phi is None else evaluated_or_none(problem, phi)
-    return state if trial is None or trial.cost >= state.cost else trial
 
 
 def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
@@ -210,14 +192,15 @@ def _settled_with_noise(
     squares over the variances of the last point, without the regressors' share.
     """
     sizes: list[float] = []
-    rounds = FixedPointRounds()
+    leaps = Leaps()
     for iteration in range(1, MOST_ITERATIONS + 1):
         equations = corrected_equations(problem, state)
-        step, std = _corrected_step(equations)
+        root = _corrected_root(equations)
+        step: Float[np.ndarray, " f"] = root @ (root.T @ equations.score)
         sizes.append(float(np.max(np.abs(step) * np.sqrt(np.diagonal(equations.information)))))
         if sizes[-1] <= close or _goes_round(sizes):
             return state, iteration
-        leap = rounds.leap(state.phi, step, std)
+        leap = leaps.from_state(state, equations, root)
         trial = None if leap is None else evaluated_or_none(problem, state.phi + leap)
         if trial is not None and _is_no_worse(trial, state):
             state = trial
@@ -249,22 +232,61 @@ def _goes_round(sizes: Sequence[float]) -> bool:
     return min(sizes[-NOISE_PATIENCE:]) > SHORTER * min(sizes[:-NOISE_PATIENCE])
 
 
-def _corrected_step(
-    equations: CorrectedEquations,
-) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
-    """Solve (information - noise) step = score, zero if the information is mostly noise.
+@dataclass(slots=True)
+class Leaps:
+    """Steps that lead further than those of given variances, and what was learnt of them.
 
-    With the deviations of the parameters by the information alone.
+    - `newton`, `reweighted`: the last points and steps with variances that follow, and without.
+    - `before_newton`: size of the step of given variances where the last Newton step was taken.
+    - `barred_over`: size from which on no further one is taken: half of that after which one led to
+      a longer step.
     """
+
+    newton: FixedPointRounds = field(default_factory=FixedPointRounds)
+    reweighted: FixedPointRounds = field(default_factory=FixedPointRounds)
+    barred_over: float = np.inf
+    before_newton: float = np.inf
+
+    def from_state(
+        self,
+        state: State,
+        equations: CorrectedEquations,
+        root: Float[np.ndarray, "f q"],
+    ) -> Float[np.ndarray, " f"] | None:
+        """Return the step with variances that follow the parameters; None if no end of it is near.
+
+        It solves (information - noise - reweighting) step = score but along directions where that
+        has no maximum; what the matrix lacks, such as the turn of the autopilot's response, the
+        rounds learn. `root`: of the inverse of the information less noise, along what is known.
+        """
+        std: Float[np.ndarray, " f"] = np.linalg.norm(root, axis=1)
+        asked: Float[np.ndarray, " q"] = root.T @ equations.score
+        plain: Float[np.ndarray, " f"] = root @ asked
+        size = float(np.abs(plain / std).max())
+        if size > self.before_newton:
+            self.barred_over = 0.5 * self.before_newton
+        share, V = np.linalg.eigh(root.T @ equations.reweighting @ root)
+        if not len(share) or size > self.barred_over:
+            self.before_newton = np.inf
+            return self.reweighted.leap(state.phi, plain, std)
+        self.before_newton = size
+        gain = np.where(share < 1.0, 1.0 / (1.0 - np.minimum(share, MOST_REWEIGHTING)), 1.0)
+        step: Float[np.ndarray, " f"] = root @ (V @ (gain * (V.T @ asked)))
+        leap = self.newton.leap(state.phi, step, std)
+        return step if leap is None else leap
+
+
+def _corrected_root(equations: CorrectedEquations) -> Float[np.ndarray, "f q"]:
+    """Factor the inverse of information less noise, without directions that are mostly noise."""
     plain = equations.information
     scale = 1.0 / np.sqrt(np.diagonal(plain))
     strength, Q = np.linalg.eigh(plain * np.outer(scale, scale))
     strength = np.maximum(strength, np.finfo(float).eps * strength[-1])
     root = scale[:, None] * Q / np.sqrt(strength)
     share, V = np.linalg.eigh(root.T @ equations.noise_information @ root)
-    gain = np.where(share < MOST_NOISE, 1.0 / (1.0 - np.minimum(share, MOST_NOISE)), 0.0)
-    step = root @ (V @ (gain * (V.T @ (root.T @ equations.score))))
-    return step, np.linalg.norm(root, axis=1)
+    known = share < MOST_NOISE
+    corrected: Float[np.ndarray, "f q"] = root @ (V[:, known] / np.sqrt(1.0 - share[known]))
+    return corrected
 
 
 def _complete_estimate(problem: BandedProblem, state: Evaluated, iterations: int) -> BandedEstimate:

@@ -27,7 +27,7 @@ from rotorfit.estimation.banded_problem import (
     solved_each,
     split_blocks,
 )
-from rotorfit.estimation.factors import borrowed_mean_square
+from rotorfit.estimation.factors import Factors, borrowed_mean_square
 from rotorfit.estimation.feedback import Feedback
 
 MOST_RESPONSE: Final = 10.0
@@ -77,14 +77,17 @@ class Evaluated(State):
 class CorrectedEquations:
     """The linearised equations of some blocks, and what known noise of the regressors adds.
 
-    - `plain`: the information of the blocks and of the prior.
-    - `taken`: what of it is only the regressors' noise.
+    - `information`: of the blocks and of the prior.
+    - `noise_information`: what of it is only the regressors' noise.
+    - `reweighting`: what of it the variances take back that follow the errors; without what blocks
+      borrow of each other exact, else the mean of it and its transpose.
     - `scores`: what each block asks for, corrected for that noise.
-    - `pull`: what the prior asks for.
+    - `prior_score`: what the prior asks for.
     """
 
     information: Float[np.ndarray, "f f"]
     noise_information: Float[np.ndarray, "f f"]
+    reweighting: Float[np.ndarray, "f f"]
     scores: Float[np.ndarray, "b f"]
     prior_score: Float[np.ndarray, " f"]
 
@@ -247,30 +250,46 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
     slopes = lifted_slopes(problem, state.phi, found)
     mean, std = problem.prior
     information = np.diag(std**-2.0)
-    noise_information = np.zeros_like(information)
+    noise_information, reweighting = np.zeros_like(information), np.zeros_like(information)
     scores = np.zeros((len(state.variance), len(information)))
     for number, (part, dU) in enumerate(zip(problem.every_part, slopes, strict=True)):
         factors, w = problem.factors[part.configuration], 1.0 / state.variance[part.blocks]
         square = np.ix_(part.moved, part.moved)
         information[square] += _block_information(factors.gram[part.local], w, dU)
-        asked = (state.residual[part.blocks] * w[:, None, :]).transpose(0, 2, 1)
-        by = dU.reshape(-1, len(part.moved))
-        own = -(asked @ factors.columns[part.local]).reshape(-1, len(by)) @ by
+        each = _error_scores(factors.columns[part.local], state.residual[part.blocks], w, dU)
+        follows = w * (state.variance[part.blocks] > problem.floors[part.configuration])
+        changes = _variance_changes(each, follows, factors, part.local)
         if factors.noise is not None:
-            G, dG = (each[part.place] for each in found[part.configuration])
+            G, dG = (one[part.place] for one in found[part.configuration])
             noise, rows = factors.noise[part.local], factors.rows[part.local, None]
-            shares = rows * noise @ (dG * G[:, None]).transpose(0, 2, 1)
-            own += (w.T[:, :, None] * shares).sum(axis=0)
+            by_noise = rows * noise @ (dG * G[:, None]).transpose(0, 2, 1)
+            each = each + w.T[:, :, None] * by_noise
             noise_information[square] += _noise_information(noise, rows * w, dG)
+        turned = np.tensordot(each, changes, axes=([0, 1], [0, 1]))
+        reweighting[square] += 0.5 * (turned + turned.T)
+        own = each.sum(axis=0)
         if problem.feedback is not None:
             own += _response_scores(problem, problem.feedback, number, responding).sum(axis=1)
         scores[part.blocks, part.moved] = own
     return CorrectedEquations(
         information=information,
         noise_information=noise_information,
+        reweighting=reweighting,
         scores=scores,
         prior_score=(mean - state.phi) * std**-2.0,
     )
+
+
+def _error_scores(
+    columns: Float[np.ndarray, "b m a"],
+    residual: Float[np.ndarray, "b m k"],
+    weight: Float[np.ndarray, "b k"],
+    dU: Float[np.ndarray, "k a q"],
+) -> Float[np.ndarray, "k b q"]:
+    """Compute what each error of every block of one part asks for."""
+    asked = (residual * weight[:, None, :]).transpose(0, 2, 1)
+    scores: Float[np.ndarray, "k b q"] = -(asked @ columns).transpose(1, 0, 2) @ dU
+    return scores
 
 
 def part_information(
@@ -323,6 +342,27 @@ def _block_information(
     S = np.tensordot(weight, gram, axes=(0, 0))
     found: Float[np.ndarray, "q q"] = (dU.transpose(0, 2, 1) @ S @ dU).sum(axis=0)
     return found
+
+
+def _variance_changes(
+    scores: Float[np.ndarray, "k b q"],
+    weight: Float[np.ndarray, "b k"],
+    factors: Factors,
+    part: slice,
+) -> Float[np.ndarray, "k b q"]:
+    r"""Differentiate minus the logarithm of every variance of one part, which follows the errors.
+
+    With w the share of one block's squares in what another one borrows,
+
+    .. math:: -\frac{1}{v_{bk}} \frac{\partial v_{bk}}{\partial\phi}
+        = \frac{2}{v_{bk}} \sum_c w_{bc} v_{ck} s_{ck} .
+
+    `scores`: of the errors alone. `weight`: 1 / v, zero where the variance does not follow.
+    """
+    w = weight.T[:, :, None]
+    squares = np.divide(scores, w, out=np.zeros_like(scores), where=w > 0.0)
+    follow = borrowed_mean_square(squares.transpose(1, 0, 2), factors, part).transpose(1, 0, 2)
+    return 2.0 * w * follow
 
 
 def root_of(

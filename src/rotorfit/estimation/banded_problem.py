@@ -112,7 +112,7 @@ class BandedProblem:
         """Smallest variance of each noisy signal in each configuration."""
         signals = split_blocks(signal_power(self), self.factors)
         return [
-            RELATIVE_FLOOR * signal.sum(axis=0) / factors.rows.sum() + np.finfo(float).tiny
+            RELATIVE_FLOOR * signal.sum(axis=0) / max(factors.rows.sum(), 1) + np.finfo(float).tiny
             for signal, factors in zip(signals, self.factors, strict=True)
         ]
 

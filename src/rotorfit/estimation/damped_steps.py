@@ -1,6 +1,5 @@
-"""Damped steps of Gauss and Newton: how large, and where crawling ones lead."""
+"""Damped steps of Gauss and Newton, and how large they may be."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,9 +15,13 @@ SMALLEST_SHARE: Final = float(np.finfo(float).eps)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """A damped step, the deviations of its parameters, and the predicted gain of the cost."""
+    """A damped step, the deviations of its parameters, and the predicted gain of the cost.
+
+    - `root`: of the inverse of the information, without the damping.
+    """
 
     step: Float[np.ndarray, " f"]
+    root: Float[np.ndarray, "f f"]
     std: Float[np.ndarray, " f"]
     predicted_gain: float
 
@@ -38,9 +41,11 @@ def damped_step(
     strength = np.maximum(strength, SMALLEST_SHARE * strength[-1])
     asked = (score / lengths) @ V
     moved = asked / (strength + damping)
+    root: Float[np.ndarray, "f f"] = V / np.sqrt(strength) / lengths[:, None]
     return Step(
         step=V @ moved / lengths,
-        std=np.linalg.norm(V / np.sqrt(strength), axis=1) / lengths,
+        root=root,
+        std=np.linalg.norm(root, axis=1),
         predicted_gain=float(moved @ (2.0 * asked - strength * moved)),
     )
 
@@ -55,21 +60,3 @@ def reduced_damping(damping: float, won: float, predicted_gain: float) -> float:
     """
     ratio = min(won / max(predicted_gain, float(np.finfo(float).tiny)), 1.0)
     return max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), LEAST_DAMPING)
-
-
-def extrapolated(
-    path: Sequence[Float[np.ndarray, " f"]], std: Float[np.ndarray, " f"]
-) -> Float[np.ndarray, " f"] | None:
-    """Extrapolate the last three points of steps that change by one share each; None of fewer.
-
-    Reweighting at each step is what EM algorithms do, and crawls along valleys as they do (Varadhan
-    and Roland, Scandinavian J. of Statistics 35(2), 2008: SQUAREM, third step length).
-    """
-    if len(path) < 3:
-        return None
-    first, second = path[-2] - path[-3], path[-1] - path[-2]
-    turned = (second - first) / std
-    if not turned.any():
-        return None
-    leap = max(float(np.linalg.norm(first / std) / np.linalg.norm(turned)), 1.0)
-    return path[-3] + 2.0 * leap * first + leap**2 * (second - first)

@@ -20,6 +20,7 @@ SMALLEST_PIVOT = 1e-3
 the factor, and the block is factored by Householder reflections instead."""
 
 FEW_ROWS = 28
+EVERY_BLOCK = slice(None)
 """Blocks with fewer rows (14 lines) borrow from the neighbouring bands of their stretch."""
 
 
@@ -194,27 +195,32 @@ def flights_of(factors: Factors) -> list[Bool[np.ndarray, " b"]]:
 
 
 def borrowed_mean_square(
-    power: Float[np.ndarray, "b k"], factors: Factors
-) -> Float[np.ndarray, "b k"]:
+    power: Float[np.ndarray, "b *k"], factors: Factors, part: slice = EVERY_BLOCK
+) -> Float[np.ndarray, "b *k"]:
     """Average each block's squares, with half of its neighbours' where rows are few.
 
-    A band of two lines that happens to fit well must not get all the weight.
+    A band of two lines that happens to fit well must not get all the weight. `power`: of the blocks
+    of that part.
     """
-    return _with_neighbours(power, factors) / borrowed_rows(factors)[:, None]
+    rows = borrowed_rows(factors, part).reshape(-1, *[1] * (power.ndim - 1))
+    return _with_neighbours(power, factors, part) / rows
 
 
-def borrowed_rows(factors: Factors) -> Float[np.ndarray, " b"]:
+def borrowed_rows(factors: Factors, part: slice = EVERY_BLOCK) -> Float[np.ndarray, " b"]:
     """Return the number of rows behind each such mean square."""
-    return _with_neighbours(factors.rows[:, None].astype(float), factors)[:, 0]
+    return _with_neighbours(factors.rows[part].astype(float), factors, part)
 
 
-def _with_neighbours(sums: Float[np.ndarray, "b k"], factors: Factors) -> Float[np.ndarray, "b k"]:
+def _with_neighbours(
+    sums: Float[np.ndarray, "b *k"], factors: Factors, part: slice
+) -> Float[np.ndarray, "b *k"]:
     """Add to each block half of its neighbours' sums where rows are few."""
-    few = factors.rows < FEW_ROWS
-    same = factors.segment[1:] == factors.segment[:-1]
+    few, segment = factors.rows[part] < FEW_ROWS, factors.segment[part]
+    same = segment[1:] == segment[:-1]
     total = sums.copy()
     for here, other in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
-        total[here] += 0.5 * (same & few[here])[:, None] * sums[other]
+        borrowed = 0.5 * (same & few[here])
+        total[here] += borrowed.reshape(-1, *[1] * (sums.ndim - 1)) * sums[other]
     return total
 
 

@@ -165,7 +165,7 @@ def test_rotors_that_a_turn_drags_are_in_it():
 
 
 def test_damping_of_yaw_is_in_it_where_the_velocity_is_known_too():
-    """Of a vehicle that only turns it is that of the rotors' drag, but for its force off the CoM."""
+    """Of a vehicle that only turns it is the rotors' drag, but for its force off the CoM."""
     c = 2e-4
     flight = simulate_flight(true_vehicle(), PLACES, SHORT, seed=3)
     data = exact_flight_data(flight, PLACES, specific_force_at="imu")

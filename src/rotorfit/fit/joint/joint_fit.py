@@ -21,9 +21,9 @@ from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.terms.registry import DEFAULT_TERMS
 
-NEAR: Final = 0.1
+INTERMEDIATE: Final = 0.1
 """Convergence tolerance of intermediate fits, in standard deviations: they find the informative
-bands and the scatter of the flights."""
+bands, the scatter of the flights, or where to reduce them again."""
 
 
 SMALLEST_BODY: Final = 1e-6
@@ -63,6 +63,7 @@ def joint_fit(
     guess: Mapping[str, float] | None = None,
     known: Mapping[str, tuple[float, float]] | None = None,
     least_ratio: float = LEAST_RATIO,
+    close: float = SMALLEST_STEP,
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit of all flights, and its configurations with what counts.
 
@@ -74,6 +75,7 @@ def joint_fit(
     - `guess`: where that one begins; None: at the row fits.
     - `known`: mean and standard deviation of free parameters from elsewhere, by name.
     - `least_ratio`: as for `select_informative_bands`.
+    - `close`: convergence tolerance, in deviations.
     """
     joint = [
         JointConfiguration(
@@ -97,20 +99,19 @@ def joint_fit(
         least_ratio=least_ratio,
     )
     if begin is not None:
-        return _fit_from(joint, begin, select=select, estimate=estimate)
+        return _fit_from(joint, begin, select=select, estimate=estimate, close=close)
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if guess is None else []
 
     def first(looked_at: list[JointConfiguration]) -> Mapping[str, float]:
-        close = _largest_last_step(looked_at)
-        return estimate(looked_at, starts, begin=guess, close=close).estimate.by_name
+        return estimate(looked_at, starts, begin=guess, close=INTERMEDIATE).estimate.by_name
 
     # Before the first fit nobody can tell the pilot's motion from disturbances: further up an
     # autopilot's answer to the noise of its gyro may well be all there is.
     try:
         slow = first([select_slow_bands(c) for c in joint])
-        return _fit_from(joint, slow, select=select, estimate=estimate)
+        return _fit_from(joint, slow, select=select, estimate=estimate, close=close)
     except UnsettledError:
-        return _fit_from(joint, first(joint), select=select, estimate=estimate)
+        return _fit_from(joint, first(joint), select=select, estimate=estimate, close=close)
 
 
 Select = Callable[[list[JointConfiguration], Mapping[str, float]], list[JointConfiguration]]
@@ -122,18 +123,20 @@ def _fit_from(
     *,
     select: Select,
     estimate: Callable[..., BandedEstimate],
+    close: float,
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Fit the informative bands, selected at `begin`; return the fit and its configurations."""
     joint = select(joint, begin)
-    fit = estimate(joint, [], begin=begin, close=_largest_last_step(joint))
+    several = _several_flights(joint)
+    fit = estimate(joint, [], begin=begin, close=max(close, INTERMEDIATE) if several else close)
     refuse_collapse(fit.estimate.by_name, joint)
-    if not _several_flights(joint):
+    if not several:
         return fit, joint  # one flight each
     response, differ = _closed_loop_response(fit, joint), _flight_scatters(fit, joint)
     joint = [
         replace(c, response=response, scatter=differ.get(k, c.scatter)) for k, c in enumerate(joint)
     ]
-    return estimate(joint, [], begin=fit.estimate.by_name), joint
+    return estimate(joint, [], begin=fit.estimate.by_name, close=close), joint
 
 
 def refuse_collapse(at: Mapping[str, float], joint: Sequence[JointConfiguration]) -> None:
@@ -157,11 +160,6 @@ def refuse_collapse(at: Mapping[str, float], joint: Sequence[JointConfiguration]
 def _several_flights(joint: Sequence[JointConfiguration], least: int = 2) -> bool:
     """Return whether any configuration has so many flights."""
     return any(len(flights_of(c.factors)) >= least for c in joint)
-
-
-def _largest_last_step(joint: Sequence[JointConfiguration]) -> float:
-    """Return how near its end a fit is brought before the last."""
-    return NEAR if _several_flights(joint) else SMALLEST_STEP
 
 
 def _closed_loop_response(

@@ -21,7 +21,7 @@ from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
 from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
-from rotorfit.fit.joint.joint_fit import joint_fit
+from rotorfit.fit.joint.joint_fit import INTERMEDIATE, joint_fit
 from rotorfit.fit.reduction.motor_timing import (
     LARGEST_SKEW,
     SPLIT_FAULT,
@@ -298,7 +298,8 @@ def _search_along_lines(
         dataset, last = made.moved_along_lines(moved), own
         if _loses_the_motion(dataset):
             return dataset, fit
-        fit, _ = joint_fit(dataset, terms=terms, begin=free.without_times(fit.estimate.by_name))
+        begin = free.without_times(fit.estimate.by_name)
+        fit, _ = joint_fit(dataset, terms=terms, begin=begin, close=INTERMEDIATE)
 
 
 def _is_lagless(dataset: TimedDataset) -> bool:
