@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -49,6 +49,7 @@ from rotorfit.flight.kinematics import climb_velocity
 from rotorfit.flight.mocap.camera import carried_velocity, horizontal_axes, known_velocity
 from rotorfit.flight.motors.motor_model import (
     MotorModel,
+    MotorResponse,
     clock_jumps,
     first_order_lag,
     following_rotors,
@@ -108,6 +109,9 @@ class PreparedFlight:
         Doubts of the flight.
     other_hovers
         Hovers on another thrust, which are not used.
+    last_retimed
+        The flight at the motor timing that was asked for last, by that timing: most steps of a fit
+        ask for the same one.
     """
 
     data: FlightData
@@ -120,6 +124,9 @@ class PreparedFlight:
     cuts: tuple[Cut, ...]
     findings: tuple[Finding, ...]
     other_hovers: tuple[OtherHover, ...] = ()
+    last_retimed: dict[MotorResponse, FlightData] = field(
+        init=False, repr=False, compare=False, default_factory=dict[MotorResponse, FlightData]
+    )
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -221,4 +221,9 @@ def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightD
     """Apply another lag and delay to a flight's motor data; None leaves it."""
     if response is None:
         return prepared.data
-    return with_motors(prepared.data, prepared.motor_channel, response)
+    kept = prepared.last_retimed.get(response)
+    if kept is None:
+        kept = with_motors(prepared.data, prepared.motor_channel, response)
+        prepared.last_retimed.clear()
+        prepared.last_retimed[response] = kept
+    return kept
