@@ -15,6 +15,7 @@ from rotorfit.estimation.banded import (
     response_sensitivity,
 )
 from rotorfit.estimation.dispersion import Dispersion
+from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.fit.experiment.payload import PointMass, added_moments
@@ -37,6 +38,7 @@ from rotorfit.fit.intervals.joint_numbers import (
 from rotorfit.fit.joint.joint_problem import joint_problem
 from rotorfit.fit.reduction.motor_timing import FreeTiming
 from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.model.terms.registry import TERMS
 
 FREE = 12
 """Parameters of `made_fit.fit_of` with one configuration: two blocks' worth, at six signals."""
@@ -691,3 +693,41 @@ def test_all_terms_stand_together_in_the_interval_of_a_flight():
 def at_origin(fit):
     keep = [not name.startswith("ms") for name in fit.estimate.names]
     return fit.estimate.values * keep
+
+
+GROUPED = replace(
+    made_fit.QUAD,
+    rotors=tuple(
+        replace(rotor, group="front" if number % 2 else "back")
+        for number, rotor in enumerate(made_fit.QUAD.rotors)
+    ),
+)
+EVERY_TERM = tuple(term.name for term in TERMS if term.dropped is not None)
+
+
+@pytest.mark.parametrize("flights", [1, 3])
+@pytest.mark.parametrize("vehicle", [made_fit.QUAD, GROUPED])
+def test_slopes_of_numbers_are_those_of_every_parameter(vehicle, flights):
+    """Parameters that are numbers themselves are not moved: nothing else may depend on them."""
+    source = np.repeat(np.arange(flights), 12 // flights)
+    factors = made_fit.blocks([(1.0, 2.0)] * 12, source=source)
+    load = PointMass(mass=0.2, position=(0.0, 0.0, -0.1), mass_std=1e-3, position_std=1e-3)
+    bodies = [
+        made_fit.configuration(vehicle=vehicle, factors=factors),
+        made_fit.configuration("B", vehicle=vehicle, mass=1.6, payload=(load,), payload_of="A"),
+    ]
+    fit = made_fit.fit_of(bodies, std={}, terms=EVERY_TERM)
+    mapped, rng = fit.problem.map, np.random.default_rng(flights)
+    off = fit.estimate.values + 1e-3 * rng.normal(size=len(mapped.names)) * fit.estimate.values
+    off = np.where(off == 0.0, 1e-3 * rng.normal(size=len(off)), off)
+    estimate = replace(fit.estimate, values=off)
+    names = tuple(module.physical(off, mapped, bodies))
+    expected = numerical_jacobian(
+        lambda phi: np.array(list(module.physical(phi, mapped, bodies).values())),
+        off,
+        estimate.std,
+    )
+    found = module.slopes_of_numbers(names, estimate, mapped, bodies)
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(found, expected, atol=1e-6 * size.max(), rtol=1e-5)
+    assert (found != 0.0).sum() > len(mapped.names) - 6 * flights * len(bodies)

@@ -32,7 +32,7 @@ from rotorfit.estimation.dispersion import dispersions, pooled
 from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.effective_blocks import free_blocks, own_scatter
 from rotorfit.estimation.error_correlation import error_correlation_shifts
-from rotorfit.estimation.estimate import numerical_jacobian
+from rotorfit.estimation.estimate import Estimate, numerical_jacobian
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.fit.experiment.payload import MOMENTS, added_moments
 from rotorfit.fit.intervals.allowances import (
@@ -49,7 +49,7 @@ from rotorfit.fit.intervals.excitation import (
 from rotorfit.fit.intervals.interval_terms import IntervalTerm, combined_half_width
 from rotorfit.fit.intervals.numbers import FEWEST_PHASES, Numbers, correlation_of, hover_speed
 from rotorfit.fit.joint.joint_map import spread_names
-from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
+from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_jacobian, theta_of
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.fit.reduction.motor_timing import FreeTiming
 from rotorfit.model.parameters import (
@@ -68,6 +68,8 @@ MOST_LEVERAGE = 4.0
 FEWEST_FLIGHTS = 3
 """Flights of a configuration, from which their scatter is informative: its own size from
 `ENOUGH_FLIGHTS` on, of fewer it can only be a lower limit."""
+IN_OTHERS = ("kt", "kd", "Jr", *IMU_MOUNTING.names)
+"""Parameters that are a part of derived numbers by themselves; others are by the moments."""
 OWN_NUMBERS = tuple(name for name in names_of("configuration") if name != "mass")
 SHARED_FREE = names_of("shared")
 SHARED_NUMBERS = (*SHARED_FREE, "kd_over_kt", "motor_lag_total")
@@ -83,11 +85,7 @@ def joint_numbers(
     mapped = fit.problem.map
     at_estimate = physical(estimate.values, mapped, configurations)
     names, values = tuple(at_estimate), np.array(list(at_estimate.values()))
-    jacobian = numerical_jacobian(
-        lambda phi: np.array(list(physical(phi, mapped, configurations).values())),
-        estimate.values,
-        estimate.std,
-    )
+    jacobian = slopes_of_numbers(names, estimate, mapped, configurations)
     formal = formal_covariance(fit, jacobian)
     response_shifts = response_sensitivity(fit) @ jacobian.T
     timings = np.reshape(timing_shifts(fit, configurations[0].timing), (-1, len(estimate.names)))
@@ -343,6 +341,45 @@ def physical(
         numbers = _own_numbers({**own, **out, **moments}, configuration)
         out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
     return out
+
+
+def slopes_of_numbers(
+    names: Sequence[str],
+    estimate: Estimate,
+    mapped: ParameterMap,
+    configurations: Sequence[JointConfiguration],
+) -> Float[np.ndarray, "q f"]:
+    """Differentiate the physical numbers of those names by the free parameters of an estimate.
+
+    Most parameters are numbers themselves, and no part of others: only the rest are moved.
+    """
+    phi, free = estimate.values, mapped.names
+    jacobian = np.zeros((len(names), len(free)))
+    for i, name in enumerate(free):
+        if name in names:
+            jacobian[names.index(name), i] = 1.0
+    bent = _bend_numbers(mapped, phi, configurations)
+
+    def numbers_at(moved: Float[np.ndarray, " b"]) -> Float[np.ndarray, " q"]:
+        every = phi.copy()
+        every[bent] = moved
+        return np.array(list(physical(every, mapped, configurations).values()))
+
+    jacobian[:, bent] = numerical_jacobian(numbers_at, phi[bent], estimate.std[bent])
+    return jacobian
+
+
+def _bend_numbers(
+    mapped: ParameterMap,
+    phi: Float[np.ndarray, " f"],
+    configurations: Sequence[JointConfiguration],
+) -> Bool[np.ndarray, " f"]:
+    """Return which free parameters are a part of numbers other than themselves."""
+    place = configurations[0].model.names.index
+    rotors = range(1, len(configurations[0].vehicle.rotors) + 1)
+    entries = [place(name) for name in (*MOMENTS, *(f"kt_{i}" for i in rotors))]
+    slopes = theta_jacobian(mapped, phi, configurations)[:, entries]
+    return np.isin(mapped.names, IN_OTHERS) | (slopes != 0.0).any(axis=(0, 1))
 
 
 def rotation_by_vector(vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:

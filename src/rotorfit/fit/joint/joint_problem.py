@@ -27,7 +27,12 @@ from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.fit.experiment.payload import tolerances
 from rotorfit.fit.joint.joint_map import JointConfiguration as JointConfiguration
 from rotorfit.fit.joint.joint_map import joint_map
-from rotorfit.fit.joint.trims import configuration_theta, trim_prior, with_trims
+from rotorfit.fit.joint.trims import (
+    configuration_jacobian,
+    configuration_theta,
+    trim_prior,
+    with_trims,
+)
 from rotorfit.fit.row_fits import RowFits, fit_rows
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.terms.registry import DEFAULT_TERMS, TERMS
@@ -205,8 +210,20 @@ def theta_of(
     configurations: Sequence[JointConfiguration],
 ) -> Float[np.ndarray, "c p"]:
     """Return theta of every configuration, of a map to that of its flights."""
-    counts = [len(flights_of(c.factors)) for c in configurations]
-    return configuration_theta(fit_map, phi, counts)
+    return configuration_theta(fit_map, phi, _flight_counts(configurations))
+
+
+def theta_jacobian(
+    fit_map: ParameterMap,
+    phi: Float[np.ndarray, " f"],
+    configurations: Sequence[JointConfiguration],
+) -> Float[np.ndarray, "c p f"]:
+    """Differentiate `theta_of` by the free parameters."""
+    return configuration_jacobian(fit_map, phi, _flight_counts(configurations))
+
+
+def _flight_counts(configurations: Sequence[JointConfiguration]) -> list[int]:
+    return [len(flights_of(c.factors)) for c in configurations]
 
 
 def _collect_feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:

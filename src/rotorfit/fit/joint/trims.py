@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.parameter_map import ParameterMap, Product
@@ -181,6 +181,19 @@ def configuration_theta(
 
     `flights`: how many of each configuration stand in the map by themselves.
     """
-    trimmed = [name.startswith(TRIM) for name in mapped.names]
     first = np.cumsum([0, *flights[:-1]])
-    return mapped.theta(np.where(trimmed, 0.0, phi))[first]
+    return mapped.theta(np.where(_are_trims(mapped), 0.0, phi))[first]
+
+
+def configuration_jacobian(
+    mapped: ParameterMap, phi: Float[np.ndarray, " f"], flights: Sequence[int]
+) -> Float[np.ndarray, "c p f"]:
+    """Differentiate that theta by the free parameters; trims have no part in it."""
+    trims, first = _are_trims(mapped), np.cumsum([0, *flights[:-1]])
+    jacobian = mapped.jacobian(np.where(trims, 0.0, phi))[first]
+    jacobian[:, :, trims] = 0.0
+    return jacobian
+
+
+def _are_trims(mapped: ParameterMap) -> Bool[np.ndarray, " f"]:
+    return np.array([name.startswith(TRIM) for name in mapped.names], dtype=bool)
