@@ -68,7 +68,7 @@ def first_order_recursion(
     right = np.array(forcing, dtype=float, order="F")
     if not len(right):
         return right
-    bands = np.ones((2, len(right)))
+    bands = np.ones((2, len(right)), order="F")
     bands[1] = -keep
     solved = _solve_recursion(bands, right.reshape(len(right), -1, order="F"))
     return np.ascontiguousarray(solved.reshape(right.shape, order="F"))
@@ -107,7 +107,7 @@ def _filter_settled(
     sos: Float[np.ndarray, "s 6"], x: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, "n k"]:
     """Filter forward, as if the first sample had stood for ever before."""
-    bands = np.ones((3, len(x)))
+    bands = np.ones((3, len(x)), order="F")
     for b0, b1, b2, _, a1, a2 in sos:
         first = x[:1]
         settled = (b0 + b1 + b2) / (1.0 + a1 + a2) * first

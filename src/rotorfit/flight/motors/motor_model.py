@@ -140,15 +140,19 @@ def solve_recursion(
     share: Float[np.ndarray, "n N"], input: Float[np.ndarray, "n N"], first: Float[np.ndarray, " N"]
 ) -> Float[np.ndarray, "n N"]:
     """Solve S_0 = first, S_k+1 = a_k S_k + f_k, `share` and `input` being a and f."""
-    n = len(share)
-    solved = np.empty_like(share)
-    for i in range(share.shape[1]):
-        bands = np.ones((2, n))
-        bands[1, :-1] = -share[:-1, i]
-        right = np.concatenate([first[i : i + 1], input[:-1, i]])
-        # Triangular: a general banded solver takes five times as long.
-        solved[:, i] = lapack.dtbtrs(bands, right, uplo="L", diag="U", overwrite_b=1)[0]
-    return solved
+    n, rotors = share.shape
+    if not n:
+        return np.zeros_like(share)
+    # One rotor after the other in one system, of which each takes nothing of the last.
+    kept = np.zeros((rotors, n))
+    kept[:, :-1] = -share[:-1].T
+    bands = np.ones((2, rotors * n), order="F")
+    bands[1] = kept.ravel()
+    right = np.empty((rotors, n))
+    right[:, 0], right[:, 1:] = first, input[:-1].T
+    # Triangular: a general banded solver takes five times as long.
+    solved = lapack.dtbtrs(bands, right.ravel(), uplo="L", diag="U", overwrite_b=1)[0]
+    return np.ascontiguousarray(np.asarray(solved).reshape(rotors, n).T)
 
 
 def shift_time(
