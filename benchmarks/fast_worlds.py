@@ -30,9 +30,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 import rotorfit.identification as recipe
-from rotorfit.checks.sensors import sensor_faults
 from rotorfit.errors import FlightWarning, RotorfitError
 from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.fit.sensors import known_faults
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.simulation import (
@@ -225,7 +225,7 @@ def _identified(path: Path, *, estimated: bool) -> Row:
     with (
         warnings.catch_warnings(),
         patch.object(recipe, "measure_bandwidths", keep),
-        patch.object(sensor_faults, "is_estimate", lambda form: estimated),
+        patch.object(known_faults, "is_estimate", lambda form: estimated),
     ):
         warnings.simplefilter("ignore", FlightWarning)
         try:

@@ -8,8 +8,7 @@ from scipy import signal
 
 import flown
 import made_fit
-from rotorfit.checks import lever_arms
-from rotorfit.checks.lever_arms import FrameSides
+from rotorfit.checks.lever_arms import judge_sides
 from rotorfit.checks.sensors.clocks import (
     BandDelay,
     Lateness,
@@ -18,12 +17,13 @@ from rotorfit.checks.sensors.clocks import (
     of_one_vehicle,
     weigh_bands,
 )
-from rotorfit.checks.sensors.sensor_response import deviation_by_chance
 from rotorfit.checks.vehicle_size import unusual_loading
 from rotorfit.errors import FrameError
 from rotorfit.fit.experiment.experiment import MotorsEntry
+from rotorfit.fit.frame_sides import FrameSides
 from rotorfit.fit.imu_tilt import lean_sentence
 from rotorfit.fit.reduction.motor_timing import MotorTiming
+from rotorfit.fit.sensors.sensor_response import deviation_by_chance
 from rotorfit.flight.motors.motor_model import MotorResponse
 
 RATE, SECONDS = 200.0, 30.0
@@ -75,58 +75,16 @@ def test_doubtful_arms_widen_inertia_to_what_the_flight_shows(tmp_path, flight):
         assert number.interval[0] < true < number.interval[1]
 
 
-def sides(value, std, blocks=20.0, by_mistake=1.0):
+def _sides_known_to(value, std):
     one = np.ones(1)
     return FrameSides(
-        declared=1.0,
-        ruler=0.01,
-        value=value,
-        std=std,
-        blocks=blocks,
-        slopes=one,
-        by_mistake=by_mistake * one,
+        declared=1.0, ruler=0.01, value=value, std=std, blocks=20.0, slopes=one, by_mistake=one
     )
-
-
-def half_width(one):
-    return float(one.half_widths[0])
-
-
-def test_sides_that_no_flight_shows_are_those_of_a_ruler():
-    untold = sides(0.0, np.inf)
-    assert untold.measured == pytest.approx(0.98, abs=0.005)
-    assert 0.02 < half_width(untold) < 0.025
-    assert half_width(sides(0.0, 0.01)) == pytest.approx(0.02, abs=0.002)
-    assert half_width(sides(-0.05, 0.022, 12.0)) < 0.025
-
-
-@pytest.mark.parametrize("value", [0.0, 0.1, 0.24, 0.3])
-def test_a_flight_that_hardly_tells_leaves_the_ruler(value):
-    """Known to +- .2: nothing that may be there by chance makes the interval a mistake's."""
-    assert half_width(sides(value, 0.2, 14.0)) < 0.025
-
-
-def test_one_side_that_is_surely_wrong_moves_the_mean_arm_too():
-    stated = [sides(-0.11, 0.005, 12.0, by_mistake=k) for k in (1.0, 2.0)]
-    assert stated[0].measured < 0.1
-    assert half_width(stated[0]) == pytest.approx(0.13, abs=0.02)
-    assert half_width(stated[1]) == pytest.approx(2.0 * half_width(stated[0]), rel=0.05)
-
-
-def test_the_half_width_grows_to_a_mistake_without_a_jump():
-    far = [sides(-value, 0.02, 12.0) for value in np.linspace(0.0, 0.5, 101)]
-    half = np.array([half_width(one) for one in far])
-    chance = np.array([one.measured for one in far])
-    assert np.all(np.diff(chance) < 1e-9)
-    assert np.all(np.diff(half) > -1e-3)
-    assert np.diff(half).max() < 0.05
-    assert half[-1] > 0.5
-    assert chance[-1] < 1e-4 < 0.9 < chance[20]
 
 
 def test_an_arm_next_to_nothing_is_no_declared_frame():
     fit = made_fit.fit(made_fit.dataset(made_fit.prepared()))
-    said = {s: lever_arms.judge_sides(fit, sides(s, 0.02)).severity for s in (0.0, 0.3, 0.9)}
+    said = {s: judge_sides(fit, _sides_known_to(s, 0.02)).severity for s in (0.0, 0.3, 0.9)}
     assert said == {0.0: "passed", 0.3: "doubt", 0.9: "passed"}
 
 

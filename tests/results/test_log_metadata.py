@@ -6,11 +6,6 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.checks.sensors.sensor_faults import (
-    lowpass_term,
-    velocity_term,
-    vertical_partner,
-)
 from rotorfit.errors import ExperimentError
 from rotorfit.findings import sentences
 from rotorfit.fit.dataset.load import agreed_motors, completed_motors
@@ -18,6 +13,11 @@ from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.experiment.law_table import LawEntry, SqrtEntry, law_entry_of
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.reduction.motor_timing import MotorTiming
+from rotorfit.fit.sensors.known_faults import (
+    lowpass_term,
+    velocity_term,
+    vertical_partner,
+)
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.logs.flight_log import Channel, FlightLog, LoggedMotors
 from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor

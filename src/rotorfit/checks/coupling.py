@@ -1,43 +1,13 @@
-"""Check whether the flights show the gyroscopic coupling of a rigid body.
+"""Explain that the flights show no gyroscopic coupling, where a step of the fit has dropped it."""
 
-A body that turns about two axes at once turns about the third: w x I w. Nothing else shows the
-scale of the yaw equation, and with it I_zz, k_d and J_r. A simulator that turns its vehicle by
-torque over inertia, axis by axis, has no such term; a fit that expects it finds the only body in
-which it vanishes, with I_zz near I_xx and I_yy, and all of yaw too small.
-"""
-
-import dataclasses
+from collections.abc import Iterator
 from typing import Final
 
-import numpy as np
-
-from rotorfit.checks.lever_arms import likeliest_sides
-from rotorfit.errors import EstimationError
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.additional_parameters import gained
-from rotorfit.fit.fit import NO_COUPLING, Fit, refit
-from rotorfit.fit.intervals.numbers import SCALED, Numbers
-from rotorfit.logs.flight_log import SITL
-from rotorfit.model.parameters import INERTIA
-from rotorfit.model.regressor import Regressor
+from rotorfit.fit.coupling import AbsentCoupling
+from rotorfit.fit.fit import Fit
 
-LARGEST_IZZ: Final = 1.05
-"""Times the larger of I_xx and I_yy up to which the coupling is looked at: a multirotor, whose
-motors stand at the ends of its arms, has 1.2 and more; a body without coupling seems to have less
-than 1."""
-KNOWN_IZZ: Final = 0.5
-"""Half-width of I_zz, as a share, from which on the flights do not show it by any coupling."""
-LEAST_GAIN: Final = 10.0
-"""Gain of log-likelihood that flights must have without coupling: sound real logs lose
-more than that, or do not show I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 900."""
-LEAST_GAIN_SIMULATED: Final = -50.0
-"""The same of a program whose own frames have none: coupling must show itself there as any other
-term must. With I_xx = I_yy a body with I_zz the same is about as likely: one such flight gains 4
-or loses 30, by how its rows count."""
-LEFT_SCALE: Final = (0.05, 0.01)
-"""k_d and its deviation, as shares of what it is with coupling. Without it nothing fixes the scale
-of yaw; with a small one the rotors' gyroscopic torque vanishes from roll and pitch, as it does in
-such a program, and the ratios stay what they are."""
+KIND: Final = "no-coupling"
 SENTENCE: Final = (
     "this flight shows no gyroscopic coupling, as in a simulator that leaves it out: turns about "
     "two axes do not act on the third. "
@@ -49,75 +19,19 @@ ADVICE: Final = (
     "measure Izz or kd (pendulum, thrust stand), or fly in a simulator with gyroscopic terms "
     "(PX4's SIH, Gazebo, MuJoCo)"
 )
-_PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
 
 
-def drop_absent_coupling(fit: Fit) -> Fit:
-    """Fit without gyroscopic terms where the flights show none, and withhold the scale of yaw.
-
-    Wrong sides of the frame hide them, too: where a fit with others is likelier, and finds the
-    I_zz of a multirotor, they are there. (Other sides alone can always make a ball of a body.)
-    """
-    dataset, estimate = fit.dataset, fit.estimate
-    if not _has_suspicious_yaw_inertia(fit):
-        return fit
-    simulated = any(f.log.simulator == SITL for c in dataset.configurations for f in c.flights)
-    other = dataclasses.replace(dataset, model=without_coupling(dataset.model))
-    kd = estimate.estimate.by_name["kd"]
-    try:
-        uncoupled = refit(
-            fit,
-            other,
-            begin=estimate.estimate.by_name,
-            known={"kd": (LEFT_SCALE[0] * kd, LEFT_SCALE[1] * abs(kd))},
-        )
-    except EstimationError:
-        return fit
-    gain = uncoupled.estimate.log_likelihood - estimate.log_likelihood
-    least = LEAST_GAIN_SIMULATED if simulated else LEAST_GAIN
-    if gain < least:
-        return fit
-    if not simulated and _hidden_by_sides(fit, uncoupled):
-        return fit
-    return uncoupled.found(_absent_coupling(uncoupled.numbers, gain, least))
-
-
-def _hidden_by_sides(fit: Fit, uncoupled: Fit) -> bool:
-    """Test whether other sides of the frame give back the coupling, and a multirotor's I_zz."""
-    moved = likeliest_sides(fit)
-    if moved is None or _has_suspicious_yaw_inertia(moved):
-        return False
-    return gained(uncoupled.estimate, moved.estimate) > 0.0
-
-
-def _absent_coupling(numbers: Numbers, gain: float, least: float) -> Finding:
+def absent_coupling(fit: Fit) -> Iterator[Finding]:
     """Explain that the flights show no coupling, and which numbers it would give the scale."""
-    return Finding(
-        kind=NO_COUPLING,
+    found = fit.record_of(AbsentCoupling)
+    if found is None:
+        return
+    yield Finding(
+        kind=KIND,
         severity="doubt",
         sentence=SENTENCE,
-        numbers=tuple(n for n in numbers.names if n.partition("@")[0] in SCALED),
-        evidence=(Evidence(name="gain_without_coupling", value=gain, limit=least),),
+        numbers=tuple(name for name in fit.numbers.names if name in fit.withheld),
+        evidence=(Evidence(name="gain_without_coupling", value=found.gain, limit=found.least),),
         next_step=ADVICE,
         withheld_because=REASON,
     )
-
-
-def _has_suspicious_yaw_inertia(fit: Fit) -> bool:
-    """Test whether a configuration's I_zz is known, and too large or small for a multirotor."""
-    return any(_no_multirotor(fit.numbers, c.name) for c in fit.configurations)
-
-
-def _no_multirotor(numbers: Numbers, configuration: str) -> bool:
-    moments = [numbers.number(f"{name}_com@{configuration}") for name in ("Ixx", "Iyy", "Izz")]
-    (Ixx, _), (Iyy, _), (Izz, half) = moments
-    return half < KNOWN_IZZ * abs(Izz) and Izz < LARGEST_IZZ * max(Ixx, Iyy)
-
-
-def without_coupling(model: Regressor) -> Regressor:
-    """Build the model of a body that turns by torque over inertia, without w x I w."""
-    products = [i for i, n in enumerate(model.layout.names) if n in _PRODUCTS]
-    inertia = [model.names.index(name) for name in INERTIA]
-    tensor = model.tensor.copy()
-    tensor[np.ix_(inertia, range(tensor.shape[1]), products)] = 0.0
-    return dataclasses.replace(model, tensor=tensor)

@@ -18,25 +18,32 @@ from rotorfit.checks import (
     spins,
     vehicle_size,
 )
-from rotorfit.checks.coupling import drop_absent_coupling
+from rotorfit.checks.coupling import absent_coupling
 from rotorfit.checks.impossible_inertia import impossible_inertia
 from rotorfit.checks.kt_from_weight import weigh_thrust
-from rotorfit.checks.lever_arms import allow_for_sides
 from rotorfit.checks.motors import changed_thrust, commanded_speeds
 from rotorfit.checks.motors.changed_thrust import allow_for_thrust_change
 from rotorfit.checks.motors.commanded_speeds import allow_for_law, allow_for_motor_limits
 from rotorfit.checks.motors.motor_time_split import allow_for_noise_feedback
-from rotorfit.checks.sensors import clocks, log_settings, sensor_faults
-from rotorfit.checks.sensors.gyro_scale import allow_for_gyro_scale
-from rotorfit.checks.sensors.sensor_faults import (
+from rotorfit.checks.sensors import (
+    clocks,
+    gyro_scale,
+    log_settings,
+    sensor_faults,
+    sensor_response,
+)
+from rotorfit.checks.weak_directions import little_excitation, unknown_origin, weak_directions
+from rotorfit.findings import Finding
+from rotorfit.fit.coupling import drop_absent_coupling
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.frame_sides import allow_for_sides
+from rotorfit.fit.noise_levels import allow_for_noise_levels
+from rotorfit.fit.sensors.gyro_scale import allow_for_gyro_scale
+from rotorfit.fit.sensors.known_faults import (
     allow_for_gyro_lowpass,
     allow_for_velocity_errors,
 )
-from rotorfit.checks.sensors.sensor_response import allow_for_sensor_response
-from rotorfit.checks.weak_directions import little_excitation, unknown_origin, weak_directions
-from rotorfit.findings import Finding
-from rotorfit.fit.fit import NO_COUPLING, Fit
-from rotorfit.fit.noise_levels import allow_for_noise_levels
+from rotorfit.fit.sensors.sensor_response import allow_for_sensor_response
 
 Step = Callable[[Fit], Fit]
 Diagnostic = Callable[[Fit], Iterable[Finding]]
@@ -65,14 +72,9 @@ def every_step(fit: Fit) -> Fit:
     return fit
 
 
-def absent_coupling(fit: Fit) -> Iterator[Finding]:
-    """Yield the finding of the step that fits without gyroscopic terms."""
-    return (one for one in fit.findings if one.kind == NO_COUPLING)
-
-
 def of_steps(fit: Fit) -> Iterator[Finding]:
-    """Yield the findings of the other steps that led to the fit."""
-    return (one for one in fit.findings if one.kind != NO_COUPLING)
+    """Yield the findings of the steps that led to the fit."""
+    return iter(fit.findings)
 
 
 DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
@@ -81,6 +83,9 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     little_excitation,
     unknown_origin,
     of_steps,
+    *gyro_scale.CHECKS,
+    *sensor_response.CHECKS,
+    *lever_arms.CHECKS,
     *spins.ORDER_REFUSALS,
     *spins.REFUSALS,
     *vehicle_size.REFUSALS,

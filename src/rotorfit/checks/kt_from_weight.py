@@ -23,7 +23,6 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.checks.estimated_air import estimated_air_force
-from rotorfit.checks.sensors.sensor_faults import ERROR, is_estimate
 from rotorfit.checks.verdicts.judge import WEAK
 from rotorfit.checks.weight_by_flight import (
     FlightWeight,
@@ -50,6 +49,7 @@ from rotorfit.fit.dataset.weight_balance import Held
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers, correlation_of
 from rotorfit.fit.reduction.frequency_bands import retimed
+from rotorfit.fit.sensors.known_faults import ERROR, is_estimate
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import MotorResponse

@@ -28,7 +28,6 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.checks.coupling import without_coupling
 from rotorfit.checks.yaw_residuals import (
     Pattern,
     plausible_patterns,
@@ -47,6 +46,7 @@ from rotorfit.fit.additional_parameters import (
     inside,
     log_likelihood_loss,
 )
+from rotorfit.fit.coupling import without_coupling
 from rotorfit.fit.dataset.declared_rotors import check_flight
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import excitation

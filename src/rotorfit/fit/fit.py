@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final, Unpack
+from typing import TypeVar, Unpack
 
 import numpy as np
 from jaxtyping import Float
@@ -19,8 +19,7 @@ from rotorfit.fit.joint.joint_problem import JointConfiguration, at_values
 from rotorfit.fit.joint.term_choice import Choice
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 
-NO_COUPLING: Final = "no-coupling"
-"""Kind of the finding of a fit without gyroscopic terms."""
+Record = TypeVar("Record")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +32,9 @@ class Fit:
     - `configurations`: factors of every configuration, with the bands that are informative.
     - `numbers`: physical numbers with 95 % intervals.
     - `findings`: of the steps so far.
+    - `records`: what the steps measured on their way, from which checks make their findings.
+    - `coupled`: whether turns about two axes act on the third in its model.
+    - `withheld`: full names of the numbers that a step has withheld.
     - `known`: mean and standard deviation of free parameters from elsewhere, with which it was
       made.
     """
@@ -44,17 +46,15 @@ class Fit:
     configurations: tuple[JointConfiguration, ...]
     numbers: Numbers
     findings: tuple[Finding, ...] = ()
+    records: tuple[object, ...] = ()
+    coupled: bool = True
+    withheld: frozenset[str] = frozenset()
     known: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
 
     @property
     def mass_known(self) -> bool:
         """Whether every configuration was weighed."""
         return all(c.entry.mass != "unknown" for c in self.dataset.configurations)
-
-    @property
-    def coupled(self) -> bool:
-        """Whether turns about two axes act on the third in its model."""
-        return all(one.kind != NO_COUPLING for one in self.findings)
 
     @property
     def factors(self) -> FittedFactors:
@@ -65,14 +65,17 @@ class Fit:
             values=self.estimate.estimate.by_name,
         )
 
-    @property
-    def withheld(self) -> frozenset[str]:
-        """Full names of the numbers that a step has withheld, and said so."""
-        return frozenset(n for one in self.findings if one.withheld_because for n in one.numbers)
-
     def found(self, *findings: Finding) -> "Fit":
         """Return the fit with further findings."""
         return dataclasses.replace(self, findings=(*self.findings, *findings))
+
+    def with_record(self, record: object) -> "Fit":
+        """Return the fit with what a step measured, for the checks to judge."""
+        return dataclasses.replace(self, records=(*self.records, record))
+
+    def record_of(self, kind: type[Record]) -> Record | None:
+        """Return what the last step that measured this kind recorded; None if none did."""
+        return next((one for one in reversed(self.records) if isinstance(one, kind)), None)
 
     def with_terms(self, *terms: IntervalTerm) -> "Fit":
         """Return the fit with further terms of the intervals of its numbers."""

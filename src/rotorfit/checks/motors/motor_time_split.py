@@ -17,14 +17,14 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.checks.sensors.sensor_response import (
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.reduction.motor_timing import MotorTiming
+from rotorfit.fit.sensors.sensor_response import (
     LEAST_SPREAD,
     BandRatio,
     best_filter,
     flight_ratios,
 )
-from rotorfit.fit.fit import Fit
-from rotorfit.fit.reduction.motor_timing import MotorTiming
 from rotorfit.fit.timing.timing_fit import lowpass_of
 
 TIMES: Final = ("motor_lag", "motor_delay")

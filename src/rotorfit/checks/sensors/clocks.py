@@ -23,7 +23,12 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.checks.sensors.log_settings import better_log
-from rotorfit.checks.sensors.sensor_response import (
+from rotorfit.digits import with_half
+from rotorfit.estimation.dispersion import common_mean
+from rotorfit.findings import Evidence, Finding, doubt_or_passed
+from rotorfit.fit.dataset.dataset import LoadedFlight
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.sensors.sensor_response import (
     FED_BACK,
     LIFT,
     TURNS,
@@ -31,11 +36,6 @@ from rotorfit.checks.sensors.sensor_response import (
     deviation_by_chance,
     flight_spectra,
 )
-from rotorfit.digits import with_half
-from rotorfit.estimation.dispersion import common_mean
-from rotorfit.findings import Evidence, Finding, doubt_or_passed
-from rotorfit.fit.dataset.dataset import LoadedFlight
-from rotorfit.fit.fit import Fit
 from rotorfit.logs.firmware import FILTERED_ACCEL
 from rotorfit.model.parameters import INERTIA
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.checks.coupling import ADVICE, REASON, drop_absent_coupling, without_coupling
+from rotorfit.checks.coupling import ADVICE, REASON, absent_coupling
 from rotorfit.checks.impossible_inertia import impossible_inertia
 from rotorfit.checks.weak_directions import weak_directions
+from rotorfit.fit.coupling import drop_absent_coupling, without_coupling
 from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.flight.flight_data import FlightData
@@ -82,7 +83,7 @@ def uncoupled(inertia, *, coupled):
 
 def test_a_body_without_coupling_is_found_with_correct_ratios():
     coupled, found = uncoupled(INERTIA, coupled=False)
-    [finding] = found.findings
+    [finding] = absent_coupling(found)
     assert finding.kind == "no-coupling"
     assert finding.diagnostics["gain_without_coupling"] > 100.0
     Izz = coupled.numbers.number("Izz_com@A")[0]
@@ -100,8 +101,8 @@ def test_what_the_coupling_would_show_is_judged_no_further():
     assert list(impossible_inertia(found)) == []  # of an I_zz that nothing tells
     [direction] = weak_directions(found)
     assert (direction.severity, direction.sentence) == ("passed", "")
-    # Without the step's finding both object.
-    bare = dataclasses.replace(found, findings=())
+    # Where the step withholds nothing both object.
+    bare = dataclasses.replace(found, withheld=frozenset())
     assert [one.severity for one in impossible_inertia(bare)] == ["doubt"]
     assert "are known only as a ratio" in next(weak_directions(bare)).sentence
 
@@ -110,5 +111,6 @@ def test_what_the_coupling_would_show_is_judged_no_further():
 def test_a_rigid_body_keeps_its_coupling(inertia):
     fit, found = uncoupled(inertia, coupled=True)
     assert found is fit
+    assert list(absent_coupling(found)) == []
     if inertia is INERTIA:
         assert fit.numbers.number("Izz_com@A")[0] == pytest.approx(0.021, rel=0.05)

@@ -8,7 +8,8 @@ from scipy import signal
 
 import made_fit
 from rotorfit.checks.motors.changed_thrust import allow_for_thrust_change
-from rotorfit.checks.sensors.sensor_response import allow_for_sensor_response, found_filter
+from rotorfit.checks.sensors.sensor_response import sensor_response
+from rotorfit.fit.sensors.sensor_response import allow_for_sensor_response, found_filter
 
 RATE, SECONDS = 200.0, 40.0
 NAMES = ("kt", "Ixx@A", "Izz@A", "com_x@A")
@@ -69,7 +70,7 @@ def test_a_filter_is_named_with_its_frequency(fault, shape, frequency):
     assert (found.shape, found.certain) == (shape, True)
     assert found.cutoff == pytest.approx(frequency, rel=0.15)
     allowed = allow_for_sensor_response(fit)
-    [finding] = allowed.findings
+    [finding] = sensor_response(allowed)
     assert finding.severity == "doubt"
     assert ("gyro unfiltered" in finding.sentence) is (shape == "gyro low-passed")
     wider = allowed.numbers.half_width / fit.numbers.half_width
@@ -82,7 +83,7 @@ def test_sound_flights_have_no_filter():
     for seed in range(8):
         fit = flown(seed=seed, noise=0.3)
         assert not found_filter(fit).certain
-        [finding] = allow_for_sensor_response(fit).findings
+        [finding] = sensor_response(allow_for_sensor_response(fit))
         assert finding.severity == "passed"
 
 
