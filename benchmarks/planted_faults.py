@@ -470,27 +470,32 @@ ROOMS: Final[dict[str, Room]] = {
             ('f"Izz_com@{owner}" if owner else "kd"', "name"),
         ),
     ),
-    "checks/kt_from_weight.py": Room(
+    "fit/weight/weigh_thrust.py": Room(
         tests=(
-            "tests/checks/test_kt_from_weight.py",
-            "tests/checks/test_weight_steps.py",
+            "tests/fit/weight/test_kt_from_weight.py",
+            "tests/fit/weight/test_weight_steps.py",
         ),
         scaled=(
             "CHANGES_STD = <<0.02>>",
-            "REST_STD = <<0.1>>",
             "DOUBTED = <<2.58>>",
-            "mean_scale(measured, spread=<<effect>>**0.5)",
             "<<slope_std>> * changes.value",
         ),
         changed=(
             ("combine_scales(self.weight, self.changes)", "self.weight"),
-            ("return CARRIED_VELOCITY", "return CAMERA_VELOCITY"),
             ("correlation_of(own + common)", "correlation_of(own)"),
         ),
     ),
-    "checks/motors/law_from_flight.py": Room(
+    "fit/weight/kt_from_weight.py": Room(
+        tests=("tests/fit/weight/test_kt_from_weight.py",),
+        scaled=(
+            "REST_STD = <<0.1>>",
+            "mean_scale(measured, spread=<<effect>>**0.5)",
+        ),
+        changed=(("return CARRIED_VELOCITY", "return CAMERA_VELOCITY"),),
+    ),
+    "fit/motors/law_from_flight.py": Room(
         tests=(
-            "tests/checks/test_law_from_flight.py",
+            "tests/fit/motors/test_law_from_flight.py",
             "tests/results/test_command_units.py",
         ),
         scaled=(
@@ -516,7 +521,7 @@ ROOMS: Final[dict[str, Room]] = {
     ),
     "fit/experiment/law_table.py": Room(
         tests=(
-            "tests/checks/test_law_from_flight.py",
+            "tests/fit/motors/test_law_from_flight.py",
             "tests/results/test_command_units.py",
         ),
         changed=(
@@ -694,7 +699,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "fit/dataset/weight_balance.py": Room(
-        tests=("tests/checks/test_kt_from_weight.py",),
+        tests=("tests/fit/weight/test_kt_from_weight.py",),
         scaled=(
             "LONGEST_WINDOW = <<10.0>>",
             "SHORTEST_WINDOW = <<2.0>>",

@@ -24,7 +24,6 @@ import numpy as np
 from benchmarks.common import real_data_folder
 from benchmarks.real_flights import cases
 
-from rotorfit.checks.diagnose import every_step
 from rotorfit.errors import RotorfitError
 from rotorfit.estimation.effective_blocks import effective_blocks
 from rotorfit.estimation.estimate import numerical_jacobian
@@ -36,6 +35,7 @@ from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.imu_tilt import correct_imu_tilt
 from rotorfit.fit.intervals import joint_numbers as intervals
 from rotorfit.fit.noise_levels import fit_by_noise
+from rotorfit.fit.steps import every_step
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 

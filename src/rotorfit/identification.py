@@ -10,13 +10,7 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rotorfit.checks.diagnose import diagnose, every_step
-from rotorfit.checks.motors.law_from_flight import (
-    find_again,
-    find_law,
-    with_found_law,
-    with_law,
-)
+from rotorfit.checks.diagnose import diagnose
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.findings import Finding, note
 from rotorfit.fit.dataset.load import Method, Progress, load_dataset, resolved_method
@@ -24,7 +18,14 @@ from rotorfit.fit.experiment.experiment import Experiment, MotorsEntry
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.imu_tilt import correct_imu_tilt
+from rotorfit.fit.motors.law_from_flight import (
+    find_again,
+    find_law,
+    with_found_law,
+    with_law,
+)
 from rotorfit.fit.noise_levels import fit_by_noise
+from rotorfit.fit.steps import every_step
 from rotorfit.fit.timing.sensor_bandwidth import measure_bandwidths
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
@@ -163,8 +164,7 @@ def _with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
     law = law.fitted
     found = dataclasses.replace(with_law(fit.dataset, law.entry), law_found=law.from_flight)
     found = found.keeping_bands(fit.dataset)
-    fit = dataclasses.replace(fit, dataset=found)
-    return fit.found(law.finding) if law.from_flight or law.is_stated else fit
+    return dataclasses.replace(fit, dataset=found).with_record(law)
 
 
 def _with_chosen_terms(fit: Fit, wanted: Sequence[str] | None) -> Fit:

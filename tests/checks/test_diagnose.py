@@ -7,13 +7,9 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.checks.hover_thrust import (
-    HoverThrust,
-    hovers_differ,
-    thrust_over_weight,
-    thrust_sags,
-)
+from rotorfit.checks.hover_thrust import hovers_differ, thrust_sags
 from rotorfit.fit.dataset.weight_balance import Held, held_up, pooled, turning
+from rotorfit.fit.weight.hover_thrusts import HoverThrust, thrust_over_weight
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.simulation import (
     Scenario,

@@ -7,8 +7,8 @@ import pytest
 
 import flown as flown_experiments
 from rotorfit.checks.left_out_hovers import KIND as CONTRADICTING
-from rotorfit.checks.motors.law_from_flight import STATED
-from rotorfit.checks.weight_by_flight import KIND as DIFFERENT
+from rotorfit.checks.motors.motor_law import STATED
+from rotorfit.checks.thrust_against_weight import KIND as DIFFERENT
 from rotorfit.fit.experiment.experiment import single_flight_experiment
 from rotorfit.identification import identify
 from rotorfit.logs import read_log

@@ -1,1 +1,1 @@
-"""Errors outside the likelihood: steps that widen a fit, and checks that contradict it."""
+"""Checks that contradict a fit or a declaration: findings, and nothing changes."""

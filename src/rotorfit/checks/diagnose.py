@@ -1,8 +1,7 @@
-"""Diagnose a fit: errors of sensors, motors and vehicle outside the likelihood, in two lists.
+"""Diagnose a fit: errors of sensors, motors and vehicle, in one list of checks.
 
-A step is a function from a `Fit` to a `Fit`: it fits again, or widens intervals by what the
-likelihood does not know, and says so as a finding. A diagnostic is a function from the `Fit` of the
-last step to its findings. Those that refuse a declaration raise.
+A diagnostic is a function from the `Fit` of the last step to its findings, and changes nothing.
+Diagnostics that refuse a declaration raise.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -16,15 +15,12 @@ from rotorfit.checks import (
     reference_test,
     residual_peaks,
     spins,
+    thrust_against_weight,
     vehicle_size,
 )
 from rotorfit.checks.coupling import absent_coupling
 from rotorfit.checks.impossible_inertia import impossible_inertia
-from rotorfit.checks.kt_from_weight import weigh_thrust
-from rotorfit.checks.motors import changed_thrust, commanded_speeds
-from rotorfit.checks.motors.changed_thrust import allow_for_thrust_change
-from rotorfit.checks.motors.commanded_speeds import allow_for_law, allow_for_motor_limits
-from rotorfit.checks.motors.motor_time_split import allow_for_noise_feedback
+from rotorfit.checks.motors import changed_thrust, motor_law, motor_limits
 from rotorfit.checks.sensors import (
     clocks,
     gyro_scale,
@@ -34,46 +30,13 @@ from rotorfit.checks.sensors import (
 )
 from rotorfit.checks.weak_directions import little_excitation, unknown_origin, weak_directions
 from rotorfit.findings import Finding
-from rotorfit.fit.coupling import drop_absent_coupling
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.frame_sides import allow_for_sides
-from rotorfit.fit.noise_levels import allow_for_noise_levels
-from rotorfit.fit.sensors.gyro_scale import allow_for_gyro_scale
-from rotorfit.fit.sensors.known_faults import (
-    allow_for_gyro_lowpass,
-    allow_for_velocity_errors,
-)
-from rotorfit.fit.sensors.sensor_response import allow_for_sensor_response
 
-Step = Callable[[Fit], Fit]
 Diagnostic = Callable[[Fit], Iterable[Finding]]
 
-STEPS: Final[tuple[Step, ...]] = (
-    drop_absent_coupling,
-    weigh_thrust,
-    allow_for_noise_levels,
-    allow_for_motor_limits,
-    allow_for_law,
-    allow_for_velocity_errors,
-    allow_for_gyro_lowpass,
-    allow_for_gyro_scale,
-    allow_for_thrust_change,
-    allow_for_sensor_response,
-    allow_for_noise_feedback,
-    allow_for_sides,
-)
-"""Steps in the order in which they are taken."""
 
-
-def every_step(fit: Fit) -> Fit:
-    """Take every step from the fit of the joint likelihood to the intervals of its numbers."""
-    for step in STEPS:
-        fit = step(fit)
-    return fit
-
-
-def of_steps(fit: Fit) -> Iterator[Finding]:
-    """Yield the findings of the steps that led to the fit."""
+def reported_by_fit(fit: Fit) -> Iterator[Finding]:
+    """Yield what the fit itself reports: terms that it added, or left out."""
     return iter(fit.findings)
 
 
@@ -82,7 +45,10 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     absent_coupling,
     little_excitation,
     unknown_origin,
-    of_steps,
+    reported_by_fit,
+    *motor_law.FLIGHT_CHECKS,
+    *thrust_against_weight.CHECKS,
+    *motor_law.CHECKS,
     *gyro_scale.CHECKS,
     *sensor_response.CHECKS,
     *lever_arms.CHECKS,
@@ -99,7 +65,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *sensor_faults.CHECKS,
     *hover_thrust.CHECKS,
     *left_out_hovers.CHECKS,
-    *commanded_speeds.CHECKS,
+    *motor_limits.CHECKS,
     *residual_peaks.CHECKS,
     *flights_agree.CHECKS,
     *changed_thrust.FLIGHT_CHECKS,

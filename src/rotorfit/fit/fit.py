@@ -74,7 +74,7 @@ class Fit:
         return dataclasses.replace(self, records=(*self.records, record))
 
     def record_of(self, kind: type[Record]) -> Record | None:
-        """Return what the last step that measured this kind recorded; None if none did."""
+        """Return the last record of a kind; None if no step recorded one."""
         return next((one for one in reversed(self.records) if isinstance(one, kind)), None)
 
     def with_terms(self, *terms: IntervalTerm) -> "Fit":

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, Final
 
-from rotorfit.checks.kt_from_weight import law_decides
+from rotorfit.checks.motors.motor_law import law_decides
 from rotorfit.checks.verdicts.judge import ratio_words
 from rotorfit.digits import short, with_half
 from rotorfit.fit.dataset.plausible_units import GravitySeen

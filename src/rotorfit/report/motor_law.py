@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.checks.motors.law_from_flight import FOUND as LAW_FOUND
+from rotorfit.checks.motors.motor_law import FOUND as LAW_FOUND
 from rotorfit.digits import Number, number_of
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.experiment import experiment_of_settings

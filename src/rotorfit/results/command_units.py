@@ -11,13 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.checks.motors.commanded_speeds import hover_share
 from rotorfit.checks.verdicts.judge import judge
 from rotorfit.findings import doubt, note
 from rotorfit.fit.dataset.dataset import Dataset
 from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.experiment.law_table import LawEntry, speed_law_of
 from rotorfit.fit.intervals.interval_terms import NumberTerm, half_width_of_number, scale_terms
+from rotorfit.fit.motors.commanded_speeds import hover_share
 from rotorfit.flight.motors.motor_model import GRID, full_speed_of, speeds
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
 from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS

@@ -7,9 +7,9 @@ import pytest
 from scipy import signal
 
 import made_fit
-from rotorfit.checks.motors.changed_thrust import allow_for_thrust_change
 from rotorfit.checks.sensors.sensor_response import sensor_response
 from rotorfit.fit.sensors.sensor_response import allow_for_sensor_response, found_filter
+from rotorfit.fit.weight.thrust_change import allow_for_thrust_change
 
 RATE, SECONDS = 200.0, 40.0
 NAMES = ("kt", "Ixx@A", "Izz@A", "com_x@A")

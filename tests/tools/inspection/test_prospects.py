@@ -5,8 +5,8 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.checks.kt_from_weight import kt_from_weight
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
+from rotorfit.fit.weight.kt_from_weight import kt_from_weight
 from rotorfit.flight.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.flight.prepare import prepare
 from rotorfit.logs import read_log

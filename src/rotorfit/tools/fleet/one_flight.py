@@ -11,7 +11,6 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.checks.kt_from_weight import kt_from_weight
 from rotorfit.errors import RotorfitError, RotorfitWarning
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
@@ -23,6 +22,7 @@ from rotorfit.fit.intervals.numbers import correlation_of
 from rotorfit.fit.joint.joint_fit import FittedFactors
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.reduction.motor_timing import FreeTiming
+from rotorfit.fit.weight.kt_from_weight import kt_from_weight
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.identification import Identified, identify_flights
 from rotorfit.logs.files import sha256_of

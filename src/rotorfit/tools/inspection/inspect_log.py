@@ -391,7 +391,7 @@ def _stated_law(look: _Look) -> Iterator[Finding]:
     if motors is None or motors.exact or foreseen is None or look.result is not None:
         return
     if foreseen.commanded:
-        from rotorfit.checks.motors.law_from_flight import STATED, stated_sentence
+        from rotorfit.checks.motors.motor_law import STATED, stated_sentence
 
         shown = "one flight at one weight hardly shows whether they are right"
         sentence = stated_sentence(motors.words, foreseen.thrust.law_full, shown=shown)

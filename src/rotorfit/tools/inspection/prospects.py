@@ -8,21 +8,6 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
-from rotorfit.checks.kt_from_weight import (
-    CHANGES_STD,
-    DOUBTED,
-    Balance,
-    bias_at_rest,
-    pooled_weight,
-    velocity_std_of,
-)
-from rotorfit.checks.motors.hovers_by_mass import rms_speed
-from rotorfit.checks.motors.law_from_flight import (
-    FoundLaw,
-    anchor_of,
-    exponent_of,
-    thrust_ratio,
-)
 from rotorfit.checks.sensors.log_settings import (
     faster_log,
     log_with_speed,
@@ -36,10 +21,14 @@ from rotorfit.fit.dataset.weight_balance import turning
 from rotorfit.fit.intervals.excitation import enough_by_weight, mean_ratios, pilots_rows
 from rotorfit.fit.intervals.numbers import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.intervals.row_scatter import row_half_widths
+from rotorfit.fit.motors.hovers_by_mass import rms_speed
+from rotorfit.fit.motors.law_from_flight import FoundLaw, anchor_of, exponent_of, thrust_ratio
 from rotorfit.fit.reduction.bandwidth import Bandwidth, Sensor, bandwidths
 from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, prepared_bands, retimed
 from rotorfit.fit.reduction.reduce import Lines
 from rotorfit.fit.row_fits import RowFits, fit_rows
+from rotorfit.fit.weight.kt_from_weight import bias_at_rest, pooled_weight, velocity_std_of
+from rotorfit.fit.weight.weigh_thrust import CHANGES_STD, DOUBTED, Balance
 from rotorfit.flight.flight_checks import LEAST_RATE
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import MotorResponse

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rotorfit.checks.kt_from_weight import kt_from_weight
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.reduction.frequency_bands import retimed
+from rotorfit.fit.weight.kt_from_weight import kt_from_weight
 from rotorfit.flight.flight_data import FlightData
 
 if TYPE_CHECKING:

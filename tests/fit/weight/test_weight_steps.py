@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.checks.kt_from_weight import held_at, kt_from_changes, kt_of
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit import fit as fitting
 from rotorfit.fit import fit_flights
+from rotorfit.fit.weight.weigh_thrust import held_at, kt_from_changes, kt_of
 
 FLIGHTS = made_fit.dataset(made_fit.prepared())
 

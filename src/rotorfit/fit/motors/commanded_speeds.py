@@ -11,25 +11,24 @@ the battery has. Where commands tell the speed, those two speeds are as open as 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.checks.kt_from_weight import HELD_TO, kt_from_weight, kt_of, open_law
-from rotorfit.digits import short
-from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.experiment.law_table import bent_speed
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.weight.kt_from_weight import kt_from_weight
+from rotorfit.fit.weight.weigh_thrust import HELD_TO, kt_of
 from rotorfit.flight.motors.motor_model import with_motors
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.parameters import EVERY
 
 if TYPE_CHECKING:
-    from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight
+    from rotorfit.fit.dataset.dataset import Dataset
     from rotorfit.fit.experiment.law_table import LawEntry
     from rotorfit.fit.fit import Fit
     from rotorfit.fit.timing.timed_dataset import TimedDataset
@@ -76,7 +75,24 @@ def shift_by_speeds(fit: Fit, other: TimedDataset) -> Float[np.ndarray, " q"]:
     return shift_of(fit, other, known={"kt": (kt, HELD_TO * kt)})
 
 
-LAW: Final = "law-uncertain"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawError:
+    """What a law from command to speed leaves open, as the step `allow_for_law` found it.
+
+    - `speed_std`: deviation of its speeds, as a share.
+    - `reach`: half of the 95 % interval of inertia by its slope, as a share.
+    - `widths`: half-width of each moment of roll and pitch with it, as a share.
+    """
+
+    speed_std: float
+    reach: float
+    widths: Mapping[str, float]
+
+
+def inertia_widths(numbers: Numbers) -> dict[str, float]:
+    """Return the half-width over the value of each moment of inertia of roll and pitch."""
+    names = [name for name in numbers.names if name.partition("@")[0] in ("Ixx", "Iyy")]
+    return {name: numbers.number(name)[1] / abs(numbers.number(name)[0]) for name in names}
 
 
 def allow_for_law(fit: Fit) -> Fit:
@@ -96,9 +112,8 @@ def allow_for_law(fit: Fit) -> Fit:
             source="deviations of the law's speeds and of its slope",
         )
     )
-    open_ones = open_law(fit.numbers, 1.96 * law.slope_std)
-    said = () if fit.dataset.law_found or law.stated else _note_law_uncertainty(fit.numbers, std)
-    return fit.found(*said, *open_ones)
+    reach = 1.96 * law.slope_std
+    return fit.with_record(LawError(speed_std=std, reach=reach, widths=inertia_widths(fit.numbers)))
 
 
 def speed_std(law: LawEntry, voltages: Sequence[float | None]) -> float:
@@ -119,10 +134,11 @@ def speed_std(law: LawEntry, voltages: Sequence[float | None]) -> float:
 
 def scale_shift(numbers: Numbers, std: float) -> Float[np.ndarray, " q"]:
     """Compute the shift of the numbers where all speeds are off by a share `std`."""
-    return np.array(_speed_powers(numbers), dtype=float) * std * np.abs(numbers.values)
+    return np.array(speed_powers(numbers), dtype=float) * std * np.abs(numbers.values)
 
 
-def _speed_powers(numbers: Numbers) -> list[int]:
+def speed_powers(numbers: Numbers) -> list[int]:
+    """Return the power of the rotor speed with which each number goes."""
     return [EVERY[name.partition("@")[0]].speed_power for name in numbers.names]
 
 
@@ -145,41 +161,11 @@ def hover_share(law: LawEntry, speed: float, std: float) -> float:
     return float(np.hypot(std, (speed / usual) ** law.slope_std - 1.0))
 
 
-def _note_law_uncertainty(numbers: Numbers, std: float) -> Iterator[Finding]:
-    """Explain the uncertainty of the law's speeds."""
-    if not std:
-        return
-    yield Finding(
-        kind=LAW,
-        severity="note",
-        sentence=(
-            f"the law under [motors] gives the rotor speeds to +-{short(196 * std)} %: the "
-            "interval of Jr includes as much, those of kt and kd twice as much; log the rotor "
-            "speed, or the battery's voltage, for a law that depends on it"
-        ),
-        numbers=tuple(
-            name for name, power in zip(numbers.names, _speed_powers(numbers), strict=True) if power
-        ),
-        evidence=(Evidence(name="law_speed_std", value=std),),
-    )
-
-
-LEAST_SHARE: Final = 0.02
-"""Of the time of all motors at either end, from which it is said."""
 LEAST_WIDENED: Final = 0.001
 """The same, from which the intervals hold it: less moves no number."""
 OPEN: Final = 0.03
 """Deviation of the speeds at the ends, of the range of speeds that was flown: battery and coasting
 make some per cent of a law."""
-SWINGING: Final = 3.0
-"""Arrivals at an end, a second and motor, from which they are the loop's doing, not the pilot's."""
-LIMITS: Final = "motors-at-limits"
-GAINS: Final = (
-    "the rate loop drives each of them to an end {arrivals:.0f} times a second (a limit cycle, or "
-    "noise that it answers): lower the rate gains (P and D of roll and pitch)"
-)
-GENTLY: Final = "leave such parts out (start, end), or fly more gently"
-
 End = Literal["lowest", "highest"]
 
 
@@ -199,38 +185,6 @@ def allow_for_motor_limits(fit: Fit) -> Fit:
     )
 
 
-def motors_at_limits(fit: Fit) -> Iterator[Finding]:
-    """Check that commanded motors stay inside their limits; report the worst flight."""
-    flights = [f for c in fit.dataset.configurations for f in c.flights if f.limits is not None]
-    if fit.dataset.motors.speed != "commanded" or not flights:
-        return
-    worst = max(flights, key=lambda f: 0.0 if f.limits is None else f.limits.share)
-    limits = worst.limits
-    assert limits is not None
-    said = limits.share >= LEAST_SHARE
-    yield Finding(
-        kind=LIMITS,
-        severity=("doubt" if limits.arrivals >= SWINGING else "note") if said else "passed",
-        sentence=_explain_limits(worst) if said else "",
-        flights=(worst.entry.written,) if said else (),
-        evidence=(Evidence(name="share_at_limits", value=limits.share, limit=LEAST_SHARE),),
-    )
-
-
-def _explain_limits(flight: LoadedFlight) -> str:
-    """Explain how often the motors of a flight are at which end, and why."""
-    limits = flight.limits
-    assert limits is not None
-    low, high = (100.0 * float(np.mean(each)) for each in (limits.lowest, limits.highest))
-    swinging = limits.arrivals >= SWINGING
-    return (
-        f"{Path(flight.entry.file).name}: the motors are at their limits for {low + high:.0f} % of "
-        f"the flight ({low:.0f} % at the lowest command, {high:.0f} % at the highest), where their "
-        "speed is not what the law says; the intervals cover a few percent of it: "
-        f"{GAINS.format(arrivals=limits.arrivals) if swinging else GENTLY}"
-    )
-
-
 def _largest_share_at_limits(dataset: Dataset) -> float:
     """Return the largest share of a flight's commands that stand at either end."""
     flights = [f for c in dataset.configurations for f in c.flights]
@@ -246,6 +200,3 @@ def _with_end(dataset: TimedDataset, end: End) -> TimedDataset:
         return np.maximum(speed, low + step) if end == "lowest" else np.minimum(speed, high - step)
 
     return with_other_speeds(dataset, cut)
-
-
-CHECKS: Final = (motors_at_limits,)

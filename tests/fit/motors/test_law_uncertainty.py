@@ -5,9 +5,9 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.checks.motors.commanded_speeds import scale_shift, speed_std
 from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, VoltageEntry
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.motors.commanded_speeds import scale_shift, speed_std
 from rotorfit.model.parameters import EFFECTIVE_UNITS, EVERY
 
 CINERAT = [(-1, -1, "cw"), (1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw")]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rotorfit.checks.motors.hovers_by_mass import exponent_share
 from rotorfit.estimation.measured import Measured
+from rotorfit.fit.motors.hovers_by_mass import exponent_share
 
 
 def hovers(true, masses, std=0.01):

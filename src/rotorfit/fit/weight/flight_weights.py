@@ -4,7 +4,7 @@ Every flight weighs the same thrust coefficient. Together they know it no worse 
 them alone, unless they differ by more than chance allows: :math:`\chi^2` of their logarithms about
 the mean (Birge, Phys. Rev. 40, 1932). Then something changed between the flights that no file
 says (battery, load, propellers, density of the air), the interval covers what they differ by
-(`pooled_weight`), and a finding says so.
+(`pooled_weight`), and a check says so.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,8 @@ import numpy as np
 
 from rotorfit.estimation.distributions import chi_square_tail
 from rotorfit.estimation.measured import Measured, mean_scale
-from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.intervals.numbers import Numbers
 
-KIND: Final = "flights-weigh-differently"
 CHANCE: Final = 0.01
 """Probability of chance alone below which flights contradict each other: once in a hundred sound
 sets of flights, as for the two estimates of one flight (`DOUBTED`)."""
@@ -89,27 +87,3 @@ def limit_shared_error(numbers: Numbers, widest: float) -> Numbers:
         for t in numbers.terms
     )
     return replace(numbers, terms=tuple(terms))
-
-
-def flights_weigh_alike(flights: Sequence[FlightWeight]) -> Finding | None:
-    """State whether the flights carry the weight at one k_t; None of a single flight."""
-    if len(flights) < 2:
-        return None
-    chance = chance_of_difference(flights)
-    low = min(flights, key=lambda one: one.kt.value)
-    high = max(flights, key=lambda one: one.kt.value)
-    difference = 100.0 * (high.kt.value / low.kt.value - 1.0)
-    sentence = (
-        f"kt by the weight is {difference:.2g} % higher in {high.file} than in {low.file}, more "
-        "than either allows; the interval of kt covers what the flights differ by. Weigh the "
-        "vehicle with the battery of each flight; flights of another load, battery, day or set of "
-        "propellers become a configuration with its own mass, or are identified separately"
-    )
-    return replace(
-        doubt_or_passed(KIND, sentence if chance < CHANCE else None, numbers=("kt",)),
-        flights=(low.file, high.file) if chance < CHANCE else (),
-        evidence=(
-            Evidence(name="kt_between_flights_chance", value=chance, limit=CHANCE),
-            Evidence(name="kt_between_flights", value=0.01 * difference),
-        ),
-    )

@@ -6,12 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rotorfit.checks.motors.law_from_flight import (
+from rotorfit.checks.motors.motor_law import OF_SPEED, STATED, law_finding
+from rotorfit.estimation.measured import Measured
+from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, SqrtEntry, speed_law_of
+from rotorfit.fit.motors.law_from_flight import (
     FAR,
     FULL_STD,
-    OF_SPEED,
     ROUNDING,
-    STATED,
     STATED_STD,
     STEADY,
     USUAL,
@@ -25,8 +26,6 @@ from rotorfit.checks.motors.law_from_flight import (
     mixed,
     thrust_ratio,
 )
-from rotorfit.estimation.measured import Measured
-from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, SqrtEntry, speed_law_of
 from rotorfit.flight.motors.motor_model import speeds
 
 
@@ -279,16 +278,16 @@ def test_a_given_law_stands_until_a_deviation_speaks_against_it():
 
 
 def test_a_contradicted_law_is_doubted_and_says_by_how_much(assert_wording):
-    found = given_law(0.8, 0.02, tried=0.8).finding
+    found = law_finding(given_law(0.8, 0.02, tried=0.8))
     assert found.severity == "doubt"
     assert "grows 20.0 +- 3.9" in found.sentence
     assert_wording(found.sentence)
     # In rad/s nothing is known of a speed; relative ones are the flight's, and hold.
     assert {"kt", "kd", "kd_over_Izz"} <= set(found.numbers)
     assert not {"max_thrust", "Ixx_com"} & set(found.numbers)
-    relative = replace(given_law(0.8, tried=0.8), given=RIGHT, anchor=1.0).finding
+    relative = law_finding(replace(given_law(0.8, tried=0.8), given=RIGHT, anchor=1.0))
     assert relative.severity == "doubt" and not relative.numbers
-    unsure = given_law(1.03, 0.02, tried=1.03).finding
+    unsure = law_finding(given_law(1.03, 0.02, tried=1.03))
     assert unsure.severity == "note"
     assert "3.0 +- 3.9 % more" in unsure.sentence
 
@@ -301,7 +300,7 @@ def test_the_next_fit_is_far_enough_off_to_show_the_growth():
 
 
 def test_the_sentence_says_whether_the_flight_showed_it(assert_wording):
-    shown, unknown = (law(ratio).finding for ratio in (Measured(value=0.75, std=0.01), None))
+    shown, unknown = (law_finding(law(ratio)) for ratio in (Measured(value=0.75, std=0.01), None))
     assert_wording(shown.sentence)
     assert "of 1.500 +- 0.039" in shown.sentence
     assert_wording(unknown.sentence)
@@ -354,14 +353,14 @@ def test_a_flight_that_shows_a_setting_narrows_it():
 def test_a_setting_is_a_note_that_says_what_settles_it():
     unseen, seen, other = stated_law(None), stated_law(1.0), stated_law(0.8, tried=0.8)
     for law in (unseen, seen, other):
-        found = law.finding
+        found = law_finding(law)
         assert (found.kind, found.severity) == (STATED, "note")
         assert "MOT_THST_EXPO" in found.sentence and "known payload" in found.sentence
         assert found.numbers == ("thrust_to_weight", "max_thrust")
         assert f"open by {196 * law.thrust_std:.0f} %" in found.sentence
-    assert "does not show whether" in unseen.finding.sentence
-    assert "agrees with them" in seen.finding.sentence
-    assert "grows 19.8 +- 3.9 % less" in other.finding.sentence
+    assert "does not show whether" in law_finding(unseen).sentence
+    assert "agrees with them" in law_finding(seen).sentence
+    assert "grows 19.8 +- 3.9 % less" in law_finding(other).sentence
 
 
 def test_a_fit_that_lost_its_way_is_no_evidence():

@@ -3,20 +3,19 @@
 import numpy as np
 import pytest
 
-from rotorfit.checks.kt_from_weight import Balance
-from rotorfit.checks.weight_by_flight import (
+from rotorfit.checks.thrust_against_weight import KIND, flights_weigh_alike
+from rotorfit.estimation.measured import Measured, mean_scale
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.weight.flight_weights import (
     CHANCE,
-    KIND,
     FlightWeight,
     chance_of_difference,
-    flights_weigh_alike,
     limit_by_weight,
     limit_shared_error,
     weight_of_flights,
 )
-from rotorfit.estimation.measured import Measured, mean_scale
-from rotorfit.fit.intervals.interval_terms import IntervalTerm
-from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.weight.weigh_thrust import Balance
 
 CRAZYFLIES = ((2.009, 0.0043), (2.004, 0.0054), (2.005, 0.0033), (1.983, 0.0015), (1.988, 0.002))
 """k_t [1e-8 N s^2] of five flights of one Crazyflie on two days, and its deviation as a share."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.checks.motors import motor_time_split
-from rotorfit.checks.motors.motor_time_split import allow_for_noise_feedback, times_covariance
+from rotorfit.fit.motors import motor_time_split
+from rotorfit.fit.motors.motor_time_split import allow_for_noise_feedback, times_covariance
 from rotorfit.fit.reduction.motor_timing import MotorTiming
 from rotorfit.fit.sensors.sensor_response import BandRatio, best_filter
 from rotorfit.flight.motors.motor_model import MotorResponse

@@ -29,17 +29,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rotorfit.checks.kt_from_weight import kt_from_changes, weight_of
-from rotorfit.checks.motors.commanded_speeds import with_other_speeds
-from rotorfit.checks.motors.hovers_by_mass import exponent_share_by_masses, rms_speed
-from rotorfit.digits import with_half
 from rotorfit.estimation.distributions import normal_density, normal_tail
 from rotorfit.estimation.measured import Measured, combine_scales
 from rotorfit.estimation.root import root_between
-from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, bent, bent_speed
+from rotorfit.fit.motors.commanded_speeds import with_other_speeds
+from rotorfit.fit.motors.hovers_by_mass import exponent_share_by_masses, rms_speed
 from rotorfit.fit.reduction.frequency_bands import retimed
-from rotorfit.model.parameters import EVERY
+from rotorfit.fit.weight.weigh_thrust import kt_from_changes, weight_of
 
 if TYPE_CHECKING:
     from rotorfit.fit.dataset.dataset import Kind
@@ -85,18 +82,6 @@ STATED_FULL_STD: Final = 0.1
 Of five curves of theirs (thrust over hover .65 to 1.4, any expo and spin-up) it is .11 where the
 power in hover agrees with the setting to 5 %, and .12 where it is off by 20 to 40 %: a flight near
 hover shows the slope, not what lies above. Nor do flights up to twice the thrust of hover (.11)."""
-FOUND: Final = "law-found"
-STATED: Final = "law-stated"
-CONTRADICTED: Final = "law-contradicted"
-AGAIN: Final = "measure the law under [motors] again, or log the rotor speed"
-OF_SPEED: Final = tuple(name for name, info in EVERY.items() if info.speed_power)
-"""What goes with speeds in rad/s: a law with a wrong slope does not give them."""
-WRONG_SPEEDS: Final = "the motors' law is wrong, and no one knows the rotor speed in hover"
-SETTLE: Final = (
-    "hover with a known payload, too (a second configuration), or measure thrust over command on a "
-    "stand and give law under [motors]"
-)
-GIVE: Final = "log the rotor speed, or measure thrust over command and give law under [motors]"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,93 +218,6 @@ class FoundLaw:
         else:
             exponent = exponent_of(self.flown, self.given, about=power)
         return replace(self, exponent=exponent)
-
-    @property
-    def finding(self) -> Finding:
-        """State which law was taken, and from where."""
-        if self.is_stated:
-            return self._stated_law
-        return self._contradicted_law if self.given is not None else self._missing_law
-
-    @property
-    def _contradicted_law(self) -> Finding:
-        """State by how much a law that is given is wrong."""
-        off = self.exponent.value - 1.0
-        surely = abs(off) > 1.96 * self.exponent.std
-        speeds_lost = surely and self.given is not None and not self.given.is_relative
-        return Finding(
-            kind=CONTRADICTED,
-            severity="doubt" if surely else "note",
-            sentence=(
-                "weight and changes of thrust show that thrust grows "
-                f"{with_half(100 * abs(off), 196 * self.exponent.std)} % "
-                f"{'less' if off < 0 else 'more'} with the command than the motors' law says: "
-                "thrust is taken as the flight shows it, and the intervals cover what that leaves "
-                f"open, up to full command; for narrower ones {AGAIN}"
-            ),
-            numbers=OF_SPEED if speeds_lost else (),
-            doubtful_because=WRONG_SPEEDS if speeds_lost else None,
-            next_step=AGAIN,
-            evidence=self._law_evidence,
-        )
-
-    @property
-    def _stated_law(self) -> Finding:
-        """State how far settings of the firmware leave the thrust at full command open."""
-        shown = "the flight does not show whether they are right"
-        if self.from_flight:
-            off, half = self.exponent.value - 1.0, 196.0 * self.exponent.std
-            way = "less" if off < 0.0 else "more"
-            shown = f"in this flight thrust grows {with_half(100.0 * abs(off), half)} % {way}"
-        elif self.exponent.std < 0.5 * STATED_STD:
-            shown = "the flight agrees with them about hover"
-        return Finding(
-            kind=STATED,
-            severity="note",
-            sentence=stated_sentence(self.setting, 1.96 * self.thrust_std, shown=shown),
-            numbers=("thrust_to_weight", "max_thrust"),
-            next_step=SETTLE,
-            evidence=self._law_evidence,
-        )
-
-    @property
-    def _missing_law(self) -> Finding:
-        power, half = 2.0 * self.exponent.value, 2.0 * 1.96 * self.exponent.std
-        shown = (
-            "this flight does not show it either: as motors usually do, thrust is taken to grow"
-            if self.flown is None
-            else "weight and changes of thrust show that thrust grows"
-        )
-        return Finding(
-            kind=FOUND,
-            severity="note",
-            sentence=(
-                f"no law from command to rotor speed is given; {shown} with the command to the "
-                f"power of {with_half(power, half)} (2: speed in proportion to the command), and "
-                "the intervals cover what that leaves open, up to full command; for narrower ones "
-                f"{GIVE}"
-            ),
-            next_step=GIVE,
-            evidence=self._law_evidence,
-        )
-
-    @property
-    def _law_evidence(self) -> tuple[Evidence, ...]:
-        numbers = {"law_exponent": self.exponent, "law_exponent_flown": self.flown}
-        return tuple(
-            Evidence(name=name, value=one.value, interval=one.interval)
-            for name, one in numbers.items()
-            if one is not None
-        )
-
-
-def stated_sentence(setting: str, half_width: float, *, shown: str) -> str:
-    """State that thrust over command is by settings, and what they leave open, as a share."""
-    return (
-        f"thrust over command is by settings that are seldom measured ({setting}), and {shown}: "
-        f"they leave full thrust and thrust to weight open by {100.0 * half_width:.0f} %; to "
-        f"settle it {SETTLE}"
-    )
 
 
 def find_law(fit: Fit) -> FoundLaw | None:

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.checks.kt_from_weight import (
-    Balance,
-    agreement,
-    bias_at_rest,
-    kt_from_weight,
-    open_law,
-    pooled_weight,
-    thrust_shares,
-    velocity_std_of,
-    with_open_slope,
-)
+from rotorfit.checks.motors.motor_law import open_law
+from rotorfit.checks.thrust_against_weight import agreement
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.dataset.weight_balance import Held, held_up, pooled, turning
 from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.motors.commanded_speeds import inertia_widths
+from rotorfit.fit.weight.kt_from_weight import (
+    bias_at_rest,
+    kt_from_weight,
+    pooled_weight,
+    thrust_shares,
+    velocity_std_of,
+)
+from rotorfit.fit.weight.weigh_thrust import Balance, with_open_slope
 from rotorfit.flight.flight_data import Segment
 
 COMMANDED = MotorsEntry(speed="commanded")
@@ -163,12 +163,12 @@ def inertia(half_width):
 
 
 def test_no_flying_sharpens_inertia_that_the_law_leaves_open(assert_text, assert_wording):
-    [found] = open_law(inertia(0.22), 0.2)
+    [found] = open_law(inertia_widths(inertia(0.22)), 0.2)
     assert found.numbers == ("Ixx@A",)  # of Iyy the flight itself leaves more open
     assert_wording(found.next_step)
     assert_text(found.useless_because)
-    assert not list(open_law(inertia(0.3), 0.0))
-    [wide] = open_law(inertia(0.9), 0.4)
+    assert not list(open_law(inertia_widths(inertia(0.3)), 0.0))
+    [wide] = open_law(inertia_widths(inertia(0.9)), 0.4)
     assert wide.numbers == ("Ixx@A", "Iyy@A")  # weak by the law alone
 
 

@@ -1,0 +1,1 @@
+"""k_t by the weight that thrust carries, and by changes of thrust."""

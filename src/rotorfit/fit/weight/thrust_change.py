@@ -1,0 +1,59 @@
+"""Widen intervals by a thrust that changes during a flight.
+
+One rotor speed lifts more near the ground, and less on a tether or a sagging battery. Which half of
+a flight is free air nothing shows; the scale of all that is in proportion to force is open by the
+change between the halves, as far as that is more than chance.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
+from rotorfit.fit.weight.hover_thrusts import hover_thrusts
+from rotorfit.model.parameters import EVERY
+
+CHANCE: Final = 1.0
+"""Deviations of a change that chance makes. (k_t, between both halves, is off by half of it.)"""
+OF_ONE_HALF: Final = ("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_kt")
+"""No mass scales these, but each half of a flight has its own k_t, and inertia is that of the half
+in which the vehicle turns most: the whole change is open, less its deviation in squares."""
+
+
+def allow_for_thrust_change(fit: Fit) -> Fit:
+    """Append the change of thrust between halves of a flight to numbers proportional to force."""
+    return fit.with_terms(thrust_change_term(fit)) if fit.mass_known else fit
+
+
+def thrust_change_term(fit: Fit) -> IntervalTerm:
+    """Return the term by the change of thrust, of several flights its mean square."""
+    numbers, dataset = fit.numbers, fit.dataset
+    found = hover_thrusts(
+        dataset.configurations, numbers, dataset.vehicle, layout=dataset.model.layout
+    )
+    known = [(one.sag, CHANCE * one.sag_std) for one in found if one.sag is not None]
+    change = _mean_square([max(abs(sag) - std, 0.0) for sag, std in known])
+    whole = _mean_square([max(sag**2 - std**2, 0.0) ** 0.5 for sag, std in known])
+    shares = np.array(
+        [_uncertain_share(name.partition("@")[0], change, whole) for name in numbers.names]
+    )
+    return IntervalTerm(
+        name="thrust changes in flight",
+        half_width=shares * np.abs(numbers.values),
+        source="thrust at one rotor speed, early against late in the flight",
+    )
+
+
+def _mean_square(changes: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(changes)))) if changes else 0.0
+
+
+def _uncertain_share(name: str, change: float, whole: float) -> float:
+    """Return the share of a number by which it is uncertain."""
+    if name in OF_ONE_HALF:
+        return whole
+    if name == "hover_speed":
+        return 0.5 * change
+    return change if EVERY[name].mass_power else 0.0
