@@ -32,10 +32,11 @@ from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import log_metadata, mark_doubtful, with_assumptions
 from rotorfit.results.command_units import in_command_units, with_flight_numbers
 from rotorfit.results.full_throttle import with_full_throttle
-from rotorfit.results.joint_tables import joint_result
+from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.law_tables import add_motor_law
-from rotorfit.results.result import IdentificationResult
-from rotorfit.results.row_tables import paper_result, row_result
+from rotorfit.results.result import FlightRecord, IdentificationResult
+from rotorfit.results.row_tables import estimate_by_paper, estimate_by_rows
+from rotorfit.results.tables import ResultTables, finished_result
 from rotorfit.results.validation.validate import validation_comparisons, validation_rows
 
 ORIGIN_IS_TRACKED: Final = (
@@ -71,6 +72,20 @@ class Identified:
     dataset: TimedDataset
     fit: Fit | None
     result: IdentificationResult
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tabulated:
+    """What an estimator returns: the tables of its numbers, and what they were made of.
+
+    - `experiment`, `dataset`, `fit`: as for `Identified`.
+    - `tables`: numbers with verdicts and findings, in the units of the fit.
+    """
+
+    experiment: Experiment
+    dataset: TimedDataset
+    fit: Fit | None
+    tables: ResultTables
 
 
 def identify(experiment: Experiment, *, progress: Progress | None = None) -> IdentificationResult:
@@ -118,12 +133,19 @@ def _identify_checked(experiment: Experiment, report: Progress) -> Identified:
         dataset = time_motors(dataset, lag=method != "tls", report=report)
         dataset = measure_bandwidths(dataset)
     report("fitting")
-    identified = _complete_result(ESTIMATORS[method](experiment, dataset), declared, report)
-    _issue_warnings(identified.result)
-    return _validate_fit(identified, report)
+    tabulated = ESTIMATORS[method](experiment, dataset)
+    tables = _complete_tables(tabulated, declared, report)
+    _issue_warnings(tables.flights)
+    result = finished_result(tabulated.experiment, tables)
+    return Identified(
+        experiment=tabulated.experiment,
+        dataset=tabulated.dataset,
+        fit=tabulated.fit,
+        result=_validate_result(result, tabulated.experiment, report),
+    )
 
 
-def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
+def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Tabulated:
     """Fit the joint likelihood of all bands, diagnose the fit, and tabulate it."""
     experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
     wanted = experiment.identification.terms
@@ -132,9 +154,9 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Identified:
     if fit.dataset.law_found:
         experiment = experiment.model_copy(update={"motors": fit.dataset.motors})
     fit = every_step(fit)
-    result = joint_result(fit, experiment, diagnose(fit))
-    result = dataclasses.replace(result, findings=(*tilt, *result.findings))
-    return Identified(experiment=experiment, dataset=fit.dataset, fit=fit, result=result)
+    tables = joint_tables(fit, diagnose(fit))
+    tables = dataclasses.replace(tables, findings=(*tilt, *tables.findings))
+    return Tabulated(experiment=experiment, dataset=fit.dataset, fit=fit, tables=tables)
 
 
 def _with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
@@ -177,70 +199,69 @@ def _fit_with_noise(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:
     return fit_by_noise(fit_flights(dataset, wanted), wanted)
 
 
-def by_rows(experiment: Experiment, dataset: TimedDataset) -> Identified:
+def by_rows(experiment: Experiment, dataset: TimedDataset) -> Tabulated:
     """Solve each equation of motion by least squares."""
-    result = row_result(experiment, dataset)
-    return Identified(experiment=experiment, dataset=dataset, fit=None, result=result)
+    tables = estimate_by_rows(experiment, dataset)
+    return Tabulated(experiment=experiment, dataset=dataset, fit=None, tables=tables)
 
 
-def by_paper(experiment: Experiment, dataset: TimedDataset) -> Identified:
+def by_paper(experiment: Experiment, dataset: TimedDataset) -> Tabulated:
     """Solve all equations by total least squares, as Six et al. (2020) do."""
-    result = paper_result(experiment, dataset)
-    return Identified(experiment=experiment, dataset=dataset, fit=None, result=result)
+    tables = estimate_by_paper(experiment, dataset)
+    return Tabulated(experiment=experiment, dataset=dataset, fit=None, tables=tables)
 
 
-ESTIMATORS: Final[dict[Method, Callable[[Experiment, TimedDataset], Identified]]] = {
+ESTIMATORS: Final[dict[Method, Callable[[Experiment, TimedDataset], Tabulated]]] = {
     "banded": by_likelihood,
     "ols": by_rows,
     "tls": by_paper,
 }
 
 
-def _complete_result(identified: Identified, declared: MotorsEntry, report: Progress) -> Identified:
-    """Add the motors' law, the numbers of flight, the units and the assumptions to a result."""
-    dataset, fit = identified.dataset, identified.fit
-    result = in_command_units(identified.result, dataset)
-    result = add_motor_law(result, dataset, report)
-    result = with_full_throttle(with_flight_numbers(result, dataset.motors), dataset)
-    result = with_assumptions(result, dataset, () if fit is None else fit.configurations)
-    result = dataclasses.replace(
-        result, findings=(*log_metadata(declared, dataset), *result.findings)
+def _complete_tables(tabulated: Tabulated, declared: MotorsEntry, report: Progress) -> ResultTables:
+    """Add the motors' law, the numbers of flight, the units and the assumptions, then judge all."""
+    dataset, fit = tabulated.dataset, tabulated.fit
+    tables = in_command_units(tabulated.tables, dataset)
+    tables = add_motor_law(tables, dataset, report)
+    tables = with_full_throttle(with_flight_numbers(tables, dataset.motors), dataset)
+    tables = with_assumptions(tables, dataset, () if fit is None else fit.configurations)
+    findings = _describe_units(
+        (*log_metadata(declared, dataset), *tables.findings), tabulated.experiment
     )
-    result = mark_doubtful(_describe_units(result, identified.experiment))
-    return dataclasses.replace(identified, result=result)
+    return mark_doubtful(dataclasses.replace(tables, findings=findings))
 
 
-def _describe_units(result: IdentificationResult, experiment: Experiment) -> IdentificationResult:
+def _describe_units(findings: Sequence[Finding], experiment: Experiment) -> tuple[Finding, ...]:
     """Note where the origin is in motion capture, and that an unknown mass scales all numbers."""
     added: list[Finding] = []
-    kept = result.findings
     if experiment.identification.source == "mocap":
-        kept = tuple(one for one in kept if one.kind != "origin")
+        findings = [one for one in findings if one.kind != "origin"]
         tracked = experiment.airframe.imu is None
         added.append(note("origin", ORIGIN_IS_TRACKED if tracked else IMU_PLACE_UNUSED))
     if any(entry.mass == "unknown" for entry in experiment.configuration):
         sentence = "the mass is unknown: forces, moments and inertia are per kilogram of it"
         added.append(note("mass-unknown", sentence))
-    return dataclasses.replace(result, findings=(*kept, *added))
+    return (*findings, *added)
 
 
-def _issue_warnings(result: IdentificationResult) -> None:
+def _issue_warnings(flights: Sequence[FlightRecord]) -> None:
     """Issue the warnings of every flight."""
-    for record in result.flights:
+    for record in flights:
         for sentence in record.warnings:
             warnings.warn(f"{Path(record.file).name}: {sentence}", FlightWarning, stacklevel=3)
 
 
-def _validate_fit(identified: Identified, report: Progress) -> Identified:
-    """Compare the model with flights that the fit has not seen."""
-    result, configurations = identified.result, identified.experiment.configuration
-    if not any(entry.validation for entry in configurations):
-        return identified
+def _validate_result(
+    result: IdentificationResult, experiment: Experiment, report: Progress
+) -> IdentificationResult:
+    """Add how well the model predicts flights that the fit has not seen."""
+    if not any(entry.validation for entry in experiment.configuration):
+        return result
     report("validating on flights kept for it")
-    comparisons = validation_comparisons(result, identified.experiment)
-    written = [entry.written for c in configurations for entry in c.validation]
+    comparisons = validation_comparisons(result, experiment)
+    written = [entry.written for c in experiment.configuration for entry in c.validation]
     rows = validation_rows(comparisons, written)
-    return dataclasses.replace(identified, result=dataclasses.replace(result, validation=rows))
+    return dataclasses.replace(result, validation=rows)
 
 
 def _ignore_progress(words: str) -> None:

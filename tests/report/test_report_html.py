@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from report_material import ROTORS, UNKNOWN, a_comparison, a_result, parameter
 
 from kept_words import lines_with
+from made_tables import judged
 from rotorfit.digits import number_of
 from rotorfit.errors import OutputError
 from rotorfit.findings import Evidence, doubt
 from rotorfit.report.parameters import parameter_tables
 from rotorfit.report.result_page import report_html, write_report
 from rotorfit.report.summary import summary_of
-from rotorfit.results.assemble import mark_doubtful
 from rotorfit.results.result import IdentificationResult
 
 HOSTILE = st.one_of(
@@ -384,5 +384,5 @@ def test_two_estimates_that_differ_are_told_with_how_far() -> None:
         doubt("thrust-against-weight", "", numbers=("Ixx_com",), doubtful_because="two differ"),
         evidence=(Evidence(name="thrust_over_weight", value=0.68),),
     )
-    summary = summary_of(mark_doubtful(a_result().found(found)))
+    summary = summary_of(judged(a_result().found(found)))
     assert summary.doubts == ("inertia may be outside its interval: two differ by 32 %",)

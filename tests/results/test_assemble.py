@@ -4,9 +4,10 @@ import dataclasses
 
 import numpy as np
 
+from made_tables import judged, made_result, tables_of
 from rotorfit.findings import Finding
 from rotorfit.report.text import result_text
-from rotorfit.results.assemble import mark_doubtful, with_diagnosis
+from rotorfit.results.assemble import with_diagnosis
 from rotorfit.results.result import (
     Derived,
     FlightRecord,
@@ -46,7 +47,7 @@ def a_late_gyro(*numbers, **more):
 
 
 def test_a_number_that_a_finding_disowns_is_doubtful(assert_text):
-    found = mark_doubtful(a_result().found(a_late_gyro("Izz")))
+    found = judged(a_result().found(a_late_gyro("Izz")))
     kt, kd, Izz = found.parameters
     assert (kt.verdict, kd.verdict, Izz.verdict) == ("identified", "identified", "doubtful")
     assert_text(Izz.reason)
@@ -57,13 +58,13 @@ def test_a_number_that_a_finding_disowns_is_doubtful(assert_text):
 
 def test_what_is_not_known_anyway_is_not_called_doubtful():
     late = a_late_gyro("kt", "kd", "Izz@B")
-    found = mark_doubtful(a_result(kt="given", kd="not-identified").found(late))
+    found = judged(a_result(kt="given", kd="not-identified").found(late))
     assert [p.verdict for p in found.parameters] == ["given", "not-identified", "identified"]
 
 
 def test_a_doubt_that_intervals_cover_changes_no_verdict():
     covered = Finding(kind="late", severity="doubt", sentence="late", numbers=("kt",))
-    assert mark_doubtful(a_result().found(covered)).parameters == a_result().parameters
+    assert judged(a_result().found(covered)).parameters == a_result().parameters
 
 
 def test_the_scale_of_yaw_is_withheld_and_its_ratio_stays():
@@ -77,7 +78,7 @@ def test_the_scale_of_yaw_is_withheld_and_its_ratio_stays():
         next_step="take it from a pendulum",
         withheld_because="no coupling",
     )
-    found = with_diagnosis(result, [finding])
+    found = made_result(with_diagnosis(tables_of(result), [finding]))
     kt, kd, Izz = found.parameters
     assert kt == parameters[0]
     for p, partner in ((kd, "Izz"), (Izz, "kd")):
@@ -93,6 +94,6 @@ def test_a_finding_of_a_single_flight_makes_its_numbers_doubtful(assert_text):
         file="a.csv", sha256="", configuration="A", seconds_used=9.0, samples_used=900,
         used=(), cuts=(), findings=(a_late_gyro("kt"),),
     )  # fmt: skip
-    found = mark_doubtful(dataclasses.replace(a_result(), flights=(flight,)))
+    found = judged(dataclasses.replace(a_result(), flights=(flight,)))
     assert [p.verdict for p in found.parameters] == ["doubtful", "identified", "identified"]
     assert_text(found.parameters[0].reason)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import made_fit
+from made_tables import made_result, tables_of
 from rotorfit.checks.impossible_inertia import (
     FLY,
     IMPOSSIBLE,
@@ -72,7 +73,8 @@ def without_impossible(result):
     """Return a result whose body A was found impossible."""
     names = [one.full_name for one in (*result.parameters, *result.derived)]
     moment = SecondMoment(value=-1e-3, half_width=1e-4, share=-0.1)
-    return with_diagnosis(result, [body_finding(moment, "A", result.parameters, names)])
+    finding = body_finding(moment, "A", result.parameters, names)
+    return made_result(with_diagnosis(tables_of(result), [finding]))
 
 
 def pseudo_inertia(values):

@@ -11,6 +11,7 @@ from benchmarks.worlds.sensing import write_world
 from benchmarks.worlds.world import draw_world
 
 import flown
+from made_tables import made_result, tables_of
 from rotorfit.errors import OutputError, RotorfitError
 from rotorfit.findings import Finding
 from rotorfit.fit.intervals.interval_terms import TERM_KINDS
@@ -127,7 +128,7 @@ def test_a_number_that_is_withheld_has_no_terms(joint):
     finding = Finding(
         kind="made-up", severity="doubt", numbers=("Ixx", "Ixx_com"), withheld_because="made up"
     )
-    without = withheld(joint, finding)
+    without = made_result(withheld(tables_of(joint), finding))
     assert without.parameter("Ixx").interval_terms == ()
     assert without.derived_value("Ixx_com").interval_terms == ()
 

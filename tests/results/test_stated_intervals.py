@@ -12,13 +12,14 @@ from rotorfit.estimation.estimate import Estimate, LinearProblem
 from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.estimation.reweighted import BandedFit
+from rotorfit.findings import sentences
 from rotorfit.fit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.paper_fit import PaperSettings
 from rotorfit.fit.reduction.motor_timing import MotorTiming
 from rotorfit.fit.row_fits import ROWS, RowFits
 from rotorfit.flight.motors.motor_model import MotorResponse
-from rotorfit.results.joint_tables import joint_result
+from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.row_tables import paper_tables, row_tables
 
 ENTRY = ConfigurationEntry(name="A", mass=1.4, mass_std=0.01, flights=(FlightEntry(file="A.csv"),))
@@ -63,7 +64,7 @@ def flights():
 
 def tabulated(body, numbers):
     fit = made_fit.fit(flights(), numbers, bodies=[body])
-    return joint_result(fit, EXPERIMENT).found(*little_excitation(fit))
+    return joint_tables(fit).found(*little_excitation(fit))
 
 
 RHOS = [(4.9, False), (5.0, True), (9.9, True), (10.1, False)]
@@ -71,7 +72,7 @@ RHOS = [(4.9, False), (5.0, True), (9.9, True), (10.1, False)]
 
 @pytest.mark.parametrize(("rho", "warned"), RHOS)
 def test_between_a_rho_of_5_and_10_it_is_said(rho, warned):
-    words = [w for w in joint({"roll@A": rho, "pitch@A": 50.0, "yaw@A": 50.0}).warnings]
+    words = sentences(joint({"roll@A": rho, "pitch@A": 50.0, "yaw@A": 50.0}).findings)
     assert any(w.startswith("roll: signal-to-noise only") for w in words) is warned
 
 
@@ -121,7 +122,7 @@ def test_a_result_states_half_widths_and_their_1_96th_part(made):
 
 @pytest.mark.parametrize(("rho", "warned"), RHOS)
 def test_by_rows_it_is_said_as_well(rho, warned):
-    words = by_rows(rho).warnings
+    words = sentences(by_rows(rho).findings)
     assert any(w.startswith("roll: signal-to-noise only") for w in words) is warned
 
 

@@ -1,4 +1,4 @@
-"""Assemble a result from an estimate, its flights and its findings.
+"""Assemble the tables of a result from an estimate, its flights and its findings.
 
 What the numbers rest on: what was declared, and what logs say of vehicle and motors.
 
@@ -8,23 +8,19 @@ shows it, so that these are said beside the result.
 """
 
 import dataclasses
-import platform
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
-from rotorfit import version
 from rotorfit.checks.sensors.sensor_faults import lowpass_sentence
 from rotorfit.checks.verdicts.judge import judged_derived
 from rotorfit.checks.verdicts.parameters import RATIOS
 from rotorfit.estimation.factors import flights_of
 from rotorfit.findings import Finding, diagnostics_of, note
 from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight
-from rotorfit.fit.dataset.load import resolved_method
-from rotorfit.fit.experiment.experiment import Experiment, MotorsEntry
+from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.experiment.law_table import speed_law_of
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
@@ -32,14 +28,14 @@ from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.flight.motors.motor_model import ThrustCurve, full_speed_of
 from rotorfit.logs.flight_log import SITL, simulated_sentence
 from rotorfit.logs.speed_law import SquareRootLaw
-from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
+from rotorfit.results.result import Derived, FlightRecord, Parameter
+from rotorfit.results.tables import ResultTables
 
 FLYABLE = ("weak", "ratio-only", "not-identified")
 """Verdicts that more flying might better."""
 
 
-def assembled(
-    experiment: Experiment,
+def assemble_tables(
     dataset: Dataset,
     *,
     parameters: tuple[Parameter, ...],
@@ -49,12 +45,9 @@ def assembled(
     used: Mapping[str, object],
     diagnostics: Mapping[str, float],
     findings: tuple[Finding, ...] = (),
-) -> IdentificationResult:
-    """Assemble a result; `used` are the settings that the estimator chose."""
-    resolved = experiment.model_dump(mode="json", exclude_none=True)
-    return IdentificationResult(
-        name=experiment.name,
-        method=resolved_method(experiment),
+) -> ResultTables:
+    """Assemble the tables of a result; `used` are the settings that the estimator chose."""
+    return ResultTables(
         parameters=parameters,
         derived=derived,
         flights=tuple(
@@ -64,13 +57,7 @@ def assembled(
         ),
         covariance_names=covariance_names,
         covariance=covariance,
-        settings={**resolved, "used": dict(used)},
-        versions={
-            "rotorfit": version.__version__,
-            "numpy": np.__version__,
-            "scipy": scipy.__version__,
-            "python": platform.python_version(),
-        },
+        used=used,
         findings=findings,
         diagnostics=diagnostics,
     )
@@ -90,26 +77,24 @@ def _flight_record(flight: LoadedFlight, configuration: str) -> FlightRecord:
     )
 
 
-def with_diagnosis(
-    result: IdentificationResult, findings: Sequence[Finding]
-) -> IdentificationResult:
-    """Add findings to a result, and withhold the numbers that they disprove."""
-    result = dataclasses.replace(
-        result.found(*findings),
-        diagnostics={**result.diagnostics, **diagnostics_of(findings)},
+def with_diagnosis(tables: ResultTables, findings: Sequence[Finding]) -> ResultTables:
+    """Add findings to the tables, and withhold the numbers that they disprove."""
+    tables = dataclasses.replace(
+        tables.found(*findings),
+        diagnostics={**tables.diagnostics, **diagnostics_of(findings)},
     )
     for finding in findings:
         if finding.withheld_because is not None:
-            result = withheld(result, finding)
-    return result
+            tables = withheld(tables, finding)
+    return tables
 
 
-def withheld(result: IdentificationResult, finding: Finding) -> IdentificationResult:
+def withheld(tables: ResultTables, finding: Finding) -> ResultTables:
     """Withhold the numbers of a finding; those known as a ratio get that verdict."""
-    ratios = {(d.name, d.configuration) for d in result.derived if d.value is not None}
+    ratios = {(d.name, d.configuration) for d in tables.derived if d.value is not None}
     parameters = tuple(
         _without_value(p, ratios, finding) if finding.is_about(p.full_name) else p
-        for p in result.parameters
+        for p in tables.parameters
     )
     derived = tuple(
         dataclasses.replace(
@@ -122,16 +107,16 @@ def withheld(result: IdentificationResult, finding: Finding) -> IdentificationRe
         )
         if finding.is_about(d.full_name)
         else d
-        for d in result.derived
+        for d in tables.derived
     )
     known = {p.full_name for p in parameters if p.value is not None}
-    keep = [i for i, name in enumerate(result.covariance_names) if name in known]
+    keep = [i for i, name in enumerate(tables.covariance_names) if name in known]
     return dataclasses.replace(
-        result,
+        tables,
         parameters=parameters,
         derived=derived,
-        covariance_names=tuple(result.covariance_names[i] for i in keep),
-        covariance=result.covariance[np.ix_(keep, keep)],
+        covariance_names=tuple(tables.covariance_names[i] for i in keep),
+        covariance=tables.covariance[np.ix_(keep, keep)],
     )
 
 
@@ -158,18 +143,18 @@ def _without_value(
     )
 
 
-def mark_doubtful(result: IdentificationResult) -> IdentificationResult:
+def mark_doubtful(tables: ResultTables) -> ResultTables:
     """Judge the derived numbers, and mark the numbers that a finding doubts as doubtful.
 
     Numbers for which flying is useless get the finding's next step in place of a manoeuvre.
     """
-    disowning = [one for one in result.every_finding if one.doubtful_because is not None]
-    useless = [one for one in result.findings if one.useless_because is not None]
+    disowning = [one for one in tables.every_finding if one.doubtful_because is not None]
+    useless = [one for one in tables.findings if one.useless_because is not None]
     parameters = tuple(
-        _advised_first(_judged_again(p, disowning), useless) for p in result.parameters
+        _advised_first(_judged_again(p, disowning), useless) for p in tables.parameters
     )
-    derived = (_derived_again(d, disowning) for d in judged_derived(parameters, result.derived))
-    return dataclasses.replace(result, parameters=parameters, derived=tuple(derived))
+    derived = (_derived_again(d, disowning) for d in judged_derived(parameters, tables.derived))
+    return dataclasses.replace(tables, parameters=parameters, derived=tuple(derived))
 
 
 def _advised_first(parameter: Parameter, useless: Sequence[Finding]) -> Parameter:
@@ -213,16 +198,15 @@ RPM = 60.0 / (2.0 * np.pi)
 
 
 def with_assumptions(
-    result: IdentificationResult, dataset: Dataset, configurations: Sequence[JointConfiguration]
-) -> IdentificationResult:
-    """Add the assumptions of the numbers to the settings of a result; see `assumptions`."""
-    rests_on = list(assumptions(result, dataset, configurations))
-    used = {**result.settings["used"], "hangs_on": rests_on}
-    return replace(result, settings={**result.settings, "used": used})
+    tables: ResultTables, dataset: Dataset, configurations: Sequence[JointConfiguration]
+) -> ResultTables:
+    """Add the assumptions of the numbers to the settings; see `assumptions`."""
+    rests_on = list(assumptions(tables, dataset, configurations))
+    return replace(tables, used={**tables.used, "hangs_on": rests_on})
 
 
 def assumptions(
-    result: IdentificationResult, dataset: Dataset, configurations: Sequence[JointConfiguration]
+    tables: ResultTables, dataset: Dataset, configurations: Sequence[JointConfiguration]
 ) -> tuple[str, ...]:
     """List the declared quantities that the numbers are proportional to, a sentence for each.
 
@@ -236,7 +220,7 @@ def assumptions(
         parts.insert(
             0, f"kt, kd, Jr and inertia are proportional to the mass ({', '.join(masses)})"
         )
-    hover = next((d.value for d in result.derived if d.name == "hover_speed"), None)
+    hover = next((d.value for d in tables.derived if d.name == "hover_speed"), None)
     if hover is not None and (dataset.motors.speed == "measured" or dataset.speeds_commanded):
         parts.append(
             "kt and kd are proportional to the inverse square of rotor speed (hover at "

@@ -22,7 +22,8 @@ from rotorfit.flight.motors.motor_model import GRID, full_speed_of, speeds
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
 from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS
 from rotorfit.results.law_tables import full_speed_term
-from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, owners_of
+from rotorfit.results.tables import ResultTables
 
 _PER_MASS: Final = " per kg"
 
@@ -51,11 +52,11 @@ Range = tuple[float, float]
 """A value with half of its 95 % interval as a share of it."""
 
 
-def in_command_units(result: IdentificationResult, dataset: Dataset) -> IdentificationResult:
-    """Convert a result to the units of commands, where no law makes speeds of them."""
+def in_command_units(tables: ResultTables, dataset: Dataset) -> ResultTables:
+    """Convert the tables to the units of commands, where no law makes speeds of them."""
     motors = dataset.motors
     if motors.speed == "measured" or not motors.law_is_relative or dataset.speeds_commanded:
-        return result
+        return tables
     relative = note("no-speed-law", RELATIVE_LAW)
     if motors.law is None:
         relative = doubt(
@@ -67,11 +68,11 @@ def in_command_units(result: IdentificationResult, dataset: Dataset) -> Identifi
             "[motors]",
         )
     return replace(
-        result,
+        tables,
         parameters=tuple(
-            replace(p, unit=effective_unit(p.name, p.unit)) for p in result.parameters
+            replace(p, unit=effective_unit(p.name, p.unit)) for p in tables.parameters
         ),
-        derived=tuple(replace(d, unit=effective_unit(d.name, d.unit)) for d in result.derived),
+        derived=tuple(replace(d, unit=effective_unit(d.name, d.unit)) for d in tables.derived),
     ).found(relative)
 
 
@@ -83,20 +84,20 @@ def effective_unit(name: str, unit: str) -> str:
     return EFFECTIVE_UNITS[base] + (_PER_MASS if unit.endswith(_PER_MASS) else "")
 
 
-def is_per_command(result: IdentificationResult) -> bool:
+def is_per_command(tables: IdentificationResult | ResultTables) -> bool:
     """Return whether the coefficients of a result are per squared command, not per rad/s."""
-    kt = result.parameter("kt").unit.removesuffix(_PER_MASS)
-    return kt == EFFECTIVE_UNITS["kt"]
+    kt = next(p for p in tables.parameters if p.name == "kt")
+    return kt.unit.removesuffix(_PER_MASS) == EFFECTIVE_UNITS["kt"]
 
 
-def with_flight_numbers(result: IdentificationResult, motors: MotorsEntry) -> IdentificationResult:
+def with_flight_numbers(tables: ResultTables, motors: MotorsEntry) -> ResultTables:
     """Add hover throttle, thrust over weight, largest thrust of a motor and their imbalance."""
-    law = _select_law(result, motors)
-    full = None if law is None else _full_speed(result, law, motors.law)
+    law = _select_law(tables, motors)
+    full = None if law is None else _full_speed(tables, law, motors.law)
     bodies: list[Derived] = []
-    for owner in configuration_names(result):
-        hover = _hover_speed(result, owner)
-        terms = _terms_of(result.derived, "hover_speed", owner)
+    for owner in owners_of(tables.parameters):
+        hover = _hover_speed(tables, owner)
+        terms = _terms_of(tables.derived, "hover_speed", owner)
         own = hover and _without_law(hover, motors.law)
         throttle = _hover_throttle(own, owner, law, full)
         ratio = _thrust_to_weight(hover, owner, full)
@@ -104,12 +105,12 @@ def with_flight_numbers(result: IdentificationResult, motors: MotorsEntry) -> Id
             _with_terms(throttle, own, full, [t for t in terms if t.name != "motor law"]),
             _with_terms(ratio, hover, full, terms),
         ]
-    thrust = _max_thrust(result, full)
-    kt = next((_relative_range(p) for p in result.parameters if p.name == "kt"), None)
+    thrust = _max_thrust(tables, full)
+    kt = next((_relative_range(p) for p in tables.parameters if p.name == "kt"), None)
     doubled = full and (full[0], 2.0 * full[1])
-    terms = _terms_of(result.parameters, "kt", None)
-    shared = (_with_terms(thrust, kt, doubled, terms), _motor_imbalance(result))
-    return replace(result, derived=(*result.derived, *shared, *bodies))
+    terms = _terms_of(tables.parameters, "kt", None)
+    shared = (_with_terms(thrust, kt, doubled, terms), _motor_imbalance(tables))
+    return replace(tables, derived=(*tables.derived, *shared, *bodies))
 
 
 def _terms_of(
@@ -138,20 +139,20 @@ def _with_terms(
     return replace(number, interval_terms=scale_terms(shares, factor))
 
 
-def _select_law(result: IdentificationResult, motors: MotorsEntry) -> SpeedLaw | None:
+def _select_law(tables: ResultTables, motors: MotorsEntry) -> SpeedLaw | None:
     """Select the law from command to speed; the command itself where speeds are in commands."""
-    found = result.command_law
+    found = tables.command_law
     if found is not None and found.known:
         return found.law
     if motors.law is not None:
         return speed_law_of(motors.law)
     proportional = SpeedLaw(curve=PowerLaw(full_speed=1.0, offset=0.0, exponent=1.0))
-    return proportional if is_per_command(result) else None
+    return proportional if is_per_command(tables) else None
 
 
-def _full_speed(result: IdentificationResult, law: SpeedLaw, entry: LawEntry | None) -> Range:
+def _full_speed(tables: ResultTables, law: SpeedLaw, entry: LawEntry | None) -> Range:
     """Return the speed at full command [rad/s, or 1 of relative speeds]."""
-    fitted = next((p for p in result.parameters if p.name == "max_speed"), None)
+    fitted = next((p for p in tables.parameters if p.name == "max_speed"), None)
     full = full_speed_of(law)
     by_slope = 0.0 if entry is None else 1.96 * hover_share(entry, full, 0.0)
     return (fitted and _relative_range(fitted)) or (full, by_slope)
@@ -164,8 +165,8 @@ def _relative_range(number: Parameter | Derived) -> Range | None:
     return number.value, 0.5 * (high - low) / abs(number.value)
 
 
-def _hover_speed(result: IdentificationResult, owner: str) -> Range | None:
-    hover = (d for d in result.derived if (d.name, d.configuration) == ("hover_speed", owner))
+def _hover_speed(tables: ResultTables, owner: str) -> Range | None:
+    hover = (d for d in tables.derived if (d.name, d.configuration) == ("hover_speed", owner))
     return next((_relative_range(d) for d in hover), None)
 
 
@@ -202,9 +203,9 @@ def _thrust_to_weight(hover: Range | None, owner: str, full: Range | None) -> De
     return flight_number("thrust_to_weight", owner, value, 2.0 * hypot(full[1], hover[1]) * value)
 
 
-def _max_thrust(result: IdentificationResult, full: Range | None) -> Derived:
+def _max_thrust(tables: ResultTables, full: Range | None) -> Derived:
     """Return the thrust of the mean rotor at full command [N]."""
-    parameter = next((p for p in result.parameters if p.name == "kt"), None)
+    parameter = next((p for p in tables.parameters if p.name == "kt"), None)
     kt = None if parameter is None else _relative_range(parameter)
     if parameter is None or kt is None or full is None:
         return _unknown_number("max_thrust", None, NO_COMMANDS if kt else NO_KT)
@@ -214,20 +215,20 @@ def _max_thrust(result: IdentificationResult, full: Range | None) -> Derived:
     return flight_number("max_thrust", None, value, hypot(kt[1], 2.0 * full[1]) * value)
 
 
-def _motor_imbalance(result: IdentificationResult) -> Derived:
+def _motor_imbalance(tables: ResultTables) -> Derived:
     """Return the largest thrust coefficient less the smallest, over the mean.
 
     Of equal motors chance alone makes it larger than zero: half of the interval is that of the
     difference, and one that reaches to zero says that none is seen.
     """
-    rotors = list(_rotor_values(result))
+    rotors = list(_rotor_values(tables))
     if len(rotors) < 2:
-        reasons = [p.reason for p in result.parameters if p.name.startswith("kt_") and p.reason]
+        reasons = [p.reason for p in tables.parameters if p.name.startswith("kt_") and p.reason]
         return _unknown_number("motor_imbalance", None, reasons[0] if reasons else NO_KT)
     mean = float(np.mean([value for _, value in rotors]))
     (strong, most), (weak, least) = (pick(rotors, key=lambda r: r[1]) for pick in (max, min))
-    ends = [result.covariance_names.index(name) for name in (strong, weak)]
-    C = result.covariance[np.ix_(ends, ends)]
+    ends = [tables.covariance_names.index(name) for name in (strong, weak)]
+    C = tables.covariance[np.ix_(ends, ends)]
     std = sqrt(max(float(C[0, 0] + C[1, 1] - 2.0 * C[0, 1]), 0.0)) / mean
     half = 1.96 * std
     found = flight_number("motor_imbalance", None, (most - least) / mean, half, scale=SEEN_IN_TRIM)
@@ -236,9 +237,9 @@ def _motor_imbalance(result: IdentificationResult) -> Derived:
     return found if found.std is None else replace(found, interval_terms=(term,))
 
 
-def _rotor_values(result: IdentificationResult) -> Iterator[tuple[str, float]]:
-    for p in result.parameters:
-        if p.name.startswith("kt_") and p.value and p.name in result.covariance_names:
+def _rotor_values(tables: ResultTables) -> Iterator[tuple[str, float]]:
+    for p in tables.parameters:
+        if p.name.startswith("kt_") and p.value and p.name in tables.covariance_names:
             yield p.name, p.value
 
 

@@ -27,7 +27,8 @@ from rotorfit.flight.motors.battery_sag import (
 )
 from rotorfit.results.command_units import flight_number
 from rotorfit.results.law_tables import voltage_exponent
-from rotorfit.results.result import Derived, IdentificationResult
+from rotorfit.results.result import Derived
+from rotorfit.results.tables import ResultTables
 
 VOLTAGE: Final = "full-throttle-voltage"
 AT_COMMAND: Final = "full_command_voltage"
@@ -78,34 +79,34 @@ class FullLoad:
         return self.speed_at(self.voltage) ** 2
 
 
-def with_full_throttle(result: IdentificationResult, dataset: Dataset) -> IdentificationResult:
+def with_full_throttle(tables: ResultTables, dataset: Dataset) -> ResultTables:
     """Add the voltage of full thrust, and thrust under full load where the flight shows the sag."""
-    known = [d for d in result.derived if d.name == "thrust_to_weight" and d.value is not None]
-    nominal = voltage_of_law(result, dataset)
+    known = [d for d in tables.derived if d.name == "thrust_to_weight" and d.value is not None]
+    nominal = voltage_of_law(tables, dataset)
     if not known or nominal is None:
-        return result
+        return tables
     loaded = [
         (ratio, load)
         for ratio in known
         for configured in dataset.configurations
         if configured.entry.name == ratio.configuration
-        for load in [_full_load(result, configured, ratio, nominal)]
+        for load in [_full_load(tables, configured, ratio, nominal)]
         if load is not None
     ]
-    diagnostics = {**result.diagnostics, AT_COMMAND: nominal}
+    diagnostics = {**tables.diagnostics, AT_COMMAND: nominal}
     bodies: list[Derived] = []
     for ratio, load in loaded:
-        bodies.append(_thrust_to_weight(result, ratio, load))
+        bodies.append(_thrust_to_weight(tables, ratio, load))
     if loaded:
         diagnostics[UNDER_LOAD] = loaded[0][1].voltage
-        bodies.insert(0, _max_thrust(result, *loaded[0]))
-    result = replace(result, derived=(*result.derived, *bodies), diagnostics=diagnostics)
-    return result.found(_voltage_finding(nominal, diagnostics.get(UNDER_LOAD)))
+        bodies.insert(0, _max_thrust(tables, *loaded[0]))
+    tables = replace(tables, derived=(*tables.derived, *bodies), diagnostics=diagnostics)
+    return tables.found(_voltage_finding(nominal, diagnostics.get(UNDER_LOAD)))
 
 
-def voltage_of_law(result: IdentificationResult, dataset: Dataset) -> float | None:
+def voltage_of_law(tables: ResultTables, dataset: Dataset) -> float | None:
     """Return the voltage at which full thrust holds [V]; None if the logs do not say it."""
-    found, given = result.command_law, dataset.motors.law
+    found, given = tables.command_law, dataset.motors.law
     if found is not None and found.known and found.nominal_voltage is not None:
         return found.nominal_voltage
     if found is None and given is not None and given.voltage is not None:
@@ -121,7 +122,7 @@ def mean_voltage(flights: Sequence[LoadedFlight]) -> float | None:
 
 
 def _full_load(
-    result: IdentificationResult, configured: ConfigurationData, ratio: Derived, nominal: float
+    tables: ResultTables, configured: ConfigurationData, ratio: Derived, nominal: float
 ) -> FullLoad | None:
     """Combine what a configuration's flights show of its battery; None if they show no sag."""
     sags = [f.sag for f in configured.flights if f.sag is not None]
@@ -138,22 +139,22 @@ def _full_load(
         speed=float(ratio.value) ** 0.5,
         sag=sag,
         nominal=nominal,
-        exponent=_exponent_of_voltage(result).value,
+        exponent=_exponent_of_voltage(tables).value,
     )
 
 
-def _exponent_of_voltage(result: IdentificationResult) -> Measured:
+def _exponent_of_voltage(tables: ResultTables) -> Measured:
     """Return the exponent of the voltage in the speed at one command, the usual one if unknown."""
-    law = result.command_law
+    law = tables.command_law
     found = None if law is None else law.number("voltage_exponent")
     if found is None:
         return voltage_exponent(None)
     return voltage_exponent((found.value, 0.5 * (found.interval[1] - found.interval[0])))
 
 
-def _open_share(result: IdentificationResult, load: FullLoad) -> float:
+def _open_share(tables: ResultTables, load: FullLoad) -> float:
     """Return half of a 95 % interval, over the thrust, by what is open of battery and motors."""
-    exponent, sag = _exponent_of_voltage(result), load.sag
+    exponent, sag = _exponent_of_voltage(tables), load.sag
     others = (
         replace(load, sag=replace(sag, drop=sag.drop + sag.drop_std)),
         replace(load, exponent=load.exponent + exponent.std),
@@ -163,27 +164,27 @@ def _open_share(result: IdentificationResult, load: FullLoad) -> float:
     return 1.96 * float(np.linalg.norm(shifts))
 
 
-def _thrust_to_weight(result: IdentificationResult, ratio: Derived, load: FullLoad) -> Derived:
+def _thrust_to_weight(tables: ResultTables, ratio: Derived, load: FullLoad) -> Derived:
     """Return thrust at full throttle under load over the weight."""
     half = _half_share(ratio)
     by_law = replace(load, speed=load.speed * (1.0 + 0.5 * half)).thrust / load.thrust - 1.0
-    return _under_load(result, ratio, load, value=load.thrust, by_law=by_law)
+    return _under_load(tables, ratio, load, value=load.thrust, by_law=by_law)
 
 
-def _max_thrust(result: IdentificationResult, ratio: Derived, load: FullLoad) -> Derived:
+def _max_thrust(tables: ResultTables, ratio: Derived, load: FullLoad) -> Derived:
     """Return the thrust of a motor at full throttle under load [N]."""
-    full = next(d for d in result.derived if d.name == "max_thrust")
+    full = next(d for d in tables.derived if d.name == "max_thrust")
     if full.value is None:
         return replace(full, name="max_thrust_loaded")
     value = full.value * load.thrust / load.speed**2
-    return _under_load(result, full, load, value=value, by_law=_half_share(full))
+    return _under_load(tables, full, load, value=value, by_law=_half_share(full))
 
 
 def _under_load(
-    result: IdentificationResult, free: Derived, load: FullLoad, *, value: float, by_law: float
+    tables: ResultTables, free: Derived, load: FullLoad, *, value: float, by_law: float
 ) -> Derived:
     """Return a number under load, `by_law` being half of its interval by all but the battery."""
-    by_battery = _open_share(result, load)
+    by_battery = _open_share(tables, load)
     whole = float(np.hypot(by_law, by_battery))
     number = flight_number(f"{free.name}_loaded", free.configuration, value, whole * value)
     own = half_width_of_number(free.interval_terms)

@@ -15,7 +15,7 @@ from rotorfit.checks.verdicts.parameters import (
 from rotorfit.estimation.banded import response_sensitivity
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.findings import Finding
-from rotorfit.fit.experiment.experiment import ConfigurationEntry, Experiment
+from rotorfit.fit.experiment.experiment import ConfigurationEntry
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import (
     SHARED_NUMBERS,
@@ -31,13 +31,12 @@ from rotorfit.fit.timing.timing_fit import SUMMED
 from rotorfit.model.parameters import DERIVED, MOTOR_TIMES, OF_FLIGHT, UNREPORTED
 from rotorfit.model.terms.body import BIAS_STD
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
-from rotorfit.results.assemble import assembled, with_diagnosis
-from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.assemble import assemble_tables, with_diagnosis
+from rotorfit.results.result import Derived, Parameter
+from rotorfit.results.tables import ResultTables
 
 
-def joint_result(
-    fit: Fit, experiment: Experiment, findings: Sequence[Finding] = ()
-) -> IdentificationResult:
+def joint_tables(fit: Fit, findings: Sequence[Finding] = ()) -> ResultTables:
     """Tabulate a joint fit: the numbers of all configurations, with verdicts and findings of it."""
     numbers, estimate = fit.numbers, fit.estimate
     parameters = joint_parameters(fit)
@@ -47,8 +46,7 @@ def joint_result(
     ]
     times = [p for p in parameters if p.name in MOTOR_TIMES and p.value is not None and p.std]
     names, covariance = joint_covariance(fit, known, times)
-    result = assembled(
-        experiment,
+    tables = assemble_tables(
         fit.dataset,
         parameters=tuple(parameters),
         derived=with_timing_total(
@@ -77,7 +75,7 @@ def joint_result(
             },
         },
     )
-    return with_diagnosis(result, findings)
+    return with_diagnosis(tables, findings)
 
 
 def joint_covariance(

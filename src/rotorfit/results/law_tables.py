@@ -29,7 +29,8 @@ from rotorfit.flight.motors.motor_model import (
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import PARAMETERS, ROW_ORDER
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
-from rotorfit.results.result import IdentificationResult, Parameter
+from rotorfit.results.result import Parameter
+from rotorfit.results.tables import ResultTables
 
 ESTIMATOR: Final = (
     "least squares of the measured speeds over lag, delay and law together, glitches counting "
@@ -72,22 +73,22 @@ Vector = Float[np.ndarray, " p"]
 
 
 def add_motor_law(
-    result: IdentificationResult, dataset: Dataset, report: Callable[[str], None]
-) -> IdentificationResult:
+    tables: ResultTables, dataset: Dataset, report: Callable[[str], None]
+) -> ResultTables:
     """Fit the motors' law, where the log has commands and measured speeds."""
     responses = [f.command_responses for c in dataset.configurations for f in c.flights]
     recording = bounded_recording(responses)
     if recording is None:
-        return result
+        return tables
     report("fitting the motors' law to commands and speeds")
     try:
         fitted = fit_law(recording)
     except EstimationError as error:
         sentence = f"no law from command to rotor speed was found: {error}"
-        return result.found(note("no-motor-law", sentence))
+        return tables.found(note("no-motor-law", sentence))
     law, parameters = law_tables(fitted, len(dataset.vehicle.rotors))
     why = _no_exponent(recording, [f.battery for c in dataset.configurations for f in c.flights])
-    return with_law(result, parameters, law, why=why)
+    return with_law(tables, parameters, law, why=why)
 
 
 def _no_exponent(recording: Recording, voltages: Sequence[float | None]) -> str:
@@ -123,22 +124,22 @@ def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[P
 
 
 def with_law(
-    result: IdentificationResult,
+    tables: ResultTables,
     parameters: tuple[Parameter, ...],
     law: CommandLaw,
     *,
     why: str = NO_VOLTAGE,
-) -> IdentificationResult:
+) -> ResultTables:
     """Add the motors' law and its parameters to a result; `why` a law has no voltage."""
-    there = {p.name for p in result.parameters}
-    every = [*result.parameters, *(p for p in parameters if p.name not in there)]
+    there = {p.name for p in tables.parameters}
+    every = [*tables.parameters, *(p for p in parameters if p.name not in there)]
     shared = [p for p in every if p.configuration is None]
     shared.sort(key=lambda p: ROW_ORDER.index(p.name))
     own = [p for p in every if p.configuration is not None]
-    result = replace(result, parameters=(*shared, *own), command_law=law)
+    tables = replace(tables, parameters=(*shared, *own), command_law=law)
     if law.nominal_voltage is not None or not law.motors:
-        return result
-    return result.found(note("law-without-voltage", _of_one_charge(law.motors["law"], why)))
+        return tables
+    return tables.found(note("law-without-voltage", _of_one_charge(law.motors["law"], why)))
 
 
 def _of_one_charge(entry: Mapping[str, Any], why: str) -> str:

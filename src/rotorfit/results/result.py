@@ -316,7 +316,12 @@ def verdict_of(result: IdentificationResult, entry: Parameter | Derived) -> str:
 
 def configuration_names(result: IdentificationResult) -> list[str]:
     """Return the names of a result's configurations in their order."""
-    return list(dict.fromkeys(p.configuration for p in result.parameters if p.configuration))
+    return owners_of(result.parameters)
+
+
+def owners_of(parameters: Sequence[Parameter]) -> list[str]:
+    """Return the names of the configurations that parameters belong to, in their order."""
+    return list(dict.fromkeys(p.configuration for p in parameters if p.configuration))
 
 
 def meant_configuration(names: Sequence[str], said: str | None) -> str | None:

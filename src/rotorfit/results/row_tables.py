@@ -33,11 +33,12 @@ from rotorfit.fit.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings, paper_e
 from rotorfit.fit.row_fits import ROWS, RowFits, fit_rows, number_scale, row_numbers
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS, ROW_ORDER, SHARED, full_name
-from rotorfit.results.assemble import assembled
-from rotorfit.results.result import IdentificationResult, Parameter
+from rotorfit.results.assemble import assemble_tables
+from rotorfit.results.result import Parameter
+from rotorfit.results.tables import ResultTables
 
 
-def row_result(experiment: Experiment, dataset: TimedDataset) -> IdentificationResult:
+def estimate_by_rows(experiment: Experiment, dataset: TimedDataset) -> ResultTables:
     """Estimate row by row, and tabulate the numbers with verdicts."""
     fits = _rows_at(dataset)
     return row_tables(_with_setting_terms(dataset, fits), fits, experiment, dataset)
@@ -45,7 +46,7 @@ def row_result(experiment: Experiment, dataset: TimedDataset) -> IdentificationR
 
 def row_tables(
     numbers: Numbers, fits: RowFits, experiment: Experiment, dataset: TimedDataset
-) -> IdentificationResult:
+) -> ResultTables:
     """Tabulate numbers with their final intervals, with verdicts."""
     configured = dataset.configurations[0]
     entry, vehicle = configured.entry, dataset.vehicle
@@ -70,8 +71,7 @@ def row_tables(
         for name in DERIVED
         if name not in OF_FLIGHT
     ]
-    return assembled(
-        experiment,
+    return assemble_tables(
         dataset,
         parameters=tuple(parameters),
         derived=with_timing_total(derived, dataset.motor_timing),
@@ -151,7 +151,7 @@ SIGMAS: Final = (
 )
 
 
-def paper_result(experiment: Experiment, dataset: TimedDataset) -> IdentificationResult:
+def estimate_by_paper(experiment: Experiment, dataset: TimedDataset) -> ResultTables:
     """Estimate by total least squares, the paper's way: its values, its sigmas, what it removed."""
     settings = _paper_settings(experiment)
     return paper_tables(paper_estimate(dataset, settings=settings), settings, experiment, dataset)
@@ -162,7 +162,7 @@ def paper_tables(
     settings: PaperSettings,
     experiment: Experiment,
     dataset: TimedDataset,
-) -> IdentificationResult:
+) -> ResultTables:
     """Tabulate the paper's estimate with its own sigmas."""
     estimate = essential.estimate
     entries = [configured.entry for configured in dataset.configurations]
@@ -172,8 +172,7 @@ def paper_tables(
     for entry in entries:
         own = [_paper_parameter(name, essential, entry) for name in OWN_FREE]
         parameters += [given_parameter("mass", entry.mass, entry.mass_std, entry), *own]
-    return assembled(
-        experiment,
+    return assemble_tables(
         dataset,
         parameters=tuple(parameters),
         derived=with_timing_total((), dataset.motor_timing),

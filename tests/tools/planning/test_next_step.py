@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from made_tables import judged
 from rotorfit.checks.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
 from rotorfit.checks.verdicts.judge import ADVICE, FLOWN, body_advice
 from rotorfit.findings import Evidence, doubt, note
 from rotorfit.fit.intervals.interval_terms import TERM_KINDS, NumberTerm
-from rotorfit.results.assemble import mark_doubtful
 from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.tools.planning.after import (
     PRACTICE,
@@ -54,7 +54,7 @@ def step(*findings, kt="identified", kd="weak", Jr="identified", advice=None, as
         name="made", method="banded", parameters=parameters, derived=(), flights=(),
         covariance_names=(), covariance=np.zeros((0, 0)), settings={}, versions={},
     )  # fmt: skip
-    return next_step(mark_doubtful(result.found(*findings)))
+    return next_step(judged(result.found(*findings)))
 
 
 def test_a_log_that_is_too_slow_comes_before_all_else(assert_text):
