@@ -15,8 +15,14 @@ sys.path.append(str(ROOT / "docs" / "pictures"))
 
 import rooms  # noqa: E402
 
+from rotorfit.fit.intervals.interval_terms import TERM_KINDS  # noqa: E402
+
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 STOPS = re.findall(r"^(\d+)\. `([\w/]+\.py)` `(\w+)`", CONTRIBUTING, re.MULTILINE)
+BUDGET = re.findall(
+    r"^  ([a-z ]+?) +[\d.]+ %  #+ +([\w/]+\.py) +(\w+)$", CONTRIBUTING, re.MULTILINE
+)
+"""Terms of the interval of Ixx, each with the function that makes it."""
 MOST_MODULES = 16
 MOST_FOLDERS = 13
 
@@ -79,5 +85,16 @@ def test_the_walk_has_twelve_stops_at_most():
 
 @pytest.mark.parametrize(("number", "module", "function"), STOPS)
 def test_a_stop_of_the_walk_is_there(number, module, function):
+    tree = ast.parse((SOURCE / module).read_text(encoding="utf-8"))
+    assert function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+def test_the_budget_of_ixx_has_its_six_largest_terms():
+    assert len(BUDGET) == 6
+    assert {term for term, _, _ in BUDGET} <= set(TERM_KINDS)
+
+
+@pytest.mark.parametrize(("term", "module", "function"), BUDGET)
+def test_a_line_of_the_budget_names_a_function_that_is_there(term, module, function):
     tree = ast.parse((SOURCE / module).read_text(encoding="utf-8"))
     assert function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}

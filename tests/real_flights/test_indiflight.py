@@ -1,6 +1,8 @@
 """Real flights of a 3-inch quadrotor: what is known of it is found, what a log lacks is refused."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -284,3 +286,18 @@ def test_wrong_sides_are_seen_although_the_fit_lost_yaw(indiflight_logs, tmp_pat
     low, high = found.evidence[0].interval
     assert low < 0.0455 / 0.0635 * np.exp(-0.1) < high < 1.0
     assert result.derived_value("Ixx_com").verdict == "doubtful"
+
+
+def test_contributing_prints_the_budget_of_this_flight(indiflight_logs, tmp_path):
+    """Percentages as printed, to a tenth: other versions of NumPy may round otherwise."""
+    path = tmp_path / "experiment.toml"
+    flown.experiment_file(path, CINERAT, [indiflight_logs / LIVELY], mass=0.428)
+    number = flown.quietly_identified(path).derived_value("Ixx_com")
+    text = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    printed = re.findall(r"^  ([a-z ]+?) +([\d.]+) %  #+ ", text, re.MULTILINE)
+    found = {term.name: 100.0 * term.half_width / number.value for term in number.interval_terms}
+    largest = sorted(found, key=lambda name: -found[name])[: len(printed)]
+    assert [name for name, _ in printed] == largest
+    assert [float(share) for _, share in printed] == pytest.approx(
+        [found[name] for name in largest], abs=0.1
+    )
