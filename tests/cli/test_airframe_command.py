@@ -15,7 +15,7 @@ from ulog_encoder import write_ulog
 import rotorfit
 from hand_made_logs import hover_thrust, motion_log
 from rotorfit.cli.airframe import _shown_by_flight as shown_by_flight
-from rotorfit.cli.airframe import listed_text
+from rotorfit.cli.airframe_text import listed_text
 from rotorfit.fit.experiment.airframe_table import AirframeEntry
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.model.vehicle import layout_rotors, spaced_rotors
