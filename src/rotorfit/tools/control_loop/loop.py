@@ -223,10 +223,11 @@ def judge_flight(
     `read`: from the controller's log and an axis to its controller.
     """
     flight = flown(log, controller, result)
-    axes = [
-        _axis_loop(result, owner, log, flight, i, read(flight.log, i), draws, seed)
-        for i in range(len(AXES))
-    ]
+    axes: list[AxisLoop] = []
+    for axis in range(len(AXES)):
+        own = read(flight.log, axis)
+        body = plant(result, owner, flight, axis=axis, period=own.period, draws=draws, seed=seed)
+        axes.append(_judge_axis(body, own, log, flight, axis=axis, seed=seed))
     return LoopOutcome(
         name=result.name,
         configuration=owner,
@@ -256,25 +257,16 @@ def _withhold_jointly(axes: Sequence[AxisLoop]) -> tuple[AxisLoop, ...]:
     return tuple(out)
 
 
-def _axis_loop(
-    result: IdentificationResult,
-    owner: str,
+def _judge_axis(
+    body: Plant,
+    controller: RateController,
     log: FlightLog,
     flight: Flown,
+    *,
     axis: int,
-    controller: RateController,
-    draws: int,
     seed: int,
 ) -> AxisLoop:
-    body = plant(
-        result,
-        owner,
-        flight,
-        axis=axis,
-        period=controller.period,
-        draws=draws,
-        seed=seed,
-    )
+    """Judge the loop of an axis: margins of vehicles that the flight does not contradict."""
     gyro_to_rate = controller_response(log, flight, controller, axis)
     loops = partial(_rate_loops, controller, gyro_to_rate)
     measured = measured_loop(controller, flight, axis)
