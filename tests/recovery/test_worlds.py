@@ -59,9 +59,9 @@ def test_a_thrown_body_without_motors_keeps_momentum_and_energy() -> None:
 @pytest.fixture(scope="module")
 def flights() -> list[tuple[World, Record]]:
     """Three hovers, then three lively flights, without any hazard or noise."""
-    hovers = [_with_flight(draw_world(4, i, CALM, 16.0), "hover") for i in range(3)]
-    lively = [_with_flight(draw_world(6, i, CALM, 16.0), "lively") for i in (1, 4)]
-    spun = _with_flight(draw_world(5, 2, CALM, 16.0), "lively")
+    hovers = [_with_flight(draw_world(4, i, CALM, 9.0), "hover") for i in range(3)]
+    lively = [_with_flight(draw_world(6, i, CALM, 9.0), "lively") for i in (1, 4)]
+    spun = _with_flight(draw_world(5, 2, CALM, 9.0), "lively")
     spun = dataclasses.replace(spun, vehicle=dataclasses.replace(spun.vehicle, Jr=1e-5))
     worlds = [_quiet(world) for world in (*hovers, *lively, spun)]
     return list(zip(worlds, fly(worlds), strict=True))
@@ -74,7 +74,7 @@ def test_rotors_carry_the_weight_and_rest_reads_one_g(
         assert (record.airborne[:1000] == 0).all()
         assert record.accel[:1000] == pytest.approx(np.tile([0, 0, GRAVITY], (1000, 1)), abs=1e-5)
         thrust = (record.speed[6000:] ** 2 @ world.vehicle.kt) * record.up[6000:]
-        climbed = (record.velocity[-1, 2] - record.velocity[6000, 2]) / (10.0 * GRAVITY)
+        climbed = (record.velocity[-1, 2] - record.velocity[6000, 2]) / (3.0 * GRAVITY)
         ratio = thrust.mean() / (world.vehicle.mass * GRAVITY) - climbed
         assert ratio == pytest.approx(1.0, abs=1e-3)
 
@@ -125,7 +125,7 @@ def test_a_world_is_the_same_alone_and_in_a_batch(tmp_path: Path) -> None:
 def test_a_longer_flight_next_to_it_changes_no_world() -> None:
     """Ground, wall and sag follow its own flight."""
     chance = chances(("ground_effect=1", "wall=1", "sag=1"))
-    short, long = draw_world(7, 1, chance, 3.0), draw_world(7, 2, chance, 5.0)
+    short, long = draw_world(7, 1, chance, 3.0), draw_world(7, 2, chance, 4.0)
     beside, alone = fly([short, long])[0], fly([short])[0]
     for name, values in table(short, alone).items():
         assert np.allclose(values, table(short, beside)[name], rtol=1e-4, atol=1e-3), name
@@ -158,16 +158,16 @@ def test_causes_are_hazards() -> None:
 
 
 def test_a_slice_of_worlds_goes_through() -> None:
-    rows = list(rows_of(SLICE, range(40)))
-    assert [row["index"] for row in rows] == list(range(40))
+    rows = list(rows_of(SLICE, range(16)))
+    assert [row["index"] for row in rows] == list(range(16))
     for row in rows:
         assert "traceback" not in row, row["traceback"]
         assert row.get("lost") or "refused" in row or row["numbers"]
         for value, half, _ in row.get("numbers", {}).values():
             assert math.isfinite(value) and math.isfinite(half) and half >= 0.0
-    assert sum(bool(row.get("lost")) for row in rows) <= 8
+    assert sum(bool(row.get("lost")) for row in rows) <= 3
     lines = report(json.loads(json.dumps(rows)), rows)
-    assert lines[0].startswith("now: 40 worlds")
+    assert lines[0].startswith("now: 16 worlds")
     assert any("--only" in line for line in lines) or not any(
         kind_of(row) == "sound" for row in rows
     )
