@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import hypothesis
+import jaxtyping
 import pytest
 from threadpoolctl import threadpool_limits
 
@@ -24,6 +25,22 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("timeless")
 
 MOST_WORKERS = 8  # of 0.6 GB at most
+
+TYPED = (
+    "estimation",
+    "fit",
+    "flight",
+    "identification",
+    "model",
+    "results/test_samples.py",
+    "test_first_calls.py",
+    "tools/fleet/test_random_effects.py",
+)
+"""Folders and files whose tests check types and shapes where `--jaxtyping-packages` is given.
+
+Other tests pass stand-ins for typed arguments; `CALLS=all` checks them nevertheless.
+"""
+jaxtyping.config.update("jaxtyping_disable", True)  # until the first of them begins
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
@@ -49,8 +66,11 @@ def flight_data_dir() -> Path:
     return folder
 
 
-def pytest_runtest_setup() -> None:
+def pytest_runtest_setup(item: pytest.Item) -> None:
     first_calls.check_all_again()
+    here = Path(__file__).parent
+    typed = any(item.path.is_relative_to(here / tested) for tested in TYPED)
+    jaxtyping.config.update("jaxtyping_disable", not (typed or first_calls.ALL_CALLS))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -14,7 +14,10 @@ from collections.abc import Callable
 
 from beartype import beartype
 
-CALLS = float("inf") if os.environ.get("CALLS") == "all" else 20
+ALL_CALLS = os.environ.get("CALLS") == "all"
+"""Whether every call is checked, in every test."""
+
+CALLS = float("inf") if ALL_CALLS else 20
 """Two for each call: of the arguments, and of what is returned."""
 
 _counts: Counter[tuple[str, str]] = Counter()
@@ -45,6 +48,8 @@ def checked(function: Callable[..., object]) -> Callable[..., object]:
 def import_types_alone(module: str) -> None:
     """Import what a module imports for its annotations alone, so that these can be resolved."""
     owner = sys.modules[module]
+    if "__getattr__" in vars(owner):
+        return  # it makes these names itself, in a way that such an import would hide
     for node in ast.parse(inspect.getsource(owner)).body:
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             exec(compile(ast.Module(node.body, []), module, "exec"), vars(owner))
