@@ -1,13 +1,14 @@
 """Simulations that depend on their arguments alone, done once for equal ones.
 
-A conftest that imports `shared_manoeuvres` has them for all tests of its folder.
+A conftest that imports `shared_manoeuvres` or `shared_experiments` has them for all tests of its
+folder.
 """
 
 import copy
 import functools
 import hashlib
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -40,3 +41,23 @@ def shared_manoeuvres(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fly each manoeuvre of each vehicle once for all tests."""
     shared = manoeuvres_flown_once()
     monkeypatch.setattr("rotorfit.tools.planning.bound.simulate_calm_flights", shared)
+
+
+@functools.cache
+def experiments_flown_once() -> Callable[..., Any]:
+    """Return the simulator of an experiment's flights; it keeps what it flew."""
+    from rotorfit.simulation import experiment_files
+
+    return answer_once(experiment_files.fly)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def shared_experiments() -> Iterator[None]:
+    """Fly each flight of each experiment once for all tests; `tests/simulation` flies them again.
+
+    For fixtures of a module, too.
+    """
+    shared = experiments_flown_once()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rotorfit.simulation.experiment_files.fly", shared)
+        yield

@@ -7,10 +7,15 @@ are those of the README and the examples of ``--help``.
 """
 
 import ast
+import contextlib
+import functools
+import io
 import os
 import re
 import shlex
 import shutil
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
@@ -44,6 +49,22 @@ def blocks_of(page: Path, kind: str) -> list[Block]:
     return [block for block in blocks if block.kind == kind]
 
 
+class Typed(NamedTuple):
+    """A command that was typed, how it ended, and what it printed."""
+
+    line: str
+    code: int
+    out: str
+    err: str
+
+
+class Ran(NamedTuple):
+    """The commands of a page, and the folder in which they ran."""
+
+    folder: Path
+    typed: list[Typed]
+
+
 PAGES = sorted(DOCS.rglob("*.md"))
 WITH_TUTORIAL = DOCS / "export.md"  # the tutorial's result is the one that it speaks of
 WITH_COMMANDS = [page for page in PAGES if blocks_of(page, "sh") and page != WITH_TUTORIAL]
@@ -66,20 +87,34 @@ def flown(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.fixture
-def here(flown, tmp_path, monkeypatch) -> Path:
-    shutil.copytree(flown, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+@pytest.fixture(scope="module")
+def run_page(flown, tmp_path_factory) -> Callable[[Path], Ran]:
+    """Run the commands of a page once, in a folder that holds what the pages name."""
+
+    @functools.cache
+    def run(page: Path) -> Ran:
+        here = tmp_path_factory.mktemp(page.stem)
+        shutil.copytree(flown, here, dirs_exist_ok=True)
+        lines = commands_of(page)
+        if page.stem == "tutorial":
+            lines += commands_of(WITH_TUTORIAL)
+        if any("-o result.json" in line for line in lines):
+            (here / "result.json").unlink()  # this page makes its own
+        with contextlib.chdir(here):
+            return Ran(here, [typed(line) for line in lines])
+
+    return run
 
 
-def typed(line: str) -> int:
-    """Run one command as the shell would, in this process; return its exit code."""
+def typed(line: str) -> Typed:
+    """Run one command as the shell would, in this process."""
     name, *arguments = [os.path.expandvars(word) for word in shlex.split(line, comments=True)]
     assert name == "rotorfit", f"{line!r} is not run by the tests: mark its block"
-    with pytest.raises(SystemExit) as ended:
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
         main(arguments)
-    return ended.value.code if isinstance(ended.value.code, int) else 0
+    code = ended.value.code if isinstance(ended.value.code, int) else 0
+    return Typed(line, code, out.getvalue(), err.getvalue())
 
 
 def lines_of(block: Block) -> list[str]:
@@ -99,19 +134,12 @@ def commands_of(page: Path) -> list[str]:
         for page in WITH_COMMANDS
     ],
 )
-def test_commands(page, here, capsys):
-    lines = commands_of(page)
-    if page.stem == "tutorial":
-        lines += commands_of(WITH_TUTORIAL)
-    if not lines:
+def test_commands(page, run_page):
+    if not commands_of(page):
         pytest.skip("; ".join(block.why or "" for block in blocks_of(page, "sh")))
-    if any("-o result.json" in line for line in lines):
-        (here / "result.json").unlink()  # this page makes its own
-    for line in lines:
-        code = typed(line)
-        printed = capsys.readouterr()
-        assert code == 0, f"{line}\n{printed.err}"
-        assert printed.out.strip(), f"{line} printed nothing"
+    for ended in run_page(page).typed:
+        assert ended.code == 0, f"{ended.line}\n{ended.err}"
+        assert ended.out.strip(), f"{ended.line} printed nothing"
 
 
 README = DOCS.parent / "README.md"
@@ -191,12 +219,9 @@ def test_the_lines_of_python(tmp_path, monkeypatch, capsys, request):
     assert sum(not isinstance(line, ast.Import | ast.ImportFrom) for line in statements) == 10
 
 
-def test_the_tutorial_quotes_its_own_result(tmp_path, monkeypatch, request):
-    monkeypatch.chdir(tmp_path)
-    for line in commands_of(DOCS / "tutorial.md"):
-        if "simulate" in line or "identify" in line:
-            assert typed(line.replace(" --report report.html", "")) == 0
-    kd = rotorfit.IdentificationResult.load(tmp_path / "result.json").parameter("kd")
+def test_the_tutorial_quotes_its_own_result(run_page, request):
+    result = run_page(DOCS / "tutorial.md").folder / "result.json"
+    kd = rotorfit.IdentificationResult.load(result).parameter("kd")
     assert kd.value is not None and kd.interval is not None
     low, high = (f"{end:.2e}".replace("e-0", "e-") for end in kd.interval)
     number, verdict = with_interval(kd.value, kd.interval), str(kd.verdict)

@@ -1,5 +1,6 @@
 """Simulated experiments: the same seed the same bytes, and what flew is found in the files."""
 
+import functools
 import json
 import tomllib
 import warnings
@@ -11,7 +12,12 @@ from rotorfit.errors import ExperimentError, FlightWarning
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.identification import identify
 from rotorfit.logs.table import read_table
-from rotorfit.simulation.experiment_files import experiment_files, file_names
+from rotorfit.simulation.experiment_files import (
+    experiment_files,
+    experiment_text,
+    file_names,
+    table_text,
+)
 from rotorfit.simulation.experiments import (
     LAW,
     battery_volts,
@@ -51,6 +57,12 @@ def folder_of(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def result_of(folder_of):
+    """Identify each experiment as its file says, once."""
+    return functools.cache(lambda scenario, variant: identified(folder_of(scenario, variant)))
+
+
 def identified(folder, **settings):
     experiment = load_experiment(folder / "experiment.toml")
     identification = experiment.identification.model_copy(update=settings)
@@ -82,14 +94,14 @@ def test_same_seed_same_bytes():
     files = experiment_files(plan)
     assert files == experiment_files(again)
     assert list(files) == file_names(plan) == ["A1.csv", "A2.csv", "experiment.toml", "truth.json"]
-    assert files["A1.csv"] != experiment_files(other)["A1.csv"]
+    assert files["A1.csv"] != table_text(other, fly(other, planned_flights(other)[0]))
     assert files["A1.csv"] != files["A2.csv"]
+    assert files["experiment.toml"] == experiment_text(plan)
 
 
 @pytest.mark.parametrize(("scenario", "variant"), MATRIX)
-def test_every_scenario_and_variant_identifies(folder_of, scenario, variant):
-    folder = folder_of(scenario, variant)
-    result = identified(folder)
+def test_every_scenario_and_variant_identifies(folder_of, result_of, scenario, variant):
+    folder, result = folder_of(scenario, variant), result_of(scenario, variant)
     found = errors(result, folder, ("kt", "Ixx_com", "Iyy_com"))
     configurations = 1 if scenario in ("single", "hexa") else 2
     assert len(found) == 1 + 2 * configurations
@@ -133,9 +145,9 @@ def test_paper_preset_as_printed(folder_of, variant):
     assert {p.name for p in result.parameters if p.verdict == "removed"} >= {"Ixy", "Ixz", "Iyz"}
 
 
-def test_truth_is_read_by_nobody(folder_of):
+def test_truth_is_read_by_nobody(folder_of, result_of):
     folder = folder_of("single", "noisy")
-    before = identified(folder).to_json()
+    before = result_of("single", "noisy").to_json()
     hidden = folder / "truth.json"
     text = hidden.read_text()
     hidden.unlink()
@@ -218,8 +230,9 @@ def test_battery_sags_in_the_log_of_real_flights(folder_of):
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_experiment_states_what_its_log_needs(folder_of, variant):
-    text = tomllib.loads((folder_of("single", variant) / "experiment.toml").read_text())
+def test_experiment_states_what_its_log_needs(variant):
+    plan = plan_experiment("single", variant, seed=3, seconds=20.0)
+    text = tomllib.loads(experiment_text(plan))
     motors = text["motors"]
     assert motors["speed"] == ("measured" if variant == "real" else "commanded")
     if variant != "real":
