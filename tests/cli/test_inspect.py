@@ -1,13 +1,16 @@
 """inspect is a doctor: trouble in a readable log is told with exit code 0, an unusable log 1."""
 
+import contextlib
+import io
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from blackbox_file import blackbox_of
-from command_line import Columns, without
+from command_line import AIRFRAME, Columns, called, without
 
 from rotorfit.simulation import (
     STILL,
@@ -22,6 +25,18 @@ from rotorfit.simulation import (
 @pytest.fixture(scope="module")
 def blackbox(columns) -> bytes:
     return blackbox_of({name: values[::4] for name, values in columns.items()})
+
+
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory, table_text) -> dict[str, Any]:
+    """The report about flight.csv with its airframe."""
+    folder, printed = tmp_path_factory.mktemp("judged"), io.StringIO()
+    (folder / "flight.csv").write_text(table_text)
+    (folder / "airframe.toml").write_text(AIRFRAME)
+    with contextlib.chdir(folder), contextlib.redirect_stdout(printed):
+        assert called("inspect", "flight.csv", "--airframe", "airframe.toml", "--json") == 0
+    [report] = json.loads(printed.getvalue())
+    return report
 
 
 def test_a_good_log(run, here, assert_wording):
@@ -203,9 +218,8 @@ def test_faults_are_named_with_an_airframe(run, changed, here, name):
     assert any(words in trouble for trouble in report["trouble"]), report["trouble"]
 
 
-def test_an_airframe_gives_verdicts(run, here):
-    [report] = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json").json
-    [found] = [words for words in report["verdicts"] if ": identified: " in words]
+def test_an_airframe_gives_verdicts(judged):
+    [found] = [words for words in judged["verdicts"] if ": identified: " in words]
     assert found.startswith("with airframe.toml: identified: kt")
 
 
@@ -318,11 +332,10 @@ def test_the_scale_of_the_accelerometer_without_an_airframe(run, changed, assert
     assert report["gravity"]["in_flight"] == pytest.approx(1.07, abs=0.04)
 
 
-def test_what_needs_an_airframe_is_said_in_one_line(run, here):
+def test_what_needs_an_airframe_is_said_in_one_line(run, here, judged):
     text = " ".join(run("inspect", "flight.csv").out.split())
     assert text.count("rotorfit airframe flight.csv") == 1
-    [report] = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json").json
-    assert report["not_judged"] == []
+    assert judged["not_judged"] == []
 
 
 def in_pieces(columns: Columns) -> Columns:
@@ -366,10 +379,9 @@ def test_an_experiment_file_names_the_columns(run, changed, here, assert_wording
     assert_wording(seen.out)
 
 
-def test_an_airframe_file_next_to_a_log_is_its_airframe(run, here):
-    as_option = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json")
-    assert any(": identified: " in words for words in as_option.json[0]["verdicts"])
-    assert run("inspect", "airframe.toml", "flight.csv", "--json").json == as_option.json
+def test_an_airframe_file_next_to_a_log_is_its_airframe(run, here, judged):
+    assert any(": identified: " in words for words in judged["verdicts"])
+    assert run("inspect", "airframe.toml", "flight.csv", "--json").json == [judged]
 
 
 def test_an_airframe_file_is_no_log(refused, here, assert_wording):

@@ -80,10 +80,10 @@ def thrust_to_weight(result):
 
 def test_any_expo_gives_the_same_thrust(flown):
     name = "public-faults/fail-law-assumed-expo065.bin"
-    found = [thrust_to_weight(flown(name, QUAD, 1.5, expo=expo)) for expo in (0.65, 0.4, 0.2)]
+    found = [thrust_to_weight(flown(name, QUAD, 1.5, expo=expo)) for expo in (0.65, 0.2)]
     assert max(low for low, _ in found) < min(high for _, high in found)
     middles = [0.5 * (low + high) for low, high in found]
-    assert max(middles) / min(middles) < 1.15  # 3.53, 2.91 and 2.55 where the setting is believed
+    assert max(middles) / min(middles) < 1.15  # 3.53 and 2.55 where the setting is believed
 
 
 @pytest.mark.parametrize("expo", [0.35, 0.95])
