@@ -26,21 +26,7 @@ hypothesis.settings.load_profile("timeless")
 
 MOST_WORKERS = 8  # of 0.6 GB at most
 
-TYPED = (
-    "estimation",
-    "fit",
-    "flight",
-    "identification",
-    "model",
-    "results/test_samples.py",
-    "test_first_calls.py",
-    "tools/fleet/test_random_effects.py",
-)
-"""Folders and files whose tests check types and shapes where `--jaxtyping-packages` is given.
-
-Other tests pass stand-ins for typed arguments; `CALLS=all` checks them nevertheless.
-"""
-jaxtyping.config.update("jaxtyping_disable", True)  # until the first of them begins
+jaxtyping.config.update("jaxtyping_disable", True)  # until the first of first_calls.TYPED begins
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
@@ -68,9 +54,7 @@ def flight_data_dir() -> Path:
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     first_calls.check_all_again()
-    here = Path(__file__).parent
-    typed = any(item.path.is_relative_to(here / tested) for tested in TYPED)
-    jaxtyping.config.update("jaxtyping_disable", not (typed or first_calls.ALL_CALLS))
+    jaxtyping.config.update("jaxtyping_disable", not first_calls.is_typed(item.path))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

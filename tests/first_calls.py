@@ -11,6 +11,7 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 
 from beartype import beartype
 
@@ -20,8 +21,44 @@ ALL_CALLS = os.environ.get("CALLS") == "all"
 CALLS = float("inf") if ALL_CALLS else 20
 """Two for each call: of the arguments, and of what is returned."""
 
+TYPED = (
+    "estimation",
+    "fit",
+    "flight",
+    "identification",
+    "model",
+    "results/test_samples.py",
+    "test_first_calls.py",
+    "tools/fleet/test_random_effects.py",
+)
+"""Folders and files whose tests check types and shapes where `--jaxtyping-packages` is given.
+
+Other tests pass stand-ins for typed arguments; `CALLS=all` checks them nevertheless.
+"""
+UNTYPED = (
+    "fit/experiment",
+    "fit/motor_law",
+    "fit/test_inertia_uncertainty.py",
+    "fit/test_other_settings.py",
+    "fit/test_rotor_groups.py",
+    "fit/test_term_choice.py",
+    "fit/test_timing_search.py",
+    "fit/test_unequal_flights.py",
+    "flight/test_align.py",
+)
+"""Of these, what takes longest to check; others that are checked call the same functions."""
+
 _counts: Counter[tuple[str, str]] = Counter()
 _left_out: list[Callable[..., object]] = []
+
+
+def is_typed(path: Path) -> bool:
+    """Return whether the tests of a file check types and shapes."""
+    within, left_out = (
+        any(path.is_relative_to(Path(__file__).parent / one) for one in some)
+        for some in (TYPED, UNTYPED)
+    )
+    return ALL_CALLS or (within and not left_out)
 
 
 def checked(function: Callable[..., object]) -> Callable[..., object]:

@@ -1,5 +1,7 @@
 """Shapes are checked at a function's first calls in each test."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from jaxtyping import TypeCheckError
@@ -40,3 +42,12 @@ def test_methods_are_left_out_too():
         made.theta(np.zeros(1))
     left = getattr(ParameterMap.theta.__wrapped__, "__no_type_check__", False)
     assert left == np.isfinite(first_calls.CALLS)
+
+
+def test_what_is_typed_and_what_is_not_is_there():
+    tests = Path(__file__).parent
+    assert all((tests / one).exists() for one in (*first_calls.TYPED, *first_calls.UNTYPED))
+    assert first_calls.is_typed(tests / "model" / "test_regressor.py")
+    if not first_calls.ALL_CALLS:
+        assert not first_calls.is_typed(tests / "fit" / "motor_law" / "test_command_law.py")
+        assert not first_calls.is_typed(tests / "report" / "test_text.py")
