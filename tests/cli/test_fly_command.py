@@ -79,7 +79,7 @@ def test_json_page_and_figures(run, there):
     # Twice the inertia, and the replay of this very flight says so.
     assert end["rms"]["bench"]["roll"] > 1.5 * end["rms"]["identified"]["roll"]
     assert end["identified_over"]["bench"]["roll"] < 0.67
-    assert end["rms"]["identified"]["roll"] < end["rms"]["rate held"]["roll"]
+    assert end["rms"]["identified"]["roll"] < end["rms"]["constant rate"]["roll"]
     assert end["band"]["roll"] > 0.0
     assert told["draws"] == fly.DRAWS
     assert told["flights"][0]["flight"] == "flight.csv"

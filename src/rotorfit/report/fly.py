@@ -56,7 +56,7 @@ WIDTH = 80
 BAND = "95 % interval"
 EVEN = 0.05
 """Errors that differ by less count as equal."""
-FORCE_HELD = "taken as constant"
+FORCE_HELD = "constant force"
 
 
 def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
@@ -132,7 +132,7 @@ def headline(outcome: FlyOutcome) -> str:
 
 
 def rate_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
-    """Tabulate the errors of the rates: each label, then the rate held, then the band."""
+    """Tabulate the errors of the rates: each label, then constant rates, then the band."""
     times = reported_times(outcome)
     rows = [
         (label, [x for t in times for x in rate_errors(outcome, label, t).tolist()])
@@ -144,7 +144,7 @@ def rate_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
 
 
 def force_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
-    """Tabulate the errors of the specific force: each label, then the first value kept."""
+    """Tabulate the errors of the specific force: each label, then that of a constant force."""
     rows = [(label, force_errors(outcome.replays, label).tolist()) for label in outcome.labels]
     return [*rows, (FORCE_HELD, force_errors(outcome.replays, HOLD).tolist())]
 
@@ -176,7 +176,7 @@ def meaning(outcome: FlyOutcome) -> list[str]:
     if worse:
         words.append(
             f"{listed(worse)}: after {end:.2g} s without feedback the model is worse than "
-            "rates held: correct it by the gyro within the time above, as an autopilot does"
+            "constant rates: correct it by the gyro within the time above, as an autopilot does"
         )
     words += error_sentences(outcome.replays)
     trim = [axis for axis, share in zip(AXES, steady, strict=True) if share > STEADY]

@@ -105,7 +105,7 @@ def compared(**errors):
 
 
 def test_wrench_and_replay_make_one_judgement(assert_text):
-    """Roll good in both, pitch worse than rates held, yaw with half of its moment left."""
+    """Roll good in both, pitch worse than constant rates, yaw with half of its moment left."""
     made = replace(
         outcome(growing).replays[0], comparison=compared(Fz=0.02, Mx=0.1, My=0.2, Mz=0.5)
     )

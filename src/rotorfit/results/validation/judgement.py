@@ -60,8 +60,8 @@ class AxisJudgement:
     - `level`: ``good``; ``with-feedback``: slow moments are right, rates without feedback are soon
       worse than constant ones; ``rough``; ``nothing``: the error is as large as what is predicted.
     - `wrench_error`: force or moment below 3 Hz that the rotors leave, over theirs; None: unknown.
-    - `over_held`: error of the rates at the end of a window over that of rates held; None without a
-      replay.
+    - `over_held`: error of the rates at the end of a window over that of constant rates; None
+      without a replay.
     - `right_for`: how long the rates stay within `GOOD_SHARE` of what was flown [s].
     """
 
@@ -78,7 +78,8 @@ class AxisJudgement:
             return f"right for {self.right_for:.2g} s"
         if self.wrench_error is not None:
             return f"error {short(100.0 * self.wrench_error)} %"
-        return "" if self.over_held is None else f"{self.over_held:.2g} times a rate held"
+        held = self.over_held
+        return "" if held is None else f"error {held:.2g} times that of a constant rate"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +150,7 @@ def _explain_level(level: Level, worst: AxisJudgement) -> str:
     if worst.wrench_error is None:
         return (
             f"the {worst.axis} rate decides, with an error {worst.over_held or 0.0:.2g} times that "
-            "of a rate taken as constant"
+            "of a constant rate"
         )
     return f"the {what} decides, with an error of {short(100.0 * worst.wrench_error)} %; {good}"
 
@@ -327,7 +328,7 @@ def horizon(replays: Sequence[Replay], share: float) -> Float[np.ndarray, " 3"]:
 
 
 def identified_over_held(replays: Sequence[Replay]) -> Float[np.ndarray, " 3"]:
-    """Compute the error of the rates at the end of a window over that of rates held, per axis."""
+    """Compute the error of the rates after a window over that of constant rates, per axis."""
     held = np.maximum(error_growth(replays, HOLD)[-1], np.finfo(float).tiny)
     return error_growth(replays, IDENTIFIED)[-1] / held
 

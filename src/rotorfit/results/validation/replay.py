@@ -66,7 +66,7 @@ SMOOTH: Final = 30.0
 """Low-pass of what was flown [Hz]."""
 BLOCK: Final = 0.05
 """Accelerations are compared in means over this time [s], without most of the vibration."""
-HOLD: Final = "rate held"
+HOLD: Final = "constant rate"
 IDENTIFIED: Final = "identified"
 NORMAL_95: Final = 1.96
 
