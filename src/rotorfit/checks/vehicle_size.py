@@ -70,16 +70,17 @@ def impossible_rotors(dataset: Dataset, numbers: Numbers) -> str | None:
     """Explain a load that no rotors fitting between one another can carry; None if they can."""
     R, vehicle = largest_radius(dataset.vehicle), dataset.vehicle
     heaviest, loading = _find_heaviest(dataset)
-    fit = f"with rotors of {1e3 * R:.0f} mm radius, the largest that fit between one another,"
+    if loading > HEAVIEST:
+        return (
+            f"rotors that fit on this frame ({1e3 * R:.0f} mm radius at most) cannot lift "
+            f"{heaviest:g} kg, {loading:.0f} N per square metre where 10 to 170 is usual: the mass "
+            f"is too large, or the rotors' distances are too small (arm {vehicle.arm:.3g} m)"
+        )
+    fit = f"with the largest rotors that fit on this frame ({1e3 * R:.0f} mm radius),"
     remedy = (
         f"the mass ({heaviest:g} kg) is too large, the rotors' distances are too small "
         f"(arm {vehicle.arm:.3g} m), or rotor speed has another scale (poles)"
     )
-    if loading > HEAVIEST:
-        return (
-            f"no rotors that fit on this frame carry this mass: {fit} they would carry "
-            f"{loading:.0f} N per square metre, where multirotors carry 10 to 170: {remedy}"
-        )
     if dataset.motors.speed == "commanded" and dataset.motors.law_is_relative:
         return None if not dataset.speeds_commanded else _by_speed(numbers, R, fit, remedy)
     return _by_speed(numbers, R, fit, remedy)
@@ -99,9 +100,9 @@ def unusual_loading(dataset: Dataset) -> str | None:
     if loading < UNUSUAL_LOADING:
         return None
     return (
-        f"the largest rotors that fit between one another would carry {loading:.0f} N on each "
-        f"square metre, where multirotors have 10 to 170: weigh the vehicle again (mass "
-        f"{heaviest:g} kg), and measure the rotors' distances (arm {dataset.vehicle.arm:.3g} m)"
+        f"the largest rotors that fit on this frame would carry {loading:.0f} N per square metre, "
+        f"where 10 to 170 is usual: weigh the vehicle again (mass {heaviest:g} kg), and measure "
+        f"the rotors' distances (arm {dataset.vehicle.arm:.3g} m)"
     )
 
 
