@@ -8,6 +8,7 @@ slash for PlotJuggler's tree.
 """
 
 import datetime
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -111,6 +112,12 @@ ORIGINS: Final = {
 }
 SHA: Final = 12
 """Digits of a log's fingerprint that are shown."""
+DIGITS: Final = (
+    "Below, numbers have 12 digits so that rounding changes nothing; the intervals above say how "
+    "many of these are known."
+)
+MOST_DIGITS: Final = 6
+"""Digits of a number in the head of a file, at most."""
 DRAWN: Final = 1000
 """Vehicles drawn for the intervals of what is written: their ends are within 2 % of a width."""
 COUNT: Final = 100
@@ -339,6 +346,7 @@ def header_lines(
         ),
         "Numbers (95 % interval) in SI units, body axes FLU (x forward, y left, z up):",
         *(_number_line(number) for number in model.numbers),
+        DIGITS,
         *(f"To know: {warning}" for warning in result.warnings),
         *(f"Note: {note}" for note in model.notes),
     ]
@@ -352,12 +360,23 @@ def _one_line(line: str) -> str:
     return indent + "".join(letter if letter.isprintable() else "?" for letter in plain)
 
 
+def _worthwhile_digits(low: float, high: float) -> int:
+    """Return how many digits of an interval's ends give its half-width three digits."""
+    half, largest = 0.5 * (high - low), max(abs(low), abs(high))
+    if not half > 0.0:
+        return MOST_DIGITS
+    above = math.floor(math.log10(largest)) - math.floor(math.log10(half))
+    return min(max(above + 3, 1), MOST_DIGITS)
+
+
 def _number_line(number: Number) -> str:
-    interval = ""
+    interval, digits = "", MOST_DIGITS
     if number.interval is not None:
-        interval = f" ({number.interval[0]:.6g} to {number.interval[1]:.6g})"
+        low, high = number.interval
+        digits = _worthwhile_digits(low, high)
+        interval = f" ({low:.{digits}g} to {high:.{digits}g})"
     remark = "" if number.remark is None else f": {number.remark}"
     return (
-        f"  {number.name} = {number.value:.6g}{interval} {number.unit} "
+        f"  {number.name} = {number.value:.{digits}g}{interval} {number.unit} "
         f"[{ORIGINS[number.origin]}{remark}]"
     )
