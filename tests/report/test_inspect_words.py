@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from rotorfit.estimation.measured import Measured
 from rotorfit.report.log_report import (
     LogReport,
     flight_messages,
@@ -14,7 +15,13 @@ from rotorfit.tools.inspection.prospects import Commands, Excitation, Prospects,
 from rotorfit.tools.inspection.recording import ChannelReport
 
 THRUST = Thrust(
-    change=0.13, from_changes=6.6, from_weight=7.4, agree=True, width=0.02, followed=True
+    change=0.13,
+    from_changes=6.6,
+    from_weight=7.4,
+    agree=True,
+    width=0.02,
+    followed=True,
+    ratio=Measured(value=6.6 / 7.4, std=0.02),
 )
 YAW = Excitation(axis="yaw", turning=0.7, rho=137.0, width=0.02)
 ROLL = Excitation(axis="roll", turning=51.2, rho=4.0, width=0.4)
@@ -49,8 +56,8 @@ def said(thrust=THRUST, axis=YAW, *, commanded=False):
         (replace(THRUST, width=None), "kt cannot be found: too few changes of thrust"),
         (
             replace(THRUST, agree=False, width=0.15),
-            "can be found, but two estimates differ: by changes of thrust kt is 11 % lower than "
-            "by the weight; drag in climb and descent may be the cause",
+            "can be found, but two estimates differ: by changes of thrust kt is 10.8 +- 3.9 % "
+            "lower than by the weight; drag in climb and descent may be the cause",
         ),
         (
             replace(THRUST, width=0.3, law_full=0.25),

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Final
 
 from rotorfit.digits import with_half
+from rotorfit.estimation.measured import Measured
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.fit import Fit
@@ -52,16 +53,22 @@ def agreement(balance: Balance, motors: MotorsEntry) -> Finding:
     )
 
 
+def compare_with_weight(ratio: Measured) -> str:
+    """State how far a k_t is from that of the weight, by their ratio, with its 95 % interval."""
+    off, half = ratio.value - 1.0, 1.96 * ratio.std
+    return (
+        f"kt is {with_half(100 * abs(off), 100 * half)} % {'higher' if off > 0 else 'lower'} than "
+        "by the weight"
+    )
+
+
 def difference(balance: Balance, motors: MotorsEntry) -> str:
     """Explain that changes of thrust give another k_t than the weight."""
     changes, weight, kt = balance.changes, balance.weight, balance.kt
     assert changes is not None
-    ratio = changes.over(weight)
-    off, half = ratio.value - 1.0, 1.96 * ratio.std
     seen = (
-        f"by changes of thrust with the squared {_SPEED[motors.speed]} kt is "
-        f"{with_half(100 * abs(off), 100 * half)} % {'higher' if off > 0 else 'lower'} than by "
-        "the weight"
+        f"by changes of thrust with the squared {_SPEED[motors.speed]} "
+        f"{compare_with_weight(changes.over(weight))}"
     )
     cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"
     if motors.law is not None:

@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 from typing import Any, Final
 
 from rotorfit.checks.motors.motor_law import law_decides
+from rotorfit.checks.thrust_against_weight import compare_with_weight
 from rotorfit.checks.verdicts.judge import ratio_words
 from rotorfit.digits import short, with_half
 from rotorfit.fit.dataset.plausible_units import GravitySeen
@@ -269,16 +270,14 @@ def _thrust_message(found: Prospects) -> str:
             f"given, so full thrust is known to +-{100 * thrust.law_full:.0f} % only: "
             "give it under [motors], or log the rotor speed"
         )
-    if thrust.agree or thrust.from_weight is None:
+    if thrust.agree or thrust.ratio is None:
         sure = " well" if thrust.prospect == "well" else ": too few changes of thrust"
         return f"thrust changes by {change:.0f} %: {verdict}{sure}"
     why = "drag in climb and descent may be the cause, or the accelerometer's scale: calibrate it"
-    off = thrust.from_changes / thrust.from_weight - 1.0
     joined = "because" if thrust.prospect == "not" else "but"
     return (
         f"thrust changes by {change:.0f} %: {verdict}, {joined} two estimates differ: by changes "
-        f"of thrust kt is {100 * abs(off):.0f} % {'higher' if off > 0 else 'lower'} than by the "
-        f"weight; {why}"
+        f"of thrust {compare_with_weight(thrust.ratio)}; {why}"
     )
 
 

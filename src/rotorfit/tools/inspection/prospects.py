@@ -106,6 +106,8 @@ class Thrust:
         kt per kilogram by changes of thrust and by the weight; None without a long stretch.
     agree
         Whether the two agree within what an estimate allows.
+    ratio
+        Changes of thrust over the weight; None without a long stretch.
     width
         Expected half of the 95 % interval, over the value; None: unbounded.
     followed
@@ -125,6 +127,7 @@ class Thrust:
     followed: bool
     law_reach: float = 0.0
     law_full: float = 0.0
+    ratio: Measured | None = None
 
     @property
     def prospect(self) -> Prospect:
@@ -379,6 +382,7 @@ def _estimate_thrust(
         followed=followed or not commanded,
         law_reach=reach,
         law_full=full,
+        ratio=None if weighed is None else changes.over(weighed),
     )
 
 
