@@ -50,6 +50,11 @@ def test_missing_flight_of_an_experiment(message, here):
     assert "flight.csv: no such file" in message("identify", "experiment.toml")
 
 
+def test_an_airframe_in_place_of_a_log(message):
+    line = message("identify", "airframe.toml", "--mass", "1")
+    assert "rotorfit identify LOG --mass KG --airframe airframe.toml" in line
+
+
 def test_a_directory(message, here):
     (here / "folder.csv").mkdir()
     assert "is a directory" in message("identify", "folder.csv", *LOG[1:])

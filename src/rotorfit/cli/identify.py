@@ -167,15 +167,16 @@ def _with_next_step(result: IdentificationResult) -> IdentificationResult:
 
 def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment:
     """Load an experiment file; raise an error if options are given that belong to a single log."""
+    from rotorfit.fit.experiment.toml_files import read_toml
+
+    tables = read_toml(source)  # a missing or broken file is reported before heavy imports
+    is_airframe = "airframe" in tables and "configuration" not in tables  # `load` says so
     for option, value in log_options.items():
-        if value is not None:
+        if value is not None and not is_airframe:
             raise typer.BadParameter(
                 f"--{option} belongs to a log; {source.name} is an experiment file, "
                 "which says it itself"
             )
-    from rotorfit.fit.experiment.toml_files import read_toml
-
-    read_toml(source)  # a missing or broken file is reported before heavy imports
     load_modules(RECIPE)
     from rotorfit.fit.experiment.experiment import load_experiment
 
