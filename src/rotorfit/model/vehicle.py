@@ -9,6 +9,7 @@ configuration" (props in); Crazyflie 2 "Motor orientation"; Six et al. 2020, eq.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from typing import Final, Literal, get_args
 
 import numpy as np
@@ -199,12 +200,22 @@ def layout_rotors(layout: str, *, arm: float, order: str = "px4") -> tuple[Rotor
     """
     seats = LAYOUTS.get((layout, order))
     if seats is None:
-        known = ", ".join(f"{name} ({whose})" for name, whose in LAYOUTS)
         raise ExperimentError(
-            f"no layout {layout!r} in the motor order {order!r}; known: {known}; "
+            f"no layout {layout!r} in the motor order {order!r}{_known_layouts(layout, order)}; "
             "or list the rotors with position and spin"
         )
     return tuple(_layout_rotor(float(angle), spin, arm) for angle, spin in seats)
+
+
+def _known_layouts(layout: str, order: str) -> str:
+    """List the layouts of a motor order, after the one that may be meant by an unknown name."""
+    others = [whose for name, whose in LAYOUTS if name == layout]
+    if others:
+        return f"; known: {layout} in the order {', '.join(others)}"
+    names = list(dict.fromkeys(name for name, whose in LAYOUTS if whose == order))
+    names = names or list(dict.fromkeys(name for name, _ in LAYOUTS))
+    near = get_close_matches(layout, names, n=1)
+    return f"{f', did you mean {near[0]!r}?' if near else ';'} known: {', '.join(names)}"
 
 
 def spaced_rotors(

@@ -195,7 +195,7 @@ def test_wrong_settings_are_refused(tmp_path, key, words):
         ('layout = "quad-x"\narm = -0.2', "arm: should be greater than 0"),
         (
             'layout = "qad-x"\narm = 0.2',
-            "no layout 'qad-x' in the motor order 'px4'; known: quad-x",
+            "no layout 'qad-x' in the motor order 'px4', did you mean 'quad-x'? known: quad-x",
         ),
         ('layout = "hexa-x"\narm = 1\norder = "betaflight"', "or list the rotors with position"),
         (f'{LAYOUT}\norder = "pix4"', "should be 'px4', 'ardupilot', 'betaflight', 'crazyflie' or"),
