@@ -53,6 +53,11 @@ TLOG = (1_700_000_000_000_000).to_bytes(8, "big") + b"\xfd\x09\0\0\0\x01\x01\0\0
             b"Dear pilot,\nthe battery is charged, and the log is on the card.\n",
             "text without rows",
         ),
+        (
+            b"Notes, taken on the field at the house:\nit flew seven times in a row, 28 min, 3\n",
+            "text without rows",
+        ),
+        (b"\x89PNG\r\n\x1a\n", "an image, which rotorfit does not read: give a flight log$"),
     ],
 )
 def test_a_file_is_named_with_what_to_give(tmp_path, content, words):

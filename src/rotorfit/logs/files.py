@@ -3,6 +3,7 @@
 import hashlib
 import mmap
 import os
+import shlex
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -128,7 +129,8 @@ def read_head(path: Path, size: int) -> bytes:
         raise LogError(f"{path}: no such file: check the path") from error
     except IsADirectoryError as error:
         raise LogError(
-            f"{path}: is a directory, expected a log file: name the file in it"
+            f"{path}: is a directory, expected a log file: name the file in it, listed by rotorfit "
+            f"inspect {shlex.quote(str(path))}"
         ) from error
     except PermissionError as error:
         raise LogError(f"{path}: permission denied: make the file readable") from error

@@ -17,6 +17,8 @@ _EARLIEST, _LATEST = 1.1e15, 4.1e15
 """Times that a ground station stamps [us since 1970]: 2004 to 2099."""
 _LINES_OF_TEXT: Final = 60
 """Lines at the beginning of a text of which one must hold numbers, if it is to be a table."""
+_MOST_WORDS: Final = 6
+"""Words of a cell; the clauses of a sentence have more."""
 _LEAST_NUMBERS: Final = 0.25
 """Share of the words of a line without commas, tabs or the like that must be numbers."""
 
@@ -71,6 +73,8 @@ def _holds_numbers(line: str) -> bool:
     """Return whether a line may be a row of a table."""
     cells = [cell.strip().strip("\"'") for cell in _CELLS.split(line)]
     if len(cells) > 1:
+        if any(len(cell.split()) > _MOST_WORDS for cell in cells):
+            return False
         return any(map(_is_number, cells)) or not any(cells)
     words = line.split()
     return sum(map(_is_number, words)) >= max(1.0, _LEAST_NUMBERS * len(words))

@@ -116,8 +116,7 @@ def _recognised_format(path: Path) -> Format:
     own = own_kind(path)
     if own is not None:
         raise LogError(f"{path}: this is {own}; give a flight log in its place")
-    titles = ", ".join(form.title for form in FORMATS)
-    raise LogError(f"{path}: {_what_it_is(head)}; rotorfit reads {titles}")
+    raise LogError(f"{path}: {_what_it_is(head)}")
 
 
 def _format_of_folder(path: Path) -> Format | None:
@@ -129,9 +128,11 @@ def _what_it_is(head: bytes) -> str:
     for name, recognises in FOREIGN:
         if recognises(head):
             what, _, remedy = name.partition(": ")
-            advice = f": {remedy}" if remedy else ""
-            return f"looks like {what}, which rotorfit does not read (yet){advice}"
-    return f"unknown format (begins with {head[:8].hex(' ')})"
+            return (
+                f"looks like {what}, which rotorfit does not read: {remedy or 'give a flight log'}"
+            )
+    titles = ", ".join(form.title for form in FORMATS)
+    return f"unknown format (begins with {head[:8].hex(' ')}); rotorfit reads {titles}"
 
 
 def format_of(path: Path) -> Format | None:
