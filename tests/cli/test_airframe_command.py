@@ -15,9 +15,12 @@ from ulog_encoder import write_ulog
 import rotorfit
 from hand_made_logs import hover_thrust, motion_log
 from rotorfit.cli.airframe import _shown_by_flight as shown_by_flight
-from rotorfit.cli.airframe_text import listed_text
+from rotorfit.cli.airframe import _shown_by_names as shown_by_names
+from rotorfit.cli.airframe_text import listed_text, proposal_text
 from rotorfit.fit.experiment.airframe_table import AirframeEntry
 from rotorfit.fit.experiment.experiment import load_experiment
+from rotorfit.logs.formats import ReadOptions
+from rotorfit.logs.proposal import propose_columns
 from rotorfit.model.vehicle import layout_rotors, spaced_rotors
 from rotorfit.tools.inspection.flown_part import SPINS_UNSURE
 from rotorfit.tools.inspection.seen_airframe import seen_airframe
@@ -259,6 +262,34 @@ def test_an_unknown_table_is_mapped_once_and_read_ever_after(
     mapped, direct = ({p["name"]: p["value"] for p in r["parameters"]} for r in (own, plain))
     assert mapped["kt"] == pytest.approx(direct["kt"], rel=1e-3)
     assert mapped["Ixx"] == pytest.approx(direct["Ixx"], rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("names", "given", "shown"),
+    [
+        (("n_fr", "n_rl", "n_fl", "n_rr"), (None, None), ("quad-x", "px4")),
+        (("n_fr", "n_rl", "n_fl", "n_rr"), (None, "betaflight"), ("quad-x", "betaflight")),
+        (("m1", "m2", "m3", "m4"), (None, None), (None, None)),
+        (("n_fr", "n_rl", "n_fl", "m4"), (None, None), (None, None)),
+    ],
+)
+def test_columns_named_by_corners_answer_layout_and_order(unknown, names, given, shown):
+    """The names say which motor is where, so that nobody is asked for it."""
+    text = unknown.read_text()
+    for i, name in enumerate(names):
+        text = text.replace(f"esc{i}", name)
+    unknown.write_text(text)
+    proposal = propose_columns(unknown, units={"motors": "rpm"})
+    assert shown_by_names(ReadOptions(columns=proposal.columns), *given) == shown
+
+
+def test_long_names_of_columns_keep_their_ends(unknown):
+    text = unknown.read_text()
+    for axis in "xyz":
+        text = text.replace(f";a{axis};", f";/drone/imu/linear_acceleration/{axis};")
+    unknown.write_text(text)
+    shown = proposal_text(propose_columns(unknown, units={"motors": "rpm"}))
+    assert all(f"inear_acceleration/{axis}  g" in shown for axis in "xyz")
 
 
 def test_poses_and_motors_need_no_imu(run, flight_data_dir, tmp_path, monkeypatch, assert_wording):

@@ -187,6 +187,20 @@ def test_a_clock_that_may_be_slow_is_doubted(tmp_path):
     assert not any("too slow for a flight" in doubt for doubt in known.doubts)
 
 
+def test_a_motor_that_is_missing_between_others_is_named(tmp_path):
+    table = {name: values for name, values in FLIGHT.items() if name != "rotor_3"}
+    reasons = " ".join(propose_columns(written(tmp_path / "own.csv", table)).reasons)
+    assert "number 3 is missing between them" in reasons
+    whole = propose_columns(written(tmp_path / "whole.csv", FLIGHT)).reasons
+    assert "missing" not in " ".join(whole)
+
+
+def test_a_column_without_a_name_is_called_so(tmp_path):
+    table = {"": FLIGHT["time"], "a": FLIGHT["gyro_x"], "b": FLIGHT["gyro_y"]}
+    with pytest.raises(LogError, match=r"the table has \(a column without a name\), a, b: name"):
+        propose_columns(written(tmp_path / "own.csv", table))
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

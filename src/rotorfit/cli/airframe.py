@@ -133,6 +133,8 @@ def airframe(
 
     table = None if log is None else _table_of(log, column, unit, axes=axes, poles=poles)
     seen = SeenAirframe() if log is None else _seen_in(log, log_number, table)
+    if table is not None and not seen.borne_out:
+        layout, order = _shown_by_names(table, layout, order)
     given = (layout, order, spacing)
     if seen.rotors_table and given == (None, None, None):
         text = logged_text(seen.rotors_table, speed=speed or str(seen.speed))
@@ -293,6 +295,18 @@ def _shown_by_flight(seen: SeenAirframe) -> str:
         return f"{found}, but not the spins: yaw hardly moves"
     usual = "every one reversed, props out" if seen.turned else "as usual for that order"
     return f"{found} and the spins ({usual})"
+
+
+def _shown_by_names(
+    table: ReadOptions, layout: str | None, order: str | None
+) -> tuple[str | None, str | None]:
+    """Complete layout and order by the corners that a table's columns of motors name, if any."""
+    from rotorfit.logs.column_names import is_by_corner
+
+    motors = [spec for name, spec in (table.columns or {}).items() if name[-1].isdecimal()]
+    if len(motors) % 4 or not motors or not all(is_by_corner(spec.name) for spec in motors):
+        return layout, order
+    return layout or "quad-x", order or "px4"
 
 
 def _list_layouts(seen: SeenAirframe) -> list[str]:

@@ -9,6 +9,9 @@ if TYPE_CHECKING:
     from rotorfit.logs import ReadOptions
     from rotorfit.logs.proposal import Proposal
 
+NAME_WIDTH = 24
+"""Letters of a column's name that are shown."""
+
 
 def proposal_text(proposal: Proposal) -> str:
     """Write a proposal for people: three values a column, reasons, doubts."""
@@ -18,7 +21,7 @@ def proposal_text(proposal: Proposal) -> str:
     for name, spec in proposal.columns.items():
         scale = "" if spec.scale == 1 else f" x {spec.scale:.6g}"
         values = (f"{value:.{13 if name == 'time' else 6}g}" for value in proposal.preview[name])
-        rows.append((name, spec.name[:24], f"{unit_of(name, spec)}{scale}", *values))
+        rows.append((name, _short_name(spec.name), f"{unit_of(name, spec)}{scale}", *values))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]
     lines = ["proposed columns, with values as recorded:"]
     lines += [
@@ -28,10 +31,15 @@ def proposal_text(proposal: Proposal) -> str:
     lines += [f"  {words}" for words in proposal.reasons]
     lines += [f"  CHECK: {words}" for words in proposal.doubts]
     if proposal.unused:
-        shown = ", ".join(name[:24] for name in proposal.unused[:8])
+        shown = ", ".join(_short_name(name) for name in proposal.unused[:8])
         more = len(proposal.unused) - 8
         lines.append(f"  not used: {shown}{f' and {more} more' if more > 0 else ''}")
     return "\n".join(lines)
+
+
+def _short_name(name: str) -> str:
+    """Shorten a column's name for a table; its end, which tells it from others, stays."""
+    return name if len(name) <= NAME_WIDTH else f"..{name[2 - NAME_WIDTH :]}"
 
 
 def table_text(options: ReadOptions) -> str:

@@ -236,7 +236,7 @@ def _lacking_words(lacking: Sequence[str], candidates: Sequence[Candidate], sour
             "too few (x, y, z; three motors or more): record them, or name others with --column"
         )
     example = {"gyro": "gyro_x", "accel": "accel_x", "motors": "rotor_1"}[lacking[0]]
-    shown = ", ".join(name[:40] for name in source.names[:12])
+    shown = ", ".join(name[:40] or "(a column without a name)" for name in source.names[:12])
     more = f" and {len(source.names) - 12} more" if len(source.names) > 12 else ""
     return (
         f"no column for {what} by its name; the table has {shown}{more}: name each one, "

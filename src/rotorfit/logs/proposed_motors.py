@@ -76,7 +76,12 @@ def _used_columns(one: Candidate, numbers: Numbers) -> tuple[list[str], str]:
         "" if len(kept) == len(names) else f"; {len(names) - len(kept)} that never move left out"
     )
     if any(is_by_corner(name) for name in kept):
-        words += "; numbered by their corners as PX4 does: choose the order px4"
+        words += "; numbered by their corners as PX4 does: the motor order is px4"
+    numbers_of = sorted(one.by_index)
+    between = range(numbers_of[0], numbers_of[-1] + 1) if kept else range(0)
+    gone = [str(i) for i in between if i not in one.by_index]
+    if gone and len(kept) == len(names):
+        words += f"; number {' and '.join(gone)} is missing between them: record it, too"
     return kept, words
 
 

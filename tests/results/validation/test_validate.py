@@ -19,7 +19,6 @@ from rotorfit.results.validation.wrench_comparison import COMPONENTS, SHOWN
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
 
-
 QUICKER = ('method = "banded"', 'method = "tls"')
 """Another method, where the method is not the point."""
 PLACES = (("A1", "a/fit"), ("A2", "a/kept"), ("B1", "b/fit"), ("B2", "b/kept"))
