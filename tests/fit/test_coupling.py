@@ -1,6 +1,7 @@
 """A body whose axes do not act on one another is told from a rigid one."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ from rotorfit.checks.coupling import ADVICE, REASON, absent_coupling
 from rotorfit.checks.impossible_inertia import impossible_inertia
 from rotorfit.checks.weak_directions import weak_directions
 from rotorfit.fit.coupling import drop_absent_coupling, without_coupling
+from rotorfit.fit.dataset.dataset import with_flights
 from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.flight.flight_data import FlightData
+from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import inertia_matrix
 from rotorfit.model.regressor import regressor
 
@@ -75,9 +78,13 @@ def flown(inertia, *, coupled):
     return made_fit.dataset(flight, mass=MASS, motors=MotorsEntry(speed="measured", delay=0.0))
 
 
-def uncoupled(inertia, *, coupled):
+def uncoupled(inertia, *, coupled, simulator=None):
     """Return the fit of a body with its coupling, and after the step that may drop it."""
-    fit = fit_flights(flown(inertia, coupled=coupled), NOTHING)
+    flight = flown(inertia, coupled=coupled)
+    flight = with_flights(
+        flight, lambda one: replace(one, log=replace(one.log, simulator=simulator))
+    )
+    fit = fit_flights(flight, NOTHING)
     return fit, drop_absent_coupling(fit)
 
 
@@ -114,3 +121,12 @@ def test_a_rigid_body_keeps_its_coupling(inertia):
     assert list(absent_coupling(found)) == []
     if inertia is INERTIA:
         assert fit.numbers.number("Izz_com@A")[0] == pytest.approx(0.021, rel=0.05)
+
+
+@pytest.mark.parametrize(("simulator", "kinds"), [(None, []), (SITL, ["no-coupling"])])
+def test_in_a_simulator_without_coupling_no_gain_speaks_for_one(simulator, kinds):
+    """Izz below Iyy, which no multirotor has: there it is another error of the model."""
+    fit, found = uncoupled(np.diag([0.010, 0.021, 0.013]), coupled=True, simulator=simulator)
+    assert [one.kind for one in absent_coupling(found)] == kinds
+    lost = fit.estimate.log_likelihood - found.estimate.log_likelihood
+    assert lost == 0.0 if simulator is None else lost > 50.0

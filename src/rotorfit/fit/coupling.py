@@ -30,10 +30,6 @@ KNOWN_IZZ: Final = 0.5
 LEAST_GAIN: Final = 10.0
 """Gain of log-likelihood that flights must have without coupling: sound real logs lose
 more than that, or do not show I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 900."""
-LEAST_GAIN_SIMULATED: Final = -50.0
-"""The same of a program whose own frames have none: coupling must show itself there as any other
-term must. With I_xx = I_yy a body with I_zz the same is about as likely: one such flight gains 4
-or loses 30, by how its rows count."""
 LEFT_SCALE: Final = (0.05, 0.01)
 """k_d and its deviation, as shares of what it is with coupling. Without it nothing fixes the scale
 of yaw; with a small one the rotors' gyroscopic torque vanishes from roll and pitch, as it does in
@@ -43,14 +39,17 @@ _PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AbsentCoupling:
-    """Gain of log-likelihood without gyroscopic terms, and the least gain that drops them."""
+    """Gain of log-likelihood without gyroscopic terms, and the least gain that drops them, if any."""
 
     gain: float
-    least: float
+    least: float | None
 
 
 def drop_absent_coupling(fit: Fit) -> Fit:
     """Fit without gyroscopic terms where the flights show none, and withhold the scale of yaw.
+
+    In ArduPilot's simulator an I_zz that no multirotor has decides alone: its own frames have no
+    coupling, and what another error of the model gains by one (a wrong expo, say) has no limit.
 
     Wrong sides of the frame hide them, too: where a fit with others is likelier, and finds the
     I_zz of a multirotor, they are there. (Other sides alone can always make a ball of a body.)
@@ -71,11 +70,9 @@ def drop_absent_coupling(fit: Fit) -> Fit:
     except EstimationError:
         return fit
     gain = uncoupled.estimate.log_likelihood - estimate.log_likelihood
-    least = LEAST_GAIN_SIMULATED if simulated else LEAST_GAIN
-    if gain < least:
+    if not simulated and (gain < LEAST_GAIN or _hidden_by_sides(fit, uncoupled)):
         return fit
-    if not simulated and _hidden_by_sides(fit, uncoupled):
-        return fit
+    least = None if simulated else LEAST_GAIN
     names = uncoupled.numbers.names
     withheld = frozenset(n for n in names if n.partition("@")[0] in SCALED)
     uncoupled = dataclasses.replace(uncoupled, coupled=False, withheld=withheld)
