@@ -1,10 +1,14 @@
 """How thrust grows with the command, by hovers at different masses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import made_fit
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.motors.hovers_by_mass import exponent_share
+from rotorfit.fit.motors.law_from_flight import heaviest_hover
 
 
 def hovers(true, masses, std=0.01):
@@ -36,3 +40,12 @@ def test_one_speed_shows_nothing():
     speeds, kt = hovers(1.0, (1.0, 1.3))
     assert exponent_share(speeds[:1], kt[:1], 0.02) is None
     assert exponent_share([speeds[0], speeds[0]], kt, 0.02) is None
+
+
+@pytest.mark.parametrize(("mass_known", "speed"), [(True, 0.6), (False, (0.5 * 0.61) ** 0.5)])
+def test_the_law_is_open_from_the_heaviest_hover_on(mass_known, speed):
+    """Its weight tells what the command there makes; of unknown masses no hover tells it."""
+    light, heavy = (made_fit.dataset(made_fit.prepared(speed=u)) for u in (0.5, 0.6))
+    both = replace(light, configurations=(*light.configurations, *heavy.configurations))
+    assert heaviest_hover(both, mass_known=mass_known) == pytest.approx(speed)
+    assert heaviest_hover(light, mass_known=mass_known) == pytest.approx(0.5)

@@ -116,7 +116,8 @@ class FoundLaw:
 
     - `exponent`: of the speed over the command, or over the speed of the law that is given.
     - `flown`: the exponent by weight and changes of thrust alone; None if they show none.
-    - `hover`: rms speed of the flights before, over the `anchor`.
+    - `hover`: rms speed of the heaviest hover before, over the `anchor`: up to its thrust the weight
+      tells what a command makes.
     - `anchor`: speed that stays as it is, that at full command of relative speeds.
     - `given`: the law that is given; `setting`: its name in the log, of one that is stated.
     - `trial`: the last fit.
@@ -230,7 +231,7 @@ def find_law(fit: Fit) -> FoundLaw | None:
         return None
     trial = _try_power(fit, 1.0)
     flights = [f for c in dataset.configurations for f in c.flights]
-    hover = rms_speed([retimed(flight.prepared, dataset.timing) for flight in flights])
+    hover = heaviest_hover(dataset, mass_known=fit.mass_known)
     anchor = 1.0 if given is None else anchor_of(given, hover)
     logged = flights[0].log.motors
     return FoundLaw(
@@ -242,6 +243,21 @@ def find_law(fit: Fit) -> FoundLaw | None:
         setting="" if logged is None else logged.words,
         trial=trial,
     )
+
+
+def heaviest_hover(dataset: TimedDataset, *, mass_known: bool) -> float:
+    """Return the rms speed of the configuration that hovers on most thrust.
+
+    The weight gives the thrust of each, so that the law is open from the largest one on. Without
+    known masses it is the speed of all flights together.
+    """
+    flights = [
+        [retimed(flight.prepared, dataset.timing) for flight in configured.flights]
+        for configured in dataset.configurations
+    ]
+    if mass_known:
+        return max(rms_speed(own) for own in flights if own)
+    return rms_speed([one for own in flights for one in own])
 
 
 def anchor_of(law: LawEntry, hover: float) -> float:
