@@ -55,6 +55,8 @@ def test_rotors_turn_as_fast_as_their_mean_square_says():
         ("accel_bias_y@A", 0.5),
         ("accel_bias_z@A", 0.2),
         ("twist@A", np.radians(2.0) * 0.25),
+        ("Ixx@A", 10.0 * MASS * 0.25**2),
+        ("Iyz@A", 10.0 * MASS * 0.25**2),
         ("torque_offset_x@A", 0.05 * MASS * G * 0.25),
         ("drag_moment_yz@A", 0.3 * MASS * 0.25),
         ("turn_damping_x@A", 0.3 * MASS * 0.25**2),

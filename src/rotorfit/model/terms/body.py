@@ -19,6 +19,7 @@ from rotorfit.model.terms.term import (
     ParameterInfo,
     Rule,
     Significance,
+    Size,
     Term,
     block,
 )
@@ -29,6 +30,9 @@ ACCEL_BIAS_STD: Final = 0.2
 MOUNTING_STD: Final = 0.5
 """The same sideways, where 3 degrees between IMU and rotor plane look like a bias [m/s^2]."""
 BIAS_STD: Final = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
+BODY_STD: Final = 10.0
+"""Prior deviation of moments of inertia over mass and squared arm: a hundred times that of usual
+bodies (.1), which moves a moment that is known to 10 % by less than a millionth."""
 OFFSET_STD: Final = 0.05
 """Prior deviation of a constant torque, as a share of the weight at the end of an arm."""
 
@@ -91,6 +95,15 @@ def constant_wrench(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     return {name: block(layout, {(row, "one"): -1.0}) for row, name in enumerate(names)}
 
 
+def largest_inertia(size: Size) -> float:
+    """Return the prior deviation of moments and products of inertia [kg m^2].
+
+    Flights that hardly turn are likeliest with an endless inertia, which takes all numbers of the
+    turns with it, up to where rounding decides about k_t.
+    """
+    return BODY_STD * size.mass * size.arm**2
+
+
 def product_scale(one: float, other: float) -> float:
     """Return the size of a product of inertia that matters, by the moments about its two axes."""
     return float(np.sqrt(abs(one) * abs(other))) / 20.0
@@ -117,6 +130,7 @@ def _moment_parameter(name: str, motion: Motion, axis: str) -> ParameterInfo:
         "inertia at the body origin",
         title=f"{axis} inertia at the origin",
         motion=motion,
+        prior=largest_inertia,
         on_yaw_scale=name == "Izz",
     )
 
@@ -129,6 +143,7 @@ def _product_parameter(name: str, motion: Motion, relevant: Rule) -> ParameterIn
         title=f"Product of inertia {name[1:]} at the origin",
         motion=motion,
         relevant=relevant,
+        prior=largest_inertia,
     )
 
 
