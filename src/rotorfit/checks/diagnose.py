@@ -30,6 +30,7 @@ from rotorfit.checks.sensors import (
 )
 from rotorfit.checks.weak_directions import little_excitation, unknown_origin, weak_directions
 from rotorfit.findings import Finding
+from rotorfit.fit.dataset.channel_findings import name_resting_numbers
 from rotorfit.fit.fit import Fit
 
 Diagnostic = Callable[[Fit], Iterable[Finding]]
@@ -79,4 +80,5 @@ named in the `CHECKS` of that module."""
 
 def diagnose(fit: Fit) -> tuple[Finding, ...]:
     """Run every diagnostic on a fit; a contradicted declaration raises `FrameError`."""
-    return tuple(finding for diagnostic in DIAGNOSTICS for finding in diagnostic(fit))
+    found = (finding for diagnostic in DIAGNOSTICS for finding in diagnostic(fit))
+    return name_resting_numbers(found)

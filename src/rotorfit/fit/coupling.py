@@ -39,7 +39,7 @@ _PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AbsentCoupling:
-    """Gain of log-likelihood without gyroscopic terms, and the least one that drops them, if any."""
+    """Gain of log-likelihood without gyroscopic terms, and the least one to drop them, if any."""
 
     gain: float
     least: float | None

@@ -1,7 +1,8 @@
 """Name the numbers that rest on a channel of which the reader or the preparation complains.
 
-The rooms below the model know channels but no parameters; here each kind of their findings gets the
-numbers that it touches, and those that the channel makes wrong become doubtful.
+The rooms below the model know channels but no parameters. Here each kind of their findings, and of
+the checks' findings that name no number themselves, gets the numbers that it touches; those that
+the channel makes wrong become doubtful.
 """
 
 import dataclasses
@@ -68,8 +69,24 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     "fast-flight": RestsOn(numbers=BY_ROTORS),
     "on-the-ground": RestsOn(numbers=BY_ROTORS),
     "slow-rotors": RestsOn(numbers=BY_ROTORS),
+    "beyond-law": RestsOn(numbers=BY_ROTORS),
+    "falling-law": RestsOn(numbers=BY_ROTORS),
+    "speed-asked-for": RestsOn(numbers=BY_ROTORS),
+    "unclear-outputs": RestsOn(numbers=BY_ROTORS),
+    "other-units": RestsOn(numbers=BY_ROTORS),
+    "slow-log": RestsOn(numbers=BY_TURNS),
+    "sensor-saturated": RestsOn(numbers=BY_ROTORS),
+    "sensor-response": RestsOn(numbers=BY_ROTORS),
+    "accelerometer-against-gravity": RestsOn(numbers=BY_ROTORS),
+    "gyro-scale": RestsOn(numbers=BY_TURNS),
+    "residual-peak": RestsOn(numbers=BY_TURNS),
+    "rotor-changed": RestsOn(numbers=BY_ROTORS),
+    "hovers-differ": RestsOn(numbers=BY_THRUST),
+    "thrust-sags": RestsOn(numbers=BY_THRUST),
+    "force-by-height": RestsOn(numbers=BY_THRUST),
 }
-"""Every kind of finding that `flight/` and the screening make; a test compares the two."""
+"""Every kind of finding about a channel whose maker names no numbers; a test over all of the source
+compares the two."""
 
 CONTRADICTED: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "unlike", "stuck")
 """States of a measured speed that explain why a flight makes no sense."""

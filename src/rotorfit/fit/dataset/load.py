@@ -382,6 +382,7 @@ def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
             prepared = decimated(prepared, motor_model, top=EDGES[-1])
         prepared = prepared if tilt is None else levelled(prepared, tilt)
     stuck = find_motor_faults(motor_log, recorded.spans, prepared.findings) if motor_log else ()
+    log = dataclasses.replace(log, findings=name_resting_numbers(log.findings))
     every = name_resting_numbers((*prepared.findings, *stuck))
     prepared = dataclasses.replace(prepared, findings=every)
     return LoadedFlight(

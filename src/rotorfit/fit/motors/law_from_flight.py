@@ -116,8 +116,7 @@ class FoundLaw:
 
     - `exponent`: of the speed over the command, or over the speed of the law that is given.
     - `flown`: the exponent by weight and changes of thrust alone; None if they show none.
-    - `hover`: rms speed of the heaviest hover before, over the `anchor`: up to its thrust the weight
-      tells what a command makes.
+    - `hover`: rms speed of the heaviest hover before, over the `anchor`.
     - `anchor`: speed that stays as it is, that at full command of relative speeds.
     - `given`: the law that is given; `setting`: its name in the log, of one that is stated.
     - `trial`: the last fit.

@@ -1,8 +1,8 @@
 """The timing of the motors: lag, delay, and how far they are identifiable."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, Self
 
 from rotorfit.estimation.factors import Factors
 from rotorfit.flight.motors.motor_model import MotorResponse
@@ -115,6 +115,27 @@ class MotorTiming:
     def identifiable(self) -> bool:
         """Whether lag plus delay is known better than by its own size, or by motors' usual lag."""
         return is_time_identifiable(self.response.mean_lag + self.response.delay, self.total_std)
+
+    @property
+    def without_biases(self) -> dict[str, float] | None:
+        """Where its fit ended, without the accelerometer's biases.
+
+        A wrong law, or tilted axes, end in a bias of some m/s^2. A fit with the right ones that
+        begins there stays there, with thrust and inertia a third too small.
+        """
+        if self.reached is None:
+            return None
+        return {n: value for n, value in self.reached.items() if not n.startswith("accel_bias")}
+
+    def frees(self, names: Sequence[str]) -> bool:
+        """Return whether it has all of these times, or the delay of motors without lag."""
+        if set(names) <= set(self.free):
+            return True
+        return self.free == ("motor_delay",) and self.lag_std is not None and "motor_lag" in names
+
+    def with_lag_of(self, before: Self) -> Self:
+        """Return it with the lag's deviation of another one, where its delay alone is free."""
+        return replace(self, lag_std=before.lag_std) if self.lag_std is None else self
 
 
 def is_time_identifiable(value: float, std: float) -> bool:

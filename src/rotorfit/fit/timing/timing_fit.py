@@ -116,12 +116,13 @@ def find_timing(
     """
     unknown = tuple(name for name in dataset.unknown_times if lag or name != "lag")
     names = tuple(f"motor_{name}" for name in unknown)
-    if near is not None and _is_time_of_these(near, names):
+    if near is not None and near.frees(names):
         with suppress(EstimationError):
-            guess = _without_biases(near.reached)
-            found = fitted_timing(dataset, near.response, near.free, tuple(terms), guess=guess)
+            found = fitted_timing(
+                dataset, near.response, near.free, tuple(terms), guess=near.without_biases
+            )
             if found is not None:
-                return _keep_lack_of_lag(found, near)
+                return found.with_lag_of(near)
     start = coarse_timing(dataset, unknown) if unknown else None
     if start is None:
         return None
@@ -157,28 +158,7 @@ def timed_again(
         return dataset
     if again is None:
         return dataset
-    return replace(dataset, motor_timing=_keep_lack_of_lag(again, found))
-
-
-def _is_time_of_these(near: MotorTiming, names: Sequence[str]) -> bool:
-    """Return whether a timing has all the free times, or the delay of motors without lag."""
-    if set(names) <= set(near.free):
-        return True
-    return near.free == ("motor_delay",) and near.lag_std is not None and "motor_lag" in names
-
-
-def _without_biases(reached: Mapping[str, float]) -> dict[str, float]:
-    """Return where a fit ended without the accelerometer's biases.
-
-    A wrong law, or tilted axes, end in a bias of some m/s^2. A fit with the right ones that begins
-    there stays there, with thrust and inertia a third too small.
-    """
-    return {name: value for name, value in reached.items() if not name.startswith("accel_bias")}
-
-
-def _keep_lack_of_lag(timing: MotorTiming, before: MotorTiming) -> MotorTiming:
-    """Return a timing with the deviation of a lag that is none: the delay alone is free then."""
-    return replace(timing, lag_std=before.lag_std) if timing.lag_std is None else timing
+    return replace(dataset, motor_timing=again.with_lag_of(found))
 
 
 def fitted_timing(
