@@ -109,7 +109,7 @@ def test_inertia_stays_where_the_flight_shows_another_law(flown):
 
 
 @pytest.mark.slow
-def test_a_wrong_expo_gives_no_yaw_inertia_of_a_simulator_without_coupling(flown):
+def test_a_wrong_expo_gives_no_yaw_inertia_of_a_simulator(flown):
     """Izz .0459; with .35 for .65 it came out as .0228 +- .0016 `identified`."""
     result = flown("autopilot-sitl/arducopter-stock.BIN", COPTER, 3.0, expo=0.35)
     assert result.derived_value("Izz_com").value is None
