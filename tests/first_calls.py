@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from beartype import beartype
+from jaxtyping import _import_hook as hook
 
 ALL_CALLS = os.environ.get("CALLS") == "all"
 """Whether every call is checked, in every test."""
@@ -66,7 +67,6 @@ def checked(function: Callable[..., object]) -> Callable[..., object]:
 
     @functools.cache
     def check() -> Callable[..., object]:  # when called: most functions never are
-        import_types_alone(function.__module__)
         return beartype(function)
 
     name = (function.__module__, function.__qualname__)
@@ -81,15 +81,23 @@ def checked(function: Callable[..., object]) -> Callable[..., object]:
     return counted
 
 
-@functools.cache
-def import_types_alone(module: str) -> None:
-    """Import what a module imports for its annotations alone, so that these can be resolved."""
-    owner = sys.modules[module]
-    if "__getattr__" in vars(owner):
-        return  # it makes these names itself, in a way that such an import would hide
-    for node in ast.parse(inspect.getsource(owner)).body:
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            exec(compile(ast.Module(node.body, []), module, "exec"), vars(owner))
+class TransformerWithTypes(hook.JaxtypingTransformer):
+    """The transformer of the hook, for which modules also import the types of annotations."""
+
+    def visit_Module(self, node: ast.Module) -> ast.AST:
+        makes_names = any(
+            isinstance(one, ast.FunctionDef) and one.name == "__getattr__" for one in node.body
+        )
+        for statement in [] if makes_names else node.body:
+            for_types = (
+                isinstance(statement, ast.If) and ast.unparse(statement.test) == "TYPE_CHECKING"
+            )
+            if for_types and not statement.orelse:  # with it a module finds these names otherwise
+                statement.test = ast.Constant(True)
+        return super().visit_Module(node)
+
+
+hook.JaxtypingTransformer = TransformerWithTypes
 
 
 def check_all_again() -> None:

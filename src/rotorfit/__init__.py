@@ -4,6 +4,8 @@ The public names stand here. A name is imported when it is first used: `import r
 nothing, and neither does `rotorfit --help`.
 """
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 from rotorfit.version import __version__ as __version__

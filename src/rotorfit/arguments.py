@@ -5,15 +5,25 @@ error from deep inside. Pydantic's `validate_call` refuses with messages of its 
 words below would be needed all the same, and looks into every field of a dataclass.
 """
 
+from __future__ import annotations
+
+import builtins
+import collections.abc
 import functools
 import inspect
 import os
+import pathlib
+import re
+import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from importlib import import_module
 from numbers import Integral, Real
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Final, Literal, Union, cast, get_args, get_origin, get_type_hints
+
+import rotorfit
 
 MADE_BY: Final = {
     "AirframeEntry": "experiment.airframe is one",
@@ -25,6 +35,11 @@ MADE_BY: Final = {
     "WrenchComparison": "rotorfit.validate_file makes one",
 }
 """Where a caller gets an instance."""
+ENTRIES: Final = {
+    "AirframeEntry": "rotorfit.fit.experiment.airframe_table",
+    "MotorsEntry": "rotorfit.fit.experiment.experiment",
+}
+"""Modules of types that are no public names themselves."""
 SIMPLE: Final[dict[Any, tuple[type | tuple[type, ...], str]]] = {
     Path: ((str, os.PathLike), "a path"),
     bool: (bool, "True or False"),
@@ -38,7 +53,7 @@ SIMPLE: Final[dict[Any, tuple[type | tuple[type, ...], str]]] = {
 def checked(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     """Wrap a function under its public name: check its arguments, convert text to paths."""
     signature = inspect.signature(function)
-    hints = get_type_hints(function)
+    hints = _types_of(function)
 
     @functools.wraps(function)
     def checked_call(*args: Any, **kwargs: Any) -> Any:
@@ -61,6 +76,27 @@ def checked(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     # Other processes find it where it is public.
     checked_call.__module__, checked_call.__qualname__ = "rotorfit", name
     return checked_call
+
+
+def _types_of(function: Callable[..., Any]) -> dict[str, Any]:
+    """Return the types of a function's arguments, those that its module imports for them alone too.
+
+    A type without a place here passes.
+    """
+    text = " ".join(str(annotation) for annotation in function.__annotations__.values())
+    names = set(re.findall(r"[A-Za-z]\w*", text)) - vars(builtins).keys()
+    return get_type_hints(
+        function, localns={n: _type_named(n) for n in names - function.__globals__.keys()}
+    )
+
+
+def _type_named(name: str) -> Any:
+    for module in (collections.abc, typing, pathlib):
+        if hasattr(module, name):
+            return getattr(module, name)
+    if name in ENTRIES:
+        return getattr(import_module(ENTRIES[name]), name)
+    return getattr(rotorfit, name) if name in dir(rotorfit) else Any
 
 
 def _fits_type(value: Any, hint: Any) -> bool:

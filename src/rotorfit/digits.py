@@ -1,5 +1,7 @@
 """Numbers as they are printed: digits cut to what the interval leaves of them."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Any

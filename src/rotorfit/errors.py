@@ -3,11 +3,15 @@
 A message says what was met, what was expected, and what to do next.
 """
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rotorfit.findings import Finding
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 
 class RotorfitError(Exception):
@@ -16,7 +20,7 @@ class RotorfitError(Exception):
     kind: ClassVar[str] = "refused"
     _about: Mapping[str, Any] = {}
 
-    def about(self, **fields: Any) -> "RotorfitError":
+    def about(self, **fields: Any) -> RotorfitError:
         """Return the error itself, with fields of its `Finding`, such as its kind."""
         self._about = fields
         return self

@@ -1,8 +1,12 @@
 """Findings of checks: one type for refusals, doubts, notes, and checks that passed."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from __future__ import annotations
+
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
 
 Severity = Literal["refusal", "doubt", "note", "passed"]
 

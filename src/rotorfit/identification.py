@@ -1,11 +1,12 @@
 """The recipe: from an experiment to a result, one step after the other."""
 
+from __future__ import annotations
+
 import dataclasses
 import warnings
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -14,8 +15,6 @@ from rotorfit.checks.diagnose import diagnose
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.findings import Finding, note
 from rotorfit.fit.dataset.load import Method, Progress, load_dataset, resolved_method
-from rotorfit.fit.experiment.experiment import Experiment, MotorsEntry
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.imu_tilt import correct_imu_tilt
 from rotorfit.fit.motors.law_from_flight import (
@@ -34,10 +33,16 @@ from rotorfit.results.command_units import in_command_units, with_flight_numbers
 from rotorfit.results.full_throttle import with_full_throttle
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.law_tables import add_motor_law
-from rotorfit.results.result import FlightRecord, IdentificationResult
 from rotorfit.results.row_tables import estimate_by_paper, estimate_by_rows
 from rotorfit.results.tables import ResultTables, finished_result
 from rotorfit.results.validation.validate import validation_comparisons, validation_rows
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rotorfit.fit.experiment.experiment import Experiment, MotorsEntry
+    from rotorfit.fit.fit import Fit
+    from rotorfit.results.result import FlightRecord, IdentificationResult
 
 ORIGIN_IS_TRACKED: Final = (
     "the origin is the point that motion capture tracks: CoM, first moments and rotor centre are "

@@ -3,10 +3,11 @@
 Needs ``pip install matplotlib`` (the extra ``plot``). The pages of ``--report`` need none of it.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from rotorfit.results.validation.replay import HOLD, IDENTIFIED, Replay, Timed, 
 from rotorfit.results.validation.replay_vehicle import replay_vehicle
 from rotorfit.results.validation.validate import fitted_response
 from rotorfit.results.validation.wrench_comparison import SHOWN, WrenchComparison
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 Axes = Any
 """Axes of matplotlib, which need not be installed."""

@@ -1,9 +1,14 @@
 """Long series made small for display: at most two samples, the extremes, per column of time."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 MOST_COLUMNS = 8192
 """Columns that are kept: two numbers each, more than any screen shows at once."""

@@ -1,14 +1,18 @@
 """Tables of results, logs and plans: in a terminal, in a notebook, as a pandas frame."""
 
+from __future__ import annotations
+
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib import import_module
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rotorfit.errors import OutputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 WIDTH: Final = 80
 LINES: Final = 24

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 SLOW = {"scipy.stats", "scipy.signal", "scipy.interpolate", "scipy.optimize", "scipy.ndimage"}
-SLOW |= {"scipy.spatial", "scipy.fft", "jinja2", "matplotlib", "rich"}
-"""Modules that take longer to import than a short log takes to identify, or draw pictures."""
+SLOW |= {"scipy.spatial", "scipy.fft", "jinja2", "matplotlib", "rich", "jaxtyping"}
+"""Modules that take longer to import than a short log takes to identify, draw pictures, or serve
+annotations alone."""
 
 PROGRAM = """
 import sys

@@ -1,11 +1,11 @@
 """The columns of a table on the page: proposed, checked by their values, changed by the user."""
 
+from __future__ import annotations
+
 import math
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rotorfit.app.form import rows, table
 from rotorfit.errors import LogError
@@ -17,6 +17,10 @@ from rotorfit.logs.columns import NAMES, TIME, unit_of
 from rotorfit.logs.proposal import Proposal, explains_itself, propose_columns, units_to_state
 from rotorfit.logs.read import format_of
 from rotorfit.logs.table import open_table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
 FEWEST: Final = 10
 """Columns of a flight: a clock, gyro, accelerometer, and three motors."""

@@ -4,12 +4,12 @@ It has no thread, process or server: the server runs each long call in a process
 it in the browser itself. Heavy imports happen inside the long calls.
 """
 
+from __future__ import annotations
+
 import json
 import shutil
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rotorfit import version
 from rotorfit.app.files import (
@@ -29,6 +29,10 @@ from rotorfit.logs.files import write_whole
 from rotorfit.logs.formats import FORMATS
 from rotorfit.model.vehicle import LAYOUTS, layout_rotors
 from rotorfit.report.parameters import VERDICT_MEANING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
 
 JsonObject = dict[str, Any]
 ACCEPTS: Final = (

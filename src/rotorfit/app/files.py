@@ -3,16 +3,20 @@
 No name from outside can lead out of the folder: it is only ever shown.
 """
 
+from __future__ import annotations
+
 import json
 import re
 import secrets
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from rotorfit.errors import ExperimentError, OutputError
 from rotorfit.logs.files import file_name, write_whole
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 Progress = Callable[[str, float | None], None]
 """Receives the step and its share done, from 0 to 1; None where that is not known."""

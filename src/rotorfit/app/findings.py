@@ -1,10 +1,10 @@
 """The inspection of a dropped file, and what it fills the form with."""
 
+from __future__ import annotations
+
 import tomllib
-from collections.abc import Mapping
 from dataclasses import asdict
-from pathlib import Path
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from rotorfit.app.columns import described_columns, is_unknown_table, known_map, on_page
 from rotorfit.app.files import Dropped, json_with_shown_names, with_shown_names
@@ -17,6 +17,10 @@ from rotorfit.report.log_page import log_report_html
 from rotorfit.report.log_report import plain, sections
 from rotorfit.tools.inspection.inspect_log import LogReport, inspect_log
 from rotorfit.tools.inspection.seen_airframe import seen_airframe
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
 
 KINDS: Final = {
     "an experiment file": "experiment",

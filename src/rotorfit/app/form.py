@@ -1,5 +1,7 @@
 """The form of the page: the tables of an experiment file as JSON, and what is wrong with them."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, cast

@@ -1,12 +1,16 @@
 """The engine where Python runs in the browser itself: what static/worker.js calls."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
-from typing import Any, Final, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 from rotorfit.app.engine import CALLS, Engine, JsonObject
-from rotorfit.app.files import Progress
 from rotorfit.errors import RotorfitError
+
+if TYPE_CHECKING:
+    from rotorfit.app.files import Progress
 
 FOLDER: Final = Path("/tmp/rotorfit-page")
 """A folder in the memory of the browser's tab."""

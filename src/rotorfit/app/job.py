@@ -4,6 +4,8 @@ It reads one line of JSON, ``{"name", "argument", "most_bytes"}``, and writes li
 the response. It can be ended at any time, and ends by itself where nobody reads it any more.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import sys

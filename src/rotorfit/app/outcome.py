@@ -1,12 +1,13 @@
 """The identification of a form, its outcome as the page shows it, and the next flight."""
 
+from __future__ import annotations
+
 import base64
 import dataclasses
 import json
 import warnings
-from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
@@ -21,7 +22,6 @@ from rotorfit.errors import (
     RotorfitWarning,
 )
 from rotorfit.export.targets import OFFERED, RANDOM_TARGETS
-from rotorfit.findings import Finding
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import Experiment, airframe_of_tables
 from rotorfit.identification import identify
@@ -43,6 +43,11 @@ from rotorfit.tools.planning.after import check_same_vehicle, result_mass
 from rotorfit.tools.planning.next_step import with_best_manoeuvre
 from rotorfit.tools.planning.plan import PlanRequest, plan
 from rotorfit.tools.planning.wanted import wanted_accuracy
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from rotorfit.findings import Finding
 
 
 def identified(folder: Path, form: Mapping[str, Any], *, progress: Progress) -> dict[str, Any]:

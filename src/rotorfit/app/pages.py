@@ -1,5 +1,7 @@
 """The pages that are open, and what each of them has running: long calls wait for their turn."""
 
+from __future__ import annotations
+
 import asyncio
 import json
 import secrets

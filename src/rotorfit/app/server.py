@@ -4,6 +4,8 @@ A page of another site may send requests here, and a name of another site may be
 the token in the address, the Host and the Origin distinguish them.
 """
 
+from __future__ import annotations
+
 import asyncio
 import hmac
 import json
@@ -11,12 +13,10 @@ import mimetypes
 import secrets
 import signal
 import socket
-from collections.abc import AsyncGenerator, Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import uvicorn
 from starlette.applications import Starlette
@@ -24,11 +24,16 @@ from starlette.datastructures import MutableHeaders
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from rotorfit.app.engine import CALLS, LONG, MOST_BYTES, JsonObject
 from rotorfit.app.pages import STOPPED, Job, Page, Pages
 from rotorfit.errors import OutputError, RotorfitError
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncGenerator, Callable, Iterable
+    from types import FrameType
+
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 POLICY: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "

@@ -1,11 +1,16 @@
 """Explain that the flights show no gyroscopic coupling, where a step of the fit has dropped it."""
 
-from collections.abc import Iterator
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.coupling import AbsentCoupling
-from rotorfit.fit.fit import Fit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rotorfit.fit.fit import Fit
 
 KIND: Final = "no-coupling"
 SENTENCE: Final = (

@@ -4,6 +4,8 @@ A diagnostic is a function from the `Fit` of the last step to its findings, and 
 Diagnostics that refuse a declaration raise.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 

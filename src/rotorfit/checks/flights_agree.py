@@ -11,31 +11,37 @@ s gives first moments, inertia and k_d that are wrong by s, while the payload wa
 measured without it. So a wrong arm shows as one factor.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.digits import with_half
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.distributions import chi_square_tail, normal_tail
 from rotorfit.estimation.measured import Measured, mean_scale
 from rotorfit.findings import Finding, doubt, doubt_or_passed
 from rotorfit.fit.experiment.payload import MOMENTS, added_moments, tolerances
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import joint_numbers
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
 from rotorfit.fit.joint.joint_fit import INTERMEDIATE
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, only
 from rotorfit.fit.joint.trims import TRIM
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.model.parameters import PARAMETERS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.banded import BandedEstimate
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.intervals.numbers import Numbers
 
 LOOKED_AT: Final = ("kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_Izz", "Jr_over_Izz")
 LEAST_SHARE: Final = 0.05

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -21,18 +20,20 @@ from rotorfit.fit.dataset.carried_weight import (
 from rotorfit.fit.dataset.weight_balance import held_together, held_up, hovering, turning
 from rotorfit.fit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.joint_numbers import physical
-from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.weight.hover_thrusts import HoverThrust, hover_thrusts
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.logs.files import file_name
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
-from rotorfit.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from rotorfit.fit.dataset.dataset import ConfigurationData
     from rotorfit.fit.fit import Fit
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.fit.joint.joint_problem import JointConfiguration
+    from rotorfit.model.vehicle import Vehicle
 
 UNLIKELY = 1e-4
 """Probability of chance alone below which two estimates differ."""

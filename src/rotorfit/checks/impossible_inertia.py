@@ -9,20 +9,27 @@ the second moments of its mass. About the centre of mass that is :math:`\tfrac12
 \succeq 0`: no principal moment is over the sum of the two others.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.checks.verdicts.judge import Parameter
 from rotorfit.checks.verdicts.parameters import joint_parameters
 from rotorfit.digits import with_half
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import SCALED, Numbers
 from rotorfit.model.parameters import INERTIA, inertia_matrix
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.checks.verdicts.judge import Parameter
+    from rotorfit.fit.fit import Fit
 
 IMPOSSIBLE = "no body has these moments of inertia: one exceeds the sum of the two others"
 ESTIMATE = "impossible_"

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.findings import Finding
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.parameters import EVERY
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rotorfit.fit.fit import Fit
+    from rotorfit.flight.prepare import PreparedFlight
 
 KIND: Final = "hovers-contradict"
 NUMBERS: Final = (

@@ -6,17 +6,22 @@ the flight, a finding says so. Where sides by a ruler are all but excluded, and 
 flown, the declaration is refused.
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import FrameError
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.frame_sides import FARTHEST, FrameSides, touched_numbers
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rotorfit.fit.fit import Fit
 
 KIND: Final = "lever-arms"
 REFUSED: Final = 1e-4

@@ -23,26 +23,32 @@ Spectral lines of a flight that an instrument needs: reference, prediction and e
 Test the response of every axis by the reference of pilot or mission.
 """
 
-from collections.abc import Iterator, Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
 
 from rotorfit.digits import with_half
 from rotorfit.estimation.banded_problem import solved
 from rotorfit.estimation.distributions import normal_quantile, student_quantile
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
-from rotorfit.fit.dataset.dataset import ConfigurationData
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import AXES, Numbers
 from rotorfit.fit.joint.joint_problem import NOISY, TURN_ERRORS, JointConfiguration, theta_of
 from rotorfit.fit.reduction.frequency_bands import banded_data
 from rotorfit.fit.reduction.reduce import banded_lines
-from rotorfit.fit.timing.timed_dataset import TimedDataset
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.signals import signal_matrix
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from jaxtyping import Bool, Complex, Float, Int
+
+    from rotorfit.fit.dataset.dataset import ConfigurationData
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.flight.flight_data import FlightData
 
 PASSED_ON: Final = 0.5
 """Share of the bias of least squares that a reference may still have: the rates that an attitude

@@ -6,25 +6,31 @@ Where the push of the rotors along any axis has the same peak, coherent with tha
 loop rings: an IMU beside the centre of mass feels a swing in pitch as a forward force.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Complex, Float
 
 from rotorfit.estimation.banded_problem import solved
 from rotorfit.estimation.distributions import f_tail
 from rotorfit.findings import Finding, doubt_or_passed
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_problem import theta_of
 from rotorfit.fit.reduction.frequency_bands import EDGES, STRETCH, retimed
 from rotorfit.fit.reduction.reduce import split_segment
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.flight.filters import tukey_window
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.signals import signal_matrix
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Complex, Float
+
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.flight.prepare import PreparedFlight
 
 BIN = 0.5
 """Width of one place in the spectrum [Hz]."""

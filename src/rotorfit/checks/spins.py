@@ -19,24 +19,22 @@ Before the fit the lag of commanded motors is open, and a declaration that one o
 allows is fitted. Of a wrong order that is often the longest, at which no rotors explain much.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.checks.yaw_residuals import (
-    Pattern,
     plausible_patterns,
     smaller_yaw_residuals,
     with_spins,
 )
 from rotorfit.digits import with_half
 from rotorfit.errors import EstimationError, FrameError
-from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.fit.additional_parameters import (
     Added,
@@ -48,16 +46,27 @@ from rotorfit.fit.additional_parameters import (
 )
 from rotorfit.fit.coupling import without_coupling
 from rotorfit.fit.dataset.declared_rotors import check_flight
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import excitation
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, SCALED, Numbers
 from rotorfit.fit.joint.joint_fit import joint_fit
-from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.fit.timing.timed_dataset import TimedDataset
-from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.rotors import rotor_torque
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.checks.yaw_residuals import Pattern
+    from rotorfit.estimation.banded import BandedEstimate
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.joint.joint_problem import JointConfiguration
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.flight.motors.motor_model import MotorResponse
+    from rotorfit.model.vehicle import Vehicle
+
+    Judged = tuple[float, Pattern, "RotorDrags"]
+    """What other spins gain over the declared ones, and the drag torques with them."""
 
 UNLIKE: Final = 0.15
 """Deviation of the drag torques of one vehicle's rotors, as a share of them: k_t differs by up
@@ -173,10 +182,6 @@ def _contradict_spins(fit: Fit) -> Finding:
         doubtful_because="the flights fit other spins better",
         next_step="look which way each rotor turns, seen from above, and correct the spins",
     )
-
-
-Judged = tuple[float, Pattern, RotorDrags]
-"""What other spins gain over the declared ones, and the drag torques with them."""
 
 
 def _find_likeliest_pattern(

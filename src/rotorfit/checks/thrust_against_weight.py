@@ -3,18 +3,23 @@
 The step `weigh_thrust` takes k_t from both, with an interval that covers their difference.
 """
 
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.digits import with_half
-from rotorfit.estimation.measured import Measured
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
-from rotorfit.fit.experiment.experiment import MotorsEntry
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.weight.flight_weights import CHANCE, FlightWeight, chance_of_difference
 from rotorfit.fit.weight.weigh_thrust import Balance, Weighing
 from rotorfit.model.parameters import INERTIA, INERTIA_COM
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from rotorfit.estimation.measured import Measured
+    from rotorfit.fit.experiment.experiment import MotorsEntry
+    from rotorfit.fit.fit import Fit
 
 KIND: Final = "flights-weigh-differently"
 OF_THRUST = ("kt", "kd", "Jr", *INERTIA, *INERTIA_COM)

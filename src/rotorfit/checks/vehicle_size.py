@@ -15,21 +15,26 @@ explain little, the interval of the inertia says how little is known, and all of
 And whatever was flown: with an arm in centimetres a vehicle is lighter than air.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.digits import with_half
 from rotorfit.errors import FrameError
 from rotorfit.findings import Finding, doubt_or_passed
-from rotorfit.fit.dataset.dataset import Dataset
 from rotorfit.fit.dataset.plausible_units import implausible_size
-from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from rotorfit.fit.dataset.dataset import Dataset
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.fit.joint.joint_problem import JointConfiguration
+    from rotorfit.model.vehicle import Vehicle
 
 AIR: Final = 1.2
 """Density of air [kg/m^3]."""

@@ -6,22 +6,29 @@ and the root of largest over smallest eigenvalue is the condition number of colu
 10 and less is good; 255 is one axis flown at a time.
 """
 
+from __future__ import annotations
+
 import re
-from collections.abc import Collection, Iterator, Sequence, Set
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.verdicts.judge import ADVICE, motion_for
 from rotorfit.checks.verdicts.parameters import joint_parameters
-from rotorfit.estimation.estimate import Estimate
 from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.experiment.payload import MOMENTS
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, Numbers
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.sheet import listed
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Sequence, Set
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.estimate import Estimate
+    from rotorfit.fit.fit import Fit
+    from rotorfit.model.vehicle import Vehicle
 
 ROTORS = ("kt", "kd", "Jr")
 GOOD, FAIR, ONE_AXIS = 10.0, 30.0, 255.0

@@ -3,17 +3,26 @@
 Only the yaw row is looked at, band by band; `spins.py` fits what it suspects with the whole model.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
-from rotorfit.estimation.factors import Factors
 from rotorfit.fit.dataset.response_signals import BAND
 from rotorfit.fit.reduction.frequency_bands import EDGES, excited_bands
 from rotorfit.model.vehicle import Vehicle, reversed_rotor
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Float, Int
+
+    from rotorfit.estimation.factors import Factors
+
+    Pattern = Float[np.ndarray, " N"]
+    """A sign for each rotor: +1 where it spins as declared, -1 where it spins the other way."""
 
 WORTH: Final = 0.05
 """Log of how many times less of yaw other spins must leave by themselves to be looked at."""
@@ -23,8 +32,6 @@ row alone lacks (products of inertia, trims) does not double its residual."""
 PASSES: Final = 4
 """Passes of the reweighting by bands."""
 _TINY: Final = float(np.finfo(float).tiny)
-Pattern = Float[np.ndarray, " N"]
-"""A sign for each rotor: +1 where it spins as declared, -1 where it spins the other way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +74,8 @@ def smaller_yaw_residuals(declared: Vehicle, bands: Sequence[Factors]) -> list[P
     """
     ones = np.ones(len(declared.rotors))
     plain = _fit_configurations(declared, bands)
-    best, reached, suspects = ones, plain, list[Pattern]()
+    best, reached = ones, plain
+    suspects: list[Pattern] = []
     for _ in range(len(ones) // 2):
         tried = [(best * _flip_spins(len(ones), i)) for i in range(len(ones))]
         fits = [_fit_configurations(with_spins(declared, p), bands) for p in tried]

@@ -1,5 +1,7 @@
 """rotorfit app: the page on which logs are dropped, on this computer alone."""
 
+from __future__ import annotations
+
 from threading import Timer
 from typing import Annotated
 

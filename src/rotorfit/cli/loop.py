@@ -1,5 +1,7 @@
 """rotorfit loop: how far the flown rate controller is from oscillating."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

@@ -1,5 +1,7 @@
 """The command line: one command a question. Heavy imports happen inside the commands."""
 
+from __future__ import annotations
+
 import re
 import sys
 from collections.abc import Callable

@@ -1,5 +1,7 @@
 """rotorfit simulate: fly a scenario of known truth, and leave the files of an experiment."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable
 from contextlib import suppress
@@ -70,7 +72,7 @@ def simulate(
 
 
 def simulate_into(
-    folder: Path, plan: "ExperimentPlan", *, force: bool, progress: Callable[[str], None]
+    folder: Path, plan: ExperimentPlan, *, force: bool, progress: Callable[[str], None]
 ) -> list[str]:
     """Fly an experiment and write its files into a folder, all or none; return their names."""
     from rotorfit.simulation.experiment_files import experiment_files, file_names, write_all

@@ -5,6 +5,8 @@ Progress is one line on stderr where a person is watching, else a plain line eve
 Options and arguments that several commands share.
 """
 
+from __future__ import annotations
+
 import os
 import re
 import shutil
@@ -339,7 +341,7 @@ class _Status:
         share = "" if self.share is None else f", {100 * self.share:.0f} %"
         return f"{self.step}{self._pace()}{share} ({self._clock() - self._began:.0f} s so far)"
 
-    def __rich__(self) -> "RenderableType":
+    def __rich__(self) -> RenderableType:
         """Draw the step with a bar."""
         from rich.progress_bar import ProgressBar
         from rich.table import Table

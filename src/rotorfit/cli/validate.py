@@ -1,5 +1,7 @@
 """rotorfit validate: whether a result predicts flights that its fit has not seen."""
 
+from __future__ import annotations
+
 import json
 import textwrap
 from collections.abc import Sequence
@@ -85,7 +87,7 @@ def validate(
 
 
 def validation_text(
-    comparisons: "Sequence[WrenchComparison]", judgements: "Sequence[Judgement]"
+    comparisons: Sequence[WrenchComparison], judgements: Sequence[Judgement]
 ) -> str:
     """Format the relative errors as a table, in percent, and what each flight says."""
     from rotorfit.digits import short

@@ -1,5 +1,7 @@
 """rotorfit why: what makes up the interval of a number, and what would shrink it."""
 
+from __future__ import annotations
+
 import json
 from typing import TYPE_CHECKING, Annotated
 
@@ -31,7 +33,7 @@ def why(
     print_result(budget_output(load_sound(result), number, as_json=as_json))
 
 
-def budget_output(result: "IdentificationResult", number: str | None, *, as_json: bool) -> str:
+def budget_output(result: IdentificationResult, number: str | None, *, as_json: bool) -> str:
     """Return the budget of a number, or of the main ones, as text or JSON."""
     from rotorfit.report.budget import budget_text, budgets_in_short
     from rotorfit.results.budget import budget_of, budgets_named

@@ -18,12 +18,13 @@ from the blocks' influences (one-step jackknife), and is at least the difference
 (Hausman, Econometrica 46(6), 1978), which is what the formal noise alone makes.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded_equations import (
@@ -44,6 +45,11 @@ from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import borrowed_rows
 from rotorfit.estimation.fixed_point import FixedPointRounds
 from rotorfit.estimation.reweighted import scatter_covariance
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Float
 
 MOST_ITERATIONS = 400
 SMALLEST_STEP = 5e-3

@@ -11,24 +11,30 @@ needs no more of the blocks than their Gram matrices, weighted and summed. `docs
 likelihood term by term", names the function of each term.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded_problem import (
     BandedProblem,
-    Solution,
     power_of,
     solutions,
     solved_each,
     split_blocks,
 )
 from rotorfit.estimation.factors import Factors, borrowed_mean_square
-from rotorfit.estimation.feedback import Feedback
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.estimation.banded_problem import Solution
+    from rotorfit.estimation.feedback import Feedback
 
 MOST_RESPONSE: Final = 10.0
 """Gain of log-likelihood by the autopilot's response for each row: of flights it is below zero, and

@@ -1,18 +1,27 @@
 """The problem of the banded estimator, and its equations solved for their noisy signals."""
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Shaped
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.factors import Factors
-from rotorfit.estimation.feedback import Feedback
-from rotorfit.estimation.parameter_map import ParameterMap
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Bool, Float, Int, Shaped
+
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.estimation.feedback import Feedback
+    from rotorfit.estimation.parameter_map import ParameterMap
+
+    Solution = tuple[Float[np.ndarray, "_ k z"], Float[np.ndarray, "_ k _ z"]]
+    """G = M^-1 B of each part of a configuration, and its slope by the parameters that move it."""
 
 RELATIVE_FLOOR: Final = 1e-9
 """Smallest variance, relative to the noisy signal's own: far under any sensor's, but a simulation
@@ -195,10 +204,6 @@ def solved_each(
     theta = problem.map.theta(phi)
     each = zip(problem.tensors, problem.thetas, strict=True)
     return [solved(A, theta[own], problem.noisy)[0] for A, own in each]
-
-
-Solution = tuple[Float[np.ndarray, "_ k z"], Float[np.ndarray, "_ k _ z"]]
-"""G = M^-1 B of each part of a configuration, and its slope by the parameters that move it."""
 
 
 def solutions(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> list[Solution]:

@@ -6,14 +6,20 @@ data: on exact signals of a flight that was only imagined, it says how well the 
 determine the parameters. Informations of several flights add.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.estimation.factors import Factors
-from rotorfit.estimation.parameter_map import ParameterMap
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.estimation.parameter_map import ParameterMap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,13 +1,17 @@
 """The nearest point at which a matrix, linear in the parameters, is positive semidefinite."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 SMALLEST_EIGENVALUE = 1e-7
 """Smallest eigenvalue of the matrix scaled to unit size: the nearest point lies that far inside, so

@@ -1,12 +1,16 @@
 """Damped steps of Gauss and Newton, and how large they may be."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 LEAST_DAMPING: Final = 1e-9
 SMALLEST_SHARE: Final = float(np.finfo(float).eps)

@@ -22,15 +22,20 @@ differ by no more than chance (`alike`). Of a number's variance
 each flight's part is as much larger; P is stated and no scatter contradicts it.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 from scipy import special
 
 from rotorfit.estimation.banded import BandedEstimate, information_of_parts, square_root
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Float
 
 LEAST: Final = 1e-9
 """Share of what the parts know that another part can contradict: less is rounding."""

@@ -4,11 +4,15 @@ As `scipy.stats` computes them, but from `scipy.special`: to import `scipy.stats
 to identify a short flight.
 """
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
 from scipy import special
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 def student_quantile(probability: float | int, degrees: Any) -> Any:

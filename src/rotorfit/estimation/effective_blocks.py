@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.estimation.banded_equations import decorrelated_solutions, lifted_slopes
 from rotorfit.estimation.banded_problem import solutions
@@ -20,6 +19,8 @@ from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.reweighted import scatter_covariance
 
 if TYPE_CHECKING:
+    from jaxtyping import Float
+
     from rotorfit.estimation.banded import BandedEstimate
 
 

@@ -8,15 +8,21 @@ parameters, :math:`H^{-1}`, grows by
 :math:`H^{-1} B (D - B^T H^{-1} B)^{-1} B^T H^{-1}` (block inverse).
 """
 
-from collections.abc import Sequence
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.banded_equations import decorrelated_solutions, lifted_slopes
 from rotorfit.estimation.banded_problem import solutions
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.banded import BandedEstimate
 
 LEAST_LEFT: Final = 1e-9
 """Least information left on a share: below it the parameters explain all that it does."""

@@ -1,14 +1,21 @@
 """Linear problems and their estimates: singular values, free directions, numerical slopes."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.factors import Factors
-from rotorfit.estimation.parameter_map import ParameterMap
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.estimation.parameter_map import ParameterMap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

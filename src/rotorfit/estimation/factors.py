@@ -6,14 +6,20 @@ problem depends on Z only through R of Z = Q R. Factors of blocks can be kept ap
 scatter) or merged in any order: R of stacked R's.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import EstimationError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Float, Int
 
 SMALLEST_PIVOT = 1e-3
 """Below this pivot of the column-scaled Gram matrix its rounding (1e-16 / pivot^2) would show in
@@ -56,7 +62,7 @@ class Factors:
         """The factor of all blocks together."""
         return merge_triangular(self.R)
 
-    def merged(self) -> "Factors":
+    def merged(self) -> Factors:
         """Merge all blocks into one, whose few rows are all that solving again costs."""
         return Factors(
             R=self.total[None],
@@ -75,7 +81,7 @@ class Factors:
         """The known variances per row; zeros if nothing is known."""
         return np.zeros((len(self), self.R.shape[2])) if self.noise is None else self.noise
 
-    def select(self, keep: Bool[np.ndarray, " b"]) -> "Factors":
+    def select(self, keep: Bool[np.ndarray, " b"]) -> Factors:
         """Return the blocks for which `keep` is true; nothing is copied of blocks in succession."""
         if keep.all():
             return self
@@ -195,8 +201,8 @@ def flights_of(factors: Factors) -> list[Bool[np.ndarray, " b"]]:
 
 
 def borrowed_mean_square(
-    power: Float[np.ndarray, "b *k"], factors: Factors, part: slice = EVERY_BLOCK
-) -> Float[np.ndarray, "b *k"]:
+    power: Float[np.ndarray, b * k], factors: Factors, part: slice = EVERY_BLOCK
+) -> Float[np.ndarray, b * k]:
     """Average each block's squares, with half of its neighbours' where rows are few.
 
     A band of two lines that happens to fit well must not get all the weight. `power`: of the blocks
@@ -212,8 +218,8 @@ def borrowed_rows(factors: Factors, part: slice = EVERY_BLOCK) -> Float[np.ndarr
 
 
 def _with_neighbours(
-    sums: Float[np.ndarray, "b *k"], factors: Factors, part: slice
-) -> Float[np.ndarray, "b *k"]:
+    sums: Float[np.ndarray, b * k], factors: Factors, part: slice
+) -> Float[np.ndarray, b * k]:
     """Add to each block half of its neighbours' sums where rows are few."""
     few, segment = factors.rows[part] < FEW_ROWS, factors.segment[part]
     same = segment[1:] == segment[:-1]

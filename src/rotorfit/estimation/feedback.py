@@ -18,11 +18,17 @@ T is not known; it is handed over as an assumption about controllers, and how fa
 depends on it is `banded.response_sensitivity`.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Complex, Float, Int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +49,7 @@ class ClosedLoopResponses:
     uncertainty: Complex[np.ndarray, "b e"]
     log_effect_slopes: Complex[np.ndarray, "b e t"]
 
-    def select(self, keep: Bool[np.ndarray, " b"]) -> "ClosedLoopResponses":
+    def select(self, keep: Bool[np.ndarray, " b"]) -> ClosedLoopResponses:
         """Select the responses of some blocks."""
         return ClosedLoopResponses(
             rows=self.rows[keep],
@@ -71,12 +77,12 @@ class Feedback:
     inputs: tuple[int, ...]
     responses: tuple[ClosedLoopResponses, ...]
 
-    def select(self, keep: Sequence[Bool[np.ndarray, " _"]]) -> "Feedback":
+    def select(self, keep: Sequence[Bool[np.ndarray, " _"]]) -> Feedback:
         """Select the responses of some blocks of each part."""
         chosen = tuple(part.select(k) for part, k in zip(self.responses, keep, strict=True))
         return replace(self, responses=chosen)
 
-    def uncertain_part(self) -> "Feedback":
+    def uncertain_part(self) -> Feedback:
         """Put the uncertainty of T in the place of T."""
         uncertain = tuple(
             replace(part, complementary_sensitivity=part.uncertainty) for part in self.responses

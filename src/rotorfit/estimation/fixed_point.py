@@ -8,11 +8,15 @@ nearer to the end (Anderson, Iterative procedures for nonlinear integral equatio
 Walker and Ni, SIAM J. Numer. Anal. 49, 2011).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 MOST_ROUNDS: Final = 4
 """Points that are combined at most."""

@@ -6,11 +6,13 @@ The standard deviations are shown as that paper defines them; they hold only if 
 equations carried an independent error of one size, which flight data never do.
 """
 
+from __future__ import annotations
+
 import dataclasses
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import (
@@ -21,6 +23,9 @@ from rotorfit.estimation.estimate import (
     refuse_free_direction,
     scaled_singular,
 )
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 def ordinary(problem: LinearProblem) -> Estimate:

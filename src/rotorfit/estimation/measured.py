@@ -5,11 +5,15 @@ variances, an estimate near zero, whose absolute deviation is small because the 
 outvotes a sound one. `combine_scales` therefore averages logarithms, by the relative deviations.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 CONTRADICTION: Final = 5.0
 """Deviations apart from which two measurements contradict each other: twice in a million by chance.
@@ -33,19 +37,19 @@ class Measured:
         """The standard deviation over the value."""
         return self.std / abs(self.value)
 
-    def over(self, other: "Measured") -> "Measured":
+    def over(self, other: Measured) -> Measured:
         """Divide by an independent measurement of another number."""
         ratio = self.value / other.value
         std = abs(ratio) * float(np.hypot(self.share, other.share))
         return Measured(value=ratio, std=std)
 
-    def with_other(self, other: "Measured") -> "Measured":
+    def with_other(self, other: Measured) -> Measured:
         """Combine two independent measurements of one number."""
         own, theirs = self.std**-2.0, other.std**-2.0
         value = (own * self.value + theirs * other.value) / (own + theirs)
         return Measured(value=value, std=(own + theirs) ** -0.5)
 
-    def reconciled_with(self, other: "Measured") -> "Measured":
+    def reconciled_with(self, other: Measured) -> Measured:
         """Combine two, of which one may be wrong: their difference scales the deviation.
 
         References

@@ -8,14 +8,20 @@ the exceptions are products of two phi (an accelerometer bias times a first mome
 coefficient times a displacement of the rotors).
 """
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import EstimationError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Bool, Float, Int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,11 +80,11 @@ class ParameterMap:
         factors = [t.factor for t in self.products]
         return np.array(places, dtype=np.int64).reshape(-1, 4).T, np.array(factors, dtype=float)
 
-    def without(self, name: str) -> "ParameterMap":
+    def without(self, name: str) -> ParameterMap:
         """Return the map with the free parameter `name` removed (held at zero)."""
         return self.fixed(name, 0.0)
 
-    def fixed(self, name: str, value: float) -> "ParameterMap":
+    def fixed(self, name: str, value: float) -> ParameterMap:
         """Return the map with the free parameter `name` held at `value`."""
         column = self._column_of(name)
         keep = [i for i in range(len(self.names)) if i != column]

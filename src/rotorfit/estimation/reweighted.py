@@ -7,16 +7,22 @@ can be estimated from the residuals, and weighting by it does not bias the estim
 as it does for homogeneous equations.
 """
 
-from collections.abc import Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float, Int
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import Estimate, LinearProblem, equation_rows, scaled_singular
 from rotorfit.estimation.factors import SMALLEST_PIVOT, borrowed_mean_square
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float, Int
 
 MOST_ITERATIONS = 50
 SMALLEST_STEP = 0.01

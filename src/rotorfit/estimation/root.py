@@ -3,8 +3,12 @@
 As `scipy.optimize.brentq`, which takes longer to import than the fit of a short flight.
 """
 
-from collections.abc import Callable
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 PRECISION: Final = 1e-14
 """Share of the interval within which the zero is found."""

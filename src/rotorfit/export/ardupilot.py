@@ -15,9 +15,10 @@ output). Comments begin with # as in Tools/autotest/models; the reader begins at
 even of a comment: none has one.
 """
 
+from __future__ import annotations
+
 import json
-from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -26,7 +27,11 @@ from rotorfit.export.file_format import frd, hash_comment, listed, text, with_no
 from rotorfit.export.vehicle import VehicleModel, required_law
 from rotorfit.flight.motors.motor_model import ThrustCurve, command_range, thrust_curve
 from rotorfit.logs.dataflash.frames import CLASSES, TYPES, Frame, numbered_frame
-from rotorfit.logs.speed_law import SpeedLaw
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.logs.speed_law import SpeedLaw
 
 HOVER_RANGE: Final = (0.125, 0.6875)
 LARGEST_SPIN_MIN: Final = 0.3

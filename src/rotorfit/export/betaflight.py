@@ -11,16 +11,21 @@ act_nonlinearity / 100 within 0.025 to 0.7; body axes x forward, y right, z down
 (16 bit numbers, 8 bit lag in ms).
 """
 
-from collections.abc import Sequence
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import RPM, hash_comment, with_notes
 from rotorfit.export.vehicle import VehicleModel, effectiveness, required_law, spread
 from rotorfit.flight.motors.motor_model import betaflight_linear, thrust_curve
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
 
 
 def write_betaflight(model: VehicleModel, head: Sequence[str]) -> str:

@@ -1,15 +1,20 @@
 """Conventions of other tools' files: axes, units, numbers, names and comments as text."""
 
+from __future__ import annotations
+
 import io
 import math
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.model.parameters import INERTIA_PLACES
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
 
 RPM: float = 2.0 * math.pi / 60.0
 """One revolution per minute [rad/s]."""

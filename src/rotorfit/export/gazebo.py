@@ -17,11 +17,12 @@ a rotor in the commands is motorNumber in gz-sim 6, and actuator_number in newer
 the former: both are written.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.impossible_inertia import second_moments
 from rotorfit.errors import OutputError
@@ -35,6 +36,11 @@ from rotorfit.export.file_format import (
     xml_elements,
 )
 from rotorfit.export.vehicle import ExportedRotor, VehicleModel, inertia_at_origin
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
 
 SLOWDOWN = 10.0
 """rotorVelocitySlowdownSim: the joint turns so many times slower than the rotor, so that its angle

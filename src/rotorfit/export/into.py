@@ -9,16 +9,21 @@ Rotors are matched by place and sense of rotation, not by name or number: whatev
 calls them. The model's origin may be another one than the result's; the rotors show by how much.
 """
 
+from __future__ import annotations
+
 import re
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 from xml.parsers import expat
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import OutputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float
 
 MOTOR: Final = (
     *("timeConstantUp", "timeConstantDown", "maxRotVelocity", "motorConstant", "momentConstant"),
@@ -38,16 +43,16 @@ class Element:
     attributes: dict[str, str]
     start: int
     end: int = 0
-    children: list["Element"] = field(default_factory=list["Element"])
+    children: list[Element] = field(default_factory=list["Element"])
 
-    def every(self, name: str) -> Iterator["Element"]:
+    def every(self, name: str) -> Iterator[Element]:
         """Yield the elements of a name below this one, at any depth."""
         for child in self.children:
             if child.name == name:
                 yield child
             yield from child.every(name)
 
-    def child(self, name: str) -> "Element | None":
+    def child(self, name: str) -> Element | None:
         """Find a direct child; None if there is none."""
         return next((child for child in self.children if child.name == name), None)
 

@@ -13,10 +13,11 @@ the simulated flights (`simulation.controller`), tuned to the mass and inertia t
 those of the file, or others, to see what wrong ones do.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import replace
 from importlib import import_module
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -38,6 +39,9 @@ from rotorfit.simulation.body import allocation
 from rotorfit.simulation.controller import Autopilot, Gains, Memory, autopilot_of, control
 from rotorfit.simulation.pilot import Reference
 from rotorfit.simulation.truth import Truth, tensor_elements
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 TIMESTEP = 0.002
 

@@ -7,17 +7,22 @@ estimation there has angular acceleration = G1 u + G2 (du/dt) / PERIODIC_FREQUEN
 corner frequency of the actuators [rad/s]). One unit is what the law gives about hover.
 """
 
-from collections.abc import Sequence
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 from scipy.optimize import brentq
 
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import text, with_notes, xml_comment
 from rotorfit.export.vehicle import VehicleModel, effectiveness, spread
 from rotorfit.flight.motors.motor_model import speeds
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
 
 FULL: Final = 9600.0
 """MAX_PPRZ."""

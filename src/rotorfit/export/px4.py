@@ -22,12 +22,13 @@ front right ccw, rear left ccw, front left cw, rear right cw, even about the CoM
 (SIH_VEHICLE_TYPE 4): clockwise from the front right, which is ccw, at 30, 90, 150 ... degrees.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import elements, frd, hash_comment, inertia_frd, text, with_notes
@@ -42,6 +43,9 @@ from rotorfit.flight.motors.motor_model import (
 )
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
 from rotorfit.model.terms.air import DRAG_NAMES, TURN_DAMPING
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 MOST_ROTORS = 12
 """PX4's NUM_ROTORS_MAX."""

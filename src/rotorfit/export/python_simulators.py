@@ -39,8 +39,9 @@ centre of mass and inertia are of the USD body and set by PhysX's own properties
 the package index: its class is evaluated in the tests by its own formulas.
 """
 
-from collections.abc import Sequence
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -55,10 +56,14 @@ from rotorfit.export.file_format import (
     text,
     with_notes,
 )
-from rotorfit.export.variants import Variants
 from rotorfit.export.vehicle import VehicleModel, refuse_no_lag, refuse_no_upright_quad
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.parameters import INERTIA
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.export.variants import Variants
 
 
 def write_crazyflow(model: VehicleModel, head: Sequence[str]) -> str:

@@ -5,11 +5,12 @@ rotor speed), parameters at the origin where a result has none about the CoM, an
 only as a ratio of which the user has the other half.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -27,7 +28,11 @@ from rotorfit.model.parameters import (
 )
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.results.command_units import effective_unit
-from rotorfit.results.result import Derived, IdentificationResult, Parameter
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from rotorfit.results.result import Derived, IdentificationResult, Parameter
 
 Origin = Literal[
     "identified", "weak", "doubtful", "given", "removed", "assumed", "from-ratio", "law"

@@ -3,12 +3,16 @@
 The command line and the page offer the names at once; a writer is imported when its file is made.
 """
 
+from __future__ import annotations
+
 import tomllib
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 TargetName = Literal[
     "gazebo",

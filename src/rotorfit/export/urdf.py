@@ -7,9 +7,10 @@ inertial, visual, collision); motors prop0 to prop3 are front right, rear right,
 left; yaw torque is -t0 + t1 - t2 + t3; link 4 is the centre of mass, where that torque acts.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -26,9 +27,13 @@ from rotorfit.export.file_format import (
     xml_comment,
     xml_elements,
 )
-from rotorfit.export.vehicle import ExportedRotor, VehicleModel
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.parameters import INERTIA
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.export.vehicle import ExportedRotor, VehicleModel
 
 GYM_SEATS = ((1.0, -1.0, 1.0), (-1.0, -1.0, -1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0))
 """Seats of prop0 to prop3, FLU: sign of x, sign of y, spin."""

@@ -3,10 +3,11 @@
 Drawn vehicles as arrays: NumPy's npz, or JSON.
 """
 
+from __future__ import annotations
+
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -16,8 +17,12 @@ from rotorfit.export.file_format import npz
 from rotorfit.export.vehicle import VehicleModel, is_possible, thickened
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import COM, INERTIA_COM, inertia_matrix
-from rotorfit.results.result import IdentificationResult
-from rotorfit.results.samples import Samples
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rotorfit.results.result import IdentificationResult
+    from rotorfit.results.samples import Samples
 
 DRAWN: Final = ("identified", "weak", "doubtful")
 """Origins of numbers that a draw replaces; given, assumed and computed ones stand."""

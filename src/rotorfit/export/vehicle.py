@@ -8,12 +8,12 @@ acceleration I^-1 tau. These are G1 and G2 of incremental nonlinear dynamic inve
 and de Croon, J. of Guidance, Control, and Dynamics 39(3), 2016), before a firmware's own units.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.impossible_inertia import second_moments
 from rotorfit.errors import EstimationError, OutputError
@@ -21,7 +21,6 @@ from rotorfit.export.file_format import frd
 from rotorfit.export.result_numbers import Number, unit_of
 from rotorfit.export.targets import BODY
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.parameters import (
     COM,
     FIRST_MOMENTS,
@@ -32,7 +31,14 @@ from rotorfit.model.parameters import (
     inertia_matrix,
 )
 from rotorfit.results.physical_inertia import project_to_physical
-from rotorfit.results.result import IdentificationResult
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.speed_law import SpeedLaw
+    from rotorfit.results.result import IdentificationResult
 
 NOT_MEASURED: Final = ("assumed", "from-ratio", "removed")
 

@@ -5,8 +5,9 @@ no body has is refused. What no target asked for and is not known is NaN, which 
 never writes.
 """
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -35,15 +36,19 @@ from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import Experiment, experiment_of_settings
 from rotorfit.fit.experiment.law_table import speed_law_of
 from rotorfit.flight.motors.motor_model import full_speed_of
-from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.terms.registry import OPTIONAL
 from rotorfit.model.terms.rotors import ROTOR_INERTIA, ROTOR_SPREAD
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import IdentificationResult, owner_of
 from rotorfit.results.sound_result import refuse_unsound
 from rotorfit.tools.planning.next_step import next_step
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from rotorfit.logs.speed_law import SpeedLaw
+    from rotorfit.model.vehicle import Vehicle
 
 
 def vehicle_model(

@@ -7,31 +7,37 @@ and so there is no head of comments; Parquet carries it as metadata. Names have 
 slash for PlotJuggler's tree.
 """
 
+from __future__ import annotations
+
 import datetime
 import math
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit import version
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.export.result_numbers import DOUBTFUL, Number
 from rotorfit.export.targets import RANDOM_TARGETS, TARGETS, RandomTargetName, TargetName, writer_of
 from rotorfit.export.variants import Variants, refuse_suffix, variants, write_samples
-from rotorfit.export.vehicle import VehicleModel
 from rotorfit.export.vehicle_model import terms_left_out, vehicle_model
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.logs.files import file_name, write_whole
-from rotorfit.results.result import IdentificationResult
 from rotorfit.results.validation.validate import fitted_comparisons, validation_comparisons
 from rotorfit.results.validation.wrench_comparison import COMPONENTS, WrenchComparison
 
-Columns = Mapping[str, Float[np.ndarray, " n"]]
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.export.vehicle import VehicleModel
+    from rotorfit.results.result import IdentificationResult
+
+    Columns = Mapping[str, Float[np.ndarray, " n"]]
 
 
 def flight_comparisons(

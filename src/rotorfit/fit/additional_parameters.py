@@ -7,16 +7,15 @@ it is estimated with, and its deviation is that of every other number: the large
 states and what its blocks and phases show, with what is assumed of autopilot and motors.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate, banded, response_sensitivity
-from rotorfit.estimation.banded_problem import BandedProblem
 from rotorfit.estimation.distributions import f_quantile
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.parameter_map import ParameterMap, Product
@@ -25,8 +24,15 @@ from rotorfit.fit.intervals.joint_numbers import (
     random_half_width,
     timing_shifts,
 )
-from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.model.terms.term import Block
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.banded_problem import BandedProblem
+    from rotorfit.fit.joint.joint_problem import JointConfiguration
+    from rotorfit.model.terms.term import Block
 
 CLOSE: Final = 0.01
 """Convergence tolerance of such an estimate, in standard deviations of a parameter."""

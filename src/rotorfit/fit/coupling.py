@@ -6,9 +6,11 @@ torque over inertia, axis by axis, has no such term; a fit that expects it finds
 which it vanishes, with I_zz near I_xx and I_yy, and all of yaw too small.
 """
 
+from __future__ import annotations
+
 import dataclasses
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -19,7 +21,9 @@ from rotorfit.fit.frame_sides import likeliest_sides
 from rotorfit.fit.intervals.numbers import SCALED, Numbers
 from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import INERTIA
-from rotorfit.model.regressor import Regressor
+
+if TYPE_CHECKING:
+    from rotorfit.model.regressor import Regressor
 
 LARGEST_IZZ: Final = 1.05
 """Times the larger of I_xx and I_yy up to which the coupling is looked at: a multirotor, whose

@@ -1,23 +1,29 @@
 """The fit of an experiment's flights: what every step of the recipe takes and returns."""
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TypeVar, Unpack
+from typing import TYPE_CHECKING, TypeVar, Unpack
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import UnsettledError
-from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.findings import Finding
-from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.joint_numbers import joint_numbers, physical
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import FitSettings, FittedFactors, joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, at_values
-from rotorfit.fit.joint.term_choice import Choice
-from rotorfit.fit.timing.timed_dataset import TimedDataset
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.banded import BandedEstimate
+    from rotorfit.findings import Finding
+    from rotorfit.fit.intervals.interval_terms import IntervalTerm
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.fit.joint.term_choice import Choice
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 Record = TypeVar("Record")
 
@@ -65,11 +71,11 @@ class Fit:
             values=self.estimate.estimate.by_name,
         )
 
-    def found(self, *findings: Finding) -> "Fit":
+    def found(self, *findings: Finding) -> Fit:
         """Return the fit with further findings."""
         return dataclasses.replace(self, findings=(*self.findings, *findings))
 
-    def with_record(self, record: object) -> "Fit":
+    def with_record(self, record: object) -> Fit:
         """Return the fit with what a step measured, for the checks to judge."""
         return dataclasses.replace(self, records=(*self.records, record))
 
@@ -77,7 +83,7 @@ class Fit:
         """Return the last record of a kind; None if no step recorded one."""
         return next((one for one in reversed(self.records) if isinstance(one, kind)), None)
 
-    def with_terms(self, *terms: IntervalTerm) -> "Fit":
+    def with_terms(self, *terms: IntervalTerm) -> Fit:
         """Return the fit with further terms of the intervals of its numbers."""
         return dataclasses.replace(self, numbers=self.numbers.with_terms(*terms))
 

@@ -5,15 +5,14 @@ measured with a tape before the flight and taken for exact by the fit: what an e
 the numbers show when everything is fitted once more.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import UnsettledError
-from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import flights_of
 from rotorfit.findings import Finding, doubt, note
 from rotorfit.fit.fit import Fit, numbers_of, shift_of
@@ -23,16 +22,23 @@ from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import chosen
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.fit.reduction.frequency_bands import EDGES, OTHER_RATIOS
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import timed_again
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import DEFAULT, DROPPED
 from rotorfit.model.terms.rotors import IMU_MOUNTING, MOUNTING_STD
-from rotorfit.model.vehicle import Rotor, Vehicle
 
-Shift = Callable[[TimedDataset, float], Float[np.ndarray, " q"]]
-"""How far each number moves with other flights, or at another timing of theirs, and with the bands
-that begin under an edge [Hz]."""
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.banded import BandedEstimate
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.model.vehicle import Rotor, Vehicle
+
+    Shift = Callable[[TimedDataset, float], Float[np.ndarray, " q"]]
+    """How far each number moves with other flights, or at another timing of theirs, and with the
+    bands that begin under an edge [Hz]."""
 
 
 def setting_terms(dataset: TimedDataset, shift: Shift, *, timed: bool) -> Iterator[IntervalTerm]:

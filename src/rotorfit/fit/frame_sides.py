@@ -13,12 +13,13 @@ every number as it moves with s: one that flights hardly tell stays at the ruler
 contradict grows to what they say, and nothing jumps in between. `checks/lever_arms.py` judges s.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.distributions import normal_density, student_density, student_quantile
@@ -29,13 +30,17 @@ from rotorfit.fit.intervals.excitation import weighed_excitation
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, NO_EXCITATION, inertia_bias
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import INERTIA, INERTIA_COM
 from rotorfit.model.regressor import regressor
-from rotorfit.model.signals import SignalLayout
-from rotorfit.model.terms.term import Block
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.model.signals import SignalLayout
+    from rotorfit.model.terms.term import Block
+    from rotorfit.model.vehicle import Vehicle
 
 RULER: Final = 1e-3
 """Deviation of a measured side [m]."""

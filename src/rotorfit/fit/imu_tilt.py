@@ -5,18 +5,18 @@ flight. Turned readings mix roll and pitch torques into yaw, which drag does not
 flight is much likelier with its readings turned back, the IMU is turned.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.distributions import student_quantile
 from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.fit.experiment.declared_vehicle import with_imu_tilt
-from rotorfit.fit.experiment.experiment import Experiment
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
@@ -24,9 +24,14 @@ from rotorfit.fit.reduction.frequency_bands import STRETCH
 from rotorfit.fit.rest_tilt import rest_denies_tilt, rest_sentence
 from rotorfit.fit.timing.timed_dataset import TimedDataset, tilt_corrected_flights
 from rotorfit.fit.timing.timing_fit import find_timing, timed_again
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
 from rotorfit.model.terms.registry import DEFAULT_TERMS
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.fit.experiment.experiment import Experiment
+    from rotorfit.flight.flight_data import FlightData
 
 FEWEST_PARTS: Final = 3
 """Whose scatter is informative."""

@@ -9,12 +9,12 @@ The level is that of whitened errors: a slow gust, whose size in a fraction of a
 makes none.
 """
 
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded_problem import solved
@@ -25,13 +25,19 @@ from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.joint.joint_problem import NOISY, RESPONSE_ERRORS, theta_of
 from rotorfit.fit.reduction.frequency_bands import EDGES, banded_data
 from rotorfit.fit.reduction.reduce import split_segment
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.flight.airborne import MOTION_CUTOFF
 from rotorfit.flight.filters import correlate
-from rotorfit.flight.flight_data import FlightData, Segment
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.signals import running_mean
 from rotorfit.model.signals import signal_matrix
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.flight.flight_data import FlightData, Segment
+    from rotorfit.flight.prepare import PreparedFlight
 
 WINDOW: Final = 0.12
 """Deviation of the bell over which a level is averaged [s]: it holds some sixty degrees of freedom

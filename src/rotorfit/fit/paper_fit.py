@@ -6,7 +6,10 @@ rotor inertia, no lag. Its standard deviations are the paper's; they do not hold
 says so.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +19,10 @@ from rotorfit.estimation.least_squares import EssentialEstimate, essential_total
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.reduction.reduce import LowPass, time_factors
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import full_name
+
+if TYPE_CHECKING:
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 SHARED_FREE = ("kt", "kd")
 OWN_FREE = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")

@@ -5,15 +5,21 @@ that is seen in flight alone, at rest neither before nor after, is drag of fast 
 vibration, and no mounting of the IMU.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.fit.dataset.plausible_units import LEAST_REST, WINDOW, rest_forces
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.imu_tilt import ImuTilt, tilt_of_force, tilt_phrase
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData
 
 ON_ITS_FEET: Final = float(np.radians(30.0))
 """Angle up to which a vehicle stands on its feet: beyond, it lies where it crashed."""

@@ -26,13 +26,14 @@ bands; rho: excitation of the axis, whose lack pulls every estimate of that axis
 to c = 2.5 for roll and pitch, 1.5 for the ratios of yaw (`excitation.py` has it exactly).
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import LinearProblem, numerical_jacobian
@@ -50,10 +51,16 @@ from rotorfit.fit.intervals.numbers import (
 )
 from rotorfit.fit.reduction.frequency_bands import excited_bands, in_pilot_band, slow_bands
 from rotorfit.model.parameters import EVERY, INERTIA, inertia_about
-from rotorfit.model.regressor import Regressor
 from rotorfit.model.terms.body import ACCEL_BIAS_STD, MOUNTING_STD
 from rotorfit.model.terms.term import Size
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Bool, Float, Int
+
+    from rotorfit.model.regressor import Regressor
+    from rotorfit.model.vehicle import Vehicle
 
 ROWS = ("force", "roll", "pitch", "yaw")
 EQUATIONS = {

@@ -4,6 +4,8 @@ A step is a function from a `Fit` to a `Fit`: it fits again, or widens intervals
 likelihood does not know, and records what it measured for the checks (`Fit.records`).
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Final
 

@@ -9,13 +9,13 @@ A window that the user gives may hold the ground, which carries the weight there
 would give too small a thrust and a bias of metres per second squared. These parts are cut out.
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError
 from rotorfit.findings import Finding, doubt
@@ -27,6 +27,11 @@ from rotorfit.flight.signals import (
     true_runs,
     whole_samples,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from jaxtyping import Bool, Float
 
 GRAVITY = 9.80665
 LOOK_CUTOFF = 8.0

@@ -1,16 +1,22 @@
 """Channels on clocks of their own, brought to one uniform clock without bridging a gap."""
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError
 from rotorfit.flight.signals import true_runs
 from rotorfit.logs.flight_log import Channel, pieces
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from jaxtyping import Bool, Float
 
 FEWEST_SAMPLES = 8
 LARGEST_VALUE = 1e9

@@ -4,11 +4,15 @@ To import `scipy.interpolate`, which imports `scipy.optimize`, takes longer than
 log. De Boor, "A Practical Guide to Splines", 1978, chapter IV.
 """
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
 from scipy.linalg import lapack
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 def cubic_spline_slopes(

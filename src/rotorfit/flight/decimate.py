@@ -4,17 +4,16 @@ Whole flights are decimated: the equations compare a central difference with an 
 same two samples, of all signals alike.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.flight.flight_data import FlightData, HeldCommands, Segment
 from rotorfit.flight.motors.motor_model import MotorModel, clock_jumps, with_motors
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.signals import (
     Saturation,
     Stretch,
@@ -26,6 +25,13 @@ from rotorfit.flight.signals import (
     thinning_low_pass,
     whole_samples,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.flight.prepare import PreparedFlight
 
 FEWEST_PER_PERIOD: Final = 8.0
 """Samples kept for a period of the fastest line: at that line the average of [1 4 1]/6 is off the

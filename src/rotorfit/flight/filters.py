@@ -4,11 +4,15 @@ To import `scipy.signal`, which imports `scipy.stats`, takes longer than to iden
 A recursive filter is a banded triangular system of equations, which LAPACK solves.
 """
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Complex, Float
 from scipy.linalg import lapack
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
 
 
 def butterworth(
@@ -62,8 +66,8 @@ def slowest_pole(sos: Float[np.ndarray, "s 6"]) -> float:
 
 
 def first_order_recursion(
-    forcing: Float[np.ndarray, "n *k"], keep: float
-) -> Float[np.ndarray, "n *k"]:
+    forcing: Float[np.ndarray, n * k], keep: float
+) -> Float[np.ndarray, n * k]:
     r"""Solve :math:`y_n = keep\, y_{n-1} + forcing_n`, with nothing before the first sample."""
     right = np.array(forcing, dtype=float, order="F")
     if not len(right):
@@ -75,8 +79,8 @@ def first_order_recursion(
 
 
 def filter_both_ways(
-    sos: Float[np.ndarray, "s 6"], values: Float[np.ndarray, "n *k"]
-) -> Float[np.ndarray, "n *k"]:
+    sos: Float[np.ndarray, "s 6"], values: Float[np.ndarray, n * k]
+) -> Float[np.ndarray, n * k]:
     """Filter forward and backward, without a shift in phase.
 
     The ends are continued by point reflection, as `scipy.signal.sosfiltfilt` does, and each pass

@@ -1,22 +1,28 @@
 """What makes a flight unusable, and what makes it doubtful: every message in one place."""
 
+from __future__ import annotations
+
 import contextlib
-from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.findings import Finding, doubt
 from rotorfit.flight.airborne import GRAVITY, Motion, fast_rows
-from rotorfit.flight.clocks import UniformChannels
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.interpolated import source_rate
 from rotorfit.flight.signals import true_runs, whole_samples
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
-from rotorfit.logs.speed_law import SpeedLaw
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterator, Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.flight.clocks import UniformChannels
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.logs.speed_law import SpeedLaw
 
 LONGEST_CONSTANT: Final = 1.0
 """A motor channel that stays the same for so long while the others move is stuck [s]."""

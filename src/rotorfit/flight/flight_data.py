@@ -1,14 +1,18 @@
 """The prepared flight: one uniform clock, SI units, FLU body axes."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from rotorfit.flight.signals import Thinning
-from rotorfit.logs.firmware import Filter
-from rotorfit.logs.flight_log import LagOn
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
+
+    from rotorfit.flight.signals import Thinning
+    from rotorfit.logs.firmware import Filter
+    from rotorfit.logs.flight_log import LagOn
 
 Differentiation = Literal["exact", "central"]
 

@@ -5,17 +5,23 @@ axis whatever the attitude: where it leans in the IMU's axes, the IMU leans in t
 a fast flight leans it, too, and so does a bias: the caller must separate them.)
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.kinematics import climb_velocity
-from rotorfit.flight.prepare import PreparedFlight
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.flight.prepare import PreparedFlight
 
 LEAST_TILT: Final = float(np.radians(5.0))
 """Tilt below which a usual bias explains the lean (sound logs: up to 4.5 degrees)."""

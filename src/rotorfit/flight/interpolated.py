@@ -5,15 +5,19 @@ own. Where a recorder draws lines between samples of a slower source, or repeats
 line in its spectrum at the rate of the source, which rounding does not hide.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import special
 
 from rotorfit.flight.signals import running_mean
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
 
 TINY: Final = 1e-300
 

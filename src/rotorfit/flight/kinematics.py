@@ -14,19 +14,24 @@ do not rotate, is acceleration but for gravity and slow errors, and its integral
 slow parts, which are taken out.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.filters import without_line
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.signals import spline_derivatives
 
-Vectors = Float[np.ndarray, "*m 3"]
-Quaternions = Float[np.ndarray, "*m 4"]
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData
+
+    Vectors = Float[np.ndarray, "*m 3"]
+    Quaternions = Float[np.ndarray, "*m 4"]
 
 
 def small_turns(angles: Vectors) -> Quaternions:

@@ -8,18 +8,24 @@ faster) resemble at the frequencies of a fit; in the frequency domain, where the
 does not matter. An accelerometer behind filters of its own gets the gyro's in place of them.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
 from functools import partial
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
 
 from rotorfit.flight.filters import fast_length
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.logs.firmware import Filter, filters_on_board
-from rotorfit.logs.flight_log import FlightLog
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from jaxtyping import Complex, Float, Int
+
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.logs.flight_log import FlightLog
 
 ORDERS: Final = {"pt1": 1, "pt2": 2, "pt3": 3}
 FADING: Final = 1.0

@@ -1,10 +1,11 @@
 """Find hovers that the search for flight leaves out, because one load cannot explain both."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.flight.airborne import (
     DRIFT,
@@ -16,6 +17,9 @@ from rotorfit.flight.airborne import (
     take_drift_out,
 )
 from rotorfit.flight.signals import running_mean, true_runs, whole_samples
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 SHORTEST: Final = 5.0
 """Hover that counts [s]: no spooling up or down takes as long."""

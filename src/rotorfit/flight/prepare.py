@@ -1,12 +1,13 @@
 """FlightLog to FlightData, top to bottom: one clock, despiked, airborne, differentiated."""
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.findings import Finding, sentences
@@ -60,9 +61,15 @@ from rotorfit.flight.motors.motor_model import (
 from rotorfit.flight.on_board import applied_filters, passed_through, with_filters
 from rotorfit.flight.other_hovers import OtherHover, other_hovers
 from rotorfit.flight.signals import central_difference, hampel, true_runs, whole_samples
-from rotorfit.logs.firmware import Filter
-from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.speed_law import law_doubts
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from jaxtyping import Bool, Float, Int
+
+    from rotorfit.logs.firmware import Filter
+    from rotorfit.logs.flight_log import Channel, FlightLog
 
 OPTIONAL = ("velocity", "carried", "world_axes", "reference")
 """Channels that a flight may lack, here and there or wholly."""

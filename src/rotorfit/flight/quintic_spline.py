@@ -4,14 +4,18 @@ To import `scipy.interpolate`, which imports `scipy.optimize`, takes longer than
 log. De Boor, "A Practical Guide to Splines", 1978, chapters IX, X and XIII.
 """
 
+from __future__ import annotations
+
 from functools import lru_cache
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from jaxtyping import Float, Int
 from scipy.linalg import lapack
 
 from rotorfit.logs.flight_log import pieces
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 DEGREE: Final = 5
 

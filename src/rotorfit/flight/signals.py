@@ -12,15 +12,15 @@ what still acts on each of them is the one low-pass.
 Every so many samples of a log, behind a low-pass, for who looks at slow lines alone.
 """
 
+from __future__ import annotations
+
 from bisect import bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import pairwise
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from rotorfit.flight.filters import (
     butterworth,
@@ -32,6 +32,11 @@ from rotorfit.flight.filters import (
 )
 from rotorfit.flight.quintic_spline import quintic_spline
 from rotorfit.logs.flight_log import LONG, pieces
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Float, Int
 
 MEDIAN_WIDTH = 7
 SCALE_WIDTH = 51
@@ -119,11 +124,11 @@ def local_medians(
 
 
 def running_mean(
-    values: Float[np.ndarray, "..."],
+    values: Float[np.ndarray, ...],
     width: int,
     *,
     beyond: Literal["edge", "symmetric"] = "edge",
-) -> Float[np.ndarray, "..."]:
+) -> Float[np.ndarray, ...]:
     """Average over `width` samples around each; beyond the ends stand those, or a mirror image."""
     before = width // 2
     around = ((before, width - before - 1), *((0, 0) for _ in values.shape[1:]))

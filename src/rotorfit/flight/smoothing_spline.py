@@ -1,10 +1,14 @@
 """The natural cubic smoothing spline, as `scipy.interpolate.make_smoothing_spline` makes it."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
 from scipy.linalg import lapack
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 def smoothing_spline_derivatives(

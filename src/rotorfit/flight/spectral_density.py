@@ -3,13 +3,19 @@
 Welch, IEEE Trans. Audio and Electroacoustics 15, 1967; the numbers are those of `scipy.signal`.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from jaxtyping import Complex, Float
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
 
 
 def power_density(
-    values: Float[np.ndarray, "n *k"], sample_rate: float, window: int
-) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "f *k"]]:
+    values: Float[np.ndarray, n * k], sample_rate: float, window: int
+) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, f * k]]:
     """Compute frequencies [Hz] and the one-sided power density of each column."""
     window = min(window, len(values))
     lines = windowed_lines(values, window, (window + 1) // 2)
@@ -39,7 +45,7 @@ def _count_sides(window: int) -> Float[np.ndarray, " f"]:
 
 
 def windowed_lines(
-    values: Float[np.ndarray, "n *k"], window: int, step: int, *, padded: int | None = None
+    values: Float[np.ndarray, n * k], window: int, step: int, *, padded: int | None = None
 ) -> Complex[np.ndarray, "w f *k"]:
     """Compute the spectra of windows that begin every `step` rows, each without its mean.
 

@@ -3,6 +3,8 @@
 A name is imported when it is first used: `rotorfit.logs.files` alone refuses a missing file.
 """
 
+from __future__ import annotations
+
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

@@ -1,11 +1,15 @@
 """What the columns of an unknown table may hold, by the words of their names."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.logs.columns import NAMES, TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 _UNIT_WORDS: Final = (
     (("rad", "s"), "rad/s"),

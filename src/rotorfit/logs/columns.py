@@ -1,16 +1,20 @@
 """Map the columns of a file to quantities: canonical names and maps."""
 
+from __future__ import annotations
+
 import difflib
 import re
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
 from rotorfit.logs.units import Quantity, si_unit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,19 +1,25 @@
 """Reference, measured rates and outputs of an autopilot's rate controller, with its parameters."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import read_head
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.formats import Format, load
 from rotorfit.logs.read import format_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.flight_log import FlightLog
 
 TURNED: Final = np.array([1.0, -1.0, -1.0])
 """Signs from FRD to FLU."""

@@ -1,12 +1,11 @@
 """Micro-SD logs of the Crazyflie; its body axes are FLU."""
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from __future__ import annotations
+
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
 from rotorfit.findings import doubts
@@ -35,6 +34,12 @@ from rotorfit.logs.firmware import (
 from rotorfit.logs.flight_log import Channel, Circumstances, FlightLog, in_air, in_order
 from rotorfit.logs.formats import LogEntry
 from rotorfit.logs.units import STANDARD_GRAVITY, attitude_from_euler
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence, Set
+    from pathlib import Path
+
+    from jaxtyping import Float, Int
 
 FIXED_FREQUENCY: Final = "fixedFrequency"
 FULL_COMMAND: Final = 65535.0

@@ -5,19 +5,24 @@ number, a time and the values, packed and little-endian; a CRC-32 of all that en
 the firmware's usddeck.c; version 1 has times in ms as uint32, version 2 in us as uint64.
 """
 
+from __future__ import annotations
+
 import re
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import Content, let_go, report_progress
 from rotorfit.logs.flight_log import pieces
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Bool, Float, Int, UInt8
 
 MAGIC: Final = 0xBC
 VERSIONS: Final[Mapping[int, tuple[str, float]]] = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}

@@ -1,20 +1,25 @@
 """Columns of numbers in delimited text: any common delimiter, comments, gaps, quoted cells."""
 
+from __future__ import annotations
+
 import csv
 import io
 import mmap
 import re
 import warnings
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import Content, let_go, report_progress
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float, Int
 
 _DELIMITERS: Final = (",", ";", "\t", "|")
 _COMMENTS: Final = ("#", "%")

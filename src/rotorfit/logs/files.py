@@ -1,5 +1,7 @@
 """Whole files: their bytes and their fingerprint, how far they are read, errors to act on."""
 
+from __future__ import annotations
+
 import hashlib
 import mmap
 import os

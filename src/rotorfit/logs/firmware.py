@@ -1,12 +1,17 @@
 """Settings of a firmware: advice for a better log, and the filters on board."""
 
-import re
-from collections.abc import Iterable, Mapping, Set
-from dataclasses import dataclass, replace
-from typing import Final, Literal
+from __future__ import annotations
 
-from rotorfit.logs.flight_log import FlightLog
+import re
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, Literal
+
 from rotorfit.logs.formats import BY_NAME, load
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Set
+
+    from rotorfit.logs.flight_log import FlightLog
 
 # Advice
 

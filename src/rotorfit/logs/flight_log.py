@@ -1,19 +1,25 @@
 """The type every log reader returns: channels on their own clocks, in SI units and FLU axes."""
 
+from __future__ import annotations
+
 import shlex
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Shaped
 
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, sentences
 from rotorfit.logs.formats import BY_NAME
-from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.sheet import DataFrame, Sheet, frame, pandas, sheet_html, sheet_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from pathlib import Path
+
+    from jaxtyping import Bool, Float, Shaped
+
+    from rotorfit.logs.speed_law import SpeedLaw
 
 CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
     "gyro": (3, "rad/s"),

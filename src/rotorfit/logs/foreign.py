@@ -1,8 +1,12 @@
 """Files that are met where flight logs are kept, but not read: what they are, and what to give."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Callable
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 _TOML_TABLE: Final = re.compile(
     rb"(?:[ \t]*(?:#[^\r\n]*|[A-Za-z_]\w*[ \t]*=[^\r\n]*)?\r?\n)*"

@@ -5,16 +5,21 @@ Each is a table of `formats.toml`; its functions stand there as ``module:functio
 files of another format.
 """
 
+from __future__ import annotations
+
 import tomllib
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.foreign import FOREIGN
-from rotorfit.logs.units import Axes
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from rotorfit.logs.columns import ColumnSpec
+    from rotorfit.logs.units import Axes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

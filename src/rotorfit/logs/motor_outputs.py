@@ -1,11 +1,15 @@
 """Which outputs drive motors: those that the motion of the vehicle follows."""
 
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from rotorfit.logs.flight_log import Channel
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
+
+    from rotorfit.logs.flight_log import Channel
 
 MOTOR_COUNTS: Final = (3, 4, 6, 8, 12)
 """Numbers of motors that a multirotor has."""

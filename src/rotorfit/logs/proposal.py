@@ -4,13 +4,10 @@ Names say what a column may be, its values decide: gravity gives the unit of the
 the axes, the attitude's rate the unit and the signs of the gyro. What neither shows is a question.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Final
+from __future__ import annotations
 
-import numpy as np
-from jaxtyping import Float
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
 from rotorfit.logs.column_names import Candidate, candidates_of
@@ -21,7 +18,6 @@ from rotorfit.logs.proposed_channels import (
     MOTORS,
     STATED,
     Found,
-    Numbers,
     Question,
     accelerometer_found,
     attitude_found,
@@ -37,6 +33,15 @@ from rotorfit.logs.proposed_motors import motors_found
 from rotorfit.logs.proposed_poses import pose_found
 from rotorfit.logs.table import Source, open_table
 from rotorfit.logs.units import UNITS, Axes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    import numpy as np
+    from jaxtyping import Float
+
+    from rotorfit.logs.proposed_channels import Numbers
 
 LARGEST_ROWS: Final = 200_000
 """Most rows of a table that are read, the first ones."""

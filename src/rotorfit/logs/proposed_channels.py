@@ -1,18 +1,25 @@
 """Units, axes and signs of the columns that names point to, by their values."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.column_names import Candidate
 from rotorfit.logs.columns import NAMES, TIME, ColumnSpec, unit_of
 from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Axes, Quantity, attitude_from_euler
 
-Numbers = Mapping[str, Float[np.ndarray, " n"]]
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.column_names import Candidate
+
+    Numbers = Mapping[str, Float[np.ndarray, " n"]]
+
 _FASTEST_GYRO: Final = 70.0
 """Twice what the usual gyro can measure [rad/s]: more than this is no rad/s."""
 _LEAST_RATES: Final = 0.7

@@ -1,18 +1,24 @@
 """The clock of an unknown table: which column, in what unit, and which of several."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.logs.column_names import Candidate
 from rotorfit.logs.columns import TIME, ColumnSpec
-from rotorfit.logs.proposed_channels import Found, Numbers, Question
-from rotorfit.logs.table import Source
+from rotorfit.logs.proposed_channels import Found, Question
 from rotorfit.logs.units import UNITS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from rotorfit.logs.proposed_channels import Numbers
+    from rotorfit.logs.table import Source
 
 _SHORTEST_STEP: Final = 1e-5
 _LONGEST_STEP: Final = 0.5

@@ -1,16 +1,23 @@
 """Rotor speeds and commands of an unknown table: which columns, in what unit."""
 
-from collections.abc import Mapping, Sequence
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.logs.column_names import COMMAND_WORDS, SPEED_WORDS, Candidate, is_by_corner
 from rotorfit.logs.columns import ColumnSpec
-from rotorfit.logs.exporters import Exporter
 from rotorfit.logs.motor_outputs import MOTOR_COUNTS
-from rotorfit.logs.proposed_channels import Found, Numbers, Question, known_rows, stacked
+from rotorfit.logs.proposed_channels import Found, Question, known_rows, stacked
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.exporters import Exporter
+    from rotorfit.logs.proposed_channels import Numbers
 
 _RANGES: Final = {"us": (1000.0, 2000.0), "counts": (0.0, 65535.0)}
 

@@ -3,17 +3,24 @@
 A multirotor accelerates to where its thrust leans, by g times the tilt, whatever it weighs.
 """
 
-from collections.abc import Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.logs.column_names import Candidate
 from rotorfit.logs.columns import NAMES, TIME, ColumnSpec, unit_of
-from rotorfit.logs.proposed_channels import Found, Numbers, stacked
+from rotorfit.logs.proposed_channels import Found, stacked
 from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Axes, attitude_from_euler, unit_or_nan
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.column_names import Candidate
+    from rotorfit.logs.proposed_channels import Numbers
 
 WITHOUT_IMU: Final = (
     "no gyro or no accelerometer: position and attitude show the motion, as by motion capture"

@@ -1,16 +1,16 @@
 """Any log to a FlightLog: the format is recognised by the content, not by the name."""
 
+from __future__ import annotations
+
 import json
 import tomllib
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import Progress, read_for, read_head
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.foreign import FOREIGN
 from rotorfit.logs.formats import (
     BY_NAME,
@@ -21,6 +21,11 @@ from rotorfit.logs.formats import (
     load,
     recognise,
 )
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rotorfit.logs.flight_log import FlightLog
 
 _HEAD: Final = 65536
 _LARGEST_TEXT: Final = 4_000_000

@@ -1,13 +1,19 @@
 """The speed that a motor settles at, over its command: laws as curves, with the battery's share."""
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, doubt
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from jaxtyping import Float
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,15 +4,14 @@ pyarrow (the extra ``parquet``) reads the latter: of the readers at hand it alon
 damaged file with an exception.
 """
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import LogError, OutputError
 from rotorfit.logs.columns import (
@@ -44,6 +43,12 @@ from rotorfit.logs.units import (
     conversion,
     vectors_to_flu,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from jaxtyping import Bool, Float
 
 PARQUET_MAGIC: Final = b"PAR1"
 """The first four bytes of every Parquet file, and the last four."""

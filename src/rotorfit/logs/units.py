@@ -3,16 +3,21 @@
 Every conversion of a unit is one factor and one offset.
 """
 
+from __future__ import annotations
+
 import difflib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import LogError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
 
 Quantity = Literal[
     "time",
@@ -90,7 +95,7 @@ class Conversion:
     factor: float
     offset: float = 0.0
 
-    def __call__(self, recorded: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    def __call__(self, recorded: Float[np.ndarray, ...]) -> Float[np.ndarray, ...]:
         """Return the SI values of recorded values; what overflows becomes infinite."""
         with np.errstate(over="ignore", invalid="ignore"):
             return recorded * self.factor + self.offset

@@ -1,16 +1,23 @@
 """The wrench of the air on a vehicle that moves at a known velocity."""
 
-from collections.abc import Callable, Iterator
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.signals import SignalLayout, signal_matrix
 from rotorfit.model.terms.registry import terms_in
-from rotorfit.model.terms.term import Term
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.model.terms.term import Term
+    from rotorfit.model.vehicle import Vehicle
 
 
 def air_force(

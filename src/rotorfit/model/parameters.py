@@ -1,14 +1,18 @@
 """Names, units and meaning of every parameter, in the order in which they are reported."""
 
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.model.terms import air, body
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.model.terms.term import ParameterInfo
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 FIRST_MOMENTS: Final = body.FIRST_MOMENTS.names
 INERTIA: Final = body.INERTIA.names

@@ -33,17 +33,24 @@ constant torques in `terms/body.py`, of the rotors in `terms/rotors.py`, of the 
 `terms/air.py`; `terms/registry.py` lists them.
 """
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.model.signals import AddedSignals, SignalLayout, signal_layout
 from rotorfit.model.terms.body import body_first_moments
 from rotorfit.model.terms.registry import terms_in
-from rotorfit.model.terms.term import Block
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.model.terms.term import Block
+    from rotorfit.model.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,15 +7,22 @@ and w x H of the rotors' spin H = sum s_i O_i n_i: six with tilted rotors, three
 z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
 """
 
-from collections.abc import Callable, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import FlightError
-from rotorfit.flight.flight_data import FlightData
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.model.vehicle import Vehicle
 
 BODY_SIGNALS = (
     *("ax", "ay", "az"),
@@ -207,7 +214,7 @@ def yaw_signals(
     return Z if exact else _average_rows(Z, exempt)
 
 
-def central_average(wide: Float[np.ndarray, "w *z"]) -> Float[np.ndarray, "n *z"]:
+def central_average(wide: Float[np.ndarray, w * z]) -> Float[np.ndarray, n * z]:
     """Average the inner rows with their neighbours, [1 4 1]/6, as central differences do."""
     Z = wide[:-2] + wide[2:]
     Z += 4.0 * wide[1:-1]

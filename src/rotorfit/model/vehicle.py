@@ -7,15 +7,20 @@ Sources: PX4 airframe reference; ArduPilot "Connect ESCs and Motors"; Betaflight
 configuration" (props in); Crazyflie 2 "Motor orientation"; Six et al. 2020, eq. 9 (paper).
 """
 
-from collections.abc import Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from typing import Final, Literal, get_args
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
 
 Spin = Literal["ccw", "cw"]
 PROPELLER_SHARE: Final = 0.8

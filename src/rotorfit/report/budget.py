@@ -1,10 +1,11 @@
 """The uncertainty budget in words, as a table of the page, and as a stacked bar."""
 
+from __future__ import annotations
+
 import textwrap
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.digits import short, with_half
 from rotorfit.model.parameters import INERTIA_COM, title_of
@@ -12,6 +13,9 @@ from rotorfit.report.pages import drawing, tag, text
 from rotorfit.report.parameters import unit_words
 from rotorfit.results.budget import Budget, BudgetLine, budget_of
 from rotorfit.results.result import MAIN, IdentificationResult
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 LEAST_SHARE: Final = 0.01
 """Share of the squared half-width under which lines are printed as one: together they change the

@@ -4,13 +4,13 @@
 by ``data-from`` and ``data-to``, lines by ``data-at``, all in the axis' own numbers.
 """
 
+from __future__ import annotations
+
 import base64
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.report.pages import (
     drawing,
@@ -23,6 +23,11 @@ from rotorfit.report.pages import (
     ticks,
 )
 from rotorfit.series import Series, column_starts, extremes, middles
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float
 
 WIDTH: Final = 920.0
 LEFT: Final = 58.0

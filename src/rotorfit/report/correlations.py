@@ -1,15 +1,21 @@
 """Section 5: parameters that the flights hardly separate."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.weak_directions import condition_words
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
 from rotorfit.report.pages import drawing, label, tag, text
-from rotorfit.results.result import IdentificationResult
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.results.result import IdentificationResult
 
 STRONG = 0.6
 CELL, LEFT, TOP = 34.0, 118.0, 10.0

@@ -1,16 +1,22 @@
 """The drawings of a fleet's page: a number over a vehicle's flights, and over all vehicles."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.report.pages import decimal, drawing, label, tag, text, tick_label, ticks
 from rotorfit.tools.fleet.changes import NORMAL_95
 from rotorfit.tools.fleet.compared import IN_METRES
-from rotorfit.tools.fleet.statistics import NumberStatistics
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.tools.fleet.statistics import NumberStatistics
 
 MOST_POINTS: Final = 60
 """Most points of a drawing; more flights are put together, neighbours in time."""

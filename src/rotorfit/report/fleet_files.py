@@ -1,15 +1,15 @@
 """The files of a fleet: its tables, and a page for each type of vehicle."""
 
+from __future__ import annotations
+
 import os
-from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 from urllib.parse import quote
 
 from rotorfit.report.fleet_page import NO_LINKS, Links, fleet_html, report_command, report_name
 from rotorfit.tools.fleet.executors import mapped
 from rotorfit.tools.fleet.joined import join_tasks, joined_vehicle
-from rotorfit.tools.fleet.records import FlightRecord
 from rotorfit.tools.fleet.run import FAILURES, Fleet, FleetType, Workers, refusals_file
 from rotorfit.tools.fleet.tables import (
     ROWS,
@@ -20,6 +20,11 @@ from rotorfit.tools.fleet.tables import (
     table_file,
     vehicle_columns,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from rotorfit.tools.fleet.records import FlightRecord
 
 PAGE: Final = "fleet.html"
 REPORTS: Final = "reports"

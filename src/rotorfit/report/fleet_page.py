@@ -1,11 +1,12 @@
 """A fleet as one HTML page that needs nothing else; of bounded size, however many flights."""
 
+from __future__ import annotations
+
 import shlex
 from collections import Counter
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -26,8 +27,12 @@ from rotorfit.tools.fleet.findings import (
     number_phrase,
 )
 from rotorfit.tools.fleet.random_effects import LEAST_GROUPS
-from rotorfit.tools.fleet.records import FlightRecord, RefusedLog
-from rotorfit.tools.fleet.statistics import FleetStatistics, NumberStatistics
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rotorfit.tools.fleet.records import FlightRecord, RefusedLog
+    from rotorfit.tools.fleet.statistics import FleetStatistics, NumberStatistics
 
 Rendered = dict[str, object]
 """Part of the page, by the names of its template."""

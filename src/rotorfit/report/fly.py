@@ -1,12 +1,12 @@
 """What `rotorfit fly` found, on one screen and as a page: replay, growing errors, manoeuvres."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.digits import short
 from rotorfit.logs.files import file_name
@@ -51,6 +51,15 @@ from rotorfit.results.validation.replay import (
     growth_time,
 )
 from rotorfit.sheet import listed, table_lines, wrapped
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
+
+    Points = Float[np.ndarray, " n"]
+    Band = tuple[tuple[Points, Points, Points], ...]
+    """An area between two curves, in pieces of time, low and high."""
 
 WIDTH = 80
 BAND = "95 % interval"
@@ -244,7 +253,6 @@ TITLES: Final[Mapping[Manoeuvre, str]] = {
     "pitch": "Pitch angle [rad]",
     "yaw rate": "Yaw rate [rad/s]",
 }
-Points = Float[np.ndarray, " n"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -254,10 +262,6 @@ class Curve:
     kind: str
     x: Points
     y: Points
-
-
-Band = tuple[tuple[Points, Points, Points], ...]
-"""An area between two curves, in pieces of time, low and high."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

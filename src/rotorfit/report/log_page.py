@@ -1,15 +1,15 @@
 """The page of inspected logs: channels over time, spectra with the filters."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.logs.files import write_whole
-from rotorfit.logs.firmware import Filter
 from rotorfit.report.chart import (
     LEAST_SECONDS,
     Axis,
@@ -29,7 +29,6 @@ from rotorfit.report.log_report import KNOW, airborne_phrase, sections
 from rotorfit.report.pages import render_page
 from rotorfit.report.parameters import unit_words
 from rotorfit.series import Series
-from rotorfit.tools.inspection.inspect_log import LogReport
 from rotorfit.tools.inspection.pictures import (
     LEVELS,
     THRUST_LEVELS,
@@ -41,6 +40,12 @@ from rotorfit.tools.inspection.pictures import (
     Trace,
 )
 from rotorfit.tools.inspection.spectra import RotorBand, Spectrum, ordinal
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.logs.firmware import Filter
+    from rotorfit.tools.inspection.inspect_log import LogReport
 
 TITLES: Final = {
     "gyro": "Gyro",

@@ -1,23 +1,28 @@
 """The report on one inspected log: one screen of text, or JSON."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rotorfit.checks.motors.motor_law import law_decides
 from rotorfit.checks.thrust_against_weight import compare_with_weight
 from rotorfit.checks.verdicts.judge import ratio_words
 from rotorfit.digits import short, with_half
-from rotorfit.fit.dataset.plausible_units import GravitySeen
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
-from rotorfit.flight.motors.rotor_telemetry import Telemetry
 from rotorfit.sheet import wrapped
-from rotorfit.tools.inspection.inspect_log import LogReport
 from rotorfit.tools.inspection.motor_lateness import LATEST, SEARCHED
-from rotorfit.tools.inspection.prospects import Excitation, Prospects
 from rotorfit.tools.inspection.recording import ChannelReport, settings_file
 from rotorfit.tools.inspection.spectra import AXES, Spectrum, Sweep
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.fit.dataset.plausible_units import GravitySeen
+    from rotorfit.flight.motors.rotor_telemetry import Telemetry
+    from rotorfit.tools.inspection.inspect_log import LogReport
+    from rotorfit.tools.inspection.prospects import Excitation, Prospects
 
 JSON_KEYS: Final = (
     *("file", "format", "log", "seconds", "channels", "airborne", "vibration", "sweeps"),

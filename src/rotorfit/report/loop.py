@@ -1,26 +1,33 @@
 """The outcome of `rotorfit loop`, on one screen and as a page."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.digits import with_half
 from rotorfit.report.chart import Area, Axis, Chart, Curve, Line, Panel, chart_svg
 from rotorfit.report.pages import render_page
 from rotorfit.series import Series
 from rotorfit.sheet import table_lines, wrapped
-from rotorfit.tools.control_loop.loop import AxisLoop, LoopOutcome
 from rotorfit.tools.control_loop.margins import open_phase
 from rotorfit.tools.control_loop.measures import SIDES, LoopMeasures, Measure, StepResponse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.tools.control_loop.loop import AxisLoop, LoopOutcome
+
+    Row = Float[np.ndarray, " f"]
 
 WIDTH = 80
 HEADS: Final = ("crossover [Hz]", "phase [deg]", "gain", "delay [ms]", "peak")
 HALF = 0.5
 """Half of a step."""
-Row = Float[np.ndarray, " f"]
 CALM, LIVELY = 2.0, 3.0
 """Peaks of the sensitivity up to which a loop is calm, and beyond which it nearly oscillates."""
 

@@ -1,11 +1,11 @@
 """The motors' law in words and as a picture: measured speeds over commands, and the curve."""
 
-from collections.abc import Callable, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.motors.motor_law import FOUND as LAW_FOUND
 from rotorfit.digits import Number, number_of
@@ -14,13 +14,21 @@ from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.fit.experiment.law_table import speed_law_of
 from rotorfit.fit.experiment.toml_files import experiment_text
 from rotorfit.flight.motors.motor_model import speeds
-from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.report.pages import drawing, label, tag, text, tick_label, ticks
 from rotorfit.report.parameters import unit_words
-from rotorfit.results.command_law import CommandLaw, LawPoint
 from rotorfit.results.command_units import is_per_command
-from rotorfit.results.result import IdentificationResult
-from rotorfit.results.validation.wrench_comparison import WrenchComparison
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.speed_law import SpeedLaw
+    from rotorfit.results.command_law import CommandLaw, LawPoint
+    from rotorfit.results.result import IdentificationResult
+    from rotorfit.results.validation.wrench_comparison import WrenchComparison
+
+    Points = Float[np.ndarray, " n"]
 
 WIDTH, HEIGHT = 640.0, 320.0
 LEFT, RIGHT, TOP, BOTTOM = 70.0, 16.0, 14.0, 46.0
@@ -40,9 +48,6 @@ FORMULAS: Final = {
     "offset power": "full_speed (offset + (1 - offset) u)^exponent",
     "sqrt": "full_speed sqrt(f u^2 + (1 - f) u), f = thr_mdl_fac",
 }
-
-
-Points = Float[np.ndarray, " n"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

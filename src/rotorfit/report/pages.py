@@ -4,6 +4,8 @@ PNG comes from resvg (`pip install "rotorfit[figures]"`): one wheel of 3 MB with
 dependencies. Matplotlib would draw everything a second time, and cairosvg needs the system's cairo.
 """
 
+from __future__ import annotations
+
 import base64
 import hashlib
 import math

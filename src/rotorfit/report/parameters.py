@@ -1,8 +1,9 @@
 """Numbers and verdicts in words, and their tables: section 1 of the page, and LaTeX for a paper."""
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.checks.verdicts.judge import body_advice, body_reason, body_verdict, twin_of
 from rotorfit.digits import Number, finite_interval, known, number_of
@@ -16,6 +17,9 @@ from rotorfit.results.result import (
     configuration_names,
     verdict_of,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 VERDICT_MEANING = {
     "identified": "known to +- 25 % or better; near zero, to a quarter of a size that matters "

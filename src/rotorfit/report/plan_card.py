@@ -1,8 +1,9 @@
 """A plan on one page to print and take along: checklist, flights, manoeuvres."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -22,8 +23,12 @@ from rotorfit.report.plan_text import (
     width_text,
 )
 from rotorfit.sheet import wrapped
-from rotorfit.tools.planning.plan import FlightPlan
 from rotorfit.tools.planning.wanted import WANTABLE
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rotorfit.tools.planning.plan import FlightPlan
 
 WIDTH: Final = 78
 PLAIN_NAMES: Final = {

@@ -1,18 +1,23 @@
 """A plan as text: manoeuvres as a pilot flies them, what they would give, what was assumed."""
 
+from __future__ import annotations
+
 import math
 import textwrap
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.sheet import wrapped
 from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre, Stick
-from rotorfit.tools.planning.advised_step import NextStep
 from rotorfit.tools.planning.next_step import best_manoeuvre, next_step
 from rotorfit.tools.planning.plan import SCHEDULES, FlightPlan
 from rotorfit.tools.planning.vehicle import payload_rotors
 from rotorfit.tools.planning.wanted import IN_MM, WANTABLE, Candidate, ScheduleName, shown_width
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from rotorfit.tools.planning.advised_step import NextStep
 
 WIDTH = 100
 NAME_WIDTH = 31

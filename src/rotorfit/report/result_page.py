@@ -6,6 +6,8 @@ Identification of the Propeller Coefficients and Dynamic Parameters of a Hoverin
 Flight Data. Their numbers are in `paper_tables.toml`.
 """
 
+from __future__ import annotations
+
 import json
 import math
 import re
@@ -13,7 +15,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from rotorfit.digits import known, short
 from rotorfit.logs.files import file_name, write_whole
@@ -46,7 +48,9 @@ from rotorfit.report.wrenches import (
 from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
 from rotorfit.results.validation.judgement import moment_sentences
 from rotorfit.results.validation.wrench_comparison import SHOWN, WrenchComparison, wrench_spectra
-from rotorfit.tools.control_loop.loop import LoopOutcome
+
+if TYPE_CHECKING:
+    from rotorfit.tools.control_loop.loop import LoopOutcome
 
 Entry = list[float]
 """Value, and %sigma where the table has it."""

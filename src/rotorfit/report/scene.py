@@ -3,21 +3,26 @@
 Everything is in body axes FLU, from the point that the rotor positions are measured from.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import ValidationError
 
 from rotorfit.digits import known
 from rotorfit.errors import RotorfitError
 from rotorfit.fit.experiment.airframe_table import AirframeEntry
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.report.parameters import half_width
 from rotorfit.results.result import IdentificationResult, configuration_names
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.model.vehicle import Vehicle
 
 Point = tuple[float, float, float]
 

@@ -1,14 +1,14 @@
 """The head of page and terminal: ten lines that a pilot reads; and the end of the page."""
 
+from __future__ import annotations
+
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import floor, log10, pi, sqrt
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.digits import known, number_of, with_interval
-from rotorfit.findings import Finding
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.logs.files import file_name
 from rotorfit.report.pages import drawing, label, labelled_ticks, tag, text
@@ -25,6 +25,11 @@ from rotorfit.results.result import (
 )
 from rotorfit.sheet import wrapped
 from rotorfit.tools.planning.next_step import next_step
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from rotorfit.findings import Finding
 
 DIRECTIONS: Final = {
     "com_x": ("forward", "back"),

@@ -1,8 +1,9 @@
 """A result on one screen: what is known, how well, and what to do about the rest."""
 
+from __future__ import annotations
+
 import textwrap
-from collections.abc import Container, Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rotorfit.checks.verdicts.judge import WEAK, twin_of
 from rotorfit.digits import known, short, with_interval
@@ -20,6 +21,9 @@ from rotorfit.results.result import (
 )
 from rotorfit.sheet import table_lines, wrapped
 from rotorfit.tools.planning.next_step import next_step
+
+if TYPE_CHECKING:
+    from collections.abc import Container, Iterable, Mapping
 
 ROTOR_DERIVED = (
     *("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed"),

@@ -1,14 +1,20 @@
 """Section 2: the vehicle to scale, from above and from the side, and its centre close up."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import cos, pi, sin
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rotorfit.report.pages import drawing, label, nice_step, tag
 from rotorfit.report.scene import Body, Point, Scene, scene_of
-from rotorfit.results.result import IdentificationResult
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.results.result import IdentificationResult
 
 Axes = tuple[tuple[int, float], tuple[int, float]]
 """Index and sign of the body axes that point right and up."""

@@ -1,12 +1,12 @@
 """Section 3: body against rotor wrench, over time (Six et al. 2020, Fig. 3, 4) and frequency."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.digits import short
 from rotorfit.logs.files import file_name
@@ -21,7 +21,6 @@ from rotorfit.report.chart import (
     logarithms,
     time_axis,
 )
-from rotorfit.results.result import IdentificationResult
 from rotorfit.results.validation.wrench_comparison import (
     SHOWN,
     WINDOW_SECONDS,
@@ -30,6 +29,13 @@ from rotorfit.results.validation.wrench_comparison import (
     wrench_spectra,
 )
 from rotorfit.series import Series, thinned
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.results.result import IdentificationResult
 
 NAMES: Final = {"Fz": "thrust", "Mx": "roll", "My": "pitch", "Mz": "yaw"}
 HEIGHT: Final = 150.0

@@ -7,29 +7,36 @@ a factor, all numbers stay consistent; the place of the IMU is that of the centr
 shows it, so that these are said beside the result.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.sensors.sensor_faults import lowpass_sentence
 from rotorfit.checks.verdicts.judge import judged_derived
 from rotorfit.checks.verdicts.parameters import RATIOS
 from rotorfit.estimation.factors import flights_of
 from rotorfit.findings import Finding, diagnostics_of, note
-from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight
-from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.experiment.law_table import speed_law_of
-from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.flight.motors.motor_model import ThrustCurve, full_speed_of
 from rotorfit.logs.flight_log import SITL, simulated_sentence
 from rotorfit.logs.speed_law import SquareRootLaw
 from rotorfit.results.result import Derived, FlightRecord, Parameter
 from rotorfit.results.tables import ResultTables
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight
+    from rotorfit.fit.experiment.experiment import MotorsEntry
+    from rotorfit.fit.joint.joint_problem import JointConfiguration
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 FLYABLE = ("weak", "ratio-only", "not-identified")
 """Verdicts that more flying might better."""

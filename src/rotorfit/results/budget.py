@@ -5,11 +5,12 @@ References
 JCGM 100:2008 (GUM), 5.1 and Annex H: a budget lists every contribution to a combined uncertainty.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from itertools import pairwise
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rotorfit.checks.verdicts.judge import ADVICE, Derived, Parameter, Verdict, motion_for
 from rotorfit.digits import known
@@ -22,6 +23,9 @@ from rotorfit.fit.intervals.interval_terms import (
     half_width_of_number,
 )
 from rotorfit.results.result import IdentificationResult, verdict_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 UNKNOWN_KIND: Final = TermKind(remedy="none", action="unknown to this version of rotorfit")
 """Of a term that a later version wrote."""

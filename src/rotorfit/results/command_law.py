@@ -1,10 +1,11 @@
 """The motors' law, lag and delay between command and measured speed, as a result keeps them."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from rotorfit.fit.motor_law.law_model import FormName
 from rotorfit.logs.speed_law import (
@@ -14,6 +15,9 @@ from rotorfit.logs.speed_law import (
     SquareRootLaw,
     VoltageFactor,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

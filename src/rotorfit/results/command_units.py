@@ -4,17 +4,16 @@ These are the throttle in hover, the thrust over the weight and of a motor, and 
 motors pull.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
 from math import hypot, isfinite, sqrt
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.checks.verdicts.judge import judge
 from rotorfit.findings import doubt, note
-from rotorfit.fit.dataset.dataset import Dataset
-from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.experiment.law_table import LawEntry, speed_law_of
 from rotorfit.fit.intervals.interval_terms import NumberTerm, half_width_of_number, scale_terms
 from rotorfit.fit.motors.commanded_speeds import hover_share
@@ -23,7 +22,13 @@ from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
 from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS
 from rotorfit.results.law_tables import full_speed_term
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, owners_of
-from rotorfit.results.tables import ResultTables
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from rotorfit.fit.dataset.dataset import Dataset
+    from rotorfit.fit.experiment.experiment import MotorsEntry
+    from rotorfit.results.tables import ResultTables
 
 _PER_MASS: Final = " per kg"
 

@@ -3,10 +3,11 @@
 Differences are relative to the first result's value, as in Table II.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.digits import with_interval
 from rotorfit.errors import ExperimentError
@@ -16,6 +17,9 @@ from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.results.full_throttle import AT_COMMAND
 from rotorfit.results.law_tables import USUAL_EXPONENT
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 VOLTAGE_POWERS: Final = {
     "max_speed": 1.0,

@@ -4,16 +4,15 @@ The law from command to speed holds at one voltage, that of its flights or the f
 one. At full throttle the battery gives less, and the rotors turn slower with it.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rotorfit.estimation.measured import Measured
 from rotorfit.estimation.root import root_between
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.fit.intervals.interval_terms import (
     NumberTerm,
     half_width_of_number,
@@ -27,8 +26,14 @@ from rotorfit.flight.motors.battery_sag import (
 )
 from rotorfit.results.command_units import flight_number
 from rotorfit.results.law_tables import voltage_exponent
-from rotorfit.results.result import Derived
-from rotorfit.results.tables import ResultTables
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.estimation.measured import Measured
+    from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
+    from rotorfit.results.result import Derived
+    from rotorfit.results.tables import ResultTables
 
 VOLTAGE: Final = "full-throttle-voltage"
 AT_COMMAND: Final = "full_command_voltage"

@@ -1,11 +1,11 @@
 """The tables of a result from the joint estimate, and the covariance of its numbers."""
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.checks.verdicts.judge import Judgement
 from rotorfit.checks.verdicts.parameters import (
     joint_parameters,
     judged_numbers,
@@ -14,26 +14,33 @@ from rotorfit.checks.verdicts.parameters import (
 )
 from rotorfit.estimation.banded import response_sensitivity
 from rotorfit.estimation.estimate import numerical_jacobian
-from rotorfit.findings import Finding
-from rotorfit.fit.experiment.experiment import ConfigurationEntry
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import (
     SHARED_NUMBERS,
     formal_covariance,
     physical,
     timing_shifts,
 )
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
-from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.reduction.frequency_bands import STRETCH
 from rotorfit.fit.timing.timing_fit import SUMMED
 from rotorfit.model.parameters import DERIVED, MOTOR_TIMES, OF_FLIGHT, UNREPORTED
 from rotorfit.model.terms.body import BIAS_STD
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.results.assemble import assemble_tables, with_diagnosis
-from rotorfit.results.result import Derived, Parameter
-from rotorfit.results.tables import ResultTables
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.checks.verdicts.judge import Judgement
+    from rotorfit.findings import Finding
+    from rotorfit.fit.experiment.experiment import ConfigurationEntry
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.fit.joint.joint_problem import JointConfiguration
+    from rotorfit.results.result import Derived, Parameter
+    from rotorfit.results.tables import ResultTables
 
 
 def joint_tables(fit: Fit, findings: Sequence[Finding] = ()) -> ResultTables:

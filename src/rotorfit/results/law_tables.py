@@ -1,22 +1,20 @@
 """Tabulate the fitted law of the motors: numbers, verdicts, points of a picture."""
 
-from collections.abc import Callable, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.verdicts.judge import judge
 from rotorfit.checks.verdicts.parameters import found_time
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.measured import Measured
 from rotorfit.findings import note
-from rotorfit.fit.dataset.dataset import Dataset
 from rotorfit.fit.intervals.interval_terms import NumberTerm
 from rotorfit.fit.motor_law.command_response import Recording, respond_to_commands
 from rotorfit.fit.motor_law.fit_law import FittedLaw, bounded_recording, fit_law
-from rotorfit.fit.motor_law.form_fit import LawFit
 from rotorfit.fit.motor_law.law_model import law_of, scales_of, timing_of
 from rotorfit.fit.reduction.motor_timing import is_time_identifiable
 from rotorfit.flight.flight_checks import LEAST_RATE
@@ -30,7 +28,17 @@ from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import PARAMETERS, ROW_ORDER
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
 from rotorfit.results.result import Parameter
-from rotorfit.results.tables import ResultTables
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.dataset.dataset import Dataset
+    from rotorfit.fit.motor_law.form_fit import LawFit
+    from rotorfit.results.tables import ResultTables
+
+    Vector = Float[np.ndarray, " p"]
 
 ESTIMATOR: Final = (
     "least squares of the measured speeds over lag, delay and law together, glitches counting "
@@ -68,8 +76,6 @@ USUAL_VOLTAGE: Final = (
     "holds at {nominal:.3g} V, and at others its speeds go with the voltage to the power of "
     "{exponent:.2f} +- {half:.2f}, as motors usually do; fly until the battery sags to measure it"
 )
-
-Vector = Float[np.ndarray, " p"]
 
 
 def add_motor_law(

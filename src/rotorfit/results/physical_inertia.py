@@ -1,17 +1,24 @@
 """The nearest body to an estimate that can exist (`checks/impossible_inertia.py`)."""
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.impossible_inertia import ESTIMATE, moment_slopes
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.fit.experiment.payload import MOMENTS
 from rotorfit.model.parameters import INERTIA, INERTIA_PLACES
-from rotorfit.results.result import IdentificationResult
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.results.result import IdentificationResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,15 +1,15 @@
 """The result of an identification: frozen, complete, saves and loads itself."""
 
+from __future__ import annotations
+
 import dataclasses
 import json
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.verdicts.judge import Derived as Derived
 from rotorfit.checks.verdicts.judge import Parameter as Parameter
@@ -25,6 +25,11 @@ from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS
 from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plain
 from rotorfit.results.samples import Estimated, Samples, draw_vehicles
 from rotorfit.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
 
 SCHEMA = 2
 """Of a saved result; 2 has the interval terms of every number."""
@@ -128,7 +133,7 @@ class IdentificationResult:
         """The findings, and those of the single flights."""
         return (*self.findings, *(one for flight in self.flights for one in flight.findings))
 
-    def found(self, *findings: Finding) -> "IdentificationResult":
+    def found(self, *findings: Finding) -> IdentificationResult:
         """Return the result with further findings."""
         return dataclasses.replace(self, findings=(*self.findings, *findings))
 
@@ -167,7 +172,7 @@ class IdentificationResult:
         write_whole(Path(path), self.to_json(), force=force)
 
     @staticmethod
-    def load(path: Path | str) -> "IdentificationResult":
+    def load(path: Path | str) -> IdentificationResult:
         """Read a saved result.
 
         Raises

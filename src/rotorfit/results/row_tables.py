@@ -3,12 +3,12 @@
 The tables of a result from the paper's procedure: its values, its sigmas, what it removed.
 """
 
-from collections.abc import Mapping
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.verdicts.judge import ADVICE, Judgement, judge, motion_for
 from rotorfit.checks.verdicts.parameters import (
@@ -23,19 +23,25 @@ from rotorfit.checks.verdicts.parameters import (
     with_timing_total,
 )
 from rotorfit.checks.weak_directions import excitation_findings, origin_findings
-from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.findings import note
-from rotorfit.fit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.fit.fit_flights import setting_terms
 from rotorfit.fit.intervals.interval_terms import NumberTerm
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings, paper_estimate
 from rotorfit.fit.row_fits import ROWS, RowFits, fit_rows, number_scale, row_numbers
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS, ROW_ORDER, SHARED, full_name
 from rotorfit.results.assemble import assemble_tables
 from rotorfit.results.result import Parameter
-from rotorfit.results.tables import ResultTables
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.least_squares import EssentialEstimate
+    from rotorfit.fit.experiment.experiment import ConfigurationEntry, Experiment
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.results.tables import ResultTables
 
 
 def estimate_by_rows(experiment: Experiment, dataset: TimedDataset) -> ResultTables:

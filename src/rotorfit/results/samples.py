@@ -7,20 +7,26 @@ mass, 1/2 tr(I) 1 - I, not negative (Wensing, Kim and Slotine 2017, arXiv 1701.0
 upwards, drag torque against the spin, motors without a lag below zero.
 """
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.model.parameters import COM, FIRST_MOMENTS, INERTIA, INERTIA_COM, INERTIA_PLACES
 from rotorfit.sheet import DataFrame, frame
 
-Values = dict[str, Float[np.ndarray, " n"]]
-"""Numbers by name, one for each draw."""
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Bool, Float
+
+    Values = dict[str, Float[np.ndarray, " n"]]
+    """Numbers by name, one for each draw."""
+
 LEAST_KEPT: Final = 0.002
 """Share of the draws that can exist, below which the estimate itself is at fault."""
 BLOCK: Final = 4096

@@ -4,10 +4,11 @@ Files that `rotorfit identify -o` wrote always are. Every command that takes a r
 whole ones only.
 """
 
+from __future__ import annotations
+
 import math
 from collections import Counter
-from pathlib import Path
-from typing import Any, Final, get_args
+from typing import TYPE_CHECKING, Any, Final, get_args
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from rotorfit.errors import OutputError
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.results.command_units import effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 LARGEST: Final = 1e9
 """No SI number of a vehicle comes near it, and sums and squares of such ones stay finite."""

@@ -4,21 +4,28 @@ Estimators tabulate their numbers, then units, the motors' law, the numbers of f
 and verdicts follow, each as tables made of tables. A finished result is not rewritten.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import platform
-from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from jaxtyping import Float
 
 from rotorfit import version
-from rotorfit.findings import Finding
 from rotorfit.fit.dataset.load import resolved_method
-from rotorfit.fit.experiment.experiment import Experiment
-from rotorfit.results.command_law import CommandLaw
 from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
+
+    from rotorfit.findings import Finding
+    from rotorfit.fit.experiment.experiment import Experiment
+    from rotorfit.results.command_law import CommandLaw
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +56,7 @@ class ResultTables:
         """The findings, and those of the single flights."""
         return (*self.findings, *(one for flight in self.flights for one in flight.findings))
 
-    def found(self, *findings: Finding) -> "ResultTables":
+    def found(self, *findings: Finding) -> ResultTables:
         """Return the tables with further findings."""
         return dataclasses.replace(self, findings=(*self.findings, *findings))
 

@@ -3,6 +3,8 @@
 A name is imported when it is first used: who plans with a stick's name needs no simulator.
 """
 
+from __future__ import annotations
+
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

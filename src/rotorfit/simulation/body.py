@@ -7,24 +7,32 @@ The rotors: speed after speed command, and the wrench that they put on the body.
 the frame, and what it does to rotors that move through it (`with_rotor_air`).
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import atan2, cos, pi, sin, sqrt
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation.truth import GRAVITY, Truth, tensor_elements
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.model.vehicle import Vehicle
+
+    Number = TypeVar("Number", float, Float[np.ndarray, " n"])
+    """A float in the inner loop, or a column of them for the samples of a whole flight."""
+    Decay = tuple[Float[np.ndarray, "k 1"], Float[np.ndarray, "k 1"]]
+    """exp(-t/lag) at times t, of rising and of falling speed; one array if the lags are equal."""
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 Tensor = tuple[float, float, float, float, float, float]
 Quaternion = tuple[float, float, float, float]
 
-Number = TypeVar("Number", float, Float[np.ndarray, " n"])
-"""A float in the inner loop, or a column of them for the samples of a whole flight."""
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
@@ -388,10 +396,6 @@ def _follow_slope(state: State, slope: Sequence[float], h: float) -> State:
     vx, vy, vz = vx + h * dvx, vy + h * dvy, vz + h * dvz
     px, py, pz = px + h * dpx, py + h * dpy, pz + h * dpz
     return x, y, z, qw, qx, qy, qz, vx, vy, vz, px, py, pz
-
-
-Decay = tuple[Float[np.ndarray, "k 1"], Float[np.ndarray, "k 1"]]
-"""exp(-t/lag) at some times t, of rising and of falling speed; one array if the lags are equal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,21 +5,27 @@ Python. This module advances one array with a row for each manoeuvre. It leaves 
 the ground, delays and sensor noise; tests hold it against `simulate_flight`.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation.body import Rotors, rotors_of
 from rotorfit.simulation.controller import Autopilot, autopilot_of, mix, trimmed
 from rotorfit.simulation.flight import Recording, Scenario, assemble_flight
 from rotorfit.simulation.pilot import Sticks, plan_rows
-from rotorfit.simulation.sensors import SimulatedFlight
 from rotorfit.simulation.truth import GRAVITY, Truth
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.simulation.sensors import SimulatedFlight
 
 CALM: Final = frozenset(
     {"mass", "first_moments", "inertia", "kt", "kd", "Jr", "kt_spread", "motor_lag"}

@@ -4,14 +4,14 @@ It sees the true state: sensor noise does not come back through the motors, so t
 be measured with any number of noises.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import atan, atan2, cos, sin, sqrt
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation.body import (
     Matrix,
     State,
@@ -25,8 +25,13 @@ from rotorfit.simulation.body import (
     times,
     yaw_of,
 )
-from rotorfit.simulation.pilot import Reference
 from rotorfit.simulation.truth import GRAVITY, Truth
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.simulation.pilot import Reference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

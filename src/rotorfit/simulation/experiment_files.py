@@ -3,24 +3,23 @@
 The folder is like a real one, with the truth in a file of its own.
 """
 
+from __future__ import annotations
+
 import json
 import shutil
-from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from hashlib import sha256
 from io import StringIO
 from math import fsum
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError, OutputError
 from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.flight_log import Channel, FlightLog
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation.experiments import (
     LAW,
     SECONDS,
@@ -35,7 +34,16 @@ from rotorfit.simulation.experiments import (
     planned_flights,
 )
 from rotorfit.simulation.sensors import SimulatedFlight, at_place
-from rotorfit.simulation.truth import Truth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.simulation.truth import Truth
+
+    Columns = dict[str, Float[np.ndarray, " n"]]
 
 Place = Literal["origin", "imu"]
 LoggedChannel = Literal[
@@ -225,8 +233,6 @@ def column_names(channel: str, columns: int) -> list[str]:
 EXPERIMENT_FILE = "experiment.toml"
 TRUTH_FILE = "truth.json"
 SHARED = ("kt", "kd", "Jr", "motor_lag", "motor_delay")
-
-Columns = dict[str, Float[np.ndarray, " n"]]
 
 
 def file_names(plan: ExperimentPlan) -> list[str]:

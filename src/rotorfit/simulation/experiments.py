@@ -22,19 +22,24 @@ Each configuration flies once for the fit and once for validation, from the grou
 Vehicles of known truth: the two of Six et al. 2020, and other rotor layouts for tests.
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from math import cos, pi, sin
-from typing import Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.model.vehicle import Rotor, Spin, Vehicle
 from rotorfit.simulation.flight import Scenario, simulate_flight
 from rotorfit.simulation.sensors import PERFECT, TYPICAL, Sensors, SimulatedFlight
 from rotorfit.simulation.truth import GRAVITY, Truth, with_payload
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from jaxtyping import Float
 
 Layout = Literal["quad-x", "hexa-x", "octo", "x8", "hexa-tilted"]
 Variant = Literal["clean", "lag", "noisy", "disturbed", "real"]

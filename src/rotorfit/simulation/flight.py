@@ -1,17 +1,15 @@
 """Fly a vehicle of known truth through a scenario."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from math import ceil
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation.body import (
-    Decay,
     RigidBody,
     Rotors,
     State,
@@ -50,6 +48,14 @@ from rotorfit.simulation.sensors import (
     measure,
 )
 from rotorfit.simulation.truth import GRAVITY, Truth
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.simulation.body import Decay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

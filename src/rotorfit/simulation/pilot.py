@@ -1,13 +1,18 @@
 """The pilot: band-limited sticks, manoeuvres, and the plan of a flight from ground to ground."""
 
-from collections.abc import Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
 
 SPOOL_SECONDS: Final = 1.0
 CLIMB_SECONDS: Final = 4.0

@@ -6,15 +6,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.flight.filters import first_order_recursion
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation.body import rotation, times
-from rotorfit.simulation.truth import Truth
 
 if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
     from scipy.spatial.transform import Rotation
+
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.simulation.truth import Truth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

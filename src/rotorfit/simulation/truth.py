@@ -1,11 +1,16 @@
 """The truth of a simulated vehicle: the numbers that identification should find."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""

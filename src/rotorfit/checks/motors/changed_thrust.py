@@ -3,20 +3,26 @@
 A single rotor is held against itself, between halves of a flight, and against all the others.
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.digits import with_half
 from rotorfit.findings import Evidence, Finding, doubt
-from rotorfit.fit.dataset.dataset import LoadedFlight
-from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.dataset.dataset import LoadedFlight
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.model.vehicle import Vehicle
 
 LEAST_CHANGE: Final = 0.035
 """Least change of a rotor's share of all squared speeds between a flight's halves: sound logs have

@@ -5,19 +5,20 @@ The steps of `fit/motors/` find the law and widen the intervals by it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.checks.verdicts.judge import WEAK
 from rotorfit.digits import short, with_half
 from rotorfit.findings import Evidence, Finding, note
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.motors.commanded_speeds import LawError, speed_powers
 from rotorfit.fit.motors.law_from_flight import STATED_STD, FoundLaw
 from rotorfit.model.parameters import EVERY
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
     from rotorfit.fit.fit import Fit
+    from rotorfit.fit.intervals.numbers import Numbers
 
 FOUND: Final = "law-found"
 STATED: Final = "law-stated"

@@ -3,15 +3,20 @@
 The step `allow_for_motor_limits` widens the intervals by their speeds there.
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.dataset.dataset import LoadedFlight
-from rotorfit.fit.fit import Fit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rotorfit.fit.dataset.dataset import LoadedFlight
+    from rotorfit.fit.fit import Fit
 
 LEAST_SHARE: Final = 0.02
 """Of the time of all motors at either end, from which it is said."""

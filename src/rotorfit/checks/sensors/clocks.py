@@ -14,20 +14,18 @@ by up to :math:`r / \omega`. Drag that the model lacks moves it by :math:`c / \o
 that is late is so in all bands, so that bands and axes are weighed together.
 """
 
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.sensors.log_settings import better_log
 from rotorfit.digits import with_half
 from rotorfit.estimation.dispersion import common_mean
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
-from rotorfit.fit.dataset.dataset import LoadedFlight
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.sensors.sensor_response import (
     FED_BACK,
     LIFT,
@@ -38,6 +36,14 @@ from rotorfit.fit.sensors.sensor_response import (
 )
 from rotorfit.logs.firmware import FILTERED_ACCEL
 from rotorfit.model.parameters import INERTIA
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.dataset.dataset import LoadedFlight
+    from rotorfit.fit.fit import Fit
 
 BANDS: Final = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.5), (4.5, 7.0), (7.0, 10.0))
 """Bands in which the times are compared [Hz]: further up their phases are ambiguous."""

@@ -3,13 +3,18 @@
 The step `allow_for_gyro_scale` estimates the scale and widens the intervals by it.
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.dataset.gyro_by_velocity import GyroScale
-from rotorfit.fit.fit import Fit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rotorfit.fit.fit import Fit
 
 KIND: Final = "gyro-scale"
 SAID: Final = 0.95

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.findings import Finding, note
 from rotorfit.flight.flight_checks import ENOUGH_RATE, LEAST_RATE
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.logs.firmware import (
     FIRMWARE,
     NO_SPEED,
@@ -22,8 +20,11 @@ from rotorfit.model.parameters import EVERY
 from rotorfit.model.terms.rotors import ROTOR_SPREAD
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rotorfit.fit.dataset.dataset import LoadedFlight
     from rotorfit.fit.fit import Fit
+    from rotorfit.flight.prepare import PreparedFlight
 
 TOO_SLOW: Final = "log-too-slow"
 NO_ROTOR_SPEED: Final = "no-rotor-speed"

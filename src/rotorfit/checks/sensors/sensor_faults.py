@@ -5,13 +5,14 @@ A sensor at the end of its range cuts off what is faster or harder: that no inte
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.findings import Finding, doubt_or_passed
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rotorfit.fit.dataset.dataset import LoadedFlight
     from rotorfit.fit.fit import Fit
     from rotorfit.fit.timing.timed_dataset import TimedDataset

@@ -3,13 +3,18 @@
 The step `allow_for_sensor_response` finds it and widens the intervals by it.
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.sensors.sensor_response import LEAST_GAIN, FoundFilter
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rotorfit.fit.fit import Fit
 
 
 def sensor_response(fit: Fit) -> Iterator[Finding]:

@@ -5,7 +5,6 @@ A number of a result, with what the flights say of it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import floor, isfinite
 from typing import TYPE_CHECKING, Final, Literal
@@ -14,10 +13,12 @@ from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, moments_of_product
 from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
 from rotorfit.model.terms.body import product_scale
 from rotorfit.model.terms.rotors import MOST_ROTORS
-from rotorfit.model.terms.term import Motion
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from rotorfit.fit.intervals.interval_terms import NumberTerm
+    from rotorfit.model.terms.term import Motion
     from rotorfit.simulation.pilot import Manoeuvre
 
 Asks = Literal["flight", "nothing", "other"]

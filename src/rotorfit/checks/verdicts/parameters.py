@@ -3,11 +3,12 @@
 The parameters of the joint estimate, with the verdict on every number.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.verdicts.judge import (
     ADVICE,
@@ -19,17 +20,23 @@ from rotorfit.checks.verdicts.judge import (
     little_excited,
 )
 from rotorfit.digits import short
-from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.fit.experiment.experiment import ConfigurationEntry, MotorsEntry
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.allowances import number_scale
 from rotorfit.fit.intervals.interval_terms import NumberTerm
 from rotorfit.fit.intervals.numbers import HEIGHTS, Numbers
 from rotorfit.fit.joint.joint_map import spread_names
-from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.reduction.motor_timing import MotorTiming, is_time_identifiable
 from rotorfit.model.parameters import DERIVED, PARAMETERS, ROW_ORDER
-from rotorfit.model.terms.term import ParameterInfo
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.banded import BandedEstimate
+    from rotorfit.fit.experiment.experiment import ConfigurationEntry, MotorsEntry
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.joint.joint_problem import JointConfiguration
+    from rotorfit.model.terms.term import ParameterInfo
 
 SHARED_DERIVED = ("kd_over_kt", "motor_lag_total")
 TIME_SCALE = 0.008

@@ -24,21 +24,27 @@ beside. Few flights have such a force, so that the prior is a mixture: none, or,
 one of some `USUAL`. Its 95 % half-width times a usual height is what the mean thrust may lack.
 """
 
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from rotorfit.estimation.distributions import normal_density, student_density, student_quantile
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.dataset.weight_balance import VELOCITY_CHANGE, Held, Turning, grouped
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.kinematics import product, rotated, small_turns
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float, Int
+
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.model.vehicle import Vehicle
 
 SHARE: Final = 0.03
 """Prior share of the flights in which some such force acts."""

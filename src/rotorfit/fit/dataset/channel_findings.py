@@ -5,12 +5,12 @@ the checks' findings that name no number themselves, gets the numbers that it to
 the channel makes wrong become doubtful.
 """
 
-import dataclasses
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final
+from __future__ import annotations
 
-from rotorfit.errors import FlightError
+import dataclasses
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
 from rotorfit.findings import Finding, doubt
 from rotorfit.flight.motors.rotor_telemetry import (
     RotorTelemetry,
@@ -19,8 +19,13 @@ from rotorfit.flight.motors.rotor_telemetry import (
     describe_spiky_commands,
     telemetry,
 )
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.parameters import COM, INERTIA, INERTIA_COM, NUISANCE, PARAMETERS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from rotorfit.errors import FlightError
+    from rotorfit.logs.flight_log import FlightLog
 
 BY_ROTORS: Final = tuple(name for name in PARAMETERS if name not in (*NUISANCE, "mass"))
 """Numbers that rest on what the rotors do: all but the declared mass and the sensors' biases."""

@@ -1,28 +1,33 @@
 """The flights of an experiment, by configuration, as they enter a fit."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from rotorfit.fit.dataset.weight_balance import Turning, turning
-from rotorfit.fit.dataset.wind import Wind
 from rotorfit.fit.experiment.declared_vehicle import motor_model_of
 from rotorfit.fit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry, Source
-from rotorfit.fit.experiment.payload import PointMass
 from rotorfit.fit.reduction.bandwidth import Bandwidth, Sensor
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
-from rotorfit.flight.decimate import AsRecorded
-from rotorfit.flight.motors.battery_sag import BatterySag
-from rotorfit.flight.motors.command_response import MeasuredResponse, MotorLimits
-from rotorfit.flight.motors.motor_model import MotorResponse
-from rotorfit.flight.motors.rotor_telemetry import Telemetry
-from rotorfit.flight.prepare import PreparedFlight
-from rotorfit.logs.flight_log import FlightLog
-from rotorfit.model.regressor import Regressor
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from rotorfit.fit.dataset.wind import Wind
+    from rotorfit.fit.experiment.payload import PointMass
+    from rotorfit.flight.decimate import AsRecorded
+    from rotorfit.flight.motors.battery_sag import BatterySag
+    from rotorfit.flight.motors.command_response import MeasuredResponse, MotorLimits
+    from rotorfit.flight.motors.motor_model import MotorResponse
+    from rotorfit.flight.motors.rotor_telemetry import Telemetry
+    from rotorfit.flight.prepare import PreparedFlight
+    from rotorfit.logs.flight_log import FlightLog
+    from rotorfit.model.regressor import Regressor
+    from rotorfit.model.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,6 @@ of the declared rotors does, the declaration is wrong and every number would be.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import permutations
@@ -18,10 +17,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import FrameError
-from rotorfit.estimation.factors import Factors
 from rotorfit.fit.dataset.plausible_units import refuse_implausible_size
 from rotorfit.fit.dataset.response_signals import (
     CLEAR,
@@ -39,6 +36,11 @@ from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import LAYOUTS, Rotor, Vehicle, layout_rotors, reversed_rotor
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.estimation.factors import Factors
     from rotorfit.fit.dataset.dataset import LoadedFlight
     from rotorfit.fit.experiment.experiment import MotorsEntry
 

@@ -12,19 +12,28 @@ accelerometer's, a tilt and a lateness of the velocity and the lever from its pl
 estimated beside. The windows, each left out in turn (jackknife), give the deviation.
 """
 
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.estimation.distributions import normal_density, student_density, student_quantile
 from rotorfit.fit.dataset.weight_balance import grouped
 from rotorfit.fit.reduction.reduce import split_segment
 from rotorfit.flight.filters import first_order_recursion
-from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.flight.kinematics import rotated, running_product, small_turns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData, Segment
+
+    Normal = tuple[Float[np.ndarray, "p p"], Float[np.ndarray, " p"]]
+    """Matrix and right side of normal equations."""
 
 WINDOW: Final = 15.0
 """Window of one velocity and gravity [s]: slow turns show most."""
@@ -55,10 +64,6 @@ TINY: Final = 1e-8
 _GRID: Final = np.arange(-1200, 1201) / 4000.0
 
 
-Normal = tuple[Float[np.ndarray, "p p"], Float[np.ndarray, " p"]]
-"""Matrix and right side of normal equations."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GyroScale:
     """By which share a gyro reads too much about each axis.
@@ -67,8 +72,8 @@ class GyroScale:
     - `degrees`: of freedom of that deviation.
     """
 
-    value: Float[np.ndarray, "3"]
-    std: Float[np.ndarray, "3"]
+    value: Float[np.ndarray, 3]
+    std: Float[np.ndarray, 3]
     degrees: int
 
     def interval(self, axis: int) -> tuple[float, float]:
@@ -106,7 +111,7 @@ class GyroScale:
 
 
 def gyro_scale(
-    flights: Sequence[FlightData], lever: Float[np.ndarray, "3"] | None
+    flights: Sequence[FlightData], lever: Float[np.ndarray, 3] | None
 ) -> GyroScale | None:
     """Estimate the scale of the gyro; None if too little of the velocity is in the log.
 
@@ -150,7 +155,7 @@ def _velocity_windows(data: FlightData) -> Iterator[Segment]:
 
 def _solve_normal(
     normal: Sequence[Sequence[Normal]],
-    found: Float[np.ndarray, "6"],
+    found: Float[np.ndarray, 6],
 ) -> Float[np.ndarray, " p"]:
     """Solve the normal equations of some windows, with the prior."""
     weight: Float[np.ndarray, " p"] = PRIOR**-2.0
@@ -163,7 +168,7 @@ def _solve_normal(
 
 
 def _normal_equations(
-    data: FlightData, window: Segment, lever: Float[np.ndarray, "3"], found: Float[np.ndarray, "6"]
+    data: FlightData, window: Segment, lever: Float[np.ndarray, 3], found: Float[np.ndarray, 6]
 ) -> list[Normal]:
     """Return the normal equations of a window's batches, in units of what is left in it."""
     rows = slice(window.start, window.stop)

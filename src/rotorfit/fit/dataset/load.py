@@ -3,11 +3,13 @@
 Do the measured rotor speeds go with the commands of the same log? What inspect finds too.
 """
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Callable, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -35,16 +37,9 @@ from rotorfit.fit.experiment.declared_vehicle import (
     recording_options_of,
     vehicle_of,
 )
-from rotorfit.fit.experiment.experiment import (
-    ConfigurationEntry,
-    Experiment,
-    FlightEntry,
-    MotorsEntry,
-)
 from rotorfit.fit.experiment.law_table import law_entry_of
 from rotorfit.fit.reduction.frequency_bands import EDGES
 from rotorfit.flight.decimate import as_recorded, decimated
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.imu_tilt import levelled
 from rotorfit.flight.motors.battery_sag import BatterySag, battery_sag
 from rotorfit.flight.motors.command_response import (
@@ -63,7 +58,16 @@ from rotorfit.logs.flight_log import AIRLESS_ROTORS, DRAGLESS_ROTORS, Channel, F
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.air import CLIMB, VELOCITY, hover_inflow
 from rotorfit.model.terms.registry import added_signals, considered_terms, terms_named
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from rotorfit.fit.experiment.experiment import (
+        ConfigurationEntry,
+        Experiment,
+        FlightEntry,
+        MotorsEntry,
+    )
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.model.vehicle import Vehicle
 
 REFUSED: tuple[State, ...] = ("dead", "swapped", "apart", "unlike")
 """States in which the thrust of a rotor is not what its speed says."""

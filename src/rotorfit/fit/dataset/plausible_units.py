@@ -14,25 +14,31 @@ nine tenths at the most, and the tips of what hovers make 40 to 130 m/s.
 What gravity shows of the accelerometer without an airframe: at rest, and over a flight.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.digits import with_half
 from rotorfit.errors import FlightError, FrameError
-from rotorfit.estimation.factors import Factors
 from rotorfit.fit.dataset.weight_balance import held_up, hovering, turning
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_checks import UNIT_OF_GYRO
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.logs.flight_log import AS_A_TABLE
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.model.vehicle import Vehicle
 
 WINDOW: Final = 0.5
 """Length of the pieces that are or are not at rest [s]."""
@@ -89,7 +95,7 @@ def rest_forces(data: FlightData) -> Iterator[tuple[int, Float[np.ndarray, " 3"]
     hover = float(np.median(level[flying])) if flying.any() else 0.0
     aside = np.flatnonzero(~flying[: count * rows].reshape(count, rows).any(axis=1))
 
-    def pieces(values: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "p r *k"]:
+    def pieces(values: Float[np.ndarray, n * k]) -> Float[np.ndarray, "p r *k"]:
         return values[: count * rows].reshape(count, rows, *values.shape[1:])[aside]
 
     time, force = pieces(data.time), pieces(data.specific_force)

@@ -1,11 +1,18 @@
 """The signals by which a vehicle responds to its rotors, from the factors of a flight."""
 
-import numpy as np
-from jaxtyping import Float
+from __future__ import annotations
 
-from rotorfit.estimation.factors import Factors
+from typing import TYPE_CHECKING
+
+import numpy as np
+
 from rotorfit.model.signals import signal_layout
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.model.vehicle import Vehicle
 
 CLEAR = 0.3
 """A share of the angular acceleration that is explained beyond doubt."""

@@ -1,10 +1,15 @@
 """Take the wind that a flight shows off its velocity."""
 
+from __future__ import annotations
+
 import dataclasses
+from typing import TYPE_CHECKING
 
 from rotorfit.findings import Evidence, Finding, note
-from rotorfit.fit.dataset.dataset import LoadedFlight
 from rotorfit.fit.dataset.wind import LEAST_WIND, Wind, estimate_wind
+
+if TYPE_CHECKING:
+    from rotorfit.fit.dataset.dataset import LoadedFlight
 
 
 def through_air(flight: LoadedFlight) -> LoadedFlight:

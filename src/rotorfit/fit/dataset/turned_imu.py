@@ -5,19 +5,26 @@ gusts turn a vehicle more than its rotors do, and the few turns of a short fligh
 a turned IMU is refused where the 95 % interval of the angle holds no tolerance of a mounting.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float
 
 from rotorfit.errors import FrameError
-from rotorfit.estimation.factors import Factors
 from rotorfit.fit.dataset.response_signals import (
     CLEAR,
     cross_signals,
     inside_band,
     select_response_band,
 )
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.model.vehicle import Vehicle
 
 TURNED = float(np.radians(12.0))
 """Angle about z between IMU and rotors from which it is no tolerance: sound logs have up to 3.5."""

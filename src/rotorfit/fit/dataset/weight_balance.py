@@ -6,17 +6,23 @@ known; a gyro's bias turns a window of some seconds by too little to matter. So 
 and the thrust that a fit makes of the rotor speeds, can each be held against gravity.
 """
 
-from collections.abc import Iterable, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.fit.reduction.reduce import split_segment
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.flight.kinematics import rotated, running_product, small_turns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from jaxtyping import Float
 
 LONGEST_WINDOW = 10.0
 """A bias of the gyro of 0.01 rad/s turns the axes by 0.1 rad in this time [s]."""

@@ -11,14 +11,19 @@ or whose bias is known, tells wind from bias. Means of half a second are regress
 that of the jackknife, with what is not known of the bias.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.estimation.distributions import f_quantile
-from rotorfit.flight.flight_data import FlightData
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData
 
 BLOCK: Final = 0.5
 """Length of the means that are regressed [s]: gusts and turns are gone from them."""

@@ -1,8 +1,9 @@
 """The ``[airframe]`` table of the experiment file: rotors, layout, IMU, axes."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Sequence
-from typing import Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -10,6 +11,9 @@ from pydantic import Field, model_validator
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.strict_tables import Finite, NotNegative, Positive, Strict, Vector
 from rotorfit.model.vehicle import Rotor, Spin, layout_rotors, spaced_rotors
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 Axes = Literal["FLU", "FRD"]
 Order = Literal["px4", "ardupilot", "betaflight", "crazyflie", "paper"]
@@ -56,7 +60,7 @@ class AirframeEntry(Strict):
     imu_tilt_std_deg: NotNegative = 0.0
 
     @model_validator(mode="after")
-    def _one_description(self) -> "AirframeEntry":
+    def _one_description(self) -> AirframeEntry:
         if (self.rotors is None) == (self.layout is None):
             raise ValueError(
                 "give either rotors = [ { position = [x, y, z], spin = 'ccw' }, ... ] "

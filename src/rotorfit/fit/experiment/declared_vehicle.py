@@ -3,29 +3,35 @@
 Vehicle, IMU, payload and motors, and how the logs are read.
 """
 
-from collections.abc import Mapping
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rotorfit.errors import ExperimentError
-from rotorfit.fit.experiment.airframe_table import AirframeEntry, Axes, RotorEntry
-from rotorfit.fit.experiment.experiment import (
-    ColumnEntry,
-    ConfigurationEntry,
-    Experiment,
-    FlightEntry,
-    MotorsEntry,
-    RecordingEntry,
-    Source,
-    TableEntry,
-)
 from rotorfit.fit.experiment.law_table import speed_law_of
 from rotorfit.fit.experiment.payload import PointMass
-from rotorfit.fit.experiment.strict_tables import Vector
 from rotorfit.flight.imu_tilt import ImuTilt
 from rotorfit.flight.motors.motor_model import MotorModel
 from rotorfit.logs import ColumnSpec, ReadOptions
 from rotorfit.model.vehicle import Rotor, Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rotorfit.fit.experiment.airframe_table import AirframeEntry, Axes, RotorEntry
+    from rotorfit.fit.experiment.experiment import (
+        ColumnEntry,
+        ConfigurationEntry,
+        Experiment,
+        FlightEntry,
+        MotorsEntry,
+        RecordingEntry,
+        Source,
+        TableEntry,
+    )
+    from rotorfit.fit.experiment.strict_tables import Vector
 
 
 def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:

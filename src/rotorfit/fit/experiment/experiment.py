@@ -4,10 +4,11 @@ The file is TOML (see the README); unknown keys are refused with the nearest kno
 message names the place in the file. Paths of flights are relative to the file.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field, PrivateAttr, ValidationError, model_validator
 
@@ -38,6 +39,9 @@ from rotorfit.logs.columns import NAMES
 from rotorfit.logs.flight_log import LagOn
 from rotorfit.logs.read import format_of
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
 Model = TypeVar("Model", bound=BaseModel)
 Source = Literal["imu", "mocap"]
 Speed = Literal["measured", "commanded"]
@@ -61,7 +65,7 @@ class MotorsEntry(Strict):
         return self.law is None or self.law.is_relative
 
     @model_validator(mode="after")
-    def _belongs_to_commands(self) -> "MotorsEntry":
+    def _belongs_to_commands(self) -> MotorsEntry:
         if self.speed == "measured" and (self.law is not None or self.lag or self.lag_on):
             raise ValueError("law and lag belong to speed = 'commanded'; measured speed has both")
         if self.lag is None and (self.lag_std or self.lag_down is not None):
@@ -110,7 +114,7 @@ class FlightEntry(Strict):
         """The file's name as given in the experiment file or on the command line."""
         return self.file if self._written is None else self._written
 
-    def placed(self, file: Path) -> "FlightEntry":
+    def placed(self, file: Path) -> FlightEntry:
         """Replace the file by its absolute path."""
         entry = self.model_copy(update={"file": str(file.absolute())})
         entry._written = self.written
@@ -122,12 +126,12 @@ class FlightEntry(Strict):
         return file_as_table(data, "mocap")
 
     @model_validator(mode="after")
-    def _check_order(self) -> "FlightEntry":
+    def _check_order(self) -> FlightEntry:
         if self.start is not None and self.end is not None and self.end <= self.start:
             raise ValueError(f"end = {self.end} is not after start = {self.start}")
         return self
 
-    def overlaps(self, other: "FlightEntry") -> bool:
+    def overlaps(self, other: FlightEntry) -> bool:
         """Decide whether both use some of the same time, if their files have the same content."""
         if (self.log or 1) != (other.log or 1):
             return False
@@ -162,7 +166,7 @@ class ConfigurationEntry(Strict):
         return files_as_tables(data, ("flights", "validation"))
 
     @model_validator(mode="after")
-    def _each_flight_once(self) -> "ConfigurationEntry":
+    def _each_flight_once(self) -> ConfigurationEntry:
         for number, flight in enumerate(self.flights):
             before = self.flights[:number]
             if any(one.file == flight.file and one.overlaps(flight) for one in before):
@@ -213,7 +217,7 @@ class Experiment(Strict):
     configuration: tuple[ConfigurationEntry, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
-    def _payloads_fit(self) -> "Experiment":
+    def _payloads_fit(self) -> Experiment:
         bodies = {entry.name: entry for entry in self.configuration}
         for entry in self.configuration:
             if bool(entry.payload) != (entry.payload_of is not None):
@@ -226,7 +230,7 @@ class Experiment(Strict):
         return self
 
     @model_validator(mode="after")
-    def _names_differ(self) -> "Experiment":
+    def _names_differ(self) -> Experiment:
         names = [entry.name for entry in self.configuration]
         for name in names:
             if names.count(name) > 1:
@@ -234,7 +238,7 @@ class Experiment(Strict):
         return self
 
     @model_validator(mode="after")
-    def _masses_comparable(self) -> "Experiment":
+    def _masses_comparable(self) -> Experiment:
         # kt is one for all: per kilogram of one body it is another number than per kilogram of the
         # next.
         unknown = [entry.name for entry in self.configuration if entry.mass == "unknown"]

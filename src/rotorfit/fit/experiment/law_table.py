@@ -1,17 +1,17 @@
 """The law of ``[motors]`` in the experiment file: rotor speed over command."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import asdict
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import Field, model_validator
 
 from rotorfit.fit.experiment.strict_tables import Finite, Positive, Strict
 from rotorfit.flight.motors.motor_model import full_speed_of, speeds
-from rotorfit.logs.flight_log import LoggedMotors
 from rotorfit.logs.speed_law import (
     Curve,
     PolynomialLaw,
@@ -21,6 +21,11 @@ from rotorfit.logs.speed_law import (
     TableLaw,
     VoltageFactor,
 )
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.logs.flight_log import LoggedMotors
 
 Share = Annotated[Finite, Field(ge=0, le=1)]
 Row = tuple[Share, Annotated[Finite, Field(ge=0)]]
@@ -42,7 +47,7 @@ class SqrtEntry(Strict):
     end: Share = 1.0
 
     @model_validator(mode="after")
-    def _check_rise(self) -> "SqrtEntry":
+    def _check_rise(self) -> SqrtEntry:
         if not self.end > self.start:
             raise ValueError(f"end = {self.end:g} is not over start = {self.start:g}")
         return self
@@ -91,7 +96,7 @@ class LawEntry(Strict):
     stated: bool = False
 
     @model_validator(mode="after")
-    def _one_curve(self) -> "LawEntry":
+    def _one_curve(self) -> LawEntry:
         given = [name for name in CURVES if getattr(self, name) is not None]
         if len(given) != 1:
             found = f"{' and '.join(given)} are given" if given else "none is given"
@@ -155,8 +160,8 @@ def bent(law: LawEntry, power: float, *, anchor: float) -> LawEntry:
 
 
 def bent_speed(
-    speed: Float[np.ndarray, "..."], power: float, *, anchor: float
-) -> Float[np.ndarray, "..."]:
+    speed: Float[np.ndarray, ...], power: float, *, anchor: float
+) -> Float[np.ndarray, ...]:
     """Return a power of speeds, at least 0, which is the same at a speed `anchor`."""
     return anchor * (np.maximum(speed, 0.0) / anchor) ** power
 

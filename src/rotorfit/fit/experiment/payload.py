@@ -1,12 +1,18 @@
 """Known payloads: what point masses add to a body, and how well that is known."""
 
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, inertia_about
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Float
 
 MOMENTS = (*FIRST_MOMENTS, *INERTIA)
 """The parameters to which a payload adds, in this order."""

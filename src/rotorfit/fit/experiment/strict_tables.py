@@ -1,13 +1,18 @@
 """Strict tables of the experiment file: numbers, known keys and terms, problems as sentences."""
 
+from __future__ import annotations
+
 import difflib
-from collections.abc import Sequence
-from typing import Annotated, Any, Final, cast
+from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
-from pydantic_core import ErrorDetails
 
 from rotorfit.model.terms.registry import OPTIONAL
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pydantic_core import ErrorDetails
 
 # Strict: neither true nor "1.285" is a number.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]

@@ -5,16 +5,19 @@ their own, and tomlkit wants each of them built by hand: users would see another
 would be as much code.
 """
 
+from __future__ import annotations
+
 import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from rotorfit.errors import ExperimentError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rotorfit.logs.formats import ReadOptions
 
 MOST_VALUES: Final = 20_000
@@ -216,7 +219,7 @@ def _toml_key(name: str) -> str:
     return name if _BARE.fullmatch(name) else _toml_value(name)
 
 
-def table_of_options(options: "ReadOptions") -> dict[str, Any]:
+def table_of_options(options: ReadOptions) -> dict[str, Any]:
     """Write the columns and axes of a reader's options as a ``[table]``, without its defaults."""
     columns = {
         name: {

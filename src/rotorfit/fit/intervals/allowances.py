@@ -4,10 +4,11 @@ What no scatter within the flights shows: what the model lacks in all of them, t
 against the disturbances, motors that lean, the declared tolerance of the mass.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.estimation.factors import flights_of
 from rotorfit.fit.intervals.interval_terms import IntervalTerm, stretch_term
@@ -33,12 +34,18 @@ from rotorfit.fit.intervals.numbers import (
     scale_stretch,
     twist_shift,
 )
-from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.model.parameters import EVERY, INERTIA
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.model.terms.term import Size
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.joint.joint_problem import JointConfiguration
+    from rotorfit.model.vehicle import Vehicle
 
 
 def systematic_uncertainty(

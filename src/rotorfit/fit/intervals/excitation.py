@@ -6,19 +6,21 @@ this ratio.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import Factors, flights_of
 from rotorfit.fit.intervals.numbers import AXES, LEAST_EXCITATION
 from rotorfit.fit.reduction.frequency_bands import in_pilot_band
 from rotorfit.model.terms.rotors import DRAG_OF_ROTORS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from jaxtyping import Float, Int
+
+    from rotorfit.estimation.banded import BandedEstimate
     from rotorfit.fit.joint.joint_problem import JointConfiguration
 
 

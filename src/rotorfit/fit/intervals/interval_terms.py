@@ -15,12 +15,17 @@ between blocks, phases and flights the largest is the term "noise". A step that 
 half-width h by a factor s appends h sqrt(s^2 - 1), which in quadrature gives h s.
 """
 
-from collections.abc import Iterable, Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Float
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from jaxtyping import Float
 
 Rule = Literal["quadrature", "linear"]
 """How a term joins those before it."""

@@ -14,11 +14,12 @@ The first interval terms of a fit, all in quadrature (`interval_terms.py`):
 The steps of the recipe append what a change of settings shifts.
 """
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.estimation.banded import (
     BandedEstimate,
@@ -33,7 +34,6 @@ from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.effective_blocks import free_blocks, own_scatter
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import Estimate, numerical_jacobian
-from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.fit.experiment.payload import MOMENTS, added_moments
 from rotorfit.fit.intervals.allowances import (
     air_uncertainty,
@@ -51,7 +51,6 @@ from rotorfit.fit.intervals.numbers import FEWEST_PHASES, Numbers, correlation_o
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_jacobian, theta_of
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
-from rotorfit.fit.reduction.motor_timing import FreeTiming
 from rotorfit.model.parameters import (
     FIRST_MOMENTS,
     INERTIA,
@@ -62,6 +61,14 @@ from rotorfit.model.parameters import (
 )
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.model.terms.rotors import IMU_MOUNTING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.estimation.parameter_map import ParameterMap
+    from rotorfit.fit.reduction.motor_timing import FreeTiming
 
 MOST_LEVERAGE = 4.0
 """Leverage of a phase that has three quarters of the information."""

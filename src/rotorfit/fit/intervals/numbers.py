@@ -19,13 +19,13 @@ Where neither of the two is flown it is noise, up to seventeen times too large; 
 gives it without that link. The height of the centre of mass depends on roll and pitch, too.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.estimation.distributions import student_quantile
 from rotorfit.fit.intervals.interval_terms import (
@@ -36,8 +36,14 @@ from rotorfit.fit.intervals.interval_terms import (
 )
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.parameters import EVERY, FIRST_MOMENTS
-from rotorfit.model.terms.term import Motion, Size
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.model.terms.term import Motion, Size
+    from rotorfit.model.vehicle import Vehicle
 
 FEWEST_PHASES: Final = 3
 """Fewest phases of a flight whose scatter is informative."""
@@ -198,12 +204,12 @@ class Numbers:
         half = combined_half_width(self.terms, len(self.names))
         object.__setattr__(self, "half_width", half)
 
-    def with_terms(self, *terms: IntervalTerm) -> "Numbers":
+    def with_terms(self, *terms: IntervalTerm) -> Numbers:
         """Return the numbers with further interval terms; a term of zeros alone is left out."""
         added = (term for term in terms if np.any(term.half_width))
         return replace(self, terms=(*self.terms, *added))
 
-    def limited_to(self, half_width: Float[np.ndarray, " q"], *, source: str) -> "Numbers":
+    def limited_to(self, half_width: Float[np.ndarray, " q"], *, source: str) -> Numbers:
         """Return the numbers with no interval wider than a half-width that is known already.
 
         Where it is narrower than the terms, it replaces them as the one term of its source.
@@ -220,7 +226,7 @@ class Numbers:
         return terms_of_number(self.terms, self.index(name))
 
     @property
-    def judged(self) -> "Numbers":
+    def judged(self) -> Numbers:
         """The numbers with the rho by which their intervals go, and so verdicts and words."""
         return replace(self, excitation={**self.excitation, **self.weighed})
 

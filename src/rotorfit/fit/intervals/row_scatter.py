@@ -4,15 +4,22 @@ A row's own blocks show its variance to a factor of three where two or three of 
 the model lacks shows in all rows (`estimation/dispersion.py`), as in all numbers of a joint fit.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.estimation.dispersion import Dispersion, dispersion_of_parts, pooled
 from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.effective_blocks import effective_count
-from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.fit.intervals.numbers import FEWEST_PHASES
 from rotorfit.fit.row_fits import ROWS, RowFits, block_diagonal
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
+
+    from rotorfit.estimation.reweighted import BandedFit
 
 
 def row_half_widths(fits: RowFits) -> Float[np.ndarray, " f"]:

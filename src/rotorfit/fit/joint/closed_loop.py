@@ -12,11 +12,12 @@ autopilot is the same. Its deviation is that of the flights' scatter about it
 (cluster-robust: White, Econometrica 48, 1980; Liang and Zeger, Biometrika 73, 1986).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.estimation.banded import (
     BandedEstimate,
@@ -27,6 +28,9 @@ from rotorfit.estimation.banded import (
 from rotorfit.estimation.banded_equations import feedback_scores
 from rotorfit.estimation.banded_problem import solutions
 from rotorfit.estimation.distributions import student_quantile
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 BEFORE: Final = 1.0 / 1.96
 """Deviation of a response from the nominal one, before the flights: nothing or twice it

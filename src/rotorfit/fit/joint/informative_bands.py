@@ -12,12 +12,12 @@ Gusts and drag push at one place and turn the vehicle about another, its centre 
 errors of the turns comes with those of the forces is therefore known, and is taken off them.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
@@ -40,7 +40,13 @@ from rotorfit.fit.reduction.frequency_bands import (
 )
 from rotorfit.fit.row_fits import turned_flights
 from rotorfit.model.terms.registry import DEFAULT_TERMS
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from jaxtyping import Bool, Float, Int
+
+    from rotorfit.model.vehicle import Vehicle
 
 THRUST: Final = NOISY.index("az")
 FORCES: Final = tuple(NOISY.index(name) for name in ("ax", "ay", "az"))

@@ -1,9 +1,11 @@
 """The joint fit of all flights: bands, a start, the informative bands, and the estimate."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final, TypedDict
+from typing import TYPE_CHECKING, Final, TypedDict
 
 import numpy as np
 
@@ -17,9 +19,11 @@ from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, scatters
 from rotorfit.fit.reduction.frequency_bands import LEAST_RATIO
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.timing.sensor_bandwidth import sensor_reach
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.terms.registry import DEFAULT_TERMS
+
+if TYPE_CHECKING:
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 INTERMEDIATE: Final = 0.1
 """Convergence tolerance of intermediate fits, in standard deviations: they find the informative

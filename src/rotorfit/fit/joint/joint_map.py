@@ -4,25 +4,31 @@ Shared are kt, kd, Jr and one spread per rotor or group of rotors; all else each
 for itself, under names that end in ``@`` and its name.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-from jaxtyping import Bool, Float
-
-from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.fit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse
 from rotorfit.fit.joint.trims import UNSEEN, Scatter
-from rotorfit.fit.reduction.motor_timing import FreeTiming
 from rotorfit.model.parameters import FIRST_MOMENTS
-from rotorfit.model.regressor import Regressor
 from rotorfit.model.terms.body import MASS
 from rotorfit.model.terms.registry import DEFAULT_TERMS, TERMS
 from rotorfit.model.terms.rotors import ROTOR_CENTER
-from rotorfit.model.terms.term import Move, Term
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    import numpy as np
+    from jaxtyping import Bool, Float
+
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.fit.reduction.motor_timing import FreeTiming
+    from rotorfit.model.regressor import Regressor
+    from rotorfit.model.terms.term import Move, Term
+    from rotorfit.model.vehicle import Vehicle
 
 Free = dict[str, dict[tuple[int, str], float]]
 """The entries of theta that each free parameter moves."""

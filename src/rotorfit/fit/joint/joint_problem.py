@@ -7,11 +7,12 @@ is unknown and so is the origin itself, the centre of the rotors. The names of a
 parameters end in ``@`` and its name.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import (
@@ -23,7 +24,6 @@ from rotorfit.estimation.banded import (
 )
 from rotorfit.estimation.factors import flights_of, of_even_rows
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
-from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.fit.experiment.payload import tolerances
 from rotorfit.fit.joint.joint_map import JointConfiguration as JointConfiguration
 from rotorfit.fit.joint.joint_map import joint_map
@@ -34,11 +34,18 @@ from rotorfit.fit.joint.trims import (
     with_trims,
 )
 from rotorfit.fit.row_fits import RowFits, fit_rows
-from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.terms.registry import DEFAULT_TERMS, TERMS
 from rotorfit.model.terms.rotors import DRAG_OF_ROTORS, spread_std
 from rotorfit.model.terms.term import Size
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from jaxtyping import Bool, Complex, Float
+
+    from rotorfit.estimation.parameter_map import ParameterMap
+    from rotorfit.flight.motors.motor_model import MotorResponse
+    from rotorfit.model.vehicle import Vehicle
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""

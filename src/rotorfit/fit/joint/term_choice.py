@@ -5,10 +5,13 @@ rises by more than `LEAST_GAIN` with it. Whether a fit with it is worth its time
 from the slope of the likelihood at the fit without (Rao's score test).
 """
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +22,9 @@ from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem, 
 from rotorfit.model.terms.air import DRAG
 from rotorfit.model.terms.registry import BY_LIKELIHOOD, DEFAULT_TERMS, OPTIONAL, terms_named
 from rotorfit.model.terms.rotors import DRAG_OF_ROTORS
-from rotorfit.model.terms.term import Term
+
+if TYPE_CHECKING:
+    from rotorfit.model.terms.term import Term
 
 LEAST_GAIN = 50.0
 """Of the log-likelihood, per configuration, for which a term enters. Of chance alone the three

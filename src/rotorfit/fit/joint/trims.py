@@ -7,16 +7,22 @@ density of the air of its own, about those of the configuration; the inertia abo
 mass they share.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.parameter_map import ParameterMap, Product
 from rotorfit.model.parameters import INERTIA, PARAMETERS, inertia_about
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.estimation.estimate import Estimate
 
 ENOUGH_FLIGHTS: Final = 5
 """Flights of one configuration, from which their scatter is informative."""

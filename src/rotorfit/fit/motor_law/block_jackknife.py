@@ -1,14 +1,19 @@
 """Intervals of a least-squares fit whose residuals are correlated: one block of time left out."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from rotorfit.estimation.distributions import student_quantile
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float, Int
 
 FEWEST_BLOCKS: Final = 8
 """Fewest blocks: with fewer, the scatter between them is hardly known."""
@@ -29,7 +34,7 @@ class BlockSums:
     squares: Float[np.ndarray, " B"]
     counts: Int[np.ndarray, " B"]
 
-    def joined(self, block: Int[np.ndarray, " B"]) -> "BlockSums":
+    def joined(self, block: Int[np.ndarray, " B"]) -> BlockSums:
         """Add up the blocks that have the same number in `block`, which rises."""
         first = np.searchsorted(block, np.unique(block))
         return BlockSums(

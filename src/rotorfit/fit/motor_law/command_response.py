@@ -5,16 +5,22 @@ command settles at exponentially, so that its speed at any instant is exact on a
 however they jitter: no channel is resampled, and a delay is any number of seconds.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from scipy.linalg import lapack
 
 from rotorfit.flight.cubic_spline import cubic_spline_between
-from rotorfit.flight.motors.command_response import MeasuredResponse
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Float, Int
+
+    from rotorfit.flight.motors.command_response import MeasuredResponse
 
 SETTLING: Final = 0.5
 """Time after the beginning of a stretch in which nothing counts: earlier speeds are unknown [s]."""

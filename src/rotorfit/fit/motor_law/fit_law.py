@@ -7,13 +7,14 @@ it was not fitted to. Intervals are those of a jackknife over blocks (`block_jac
 are correlated by battery, air and what no law says.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.fit.motor_law.block_jackknife import FEWEST_BLOCKS
@@ -41,6 +42,9 @@ from rotorfit.flight.motors.command_response import (
     responses_within,
 )
 from rotorfit.flight.motors.motor_model import white_noise_std
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 MOST_SPEEDS: Final = 80_000
 """Measured speeds that are fitted to, of all rotors and flights."""
@@ -87,7 +91,7 @@ class FittedLaw:
     voltage: LawFit | None = None
 
     def number(
-        self, function: Callable[["LawFit", Float[np.ndarray, " p"]], float]
+        self, function: Callable[[LawFit, Float[np.ndarray, " p"]], float]
     ) -> tuple[float, float]:
         """Evaluate a number of the law, and half of an interval that holds every rival form's."""
         value = function(self.best, self.best.values)

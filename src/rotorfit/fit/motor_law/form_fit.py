@@ -4,13 +4,13 @@ A fit searches on few speeds and coarse commands, and ends on all of them. Its b
 summed once: jackknives of all lengths come from the sums.
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from rotorfit.fit.motor_law.block_jackknife import (
     FEWEST_BLOCKS,
@@ -28,8 +28,15 @@ from rotorfit.fit.motor_law.command_response import (
     selected_speeds,
     speeds_at_delays,
 )
-from rotorfit.fit.motor_law.huber_fit import CLOSE, Bounds, HuberFit, Prediction, fit_huber
+from rotorfit.fit.motor_law.huber_fit import CLOSE, HuberFit, fit_huber
 from rotorfit.fit.motor_law.law_model import FORMS, FormName, Layout, predicted, timing_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from jaxtyping import Float, Int
+
+    from rotorfit.fit.motor_law.huber_fit import Bounds, Prediction
 
 BLOCKS: Final = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Lengths of blocks that are tried; the widest intervals count [s]."""

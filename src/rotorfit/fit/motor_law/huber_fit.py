@@ -4,15 +4,21 @@ Steps of Gauss and Newton on the normal equations: their sums cost a tenth of th
 that `scipy.optimize.least_squares` takes at every step, and to import it takes as long as a fit.
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
-Prediction = tuple[Float[np.ndarray, " m"], Float[np.ndarray, "p m"]]
-Bounds = tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from jaxtyping import Bool, Float, Int
+
+    Prediction = tuple[Float[np.ndarray, " m"], Float[np.ndarray, "p m"]]
+    Bounds = tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]
+
 
 MOST_STEPS: Final = 60
 CLOSE: Final = 1.0
@@ -193,8 +199,8 @@ def _bounded_step(now: _Point, bounds: Bounds, damping: float) -> Float[np.ndarr
 
 
 def _solve_damped(
-    information: Float[np.ndarray, "f f"], score: Float[np.ndarray, "f *k"], damping: float
-) -> Float[np.ndarray, "f *k"]:
+    information: Float[np.ndarray, "f f"], score: Float[np.ndarray, f * k], damping: float
+) -> Float[np.ndarray, f * k]:
     """Solve damped normal equations, columns scaled, in the directions that are known."""
     size = np.sqrt(np.diagonal(information))
     size = np.where(size > 0.0, size, 1.0)

@@ -1,17 +1,23 @@
 """Laws from command to rotor speed: their forms, and the speeds they predict with the slopes."""
 
-from collections.abc import Callable, Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from rotorfit.fit.motor_law.command_response import Recording, Timing, speed_response
 from rotorfit.logs.speed_law import Curve, PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from jaxtyping import Float, Int
+
+    Vector = Float[np.ndarray, " _"]
+
 FormName = Literal["linear", "power", "offset power", "sqrt"]
-Vector = Float[np.ndarray, " _"]
 TINY: Final = 1e-6
 """Commands below are as it, in what goes with their logarithm."""
 

@@ -11,31 +11,33 @@ the battery has. Where commands tell the speed, those two speeds are as open as 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.fit.experiment.law_table import bent_speed
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.weight.kt_from_weight import kt_from_weight
 from rotorfit.fit.weight.weigh_thrust import HELD_TO, kt_of
 from rotorfit.flight.motors.motor_model import with_motors
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.parameters import EVERY
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from jaxtyping import Float
+
     from rotorfit.fit.dataset.dataset import Dataset
     from rotorfit.fit.experiment.law_table import LawEntry
     from rotorfit.fit.fit import Fit
+    from rotorfit.fit.intervals.numbers import Numbers
     from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.flight.prepare import PreparedFlight
 
-Speeds = Float[np.ndarray, "n N"]
-Change = Callable[[Speeds, Float[np.ndarray, "m N"]], Speeds]
-"""From speeds [rad/s], as kept or as recorded, and those of the flight's used part, to others."""
+    Speeds = Float[np.ndarray, "n N"]
+    Change = Callable[[Speeds, Float[np.ndarray, "m N"]], Speeds]
+    """From speeds [rad/s], kept or recorded, and those of the flight's used part, to others."""
 
 
 def with_other_speeds(dataset: TimedDataset, change: Change) -> TimedDataset:

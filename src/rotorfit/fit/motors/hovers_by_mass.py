@@ -6,7 +6,6 @@ squared speeds of the law that is assumed must be as the masses.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,10 +13,12 @@ import numpy as np
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.weight.kt_from_weight import kt_from_weight
-from rotorfit.flight.flight_data import FlightData
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rotorfit.fit.fit import Fit
+    from rotorfit.flight.flight_data import FlightData
 
 HOVERS_STD: Final = 0.02
 """Deviation of the thrust of one command between flights, as a share: air, propellers, tilt."""

@@ -10,12 +10,12 @@ An IMU on a soft mount, or speeds behind a filter, bend H as a shorter lag does:
 filter that fits these ratios best moves the lag is in its deviation, whether certain or not.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.reduction.motor_timing import MotorTiming
@@ -26,6 +26,14 @@ from rotorfit.fit.sensors.sensor_response import (
     flight_ratios,
 )
 from rotorfit.fit.timing.timing_fit import lowpass_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.fit import Fit
+    from rotorfit.fit.reduction.motor_timing import MotorTiming
 
 TIMES: Final = ("motor_lag", "motor_delay")
 SPREAD: Final = LEAST_SPREAD

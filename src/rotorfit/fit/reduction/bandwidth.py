@@ -13,20 +13,27 @@ none at all, says whether there is a filter, and where: f_c is where its gain is
 are of one gyro, and have one filter. Yaw shows none: the torque of propellers lags by itself.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
 
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.on_board import first_order, second_order
 from rotorfit.model.signals import central_average
-from rotorfit.model.vehicle import Vehicle
 
-Shape = Callable[[Float[np.ndarray, " l"]], Complex[np.ndarray, " l"]]
-"""Gain of a low-pass by frequency over its cut-off."""
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from jaxtyping import Bool, Complex, Float
+
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.model.vehicle import Vehicle
+
+    Shape = Callable[[Float[np.ndarray, " l"]], Complex[np.ndarray, " l"]]
+    """Gain of a low-pass by frequency over its cut-off."""
+
 SHAPES: Final[Mapping[str, Shape]] = {
     "first order": first_order,
     "second order": second_order,

@@ -5,28 +5,29 @@ accelerations are related by its gains, not by the vehicle's inertia. Such bands
 the vehicle, and bias every estimate.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.estimation.factors import Factors, stack_recordings
-from rotorfit.fit.reduction.motor_timing import FreeTiming
-from rotorfit.fit.reduction.reduce import (
-    BandLines,
-    BandPlan,
-    Lines,
-    band_lines,
-    factors_of_lines,
-)
-from rotorfit.flight.flight_data import FlightData
+from rotorfit.fit.reduction.reduce import BandLines, BandPlan, band_lines, factors_of_lines
 from rotorfit.flight.motors.motor_model import MotorResponse, with_motors
 from rotorfit.flight.motors.speed_slopes import flights_with_moved_motors
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.signals import AddedSignals, signal_layout
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.fit.reduction.motor_timing import FreeTiming
+    from rotorfit.fit.reduction.reduce import Lines
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.flight.prepare import PreparedFlight
+    from rotorfit.model.vehicle import Vehicle
 
 EDGES: Final = (0.0, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0, 11.0, 15.0, 20.0, 25.0, 30.0)
 """Of the frequency bands [Hz]. A band must not end inside the control bandwidth; above 30 Hz the

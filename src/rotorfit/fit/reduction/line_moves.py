@@ -14,18 +14,25 @@ lag, are taken to first order, too. A search for the times moves along such line
 reduced again where it ends.
 """
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Complex, Float
 
 from rotorfit.fit.reduction.motor_timing import FreeTiming, skew_of
-from rotorfit.fit.reduction.reduce import BandLines
-from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.signals import SignalLayout, rotor_columns
 
-Shares = Complex[np.ndarray, " l"]
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Complex, Float
+
+    from rotorfit.fit.reduction.reduce import BandLines
+    from rotorfit.flight.motors.motor_model import MotorResponse
+
+    Shares = Complex[np.ndarray, " l"]
 
 
 def lines_at(

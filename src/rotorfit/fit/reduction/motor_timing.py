@@ -1,11 +1,16 @@
 """The timing of the motors: lag, delay, and how far they are identifiable."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Final, Self
+from __future__ import annotations
 
-from rotorfit.estimation.factors import Factors
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final, Self
+
 from rotorfit.flight.motors.motor_model import MotorResponse
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from rotorfit.estimation.factors import Factors
 
 LAG_PRIOR: Final = (0.035, 0.03)
 """Mean and deviation of a motor's time constant before the flight [s]."""

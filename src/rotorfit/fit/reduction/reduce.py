@@ -1,11 +1,12 @@
 """A flight to its factors, in one pass over the samples and in bounded memory."""
 
-from collections.abc import Callable, Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Complex, Float
 
 from rotorfit.errors import FlightError
 from rotorfit.estimation.factors import (
@@ -29,10 +30,17 @@ from rotorfit.model.signals import (
     signal_matrix,
     yaw_signals,
 )
-from rotorfit.model.vehicle import Vehicle
 
-Lines = Complex[np.ndarray, "_ b"]
-"""Lines of the signals of a stretch, as far up as bands reach."""
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from jaxtyping import Complex, Float
+
+    from rotorfit.model.vehicle import Vehicle
+
+    Lines = Complex[np.ndarray, "_ b"]
+    """Lines of the signals of a stretch, as far up as bands reach."""
+
 CHUNK_ROWS = 16_384
 """Rows of Z alive at a time: 20 columns of them stay near the processor's cache."""
 

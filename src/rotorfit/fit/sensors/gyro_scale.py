@@ -4,19 +4,24 @@ Inertia goes with the inverse of the gyro's scale. An autopilot's estimate of it
 with that gyro and no reference; where the log has no other, the scale is an assumption.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.fit.dataset.dataset import with_prepared
 from rotorfit.fit.dataset.gyro_by_velocity import GyroScale, gyro_scale
 from rotorfit.fit.fit import Fit, shift_of
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.sensors.known_faults import is_estimate
-from rotorfit.flight.flight_data import FlightData
-from rotorfit.flight.prepare import PreparedFlight
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.flight.prepare import PreparedFlight
 
 STEP: Final = 0.01
 """Step of a scale, by which the slopes of the numbers are taken."""
@@ -56,7 +61,7 @@ def _shift_by_scale(fit: Fit, axis: int) -> Float[np.ndarray, " q"]:
     return shift_of(fit, replace(scaled, body=None).reduced())
 
 
-def _scale_rates(prepared: PreparedFlight, factor: Float[np.ndarray, "3"]) -> PreparedFlight:
+def _scale_rates(prepared: PreparedFlight, factor: Float[np.ndarray, 3]) -> PreparedFlight:
     data: FlightData = prepared.data
     turned = replace(
         data,

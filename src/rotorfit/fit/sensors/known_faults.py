@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.logs.formats import FORMATS
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.model.terms.air import VELOCITY
@@ -23,6 +22,7 @@ from rotorfit.model.terms.air import VELOCITY
 if TYPE_CHECKING:
     from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset
     from rotorfit.fit.fit import Fit
+    from rotorfit.fit.intervals.numbers import Numbers
     from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 FLOWN_AT: Final = 3.0

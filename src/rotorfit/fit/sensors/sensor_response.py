@@ -12,25 +12,33 @@ factor of an axis is that of its inertia at low frequencies, so that the filter 
 by how much the fit's is off.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from jaxtyping import Complex, Float
 
 from rotorfit.estimation.banded_problem import solved
 from rotorfit.estimation.distributions import student_quantile
-from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.joint.joint_problem import theta_of
 from rotorfit.fit.reduction.bandwidth import transform_rows, window_starts
 from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
 from rotorfit.fit.timing.timing_fit import lowpass_of
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.signals import signal_matrix
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from jaxtyping import Complex, Float
+
+    from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
+    from rotorfit.fit.fit import Fit
+    from rotorfit.flight.flight_data import FlightData
+
+    Shape = Callable[[Float[np.ndarray, " b"]], Complex[np.ndarray, " b"]]
 
 LOWEST: Final = 1.0
 """Frequency below which the air responds with a phase of its own [Hz]."""
@@ -57,7 +65,6 @@ LEAST_GAIN: Final = 10.0
 most, of filters at 15 Hz in brisk ones 12 to 32."""
 LAG: Final = 0.035
 """About that of motors, by which its slope is taken [s]."""
-Shape = Callable[[Float[np.ndarray, " b"]], Complex[np.ndarray, " b"]]
 
 
 def _second_order(damping: float) -> Shape:
@@ -91,7 +98,7 @@ class Spectra(NamedTuple):
     measured: Complex[np.ndarray, "w l k"]
     predicted: Complex[np.ndarray, "w l k"]
 
-    def band(self, low: float, high: float) -> "Spectra":
+    def band(self, low: float, high: float) -> Spectra:
         """Select the lines of a band."""
         inside = (self.frequency >= low) & (self.frequency < high)
         return Spectra(self.frequency[inside], self.measured[:, inside], self.predicted[:, inside])

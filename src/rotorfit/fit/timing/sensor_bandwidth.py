@@ -1,19 +1,25 @@
 """The bandwidth of the sensors of all flights, and up to where each of their errors counts."""
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.estimation.factors import Factors
 from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight, with_flights
 from rotorfit.fit.reduction.bandwidth import LEAST_FOLLOWED, LOWEST, Sensor, bandwidths
 from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.flight.on_board import MOST_RESTORED, response_of
-from rotorfit.logs.firmware import Filter
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.logs.firmware import Filter
 
 GRID: Final = np.arange(LOWEST, EDGES[-1], 0.05)
 """Frequencies at which a sensor is judged [Hz]."""

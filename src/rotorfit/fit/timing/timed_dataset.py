@@ -1,9 +1,11 @@
 """The flights of an experiment at a timing of their motors, with their band factors."""
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,16 +14,15 @@ from rotorfit.fit.dataset.dataset import Dataset, with_prepared
 from rotorfit.fit.reduction.frequency_bands import banded_data, flight_bands, prepared_lines
 from rotorfit.fit.reduction.line_moves import lines_at
 from rotorfit.fit.reduction.motor_timing import FreeTiming, MotorTiming, TimedBands
-from rotorfit.fit.reduction.reduce import (
-    BandLines,
-    Lines,
-    body_lines,
-    factors_of_lines,
-    yaw_factors,
-)
+from rotorfit.fit.reduction.reduce import BandLines, body_lines, factors_of_lines, yaw_factors
 from rotorfit.flight.imu_tilt import ImuTilt, levelled
-from rotorfit.flight.motors.motor_model import MotorResponse
-from rotorfit.model.signals import SignalLayout
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from rotorfit.fit.reduction.reduce import Lines
+    from rotorfit.flight.motors.motor_model import MotorResponse
+    from rotorfit.model.signals import SignalLayout
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +41,7 @@ class TimedDataset(Dataset):
     body: tuple[tuple[tuple[Lines, ...], ...], ...] | None = None
 
     @classmethod
-    def of(cls, dataset: Dataset) -> "TimedDataset":
+    def of(cls, dataset: Dataset) -> TimedDataset:
         """Reduce a dataset whose motors are not timed yet."""
         kept = {one.name: getattr(dataset, one.name) for one in dataclasses.fields(Dataset)}
         return cls(**kept).reduced()
@@ -80,12 +81,12 @@ class TimedDataset(Dataset):
     def _made_of(self) -> tuple[object, ...]:
         return self.vehicle, self.configurations, self.model.layout
 
-    def at(self, response: MotorResponse, free: tuple[str, ...] = ()) -> "TimedDataset":
+    def at(self, response: MotorResponse, free: tuple[str, ...] = ()) -> TimedDataset:
         """Set the timing of the motors, and which of its times a fit may move."""
         timing = MotorTiming(response=response, total_std=0.0, free=free)
         return dataclasses.replace(self, motor_timing=timing)
 
-    def keeping_bands(self, other: "TimedDataset") -> "TimedDataset":
+    def keeping_bands(self, other: TimedDataset) -> TimedDataset:
         """Keep the reduced bands of a dataset with the same signals, of which more is known now."""
         timing = self.motor_timing
         if timing is None or not timing.free or not other._is_reduced:
@@ -98,7 +99,7 @@ class TimedDataset(Dataset):
         """Whether the bands at the timing that was found are made already."""
         return "timed_bands" in vars(self) or self._timed_already is not None
 
-    def reduced(self) -> "TimedDataset":
+    def reduced(self) -> TimedDataset:
         """Reduce the body's lines once, for bands at many timings."""
         body = tuple(
             tuple(
@@ -164,7 +165,7 @@ class TimedDataset(Dataset):
             for c, own in zip(self.configurations, body, strict=True)
         )
 
-    def moved_along_lines(self, response: MotorResponse) -> "TimedDataset":
+    def moved_along_lines(self, response: MotorResponse) -> TimedDataset:
         """Move the timing without reducing the samples again: by the lines of this dataset.
 
         Good to first order, and far beyond that for a delay and a lag (`line_moves.py`).

@@ -9,17 +9,16 @@ running away. Rotors that rise and fall at different rates get a lag for each wh
 for it.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from __future__ import annotations
+
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
-from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
 from rotorfit.fit.joint.joint_fit import INTERMEDIATE, joint_fit
 from rotorfit.fit.reduction.motor_timing import (
@@ -30,7 +29,6 @@ from rotorfit.fit.reduction.motor_timing import (
     MotorTiming,
     skew_of,
 )
-from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_rounds import (
     TimingRound,
     accelerated_move,
@@ -40,6 +38,14 @@ from rotorfit.fit.timing.timing_rounds import (
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.terms.registry import DEFAULT, DEFAULT_TERMS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.dataset.dataset import Dataset, LoadedFlight
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 SUMMED: Final = ("motor_lag", "motor_delay")
 """Times whose sum is known better than each."""

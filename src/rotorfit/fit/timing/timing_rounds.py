@@ -6,15 +6,21 @@ delay of quick motors). Two rounds show that share, and a secant step leaves it 
 Iterative procedures for nonlinear integral equations, J. ACM 12, 1965, of depth one).
 """
 
-from collections.abc import Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.reduction.motor_timing import FreeTiming, skew_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.banded import BandedEstimate
 
 MOST_LEAP: Final = 3.0
 """Longest accelerated step over the plain one: beyond it the two rounds do not lie on one line."""

@@ -8,7 +8,6 @@ for a delay (8 ms in simulation, where there was none).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -19,6 +18,8 @@ from rotorfit.fit.row_fits import angular_log_likelihood, excited_turns, turn_ra
 from rotorfit.flight.motors.motor_model import MotorResponse
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
     from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset
     from rotorfit.fit.timing.timed_dataset import TimedDataset
 

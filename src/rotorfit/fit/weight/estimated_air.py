@@ -1,16 +1,22 @@
 """The force of the air by the numbers of a fit."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
-from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.air_force import air_force
-from rotorfit.model.signals import SignalLayout
-from rotorfit.model.terms.term import Term
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.model.signals import SignalLayout
+    from rotorfit.model.terms.term import Term
+    from rotorfit.model.vehicle import Vehicle
 
 
 def estimated_air_force(

@@ -7,15 +7,20 @@ says (battery, load, propellers, density of the air), the interval covers what t
 (`pooled_weight`), and a check says so.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.estimation.distributions import chi_square_tail
 from rotorfit.estimation.measured import Measured, mean_scale
-from rotorfit.fit.intervals.numbers import Numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.fit.intervals.numbers import Numbers
 
 CHANCE: Final = 0.01
 """Probability of chance alone below which flights contradict each other: once in a hundred sound

@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.dataset.carried_weight import needed_stretches
 from rotorfit.fit.dataset.weight_balance import Held
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.weight.estimated_air import estimated_air_force
 from rotorfit.fit.weight.kt_from_weight import bias_and_velocity_std, pooled_weight
-from rotorfit.flight.flight_data import FlightData
-from rotorfit.flight.motors.motor_model import MotorResponse
-from rotorfit.model.signals import SignalLayout
-from rotorfit.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
     from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
     from rotorfit.fit.experiment.experiment import Source
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.flight.motors.motor_model import MotorResponse
+    from rotorfit.model.signals import SignalLayout
+    from rotorfit.model.vehicle import Vehicle
 
 BATCH = 2.0
 """Length of a batch [s]: gusts and climbs are forgotten from one to the next."""

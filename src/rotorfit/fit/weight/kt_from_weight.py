@@ -6,13 +6,11 @@ stretches are pooled, by a random effect where they differ by more than chance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.estimation.measured import (
     Measured,
@@ -20,20 +18,24 @@ from rotorfit.estimation.measured import (
 )
 from rotorfit.fit.dataset.carried_weight import carrying_stretches
 from rotorfit.fit.dataset.plausible_units import gravity_at_rest
-from rotorfit.fit.dataset.weight_balance import Held
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.sensors.known_faults import ERROR, is_estimate
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.flight.flight_data import FlightData
-from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std
-from rotorfit.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from jaxtyping import Float
+
     from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
+    from rotorfit.fit.dataset.weight_balance import Held
     from rotorfit.fit.experiment.experiment import Source
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.flight.motors.motor_model import MotorResponse
+    from rotorfit.model.vehicle import Vehicle
 
     AirOverKt = Callable[[ConfigurationData, FlightData], Float[np.ndarray, "n 3"]]
     """Force of the air over k_t, of a flight of a configuration."""

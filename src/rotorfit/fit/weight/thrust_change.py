@@ -5,15 +5,20 @@ a flight is free air nothing shows; the scale of all that is in proportion to fo
 change between the halves, as far as that is more than chance.
 """
 
-from collections.abc import Sequence
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.weight.hover_thrusts import hover_thrusts
 from rotorfit.model.parameters import EVERY
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.fit.fit import Fit
 
 CHANCE: Final = 1.0
 """Deviations of a change that chance makes. (k_t, between both halves, is off by half of it.)"""

@@ -14,12 +14,10 @@ by the flight, k_t is that of the weight.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.effective_blocks import half_width_of_parameter
@@ -46,13 +44,17 @@ from rotorfit.fit.weight.kt_from_weight import (
     thrust_shares,
     weighed_flights,
 )
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.terms.air import VELOCITY
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
     from rotorfit.fit.dataset.dataset import ConfigurationData
     from rotorfit.fit.fit import Fit
     from rotorfit.fit.weight.kt_from_weight import AirOverKt
+    from rotorfit.flight.flight_data import FlightData
 
 CHANGES_STD = 0.02
 """Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise

@@ -8,12 +8,13 @@ the best rotation between the axes follows in closed form (Wahba 1965; Kabsch, A
 .. math:: \omega_{gyro}(t) = R\,\omega_{mocap}(t - \tau - d\,(t - t_0)) + b.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
@@ -23,7 +24,13 @@ from rotorfit.flight.filters import correlate
 from rotorfit.flight.kinematics import continuous_quaternions, motion_from_quaternions
 from rotorfit.flight.mocap.camera import camera_clock, poses
 from rotorfit.flight.signals import low_pass, whole_samples
-from rotorfit.logs.flight_log import Channel, FlightLog
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.logs.flight_log import Channel, FlightLog
 
 CUTOFF = 8.0
 """Cut-off of the low-pass on both rates [Hz], or a quarter of the slower rate."""
@@ -158,7 +165,7 @@ def _on_grid(
     return _Rates(start=start, step=step, values=values, known=known)
 
 
-def _best_start(body: _Rates, marker: _Rates) -> "_Start":
+def _best_start(body: _Rates, marker: _Rates) -> _Start:
     """Find the offset and rotation at which the rates fit best; raise if none or two do."""
     starts = [_fit_start(body, marker, offset) for offset in _rank_offsets(body, marker)]
     starts.sort(key=lambda start: -start.fit)
@@ -252,7 +259,7 @@ class _Trial:
     rotation: Float[np.ndarray, "3 3"]
     bias: Float[np.ndarray, " 3"]
 
-    def moved(self, step: Float[np.ndarray, " 8"]) -> "_Trial":
+    def moved(self, step: Float[np.ndarray, " 8"]) -> _Trial:
         """Move the trial by a step; the rotation turns by a small vector."""
         return _Trial(
             offset=self.offset + float(step[0]),

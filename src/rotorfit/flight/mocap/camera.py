@@ -20,12 +20,13 @@ chapter XIV). The position need not be of the instants of the attitude: some log
 position and the vehicle's own attitude.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError, LogError
 from rotorfit.flight.airborne import GRAVITY
@@ -41,6 +42,9 @@ from rotorfit.flight.signals import (
 )
 from rotorfit.flight.smoothing_spline import smoothing_spline_derivatives
 from rotorfit.logs.flight_log import Channel, FlightLog
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
 
 REACH: Final = 2
 """Neighbours on either side that are looked at."""

@@ -4,12 +4,13 @@ The order matters: frames that are good, one clock, one low-pass for pose and ro
 then splines for every derivative, then products. The body origin is the tracked point.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Iterator
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.findings import Finding, doubt
@@ -71,8 +72,14 @@ from rotorfit.flight.signals import (
     true_runs,
     whole_samples,
 )
-from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.speed_law import law_doubts, speed_from_command
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.logs.flight_log import Channel, FlightLog
 
 HIGHEST_CUTOFF = 25.0
 """Of the low-pass on every column [Hz]; differentiated twice, a pose holds nothing above."""

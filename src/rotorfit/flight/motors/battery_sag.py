@@ -5,11 +5,15 @@ voltage. Where the load changes from second to second, the voltage shows how far
 what it loses steadily is the charge.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 LOAD_EXPONENT: Final = 0.75
 """Power of cubed speed over voltage with which a motor's current grows: six motors with measured
@@ -49,10 +53,10 @@ class BatterySag:
 
 
 def relative_load(
-    cubed_speed: Float[np.ndarray, "..."],
-    voltage: Float[np.ndarray, "..."],
+    cubed_speed: Float[np.ndarray, ...],
+    voltage: Float[np.ndarray, ...],
     exponent: float = LOAD_EXPONENT,
-) -> Float[np.ndarray, "..."]:
+) -> Float[np.ndarray, ...]:
     """Compute the current of motors by cubed speed and voltage, each over its mean in flight."""
     return (cubed_speed / voltage) ** exponent
 

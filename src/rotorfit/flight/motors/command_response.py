@@ -3,15 +3,21 @@
 How often motor commands stand at their lowest or highest value, where no loop can go further.
 """
 
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.flight.signals import hampel, true_runs
-from rotorfit.logs.flight_log import Channel, FlightLog
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.logs.flight_log import Channel, FlightLog
 
 LEAD: Final = 1.0
 """Commands before a stretch, from which the speed at its beginning is computed [s]."""

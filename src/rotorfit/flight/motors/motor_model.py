@@ -3,22 +3,28 @@
 What autopilots ask of the law from command to rotor speed: full speed, curve of thrust.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Float, Int
 from scipy.linalg import lapack
 
 from rotorfit.flight.filters import first_order_recursion
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.signals import central_difference, smooth_motors
 from rotorfit.flight.spectral_density import power_density
 from rotorfit.logs.flight_log import LONG, LagOn, pieces
 from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, speed_from_command
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float, Int
+
+    from rotorfit.flight.flight_data import FlightData
 
 MOST_ROUNDS = 40
 SETTLED = 1e-9

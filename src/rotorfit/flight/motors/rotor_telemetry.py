@@ -6,14 +6,21 @@ controller counts other poles. Everything is looked at in the band that a pilot 
 rotor follows its command; how late the speeds are as a whole is found first.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from rotorfit.flight.signals import smooth, true_runs, whole_samples
-from rotorfit.logs.flight_log import Channel, FlightLog
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
+
+    from rotorfit.logs.flight_log import Channel, FlightLog
+
+    _Columns = list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]
 
 FASTEST: Final = 100.0
 """Rate of the common clock at most [Hz]."""
@@ -56,7 +63,6 @@ SPIKY_PERCENTILE: Final = 90.0
 ROUNDS: Final = 8
 """Rounds of the law that all rotors share, each with less weight on speeds far from it."""
 
-_Columns = list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]
 State = Literal["follows", "swapped", "dead", "stuck", "apart", "unlike", "unclear"]
 
 

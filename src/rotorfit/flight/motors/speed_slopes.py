@@ -9,11 +9,12 @@ t, it is the same recursion with another input:
     \frac{\partial a}{\partial \tau} = a \frac{dt}{\tau^2}.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.motors.motor_model import (
@@ -27,6 +28,11 @@ from rotorfit.flight.motors.motor_model import (
     solve_recursion,
 )
 from rotorfit.flight.signals import central_difference
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Bool, Float, Int
 
 Moved = tuple[FlightData, FlightData, float]
 """A flight with its rotors a step later, a step earlier, and the distance of the two."""

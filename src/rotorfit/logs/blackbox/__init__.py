@@ -1,5 +1,7 @@
 """Blackbox logs of Betaflight, INAV and INDIflight."""
 
+from __future__ import annotations
+
 from typing import Final
 
 LOG_START: Final = b"H Product:Blackbox flight data recorder by Nicholas Sherlock"

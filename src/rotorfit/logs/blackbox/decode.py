@@ -1,11 +1,11 @@
 """One log of a Blackbox file as arrays: every field of every frame."""
 
-from collections.abc import Collection
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Int, UInt32
 
 from rotorfit.errors import LogError
 from rotorfit.logs.blackbox.encodings import (
@@ -26,6 +26,11 @@ from rotorfit.logs.blackbox.scan import (
     scan_frames,
 )
 from rotorfit.logs.files import report_progress
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from jaxtyping import Bool, Int, UInt32
 
 MAX_TIME_JUMP: Final = 10_000_000
 """Longest credible time between consecutive main frames [us]."""

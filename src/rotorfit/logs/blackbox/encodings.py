@@ -10,15 +10,22 @@ the stretches from one I frame to the next are independent, and the k-th P frame
 computed together.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Int, UInt8, UInt32
 
 from rotorfit.logs.blackbox.header import Encoding, FrameDefinition, Header, Predictor
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Int, UInt8, UInt32
+
+    Integers = Int[np.ndarray, "..."]
 
 MAX_VB_BYTES: Final = 5
 """A 32-bit number takes at most five bytes of seven bits."""
@@ -28,8 +35,6 @@ _GROUP_SIZE: Final = {
     Encoding.TAG2_3S32: 3,
     Encoding.TAG2_3SVARIABLE: 3,
 }
-
-Integers = Int[np.ndarray, "..."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,8 +4,9 @@ Sources: Betaflight 4.5 "CLI Command Line Reference", blackbox.c and rpm_filter.
 INAV "Settings" and blackbox.c (7 to 9).
 """
 
-from collections.abc import Mapping, Set
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.logs.firmware import (
     FILTERED_ACCEL,
@@ -30,7 +31,11 @@ from rotorfit.logs.firmware import (
     sensor_sources,
     settings_of,
 )
-from rotorfit.logs.flight_log import FlightLog
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Set
+
+    from rotorfit.logs.flight_log import FlightLog
 
 BETAFLIGHT: Final = settings_of(
     ("acc_lpf_hz", "100", "the accelerometer is logged after its low-pass", FILTERED_ACCEL),

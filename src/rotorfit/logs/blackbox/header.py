@@ -1,14 +1,18 @@
 """Where the logs of a Blackbox file begin, and what their text headers declare."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
 from rotorfit.logs.blackbox import LOG_START
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
 
 MAX_BYTES: Final = 1 << 30
 """Largest file that is decoded; positions are 32-bit integers."""
@@ -98,7 +102,7 @@ class FrameDefinition:
     predictors: tuple[Predictor, ...]
     encodings: tuple[Encoding, ...]
 
-    def only(self, names: Collection[str]) -> "FrameDefinition":
+    def only(self, names: Collection[str]) -> FrameDefinition:
         """Reduce the definition to some of the fields."""
         kept = [i for i, name in enumerate(self.names) if name in names]
         return FrameDefinition(

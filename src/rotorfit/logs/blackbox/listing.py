@@ -1,15 +1,19 @@
 """The logs in a Blackbox file: how long each lasts, and what its header says of the flight."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
 from rotorfit.logs.blackbox.decode import decode
 from rotorfit.logs.blackbox.header import find_logs, read_header
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.formats import LogEntry
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
 
 _LISTED: Final = 8
 """Most logs that an error message lists."""

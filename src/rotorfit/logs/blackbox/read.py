@@ -1,28 +1,34 @@
 """Blackbox files: their fields as channels in SI units."""
 
+from __future__ import annotations
+
 import hashlib
 import math
 import re
 import struct
-from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
 from rotorfit.findings import doubts
 from rotorfit.logs.blackbox import LOG_START
 from rotorfit.logs.blackbox.decode import BlackboxLog, decode
-from rotorfit.logs.blackbox.header import Header
 from rotorfit.logs.blackbox.listing import choice_words, entries_of, metadata_of
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.flight_log import Channel, Circumstances, FlightLog
 from rotorfit.logs.units import STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from jaxtyping import Float, Int
+
+    from rotorfit.logs.blackbox.header import Header
 
 QUATERNION_ONE: Final = 8127
 """INDIflight's integer for 1 in the field quat."""

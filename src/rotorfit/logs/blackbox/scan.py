@@ -1,14 +1,14 @@
 """Where the frames and events of a log begin and end, across damage."""
 
+from __future__ import annotations
+
 import re
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Int, UInt8
 
 from rotorfit.logs.blackbox.encodings import (
     MAX_VB_BYTES,
@@ -19,6 +19,11 @@ from rotorfit.logs.blackbox.encodings import (
     read_tag8_4s16,
 )
 from rotorfit.logs.blackbox.header import Encoding, FrameDefinition, Header
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from jaxtyping import Int, UInt8
 
 EVENT: Final = ord("E")
 LOG_END: Final = 255

@@ -1,5 +1,7 @@
 """DataFlash logs of ArduPilot: binary (.bin), and in their text form (.log)."""
 
+from __future__ import annotations
+
 import re
 from typing import Final
 

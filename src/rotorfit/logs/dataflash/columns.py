@@ -1,13 +1,18 @@
 """Fields of the messages of a DataFlash log as columns, scaled as their letters say."""
 
-from collections.abc import Mapping, Sequence
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
 
 from rotorfit.logs.dataflash.messages import TIMES, Field, MessageFormat, Messages
 from rotorfit.logs.flight_log import in_order
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Bool, Float, Int, UInt8
 
 LATEST_TIME = 1e7
 """No autopilot is on for so long [s]: a later time is damage."""

@@ -4,14 +4,13 @@ Sources: ArduPilot "Complete Parameter List", ArduCopter/defines.h (bits of LOG_
 AP_InertialSensor_Backend.cpp (raw IMU), "ESC Telemetry" and "Managing Gyro Noise" (INS_HNTCH_*).
 """
 
-from collections.abc import Iterator, Mapping, Set
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.logs.dataflash.columns import rate_of
-from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.motors import MOTOR_FUNCTIONS, OUTPUTS, Wiring
-from rotorfit.logs.dataflash.parameters import Parameters
 from rotorfit.logs.firmware import (
     FIRMWARE,
     NO_BATTERY,
@@ -34,7 +33,13 @@ from rotorfit.logs.firmware import (
     settings_of,
     with_value,
 )
-from rotorfit.logs.flight_log import Channel, FlightLog
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Set
+
+    from rotorfit.logs.dataflash.messages import Messages
+    from rotorfit.logs.dataflash.parameters import Parameters
+    from rotorfit.logs.flight_log import Channel, FlightLog
 
 BATTERY: Final = {9: "battery"}
 FAST: Final = {0: "fast attitude", 10: "RC output", 18: "fast IMU"}

@@ -10,18 +10,23 @@ spin_min + (spin_max - spin_min) u with (1 - e) u + e u^2 = t. What the battery 
 that changes slowly: the slow outputs show it. They also show whether the mix is right.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.logs.dataflash.columns import rate_of, timed, vector
-from rotorfit.logs.dataflash.messages import Messages
-from rotorfit.logs.dataflash.parameters import Parameters
 from rotorfit.logs.flight_log import SITL, Channel, LoggedMotors
 from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
+
+    from rotorfit.logs.dataflash.messages import Messages
+    from rotorfit.logs.dataflash.parameters import Parameters
 
 CLASSES: Final = {
     1: "QUAD",

@@ -1,14 +1,18 @@
 """Where the messages of a DataFlash log are, found block by block, and the bytes of some."""
 
+from __future__ import annotations
+
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Int, UInt8
 
 from rotorfit.errors import LogError
 from rotorfit.logs.dataflash import HEAD
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Int, UInt8
 
 HEAD_BYTES: Final = 3
 """Head of a message: the two bytes above and its type."""
@@ -163,12 +167,12 @@ class Messages:
     trailing_bytes: int
     bad_formats: int
 
-    def without(self, names: Container[str]) -> "Messages":
+    def without(self, names: Container[str]) -> Messages:
         """Drop the bytes of some messages."""
         rows = {i: r for i, r in self.rows.items() if self.formats[i].name not in names}
         return replace(self, rows=rows)
 
-    def only(self, names: Container[str]) -> "Messages":
+    def only(self, names: Container[str]) -> Messages:
         """Keep the bytes of some messages alone."""
         rows = {i: r for i, r in self.rows.items() if self.formats[i].name in names}
         return replace(self, rows=rows)
@@ -217,9 +221,7 @@ class _Walk:
     lengths: Int[np.ndarray, " 256"] = field(default_factory=lambda: np.zeros(256, np.int64))
     current: Int[np.ndarray, " 256"] = field(default_factory=lambda: np.zeros(256, np.int64))
     counts: list[int] = field(default_factory=lambda: [0])
-    rows: dict[int, UInt8[np.ndarray, "n length"]] = field(
-        default_factory=dict[int, UInt8[np.ndarray, "n length"]]
-    )
+    rows: dict[int, UInt8[np.ndarray, "n length"]] = field(default_factory=dict)
     glimpses: dict[int, int] = field(default_factory=dict[int, int])
     searching: bool = False
     searched_bytes: int = 0

@@ -1,11 +1,12 @@
 """Motors of a DataFlash log: which output drives which, commands, and ESC telemetry."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.logs.dataflash.columns import (
     columns,
@@ -15,10 +16,14 @@ from rotorfit.logs.dataflash.columns import (
     timed,
     vector,
 )
-from rotorfit.logs.dataflash.frames import Frame
-from rotorfit.logs.dataflash.messages import Messages
-from rotorfit.logs.dataflash.parameters import Parameters
 from rotorfit.logs.flight_log import Channel
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.logs.dataflash.frames import Frame
+    from rotorfit.logs.dataflash.messages import Messages
+    from rotorfit.logs.dataflash.parameters import Parameters
 
 MOTOR_FUNCTIONS: Final = {
     **{33 + i: 1 + i for i in range(8)},

@@ -1,16 +1,22 @@
 """Read the vehicle of a DataFlash log: parameters, firmware, arming, when and in what air."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.logs.dataflash.columns import columns, timed, vector
-from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.flight_log import Circumstances, in_air
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.dataflash.messages import Messages
 
 ARMED_EVENT, DISARMED_EVENT = 10, 11
 """Events of message EV."""

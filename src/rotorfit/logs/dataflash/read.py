@@ -3,9 +3,9 @@
 The rate controller of an ArduPilot log: messages RATE and PARM.
 """
 
-from collections.abc import Container, Iterator, Mapping
-from pathlib import Path
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -30,6 +30,10 @@ from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
 from rotorfit.logs.dataflash.text import binary_blocks
 from rotorfit.logs.files import read_blocks, read_head, sha256_of
 from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog, seconds_of, simulated_sentence
+
+if TYPE_CHECKING:
+    from collections.abc import Container, Iterator, Mapping
+    from pathlib import Path
 
 CONTROLLER_NAMES: Final = ("RATE", *parameters.NAMES)
 """Messages that have it."""

@@ -3,11 +3,12 @@
 Of the IMUs one is taken, from its fastest messages; NED and FRD are turned.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.logs.dataflash.columns import (
     by_time,
@@ -21,10 +22,14 @@ from rotorfit.logs.dataflash.columns import (
     timed,
     vector,
 )
-from rotorfit.logs.dataflash.messages import Messages
-from rotorfit.logs.dataflash.parameters import Parameters
 from rotorfit.logs.flight_log import Channel
 from rotorfit.logs.units import attitude_from_euler, attitude_to_flu, vectors_to_flu, world_to_body
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.logs.dataflash.messages import Messages
+    from rotorfit.logs.dataflash.parameters import Parameters
 
 GYRO: Final = ("GyrX", "GyrY", "GyrZ")
 ACCEL: Final = ("AccX", "AccY", "AccZ")

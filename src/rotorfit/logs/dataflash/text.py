@@ -4,16 +4,20 @@ Each line is a message: its name, then its fields, scaled as their letters say. 
 the messages as in the binary form, so that the same reader takes both.
 """
 
+from __future__ import annotations
+
 import re
 import struct
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.logs.dataflash import HEAD
 from rotorfit.logs.dataflash.messages import FMT_TYPE, HEAD_BYTES, LETTERS
 from rotorfit.logs.files import read_blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
 
 _PACKED: Final = {
     "b": "b",

@@ -1,5 +1,7 @@
 """Motion-capture recordings to a FlightLog of position and attitude; one module per format."""
 
+from __future__ import annotations
+
 
 def is_qualisys(head: bytes) -> bool:
     """Tell an export of Qualisys Track Manager by its first bytes."""

@@ -4,19 +4,25 @@ See OptiTrack's documentation, "Data Export: CSV": a line of names and values, r
 column its type, name, ID and whether it is position or rotation, then a row a frame.
 """
 
+from __future__ import annotations
+
 import csv
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.columns import ColumnSpec
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import LENGTHS, Body, Take, finite, log_of_file, numbers
 from rotorfit.logs.units import Axes, unit_or_nan
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.columns import ColumnSpec
+    from rotorfit.logs.flight_log import FlightLog
 
 _HEADER_LINES: Final = 16
 _AXES: Final = {

@@ -5,18 +5,24 @@ tabs, a row of column names, then a row a frame; X Y Z [mm], roll pitch yaw [deg
 Rot[0] to Rot[8] for each body, with Rot[0] Rot[3] Rot[6] the first row of the matrix.
 """
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.columns import ColumnSpec
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import Body, Take, finite, log_of_file, numbers
-from rotorfit.logs.units import Axes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.columns import ColumnSpec
+    from rotorfit.logs.flight_log import FlightLog
+    from rotorfit.logs.units import Axes
 
 _PER_BODY: Final = 16
 _HEADER_LINES: Final = 64

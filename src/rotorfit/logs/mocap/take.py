@@ -5,24 +5,30 @@ qw, one pose a line, also as CSV under a row of names ``t,x,y,z,qx,qy,qz,qw``. S
 to world with z up.
 """
 
+from __future__ import annotations
+
 import hashlib
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.delimited import DelimitedText, with_line_feeds
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.table import resolution_of
 from rotorfit.logs.units import Axes, attitude_to_flu, unit_or_nan, vectors_to_flu
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.logs.columns import ColumnSpec
 
 LENGTHS: Final[Mapping[str, float]] = {
     "meters": 1.0,

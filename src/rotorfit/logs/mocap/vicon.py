@@ -5,20 +5,26 @@ names of the bodies, names of the columns, units, then the frames. A rotation is
 RZ RW, or a rotation vector RX RY RZ (axis times angle, "helical"), from body axes to the world.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.columns import ColumnSpec
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import Body, Take, finite, log_of_file, number_or_nan, numbers
 from rotorfit.logs.units import Axes, unit_or_nan
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.columns import ColumnSpec
+    from rotorfit.logs.flight_log import FlightLog
 
 _PROGRAMS: Final = {"segments": "Nexus", "objects": "Tracker"}
 """Blocks that hold rigid bodies, and which program writes them."""

@@ -1,9 +1,13 @@
 """ROS recordings (ROS 1 bags, ROS 2 SQLite bags and MCAP): how to detect one, and its files."""
 
-from pathlib import Path
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 ROS1_BEGINS: Final = b"#ROSBAG V"
 MCAP_MAGIC: Final = b"\x89MCAP0\r\n"

@@ -5,19 +5,18 @@ What each type of message gives, as `messages.toml` beside this module has it.
 Channels, where their numbers stand, units and axes; all without rosbags, which may not be there.
 """
 
+from __future__ import annotations
+
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import LogError
 from rotorfit.logs.columns import EULER, ColumnSpec, Group, complete_groups, quantity_of, unit_of
 from rotorfit.logs.flight_log import Channel
-from rotorfit.logs.rosbag.stream import Recorded, Timing
 from rotorfit.logs.units import (
     Axes,
     attitude_from_euler,
@@ -26,6 +25,13 @@ from rotorfit.logs.units import (
     unit_or_nan,
     vectors_to_flu,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.logs.rosbag.stream import Recorded, Timing
 
 Form = Literal[
     "vector",  # body axes, SI

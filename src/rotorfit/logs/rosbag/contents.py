@@ -6,26 +6,24 @@ rosbags parses them and makes code of them. It sets no bounds: an array of a mil
 becomes as many lines of code. So what is damaged or made to hurt is kept from it here.
 """
 
+from __future__ import annotations
+
 import re
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from operator import attrgetter
-from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
-from jaxtyping import Float, Int
 from rosbags.interfaces import Msgdef, Nodetype
-from rosbags.interfaces.typing import BaseDesc, FieldDesc, NameDesc, Typesdict
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import normalize_fieldname
 from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
 
 from rotorfit.errors import LogError
-from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.files import read_head
 from rotorfit.logs.rosbag import MCAP_MAGIC, ROS1_BEGINS, SQLITE_MAGIC
 from rotorfit.logs.rosbag.choose import MESSAGES, STAMPS, mapped_paths
@@ -44,6 +42,14 @@ from rotorfit.logs.rosbag.stream import (
     decoded,
     kind_of,
 )
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from jaxtyping import Float, Int
+    from rosbags.interfaces.typing import BaseDesc, FieldDesc, NameDesc, Typesdict
+
+    from rotorfit.logs.columns import ColumnSpec
 
 _LARGEST_TEXT: Final = 1 << 20
 _LONGEST_LINES: Final = 1 << 16

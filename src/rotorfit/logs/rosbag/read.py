@@ -1,16 +1,15 @@
 """ROS recordings: from the file to a FlightLog."""
 
+from __future__ import annotations
+
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
 from rotorfit.findings import doubts
-from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog, seconds_of
 from rotorfit.logs.motor_outputs import MOTOR_COUNTS, motor_outputs
 from rotorfit.logs.rosbag import files_of
@@ -23,7 +22,13 @@ from rotorfit.logs.rosbag.choose import (
     mapped_channels,
 )
 from rotorfit.logs.rosbag.stream import Contents, Recorded, Timing, require_rosbags, timings
-from rotorfit.logs.units import Axes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from rotorfit.logs.columns import ColumnSpec
+    from rotorfit.logs.units import Axes
 
 _SHOWN: Final = 20
 

@@ -5,9 +5,10 @@ The reader of rosbags needs that index, which a bag that was cut off or never cl
 parser of records is used here, not its reader: a record is a header (name=value fields) and data.
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from io import BytesIO
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rosbags.rosbag1.reader import Header, read_uint32
 
@@ -23,6 +24,9 @@ from rotorfit.logs.rosbag.stream import (
     kind_of,
     unfolded,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 _VERSION: Final = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7

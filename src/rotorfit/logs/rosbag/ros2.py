@@ -6,12 +6,13 @@ messages in MCAP. So its parsers of records are used here, not its
 reader: a record is one byte of opcode, eight of length and the content.
 """
 
+from __future__ import annotations
+
 import itertools
-from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote
 
 import apsw
@@ -41,6 +42,9 @@ from rotorfit.logs.rosbag.stream import (
     unfolded,
     unfolded_message,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterator
 
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 3, 4, 5, 6, 15
 _MESSAGE_HEAD: Final = 22

@@ -8,19 +8,23 @@ Here rosbags ends: on damaged files it raises its own errors and, as they come, 
 NumPy, SQLite, lz4 and zstd; all are LogErrors from here on.
 """
 
+from __future__ import annotations
+
 import bz2
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from io import BufferedReader, BytesIO
-from typing import Any, Final, Literal, ParamSpec, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Literal, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import report_progress
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 Encoding = Literal["ros1", "cdr"]
 

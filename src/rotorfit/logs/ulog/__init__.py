@@ -1,5 +1,7 @@
 """Logs of PX4 (ULog)."""
 
+from __future__ import annotations
+
 from typing import Final
 
 MAGIC: Final = b"ULog\x01\x12\x35"

@@ -4,9 +4,10 @@ Sources: PX4 "Parameter Reference", "DShot ESCs" (to 1.17, and from 1.18 on), lo
 logged_topics.cpp (bits of SDLOG_PROFILE) and sensors/vehicle_angular_velocity.
 """
 
-from collections.abc import Mapping, Set
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.logs.firmware import (
     NO_SPEED,
@@ -27,7 +28,11 @@ from rotorfit.logs.firmware import (
     settings_of,
     with_value,
 )
-from rotorfit.logs.flight_log import FlightLog
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Set
+
+    from rotorfit.logs.flight_log import FlightLog
 
 MOTOR_OUTPUTS: Final = "motor outputs"
 PWM: Final = "PWM"

@@ -8,17 +8,22 @@ Format: docs.px4.io, "ULog File Format".
 Rows of a topic grow block by block; then their fields become numbers.
 """
 
+from __future__ import annotations
+
 import re
 import struct
-from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, BinaryIO, Final, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
 
 from rotorfit.errors import LogError
 from rotorfit.logs.flight_log import pieces
+
+if TYPE_CHECKING:
+    from collections.abc import Container, Iterator, Mapping
+
+    from jaxtyping import Float, Int, UInt8
 
 HEADER_BYTES: Final = 16
 BLOCK_BYTES: Final = 1 << 20

@@ -1,18 +1,24 @@
 """Rotor speeds by ESC telemetry, and motor commands, of a PX4 log."""
 
+from __future__ import annotations
+
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.logs.flight_log import Channel, pieces
 from rotorfit.logs.ulog.firmware import log_faster
-from rotorfit.logs.ulog.messages import Topic
-from rotorfit.logs.ulog.scan import Scan
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.logs.ulog.messages import Topic
+    from rotorfit.logs.ulog.scan import Scan
 
 SPEED_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
     "esc_status": ("timestamp", "esc_count", "esc", "esc_rpm", "actuator_function")

@@ -3,12 +3,11 @@
 The rate controller of a PX4 log: topics and parameters.
 """
 
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, doubt, doubts
@@ -16,8 +15,15 @@ from rotorfit.logs.controller_log import TURNED, ControllerLog
 from rotorfit.logs.flight_log import SIH, Channel, FlightLog, simulated_sentence
 from rotorfit.logs.ulog import motors, sensors, vehicle
 from rotorfit.logs.ulog.firmware import log_faster
-from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.scan import Scan, scan_file
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.ulog.messages import Topic
 
 CONTROLLER_TOPICS: Final = {
     "vehicle_angular_velocity": ("timestamp", "timestamp_sample", "xyz", "xyz_derivative"),

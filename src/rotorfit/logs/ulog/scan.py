@@ -1,5 +1,7 @@
 """A ULog file to the rows of chosen topics, the parameters, and what was lost or damaged."""
 
+from __future__ import annotations
+
 import hashlib
 import math
 import os
@@ -8,11 +10,9 @@ import struct
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from pathlib import Path
-from typing import BinaryIO, Final
+from typing import TYPE_CHECKING, BinaryIO, Final
 
 import numpy as np
-from jaxtyping import Int, UInt8
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import read_head, report_progress
@@ -30,6 +30,11 @@ from rotorfit.logs.ulog.messages import (
     refuse_ruin,
     row_of,
 )
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from jaxtyping import Int, UInt8
 
 Value = int | float
 Wanted = Mapping[str, Container[str] | None]
@@ -81,11 +86,11 @@ class Scan:
     damage: tuple[str, ...]
     sha256: str
 
-    def without(self, names: Container[str]) -> "Scan":
+    def without(self, names: Container[str]) -> Scan:
         """Drop the messages of some topics."""
         return replace(self, topics={n: t for n, t in self.topics.items() if n not in names})
 
-    def only(self, names: Container[str]) -> "Scan":
+    def only(self, names: Container[str]) -> Scan:
         """Keep the messages of some topics alone."""
         return replace(self, topics={n: t for n, t in self.topics.items() if n in names})
 

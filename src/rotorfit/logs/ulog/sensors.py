@@ -3,18 +3,24 @@
 Gyro and accelerometer come from the best of the topics that have them.
 """
 
-from collections.abc import Callable, Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.logs.flight_log import Channel, pieces
 from rotorfit.logs.ulog.firmware import log_faster
-from rotorfit.logs.ulog.messages import Topic
-from rotorfit.logs.ulog.scan import Scan
 from rotorfit.logs.units import attitude_to_flu, vectors_to_flu, world_to_body
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.logs.ulog.messages import Topic
+    from rotorfit.logs.ulog.scan import Scan
 
 _SIGNAL: Final = ("timestamp", "timestamp_sample", "xyz")
 _FIFO: Final = (

@@ -1,18 +1,17 @@
 """Read the vehicle of a PX4 log: geometry, settings, simulator, and when it flew."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import GAZEBO, PX4_OTHER, SIH, Circumstances, LoggedMotors, in_air
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.logs.ulog.firmware import MOTOR_OUTPUTS, PWM
-from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.motors import (
     commanded_law,
     has_pwm_motors,
@@ -21,7 +20,16 @@ from rotorfit.logs.ulog.motors import (
     output_speeds,
     thrust_curve,
 )
-from rotorfit.logs.ulog.scan import Scan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.logs.ulog.messages import Topic
+    from rotorfit.logs.ulog.scan import Scan
+
+    _State = tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]
 
 _GPS: Final = ("vehicle_gps_position", "sensor_gps")
 TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -234,9 +242,6 @@ def flight_doubts(scan: Scan) -> Iterator[Finding]:
             "the autopilot never saw the vehicle leave the ground (vehicle_land_detected): give "
             "the log of a flight",
         )
-
-
-_State = tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]
 
 
 def _armed_state(scan: Scan) -> _State | None:

@@ -1,13 +1,13 @@
 """Terms of the air, besides thrust and torque of rotors that stand still in it."""
 
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import FlightError
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.signals import AddedSignals, SignalLayout, aligned
 from rotorfit.model.terms.rotors import known_rows, rotor_drag_std, rotor_velocities
 from rotorfit.model.terms.term import (
@@ -17,14 +17,19 @@ from rotorfit.model.terms.term import (
     MX,
     MY,
     MZ,
-    Block,
     Motion,
     ParameterInfo,
     Significance,
     Term,
     block,
 )
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.model.terms.term import Block
+    from rotorfit.model.vehicle import Vehicle
 
 CLIMB_DRAG_STD: Final = 0.5
 """Prior deviation of the air's force against a climb, over mass and velocity [1/s]: drag

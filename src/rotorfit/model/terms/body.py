@@ -1,11 +1,12 @@
 """Terms of the rigid body, of its accelerometer, and of torques that do not change."""
 
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.term import (
     FX,
     FY,
@@ -13,7 +14,6 @@ from rotorfit.model.terms.term import (
     MX,
     MY,
     MZ,
-    Block,
     Motion,
     Move,
     ParameterInfo,
@@ -23,7 +23,11 @@ from rotorfit.model.terms.term import (
     Term,
     block,
 )
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from rotorfit.model.signals import SignalLayout
+    from rotorfit.model.terms.term import Block
+    from rotorfit.model.vehicle import Vehicle
 
 ACCEL_BIAS_STD: Final = 0.2
 """What is known of a calibrated accelerometer before the flight [m/s^2]: 20 mg."""

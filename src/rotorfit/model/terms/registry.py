@@ -4,10 +4,10 @@ A new effect is a `Term` in `body.py`, `rotors.py` or `air.py`, named here. Sums
 and the columns of the signals go in this order: a new one stands last.
 """
 
-from collections.abc import Collection
-from typing import Final
+from __future__ import annotations
 
-from rotorfit.model.signals import AddedSignals, SignalLayout
+from typing import TYPE_CHECKING, Final
+
 from rotorfit.model.terms.air import (
     CLIMB_DRAG,
     DRAG,
@@ -30,7 +30,12 @@ from rotorfit.model.terms.rotors import (
     TWIST,
     YAW_DAMPING,
 )
-from rotorfit.model.terms.term import Term
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from rotorfit.model.signals import AddedSignals, SignalLayout
+    from rotorfit.model.terms.term import Term
 
 TERMS: Final[tuple[Term, ...]] = (
     *(MASS, FIRST_MOMENTS, INERTIA, THRUST, TORQUE),

@@ -1,19 +1,18 @@
 """Terms of the rotors: thrust, torques about their axes, where they sit and how they are tilted."""
 
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.signals import AddedSignals, SignalLayout, aligned
 from rotorfit.model.terms.term import (
     MX,
     MY,
     MZ,
-    Block,
     Move,
     ParameterInfo,
     Significance,
@@ -21,7 +20,13 @@ from rotorfit.model.terms.term import (
     Term,
     block,
 )
-from rotorfit.model.vehicle import Rotor, Vehicle
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.model.terms.term import Block
+    from rotorfit.model.vehicle import Rotor, Vehicle
 
 DRAG_SIGNALS: Final[tuple[str, ...]] = ("Od_Fx", "Od_Fy", "Od_Fz", "Od_Mx", "Od_My", "Od_Mz")
 MOST_ROTORS: Final = 16

@@ -1,19 +1,25 @@
 """One effect of the model as a record: what the fit, its intervals and its results need of it."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.model.signals import AddedSignals, SignalLayout
-from rotorfit.model.vehicle import Vehicle
 
-Block = Float[np.ndarray, "6 z"]
-"""A_p: the entries of one parameter, rows Fx Fy Fz Mx My Mz, on the signals z."""
-Entries = Callable[[Vehicle, SignalLayout], dict[str, Block]]
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from rotorfit.model.signals import AddedSignals, SignalLayout
+    from rotorfit.model.vehicle import Vehicle
+
+    Block = Float[np.ndarray, "6 z"]
+    """A_p: the entries of one parameter, rows Fx Fy Fz Mx My Mz, on the signals z."""
+    Entries = Callable[[Vehicle, SignalLayout], dict[str, Block]]
+
 FX, FY, FZ, MX, MY, MZ = range(6)
 
 Motion = Literal["roll", "pitch", "yaw", "force", "place", "height", "air"]

@@ -1,13 +1,13 @@
 """The outcome of `rotorfit fly`: replayed flights and flown manoeuvres, for text, page and JSON."""
 
+from __future__ import annotations
+
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.results.validation.judgement import (
     AXES,
@@ -26,6 +26,11 @@ from rotorfit.results.validation.replay import (
     force_errors,
     growth_time,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
 
 Manoeuvre = Literal["hover", "roll", "pitch", "yaw rate"]
 MANOEUVRES: Final[tuple[Manoeuvre, ...]] = ("hover", "roll", "pitch", "yaw rate")

@@ -4,15 +4,14 @@ The wrenches say how much of force and moments below 3 Hz the rotors do not expl
 how long rates are right where nothing corrects them. `validate` and `fly` say the same of a flight.
 """
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import asdict, dataclass
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.digits import short
-from rotorfit.results.result import IdentificationResult
 from rotorfit.results.validation.replay import (
     HOLD,
     IDENTIFIED,
@@ -23,6 +22,13 @@ from rotorfit.results.validation.replay import (
 )
 from rotorfit.results.validation.validate import NEEDS, TRIMS
 from rotorfit.results.validation.wrench_comparison import COMPONENTS, WrenchComparison
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.results.result import IdentificationResult
 
 AXES: Final = ("roll", "pitch", "yaw")
 GOOD_SHARE: Final = 0.2

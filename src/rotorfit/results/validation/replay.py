@@ -19,17 +19,16 @@ What was flown is smoothed without delay (30 Hz) before windows start from it an
 it: the gyro's noise at one instant would else be carried through the whole window.
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from rotorfit.errors import ExperimentError, FlightError, LogError
-from rotorfit.fit.dataset.dataset import LoadedFlight
 from rotorfit.fit.dataset.load import load_flight
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import (
@@ -39,16 +38,10 @@ from rotorfit.fit.experiment.experiment import (
     unseen_entry,
 )
 from rotorfit.fit.reduction.frequency_bands import retimed
-from rotorfit.flight.flight_data import FlightData
-from rotorfit.flight.motors.motor_model import MotorResponse
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.signals import smooth
 from rotorfit.model.air_force import air_wrenches
 from rotorfit.model.regressor import regressor
-from rotorfit.model.signals import SignalLayout
 from rotorfit.model.terms.rotors import DRAG_OF_ROTORS
-from rotorfit.model.vehicle import Vehicle
-from rotorfit.results.result import IdentificationResult
 from rotorfit.results.validation.replay_vehicle import AIR_NAMES, ReplayVehicle, replay_vehicle
 from rotorfit.results.validation.validate import (
     compare_wrenches,
@@ -57,7 +50,20 @@ from rotorfit.results.validation.validate import (
     signals_of_terms,
     with_air_of,
 )
-from rotorfit.results.validation.wrench_comparison import WrenchComparison
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from jaxtyping import Float, Int
+
+    from rotorfit.fit.dataset.dataset import LoadedFlight
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.flight.motors.motor_model import MotorResponse
+    from rotorfit.flight.prepare import PreparedFlight
+    from rotorfit.model.signals import SignalLayout
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.results.result import IdentificationResult
+    from rotorfit.results.validation.wrench_comparison import WrenchComparison
 
 WINDOW: Final = 0.5
 """[s] Long enough for an error of inertia to show, too short for rates to drift out of hand."""

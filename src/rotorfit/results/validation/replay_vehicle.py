@@ -1,21 +1,28 @@
 """From a result to the vehicle of a replay, and to draws of it within its intervals."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.model.parameters import COM, INERTIA_COM, PARAMETERS
 from rotorfit.model.terms.registry import TERMS
-from rotorfit.model.vehicle import Vehicle
-from rotorfit.results.result import IdentificationResult
-from rotorfit.results.samples import Values, about_com, normal_draws, tensors
+from rotorfit.results.samples import about_com, normal_draws, tensors
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.results.result import IdentificationResult
+    from rotorfit.results.samples import Values
 
 NEEDED: Final = ("kt", "kd", *COM, *INERTIA_COM)
 ROTOR_CENTER: Final = ("rotor_center_x", "rotor_center_y")

@@ -1,15 +1,14 @@
 """Validate the model on flights kept apart: body wrench against rotor wrench (P16)."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError, FlightError
-from rotorfit.fit.dataset.dataset import LoadedFlight
 from rotorfit.fit.dataset.load import load_flight, velocity_known, with_hover_inflow
 from rotorfit.fit.dataset.through_air import through_air
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
@@ -24,14 +23,11 @@ from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.fit.reduction.reduce import LowPass, filtered_signals
 from rotorfit.flight.motors.motor_model import MotorResponse
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.logs.flight_log import AIRLESS_ROTORS, DRAGLESS_ROTORS
 from rotorfit.model.regressor import Regressor, regressor
-from rotorfit.model.signals import AddedSignals
 from rotorfit.model.terms import body as body_terms
 from rotorfit.model.terms.registry import OPTIONAL, TERMS, added_signals, considered_terms
 from rotorfit.model.terms.rotors import THRUST
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import (
     FlightRecord,
     IdentificationResult,
@@ -40,6 +36,16 @@ from rotorfit.results.result import (
 )
 from rotorfit.results.validation.replay_vehicle import ROTOR_CENTER, places_of
 from rotorfit.results.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.dataset.dataset import LoadedFlight
+    from rotorfit.flight.prepare import PreparedFlight
+    from rotorfit.model.signals import AddedSignals
+    from rotorfit.model.vehicle import Vehicle
 
 CUTOFF = 3.0
 """Low-pass of both sides [Hz], the paper's."""

@@ -4,16 +4,21 @@ Coherence and excitation are ratios of spectra of two signals that went through 
 so that it cancels: of body wrench and rotor wrench, and of the rotor wrench over the difference.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.flight.signals import whole_samples
 from rotorfit.flight.spectral_density import cross_densities
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from jaxtyping import Bool, Float
 
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 SHOWN = ("Fz", "Mx", "My", "Mz")

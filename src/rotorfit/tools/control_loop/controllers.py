@@ -11,24 +11,30 @@ libraries/AC_AttitudeControl/AC_AttitudeControl_Multi.cpp rate_controller_run.
 The rate controller of one axis: its response, and the output it gives for a logged flight.
 """
 
-from collections.abc import Callable, Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.flight.filters import first_order_recursion
-from rotorfit.logs.controller_log import ControllerLog
 from rotorfit.tools.control_loop.plant import (
     GyroFilter,
-    Response,
     delays,
     difference,
     first_order,
     integral,
     smoothing,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from jaxtyping import Float
+
+    from rotorfit.logs.controller_log import ControllerLog
+    from rotorfit.tools.control_loop.plant import Response
 
 FULL_INTEGRAL = np.deg2rad(400.0)
 """Rate error at which PX4 stops integrating [rad/s] (rate_control.cpp, updateIntegral)."""
@@ -62,7 +68,7 @@ class RateController:
     set_point_age: int = 0
     gyro_filters: tuple[GyroFilter, ...] = ()
 
-    def scaled(self, factor: float) -> "RateController":
+    def scaled(self, factor: float) -> RateController:
         """Return the controller with P, I and D times a factor."""
         return replace(self, P=factor * self.P, I=factor * self.I, D=factor * self.D)
 

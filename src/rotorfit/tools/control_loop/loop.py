@@ -3,22 +3,20 @@
 The outcome of a loop as JSON.
 """
 
+from __future__ import annotations
+
 import json
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
 from threadpoolctl import threadpool_limits
 
 from rotorfit.digits import finite_json
 from rotorfit.errors import LogError
-from rotorfit.fit.experiment.experiment import Experiment
 from rotorfit.logs.controller_log import ControllerLog, knows_controller, read_with_controller
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.results.result import IdentificationResult, owner_of
 from rotorfit.tools.control_loop.controllers import AXES, RateController, rate_controller
 from rotorfit.tools.control_loop.margins import Margins, fine_grid, last_crossover, margins
@@ -32,7 +30,6 @@ from rotorfit.tools.control_loop.measures import (
     step_harmonics,
     step_of,
 )
-from rotorfit.tools.control_loop.plant import Plant, Response
 from rotorfit.tools.control_loop.proof import (
     PROVED_AXES,
     UNKNOWN,
@@ -58,6 +55,18 @@ from rotorfit.tools.control_loop.vehicle import (
     plant,
 )
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from jaxtyping import Bool, Complex, Float
+
+    from rotorfit.fit.experiment.experiment import Experiment
+    from rotorfit.logs.flight_log import FlightLog
+    from rotorfit.tools.control_loop.plant import Plant, Response
+
+    RateLoops = Callable[[Plant, Float[np.ndarray, " f"]], Complex[np.ndarray, "D f"]]
+    """The open rate loops of vehicles at some frequencies."""
+
 DRAWS: Final = 200
 POINTS: Final = 500
 LOWEST: Final = 0.01
@@ -70,10 +79,6 @@ STEPS: Final = 6
 """Steps of finding how far the flown loop is from the predicted one."""
 STEP: Final = (0.3, 5e-3)
 """The longest of them: logarithm of the effectiveness, and delay [s]."""
-
-
-RateLoops = Callable[[Plant, Float[np.ndarray, " f"]], Complex[np.ndarray, "D f"]]
-"""The open rate loops of vehicles at some frequencies."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

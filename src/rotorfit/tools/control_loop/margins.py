@@ -4,12 +4,17 @@ Nyquist's criterion, by crossings: a loop whose open poles are stable or at zero
 signed crossings of the negative real axis left of -1 cancel (Astrom and Murray 2008, section 9.2).
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from jaxtyping import Bool, Complex, Float, Int
 
 STRIDE: Final = 0.25
 """Longest step of a loop between two frequencies, over its distance from -1. The peak of the

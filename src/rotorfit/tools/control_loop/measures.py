@@ -1,13 +1,17 @@
 """Measures of a loop: margins, bandwidth and step response, each with its interval."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
 
-from rotorfit.tools.control_loop.controllers import RateController
-from rotorfit.tools.control_loop.margins import Margins
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float
+
+    from rotorfit.tools.control_loop.controllers import RateController
+    from rotorfit.tools.control_loop.margins import Margins
 
 SIDES: Final = (0.025, 0.975)
 SETTLED: Final = 4.0

@@ -3,13 +3,18 @@
 Frequency responses of the filters that autopilots run.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Complex, Float
 
-Response = Complex[np.ndarray, " f"]
-"""The response of one filter at some frequencies."""
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
+
+    Response = Complex[np.ndarray, " f"]
+    """The response of one filter at some frequencies."""
 
 
 def delays(frequency: Float[np.ndarray, " f"], period: float) -> Response:
@@ -105,7 +110,7 @@ class Plant:
         return np.stack([np.log(self.gain / self.gain[0]), late - late[0]])
 
     @property
-    def nominal(self) -> "Plant":
+    def nominal(self) -> Plant:
         """The first of them alone."""
         first = slice(0, 1)
         return Plant(
@@ -115,7 +120,7 @@ class Plant:
             delay=self.delay[first],
         )
 
-    def moved(self, gain: Float[np.ndarray, " D"], late: Float[np.ndarray, " D"]) -> "Plant":
+    def moved(self, gain: Float[np.ndarray, " D"], late: Float[np.ndarray, " D"]) -> Plant:
         """Return the vehicles with the logarithm of their gain and their delay [s] changed."""
         lag, delay = from_lag(self.lag, self.delay + late)
         return replace(self, gain=self.gain * np.exp(gain), lag=lag, delay=delay)

@@ -8,20 +8,26 @@ outer loop's response to gusts for one to the pilot.
 Why margins are withheld, and what they rest on, in words.
 """
 
+from __future__ import annotations
+
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Complex, Float
 
 from rotorfit.digits import with_half
 from rotorfit.flight.filters import butterworth, filter_both_ways
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.tools.control_loop.controllers import RateController, moving_filters, thrust_curve
-from rotorfit.tools.control_loop.plant import Plant
 from rotorfit.tools.control_loop.vehicle import Flown, cross_spectra, withheld_output
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Complex, Float
+
+    from rotorfit.logs.flight_log import FlightLog
+    from rotorfit.tools.control_loop.plant import Plant
 
 EDGES = 0.3 * 1.5 ** np.arange(13)
 """Edges of the bands [Hz]."""
@@ -187,13 +193,13 @@ class LoopError:
         gain, delay = np.hypot(self.half_widths, spread)
         return abs(np.log(self.gain)) > GAIN + gain or abs(self.delay) > LATE + delay
 
-    def within(self, longest: tuple[float, float]) -> "LoopError":
+    def within(self, longest: tuple[float, float]) -> LoopError:
         """Shorten a step to the longest of effectiveness (logarithm) and delay [s]."""
         by = np.abs([np.log(self.gain), self.delay]) / longest
         share = 1.0 / max(1.0, float(by.max()))
         return replace(self, gain=self.gain**share, delay=share * self.delay)
 
-    def after(self, first: "LoopError") -> "LoopError":
+    def after(self, first: LoopError) -> LoopError:
         """Add an error that the prediction was moved by before."""
         return replace(self, gain=first.gain * self.gain, delay=first.delay + self.delay)
 

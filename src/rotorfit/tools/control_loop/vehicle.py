@@ -1,10 +1,11 @@
 """From a result and a log to the plant of each axis, with what the flights leave open of it."""
 
-from collections.abc import Callable, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
 
 from rotorfit.digits import with_interval
 from rotorfit.errors import EstimationError, LogError
@@ -12,14 +13,22 @@ from rotorfit.fit.experiment.declared_vehicle import motor_model_of, vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.flight.signals import true_runs
 from rotorfit.flight.spectral_density import cross_densities
-from rotorfit.logs.controller_log import ControllerLog
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.speed_law import speed_from_command
 from rotorfit.results.command_units import is_per_command
-from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.results.samples import Values, about_com, normal_draws
-from rotorfit.tools.control_loop.controllers import RateController
-from rotorfit.tools.control_loop.plant import GyroFilter, Plant, Response, from_lag
+from rotorfit.results.samples import about_com, normal_draws
+from rotorfit.tools.control_loop.plant import GyroFilter, Plant, from_lag
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from jaxtyping import Bool, Complex, Float
+
+    from rotorfit.logs.controller_log import ControllerLog
+    from rotorfit.logs.flight_log import FlightLog
+    from rotorfit.results.result import Derived, IdentificationResult, Parameter
+    from rotorfit.results.samples import Values
+    from rotorfit.tools.control_loop.controllers import RateController
+    from rotorfit.tools.control_loop.plant import Response
 
 FLYING = 0.5
 """Share of the median squared speed, above which a vehicle flies."""

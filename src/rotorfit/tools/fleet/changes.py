@@ -20,16 +20,21 @@ Psychometrika 78, 2013 (flat prior of a standard deviation); Killick, Fearnhead 
 the American Statistical Association 107, 2012 (changes by a penalised likelihood).
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Float, Int
 from scipy import stats
 from scipy.special import logsumexp
 
 from rotorfit.estimation.dispersion import degrees_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float, Int
 
 Kind = Literal["step", "ramp", "once"]
 

@@ -1,16 +1,21 @@
 """The numbers of a fleet's flights that are compared, with their partners and scales."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.tools.fleet.records import KT_WEIGHT, TRIM, FlightRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
 
 Weather = Literal["taken out", "in it", "none"]
 

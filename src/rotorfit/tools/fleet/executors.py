@@ -6,6 +6,8 @@ While a log is worked on, a file of its own stands in the folder ``running``: a 
 leaves it behind, with the reason if that was the time limit.
 """
 
+from __future__ import annotations
+
 import faulthandler
 import hashlib
 import multiprocessing
@@ -29,16 +31,18 @@ from functools import partial
 from importlib import import_module
 from multiprocessing import connection
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from rotorfit import version
 from rotorfit.errors import OutputError, RotorfitError
-from rotorfit.findings import Finding
 from rotorfit.logs.files import read_head
 from rotorfit.logs.read import logs_in_file
 from rotorfit.tools.fleet.listing import FlightTask
 from rotorfit.tools.fleet.one_flight import entry_of, experiment_of, fingerprint_of, refusal_of
 from rotorfit.tools.fleet.records import key_of, read_entry, refusal, write_entry
+
+if TYPE_CHECKING:
+    from rotorfit.findings import Finding
 
 TRIES: Final = 2
 """Processes that a log may end before it is left out."""

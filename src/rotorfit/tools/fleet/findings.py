@@ -4,10 +4,11 @@ Changes that one cause explains are one finding: a propeller that wears is seen 
 coefficient, in that of all rotors, and in where their thrust acts.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -18,7 +19,11 @@ from rotorfit.tools.fleet.changes import LEAST_SERIES, NORMAL_95, Change
 from rotorfit.tools.fleet.compared import IN_METRES, ROTORS, THRUST
 from rotorfit.tools.fleet.random_effects import LEAST_GROUPS
 from rotorfit.tools.fleet.records import KT_WEIGHT, TRIM, FlightRecord
-from rotorfit.tools.fleet.statistics import FleetStatistics, LoadingDifference, NumberStatistics
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.tools.fleet.statistics import FleetStatistics, LoadingDifference, NumberStatistics
 
 CHANGE: Final = "change"
 OUTLIER: Final = "apart"

@@ -11,16 +11,21 @@ Simes, Biometrika 73, 1986 (several tests as one); Benjamini and Bogomolov, J. o
 Statistical Society B 76, 2014 (rates within what was selected).
 """
 
-from collections.abc import Callable, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import comb
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from scipy import stats
 
 from rotorfit.tools.fleet.random_effects import LEAST_GROUPS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from jaxtyping import Bool, Float, Int
 
 HALVINGS: Final = 60
 LEAST_FREEDOM: Final = 4

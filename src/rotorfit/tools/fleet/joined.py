@@ -8,32 +8,38 @@ timing, which bands count, and which optional terms the model has. The trim and 
 flight are eliminated from its equations.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import pseudo_inverse
 from rotorfit.estimation.banded_equations import corrected_equations, evaluated
-from rotorfit.estimation.banded_problem import BandedProblem
 from rotorfit.estimation.estimate import Estimate, numerical_jacobian
-from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.fit.experiment.experiment import Experiment
 from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.joint.informative_bands import Pushes, error_correlation, pushes
 from rotorfit.fit.joint.joint_fit import FittedFactors
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
 from rotorfit.fit.joint.trims import OWN, TRIM, UNSEEN, Scatter, scatters
-from rotorfit.tools.fleet.listing import FlightTask
 from rotorfit.tools.fleet.one_flight import experiment_of, fitted_factors
 from rotorfit.tools.fleet.records import FlightRecord, read_entry
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.banded_problem import BandedProblem
+    from rotorfit.estimation.parameter_map import ParameterMap
+    from rotorfit.fit.experiment.experiment import Experiment
+    from rotorfit.tools.fleet.listing import FlightTask
 
 MOST_PASSES: Final = 20
 SMALLEST_STEP: Final = 1e-2

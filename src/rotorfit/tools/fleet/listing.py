@@ -1,19 +1,23 @@
 """List the logs of a fleet: all of a folder, or those of a table."""
 
+from __future__ import annotations
+
 import csv
-import re
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from io import StringIO
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from rotorfit.errors import ExperimentError, LogError
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.formats import FORMATS
 from rotorfit.logs.read import format_of
+
+if TYPE_CHECKING:
+    import re
+    from collections.abc import Iterator, Mapping
 
 Mass = float | Literal["unknown"]
 COLUMNS: Final = ("file", "vehicle", "configuration", "mass", "airframe", "log")

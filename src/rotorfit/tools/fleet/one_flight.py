@@ -1,21 +1,19 @@
 """One log by itself, as `rotorfit identify` does, to what the fleet keeps of it."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 import warnings
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import RotorfitError, RotorfitWarning
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
-from rotorfit.findings import Finding
-from rotorfit.fit.dataset.dataset import Dataset
 from rotorfit.fit.experiment.declared_vehicle import read_options_of, vehicle_of
 from rotorfit.fit.experiment.experiment import Experiment, single_flight_experiment
 from rotorfit.fit.intervals.numbers import correlation_of
@@ -26,15 +24,23 @@ from rotorfit.fit.weight.kt_from_weight import kt_from_weight
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.identification import Identified, identify_flights
 from rotorfit.logs.files import sha256_of
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.read import read_log
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, INERTIA_COM, inertia_about
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import signals_named
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import IdentificationResult, verdict_of
-from rotorfit.tools.fleet.listing import FlightTask, Mass
 from rotorfit.tools.fleet.records import COMPARED, KT_WEIGHT, TRIM, Entry, FlightRecord, refusal
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.findings import Finding
+    from rotorfit.fit.dataset.dataset import Dataset
+    from rotorfit.logs.flight_log import FlightLog
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.tools.fleet.listing import FlightTask, Mass
 
 PART_SECONDS: Final = 2.0
 """Parts of a flight, whose means scatter as the mean of the whole is unsure."""

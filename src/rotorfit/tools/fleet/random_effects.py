@@ -14,15 +14,20 @@ Kackar and Harville, J. of the American Statistical Association 79, 1984 (what n
 adds to the error of a prediction).
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from scipy import optimize
 
 from rotorfit.errors import EstimationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from jaxtyping import Bool, Float, Int
 
 LEAST_GROUPS: Final = 5
 """Fewest groups: with fewer, the spread between groups is unknown, and nothing is drawn towards the
@@ -236,7 +241,7 @@ def _estimate_levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Leve
     return _Levels(A=total, q=q, cost=cost)
 
 
-def _sum_by_group(each: Float[np.ndarray, "n *k"], data: Repeated) -> Float[np.ndarray, "g *k"]:
+def _sum_by_group(each: Float[np.ndarray, n * k], data: Repeated) -> Float[np.ndarray, g * k]:
     out = np.zeros((data.groups, *each.shape[1:]))
     np.add.at(out, data.group, each)
     return out

@@ -5,27 +5,33 @@ with the record as JSON, and the factors of the flight. It is written under anot
 into place; a file that cannot be read is made again.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import hashlib
 import io
 import json
 import zipfile
 import zlib
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit import version
 from rotorfit.errors import OutputError
 from rotorfit.findings import Finding, finding_from_plain, finding_to_plain
-from rotorfit.fit.experiment.experiment import Experiment
 from rotorfit.logs.files import write_whole
 from rotorfit.model.parameters import DERIVED, PARAMETERS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.experiment.experiment import Experiment
 
 KT_WEIGHT: Final = "kt_weight"
 """k_t by which thrust carries the weight over the whole flight [N s^2/rad^2]: the sharpest number

@@ -1,13 +1,14 @@
 """A fleet, top to bottom: logs to entries, entries to rows, rows to files."""
 
+from __future__ import annotations
+
 import json
 import os
 import shutil
-from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import OutputError
 from rotorfit.logs.files import write_whole
@@ -34,6 +35,9 @@ from rotorfit.tools.fleet.tables import (
     csv_bytes,
     refusal_columns,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Iterable, Sequence
 
 OWNER: Final = "fleet.json"
 """Marks a folder as that of a fleet, and names the source of its logs."""

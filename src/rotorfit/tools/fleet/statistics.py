@@ -4,19 +4,25 @@ Number by number: every flight's estimate with its own covariance, vehicles abou
 flights about their vehicle. Nothing here looks into a log.
 """
 
+from __future__ import annotations
+
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from rotorfit.tools.fleet.changes import LEAST_SERIES, Change, Changes, find_changes
 from rotorfit.tools.fleet.compared import MEANS_OVER_FLIGHT, NumberTable, Weather, number_tables
 from rotorfit.tools.fleet.group_differences import contrasts, discoveries, outlier_test
 from rotorfit.tools.fleet.random_effects import RandomEffects, Repeated, random_effects
-from rotorfit.tools.fleet.records import FlightRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Bool, Float, Int
+
+    from rotorfit.tools.fleet.records import FlightRecord
 
 ALARM: Final = 0.05
 """Chance of one false change or more in the whole fleet."""

@@ -1,18 +1,23 @@
 """The tables of a fleet: flights, vehicles, logs without a row; Parquet with pyarrow, else CSV."""
 
+from __future__ import annotations
+
 import csv
 import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from rotorfit.tools.fleet.joined import Joined, LoadedVehicle, loaded_vehicle
 from rotorfit.tools.fleet.records import NUMBERS, FlightRecord, RefusedLog
-from rotorfit.tools.fleet.statistics import FleetStatistics
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from rotorfit.tools.fleet.statistics import FleetStatistics
 
 ROWS: Final = 500
 """Rows of a table in memory as Python's own numbers, which take ten times the room."""

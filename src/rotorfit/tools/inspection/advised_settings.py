@@ -1,13 +1,18 @@
 """Choose the settings that make the next log a better one, from the channels of this one."""
 
+from __future__ import annotations
+
 import shlex
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rotorfit.logs.firmware import Filter, Lack, Setting, filters_on_board
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.tools.inspection.recording import ChannelReport, channel_report, lacks, settings_for
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

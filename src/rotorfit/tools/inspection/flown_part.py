@@ -1,16 +1,20 @@
 """Prepare the flight of a log whose airframe nobody has described."""
 
+from __future__ import annotations
+
 import re
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import FlightError, LogError
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.flight.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.flight.prepare import PreparedFlight, prepare
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.model.vehicle import LAYOUTS
 from rotorfit.tools.inspection.motor_lateness import LATEST, SEARCHED
+
+if TYPE_CHECKING:
+    from rotorfit.logs.flight_log import FlightLog
 
 NAMED_LAYOUT: Final = re.compile(
     r'layout = "(?P<layout>[^"]+)", order = "(?P<order>[^"]+)"(?P<turned> with every spin rev)?'

@@ -3,27 +3,33 @@
 For a look at a flight before its airframe is known, not for an estimate.
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from dataclasses import replace
 from itertools import combinations
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
-from rotorfit.estimation.factors import Factors
 from rotorfit.fit.dataset.declared_rotors import response
 from rotorfit.fit.dataset.response_signals import BAND
 from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, prepared_bands
-from rotorfit.fit.reduction.reduce import Lines
 from rotorfit.flight.filters import butterworth, filter_both_ways
-from rotorfit.flight.flight_data import FlightData
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.signals import whole_samples
 from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors
 from rotorfit.tools.inspection.flown_part import SPINS_UNSURE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.fit.reduction.reduce import Lines
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.flight.prepare import PreparedFlight
 
 Convention = Literal["px4", "betaflight", "crazyflie", "paper"]
 CONVENTIONS: Final[tuple[Convention, ...]] = ("px4", "betaflight", "crazyflie", "paper")

@@ -3,10 +3,10 @@
 What the doctor objects to is a list of findings, each by one of `CHECKS`.
 """
 
+from __future__ import annotations
+
 import warnings
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.checks.left_out_hovers import contradicting_hovers
@@ -21,9 +21,7 @@ from rotorfit.fit.dataset.plausible_units import (
 )
 from rotorfit.flight.mocap.camera import camera_clock
 from rotorfit.flight.motors.rotor_telemetry import Telemetry, telemetry
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, SENSORS, Lack, Setting, filters_on_board
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.tools.inspection.advised_settings import (
     channel_reports,
     lacks_of,
@@ -45,7 +43,12 @@ from rotorfit.tools.inspection.spectra import Sweep, frequency_sweeps
 from rotorfit.tools.planning.advised_step import NextStep
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from pathlib import Path
+
     from rotorfit.fit.experiment.experiment import FlightEntry
+    from rotorfit.flight.prepare import PreparedFlight
+    from rotorfit.logs.flight_log import FlightLog
     from rotorfit.results.result import IdentificationResult
 
 WITH_AIRFRAME: Final = (
@@ -136,12 +139,12 @@ class _Look:
     unforeseen: str | None
     telemetry: Telemetry | None
     gravity: GravitySeen | None
-    result: "IdentificationResult | None"
+    result: IdentificationResult | None
     unidentified: str | None
 
 
 def inspect_log(
-    log: FlightLog, *, airframe: Path | None = None, entry: "FlightEntry | None" = None
+    log: FlightLog, *, airframe: Path | None = None, entry: FlightEntry | None = None
 ) -> LogReport:
     """Inspect a log: its channels, its gaps, its airborne part, and what this can identify."""
     channels = channel_reports(log)
@@ -242,8 +245,8 @@ def _predict_prospects(
 
 
 def _identify_log(
-    log: FlightLog, airframe: Path | None, entry: "FlightEntry | None"
-) -> "tuple[IdentificationResult | None, str | None]":
+    log: FlightLog, airframe: Path | None, entry: FlightEntry | None
+) -> tuple[IdentificationResult | None, str | None]:
     """Identify a log with an airframe, per kilogram, or say why that fails."""
     if airframe is None:
         return None, None
@@ -360,7 +363,7 @@ def _gravity_findings(look: _Look) -> Iterator[Finding]:
     yield from (doubt("gravity", sentence, evidence=evidence) for sentence in gravity_doubts(seen))
 
 
-def _is_against_gravity(result: "IdentificationResult") -> bool:
+def _is_against_gravity(result: IdentificationResult) -> bool:
     """Test whether an identification objects to thrust or accelerometer by the hover."""
     from rotorfit.checks.hover_thrust import AGAINST_GRAVITY
 

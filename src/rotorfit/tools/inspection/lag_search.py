@@ -1,19 +1,24 @@
 """Find the lag with which commanded motors explain the turns of a flight best."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rotorfit.estimation.factors import Factors
 from rotorfit.fit.reduction.frequency_bands import banded_data, prepared_bands, slow_bands
-from rotorfit.fit.reduction.reduce import Lines, body_lines
+from rotorfit.fit.reduction.reduce import body_lines
 from rotorfit.fit.row_fits import angular_log_likelihood
 from rotorfit.fit.timing.timing_search import CLEAR_GAIN
-from rotorfit.flight.motors.motor_model import MotorResponse
-from rotorfit.flight.prepare import PreparedFlight
-from rotorfit.model.regressor import Regressor
-from rotorfit.model.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.fit.reduction.reduce import Lines
+    from rotorfit.flight.motors.motor_model import MotorResponse
+    from rotorfit.flight.prepare import PreparedFlight
+    from rotorfit.model.regressor import Regressor
+    from rotorfit.model.vehicle import Vehicle
 
 LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
 """Lags of commanded motors, tried one by one [s]."""

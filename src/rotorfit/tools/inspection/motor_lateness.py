@@ -1,15 +1,21 @@
 """Estimate how much later than its motor data a vehicle turns."""
 
-from collections.abc import Sequence
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float
 
 from rotorfit.fit.timing.timing_search import DELAYS_TRIED
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.signals import central_difference, smooth, whole_samples
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.flight.flight_data import FlightData
 
 LATEST: Final = 0.1
 SEARCHED: Final = DELAYS_TRIED["imu"][1]

@@ -1,22 +1,28 @@
 """Pictures of a log as numbers to draw: curves, marks, spectra, filters."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import FlightError
 from rotorfit.flight.clocks import GAP_STEPS, LARGEST_VALUE, usable_samples
-from rotorfit.flight.prepare import Cut, PreparedFlight
 from rotorfit.flight.signals import LEAST_LIMIT, at_limit, true_runs
 from rotorfit.logs.firmware import Filter, filters_on_board
 from rotorfit.logs.flight_log import CHANNELS, COMPONENTS, Channel, FlightLog
 from rotorfit.series import Series, thinned
-from rotorfit.tools.inspection.recording import ChannelReport
 from rotorfit.tools.inspection.spectra import RotorBand, Spectrum, rotor_bands, spectrum
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from jaxtyping import Bool, Float, Int
+
+    from rotorfit.flight.prepare import Cut, PreparedFlight
+    from rotorfit.tools.inspection.recording import ChannelReport
 
 DRAWN: Final = ("gyro", "accel", "rotor_speed", "command")
 NAMES: Final = {

@@ -14,7 +14,6 @@ from rotorfit.checks.sensors.log_settings import (
     slow_words,
 )
 from rotorfit.checks.verdicts.judge import ADVISED, FLOWN, judge
-from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.dataset.carried_weight import carrying_stretches
 from rotorfit.fit.dataset.weight_balance import turning
@@ -25,18 +24,12 @@ from rotorfit.fit.motors.hovers_by_mass import rms_speed
 from rotorfit.fit.motors.law_from_flight import FoundLaw, anchor_of, exponent_of, thrust_ratio
 from rotorfit.fit.reduction.bandwidth import Bandwidth, Sensor, bandwidths
 from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, prepared_bands, retimed
-from rotorfit.fit.reduction.reduce import Lines
 from rotorfit.fit.row_fits import RowFits, fit_rows
 from rotorfit.fit.weight.kt_from_weight import bias_at_rest, pooled_weight, velocity_std_of
 from rotorfit.fit.weight.weigh_thrust import CHANGES_STD, DOUBTED, Balance
 from rotorfit.flight.flight_checks import LEAST_RATE
-from rotorfit.flight.flight_data import FlightData
-from rotorfit.flight.motors.motor_model import MotorResponse
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.signals import smooth
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.regressor import regressor
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.tools.inspection.flown_part import tried_response
 from rotorfit.tools.inspection.guessed_rotors import confirmed_motors, guessed_vehicles
 from rotorfit.tools.inspection.lag_search import (
@@ -51,7 +44,14 @@ from rotorfit.tools.inspection.motor_lateness import LOW_PASS
 from rotorfit.tools.planning.advised_step import NextStep
 
 if TYPE_CHECKING:
+    from rotorfit.estimation.factors import Factors
     from rotorfit.fit.experiment.law_table import LawEntry
+    from rotorfit.fit.reduction.reduce import Lines
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.flight.motors.motor_model import MotorResponse
+    from rotorfit.flight.prepare import PreparedFlight
+    from rotorfit.logs.flight_log import FlightLog
+    from rotorfit.model.vehicle import Vehicle
     from rotorfit.results.result import Verdict
     from rotorfit.simulation.pilot import Manoeuvre
 

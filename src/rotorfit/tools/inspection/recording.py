@@ -3,17 +3,16 @@
 Which settings of an autopilot make its next log a better one: what its format advises.
 """
 
-from collections.abc import Mapping, Set
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.flight.clocks import GAP_STEPS, LARGEST_VALUE
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.flight.signals import (
     LEAST_LIMIT,
     share_at_limit,
@@ -22,6 +21,13 @@ from rotorfit.flight.signals import (
 from rotorfit.flight.spectral_density import power_density
 from rotorfit.logs.firmware import Lack, Setting, advice_for
 from rotorfit.logs.flight_log import CHANNELS, Channel
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Set
+
+    from jaxtyping import Bool, Float
+
+    from rotorfit.flight.flight_data import FlightData
 
 UNKNOWN: Final[Mapping[str, str]] = MappingProxyType({})
 

@@ -1,12 +1,12 @@
 """Estimate the airframe from a flight and its log, where nobody has described it yet."""
 
+from __future__ import annotations
+
 import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rotorfit.errors import FlightError
-from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.tools.inspection.flown_part import (
     NAMED_LAYOUT,
@@ -17,6 +17,11 @@ from rotorfit.tools.inspection.flown_part import (
     prepare_if_usable,
     tried_response,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rotorfit.logs.flight_log import FlightLog
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

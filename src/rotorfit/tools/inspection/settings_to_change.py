@@ -4,13 +4,17 @@ What `inspect` advises is written here in the form that the autopilot loads; a s
 only the owner knows is a comment.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.logs.files import file_name
-from rotorfit.logs.firmware import Setting
-from rotorfit.tools.inspection.advised_settings import AdvisedSettings
 from rotorfit.tools.inspection.recording import settings_file
+
+if TYPE_CHECKING:
+    from rotorfit.logs.firmware import Setting
+    from rotorfit.tools.inspection.advised_settings import AdvisedSettings
 
 Line = Callable[[str, str], str]
 WHOLE_LINE: Final = ":"

@@ -5,18 +5,23 @@ Whether an autopilot flew a frequency sweep: ArduPilot's SystemID mode, Betaflig
 While one is injected, the rate of one axis is nearly a sine whose frequency rises all the time.
 """
 
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError
 from rotorfit.flight.clocks import UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.signals import true_runs
 from rotorfit.flight.spectral_density import power_density, prominent_peaks, windowed_lines
 from rotorfit.logs.flight_log import CHANNELS, COMPONENTS, Channel
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from jaxtyping import Bool, Float
 
 WINDOW_SECONDS: Final = 1.0
 SHORTEST_WINDOW: Final = 128

@@ -1,5 +1,7 @@
 """The one thing to do next with a vehicle, as `next_step` chooses it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,12 +1,12 @@
 """The information of an earlier result, and the manoeuvre that adds most to it."""
 
-from collections.abc import Mapping
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from math import inf, isfinite, isinf
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.checks.verdicts.judge import (
     ADVISED,
@@ -26,9 +26,7 @@ from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.fit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.allowances import number_scale
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.budget import BudgetLine, budget_lines
 from rotorfit.results.result import (
     Derived,
@@ -38,9 +36,17 @@ from rotorfit.results.result import (
     configuration_names,
     verdict_of,
 )
-from rotorfit.simulation.pilot import Manoeuvre
 from rotorfit.tools.planning.bound import BARE, Evidence, Problem, combined, predicted
 from rotorfit.tools.planning.wanted import IN_MM, WANTABLE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
+
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.simulation.pilot import Manoeuvre
 
 SAME_PLACE: Final = 1e-3
 """Rotors nearer than this are equal [m]."""

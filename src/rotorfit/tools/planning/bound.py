@@ -6,19 +6,18 @@ is a sum of manoeuvres, a longer flight more of the same. To the bound come what
 its intervals: half a sample of the motors' timing, lack of excitation, and the scale.
 """
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.bound import Linearised, information, linearised, score
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
-from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.fit.experiment.payload import MOMENTS, PointMass, tolerances
 from rotorfit.fit.intervals.allowances import coupling_uncertainty, number_scale
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
@@ -28,7 +27,6 @@ from rotorfit.fit.joint.joint_map import joint_map
 from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior
 from rotorfit.fit.reduction.frequency_bands import EDGES, STRETCH, in_pilot_band
 from rotorfit.fit.reduction.reduce import BandPlan, band_factors
-from rotorfit.flight.flight_data import FlightData
 from rotorfit.model.parameters import EVERY, NO_NUMBERS, SHARED
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.term import Size
@@ -44,6 +42,14 @@ from rotorfit.tools.planning.vehicle import (
     loaded,
     row_variances,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.parameter_map import ParameterMap
+    from rotorfit.flight.flight_data import FlightData
 
 SECONDS: Final = 30.0
 SAMPLE_RATE: Final = 100.0

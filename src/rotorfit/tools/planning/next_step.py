@@ -5,9 +5,10 @@ declared wrongly), then the one manoeuvre that sharpens most, and how far; nothi
 that matters is known.
 """
 
-from collections.abc import Callable, Sequence
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.checks.left_out_hovers import KIND as CONTRADICTING
 from rotorfit.checks.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
@@ -18,8 +19,6 @@ from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
-from rotorfit.simulation.pilot import Manoeuvre
-from rotorfit.tools.planning import bound
 from rotorfit.tools.planning.advised_step import Kind, NextStep
 from rotorfit.tools.planning.after import (
     AS_GOOD,
@@ -45,6 +44,12 @@ from rotorfit.tools.planning.vehicle import (
     payload_pair,
     rough_vehicle,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rotorfit.simulation.pilot import Manoeuvre
+    from rotorfit.tools.planning import bound
 
 BEST_MANOEUVRE: Final = "best-manoeuvre"
 """Kind of the note that a result keeps of what its best manoeuvre gives."""

@@ -4,21 +4,18 @@ Candidates are schedules of manoeuvres, flown bare or bare and with a payload, f
 each. What each would give is predicted from simulated flights (`bound.py`).
 """
 
+from __future__ import annotations
+
 import dataclasses
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from rotorfit.checks.verdicts.judge import judge
 from rotorfit.digits import finite_json
 from rotorfit.errors import ExperimentError
-from rotorfit.fit.experiment.payload import PointMass
 from rotorfit.fit.intervals.allowances import number_scale
-from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.flight.flight_data import FlightData
-from rotorfit.model.vehicle import Vehicle
-from rotorfit.results.result import IdentificationResult
 from rotorfit.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre
 from rotorfit.tools.planning.after import (
@@ -61,6 +58,13 @@ from rotorfit.tools.planning.wanted import (
     candidate_title,
     worst,
 )
+
+if TYPE_CHECKING:
+    from rotorfit.fit.experiment.payload import PointMass
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.flight.flight_data import FlightData
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.results.result import IdentificationResult
 
 Speed = Literal["measured", "commanded"]
 Progress = Callable[[int, int], None]

@@ -20,22 +20,28 @@ roll and pitch, 0.06 to 0.15 % in yaw; a Crazyflie by its commands 2 %, as much 
 deviate by 3 % from their commands.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
-from rotorfit.estimation.bound import Linearised
-from rotorfit.estimation.factors import Factors
 from rotorfit.fit.experiment.payload import PointMass
 from rotorfit.model.parameters import inertia_about
-from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation import GRAVITY, Truth, with_payload
 from rotorfit.simulation.body import allocation
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from jaxtyping import Float
+
+    from rotorfit.estimation.bound import Linearised
+    from rotorfit.estimation.factors import Factors
+    from rotorfit.model.vehicle import Vehicle
 
 LIGHTEST: Final = 0.01
 HEAVIEST: Final = 200.0

@@ -1,12 +1,17 @@
 """The accuracy wanted of each number, and the accuracy that one way to fly gives."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from rotorfit.errors import ExperimentError
-from rotorfit.results.result import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from rotorfit.results.result import Verdict
 
 WANTABLE: Final[Mapping[str, str]] = {
     **{name: name for name in ("kt", "kd", "Jr")},
