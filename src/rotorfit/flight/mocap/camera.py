@@ -339,7 +339,10 @@ def horizontal_axes(log: FlightLog) -> Channel | None:
         attitude = usable_samples(log.channels["attitude"], "attitude")
     except FlightError:
         return None
-    axes = [rotated_back(attitude.values, axis) for axis in np.eye(3)[:2]]
+    axes = [
+        rotated_back(attitude.values, np.full_like(attitude.values[:, 1:], axis))
+        for axis in np.eye(3)[:2]
+    ]
     return Channel(time=attitude.time, values=np.hstack(axes), source=attitude.source)
 
 
