@@ -24,7 +24,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded_equations import (
@@ -494,6 +493,8 @@ def _invert_information(
     H: Float[np.ndarray, "f f"], scale: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, "f f"]:
     """Invert; directions that the equations lost become infinitely uncertain."""
+    import scipy.linalg  # slow to import
+
     values, vectors = scipy.linalg.eigh(H / np.outer(scale, scale))
     values = np.maximum(values, UNDETERMINED)
     return (vectors / values) @ vectors.T / np.outer(scale, scale)

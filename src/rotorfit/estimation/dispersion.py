@@ -28,7 +28,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy import special
 
 from rotorfit.estimation.banded import BandedEstimate, information_of_parts, square_root
 
@@ -108,6 +107,8 @@ def alike(found: Sequence[Dispersion]) -> list[Dispersion]:
     The logarithm of a mean square of f degrees of freedom has the variance trigamma(f / 2). One
     that shows nothing is known as the others are alike.
     """
+    from scipy import special  # slow to import
+
     ratio, degrees = np.array([(one.ratio, one.degrees) for one in found]).T
     shown = (degrees > 0.0) & (ratio > 0.0)
     if len(found) < 2 or not shown.any():

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import special
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -17,6 +16,8 @@ if TYPE_CHECKING:
 
 def student_quantile(probability: float | int, degrees: Any) -> Any:
     """Compute the quantile of Student's t for degrees of freedom; NaN if there are none."""
+    from scipy import special  # slow to import
+
     nu: Float[np.ndarray, ...] = np.asarray(degrees, dtype=float)
     finite = np.where(np.isinf(nu), 1.0, np.where(nu > 0.0, nu, np.nan))
     quantile: Any = special.stdtrit(finite, probability)
@@ -25,6 +26,8 @@ def student_quantile(probability: float | int, degrees: Any) -> Any:
 
 def student_density(t: Any, degrees: float | int) -> Any:
     """Compute the density of Student's t."""
+    from scipy import special  # slow to import
+
     if np.isinf(degrees):
         return normal_density(t)
     square = np.asarray(t, dtype=float) ** 2
@@ -34,11 +37,15 @@ def student_density(t: Any, degrees: float | int) -> Any:
 
 def normal_quantile(probability: float | int) -> float:
     """Compute the quantile of the standard normal distribution."""
+    from scipy import special  # slow to import
+
     return float(special.ndtri(probability))
 
 
 def normal_tail(x: float | int) -> float:
     """Compute the probability that a standard normal number exceeds x."""
+    from scipy import special  # slow to import
+
     return float(special.ndtr(-x))
 
 
@@ -50,14 +57,20 @@ def normal_density(x: Any, std: float | int = 1.0) -> Any:
 
 def f_quantile(probability: float | int, degrees: float | int, degrees_below: float | int) -> float:
     """Compute the quantile of F for the degrees of numerator and denominator."""
+    from scipy import special  # slow to import
+
     return float(special.fdtri(degrees, degrees_below, probability))
 
 
 def f_tail(ratio: float | int, degrees: float | int, degrees_below: float | int) -> float:
     """Compute the probability that a ratio of two mean squares exceeds one that was seen."""
+    from scipy import special  # slow to import
+
     return float(special.fdtrc(degrees, degrees_below, ratio))
 
 
 def chi_square_tail(chi2: float | int, degrees: float | int) -> float:
     """Compute the probability that a chi-square exceeds one that was seen."""
+    from scipy import special  # slow to import
+
     return float(special.chdtrc(degrees, chi2))

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import Estimate, LinearProblem, equation_rows, scaled_singular
@@ -133,6 +132,8 @@ def _quick_covariance(
     information: Float[np.ndarray, " f"],
 ) -> Float[np.ndarray, "f f"] | None:
     """Compute the covariance from the blocks' Gram matrices; None if that would cost digits."""
+    import scipy.linalg  # slow to import
+
     whole = np.tensordot(1.0 / variance, gram, axes=1) + np.diag(information)
     lengths = np.sqrt(np.diagonal(whole))
     if not (lengths > 0.0).all():
@@ -159,6 +160,8 @@ def _weighted_solution(
     By the QR factor of the stacked, weighted, column-scaled equations: exact simulations keep their
     digits.
     """
+    import scipy.linalg  # slow to import
+
     f = J.shape[2]
     A, b = _weighted_equations(J, y, variance, information)
     lengths = np.linalg.norm(A, axis=0)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import lapack
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -19,6 +18,8 @@ def cubic_spline_slopes(
     time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
     """Compute the slope at each sample; the second and the last but one are no knots."""
+    from scipy.linalg import lapack  # slow to import
+
     if len(time) < 4:
         raise ValueError(f"a cubic spline needs four samples, here are {len(time)}")
     h = np.diff(time)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import lapack
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -130,6 +129,8 @@ def _solve_recursion(
     bands: Float[np.ndarray, "d n"], right: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, "n k"]:
     """Solve a lower triangular system of few diagonals, the first of them ones."""
+    from scipy.linalg import lapack  # slow to import
+
     solve: Any = lapack.dtbtrs
     solved: Float[np.ndarray, "n k"] = solve(bands, right, uplo="L", diag="U", overwrite_b=1)[0]
     return solved

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import special
 
 from rotorfit.flight.signals import running_mean
 
@@ -124,6 +123,8 @@ def _line_share(power: Float[np.ndarray, " f"], i: int, rows: int) -> float:
 
 def _chance_of_lines(power: Float[np.ndarray, " f"], windows: float) -> Float[np.ndarray, " f"]:
     """Compute the log of the chance of each line among those around it (a chi-square)."""
+    from scipy import special  # slow to import
+
     ratio = power / _median_levels(power)
     size: Float[np.ndarray, " f"] = np.log(2.0) * windows * ratio
     tail = np.asarray(special.gammaincc(windows, size))

@@ -10,7 +10,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from scipy.linalg import lapack
 
 from rotorfit.logs.flight_log import pieces
 
@@ -107,6 +106,8 @@ def _differentiate_spline(
 @lru_cache(maxsize=4)
 def _factorize_spline(n: int) -> tuple[Any, Any]:
     """Factorize the matrix of the B-splines at the rows, kept for signals of one length."""
+    from scipy.linalg import lapack  # slow to import
+
     at, knots = np.arange(float(n)), _place_knots(n)
     span = _find_spans(knots, at)
     basis = _compute_basis(knots, at, span, DEGREE)
@@ -121,6 +122,8 @@ def _factorize_spline(n: int) -> tuple[Any, Any]:
 
 def _solve_coefficients(n: int, values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
     """Solve for the coefficients of the spline that goes through the values."""
+    from scipy.linalg import lapack  # slow to import
+
     lu, pivots = _factorize_spline(n)
     solve: Any = lapack.dgbtrs
     found: Float[np.ndarray, "n k"] = solve(lu, DEGREE, DEGREE, values, pivots)[0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import lapack
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -26,6 +25,8 @@ def smoothing_spline_derivatives(
     Silverman, "Nonparametric Regression and Generalized Linear Models", 1994, section 2.1). The
     first and last pieces continue beyond the ends.
     """
+    from scipy.linalg import lapack  # slow to import
+
     h = np.diff(time)
     # The three diagonals of Q: second differences of values at unequal steps.
     before, after = 1.0 / h[:-1], 1.0 / h[1:]

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import scipy.linalg
 
 from rotorfit.errors import FrameError
 from rotorfit.fit.dataset.plausible_units import refuse_implausible_size
@@ -153,6 +152,8 @@ def _drive_columns(vehicle: Vehicle, declared: Vehicle) -> Float[np.ndarray, "3 
 
 
 def _explained_share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
+    import scipy.linalg  # slow to import
+
     total = float(y @ y)
     if total == 0.0:
         return 0.0
@@ -254,6 +255,8 @@ def yaw_by_drag(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> float:
     - `R`: factor of the signals.
     - `vehicle`: the rotors.
     """
+    import scipy.linalg  # slow to import
+
     layout = signal_layout(vehicle)
     squares = R[:, square_columns(vehicle)]
     torque = np.cross(vehicle.positions, vehicle.axes)[:, :2]

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
 
 from rotorfit.errors import FrameError
 from rotorfit.fit.dataset.response_signals import (
@@ -52,6 +51,8 @@ def std_of_turn(factors: Factors, vehicle: Vehicle) -> float:
     By the residual of each block, whose rows count as independent: gusts are strong in some bands
     and phases, weak in others (White, Econometrica 48, 1980).
     """
+    import scipy.linalg  # slow to import
+
     blocks = select_response_band(factors)
     torque, turned = cross_signals(blocks.total, blocks.total, vehicle)
     inverse: Float[np.ndarray, "2 2"] = scipy.linalg.pinvh(torque.T @ torque)
@@ -79,6 +80,8 @@ def turn_about_z(
     the inverse inertia (polar decomposition); and the shares of roll and pitch that it explains.
     `R`: factor of the signals.
     """
+    import scipy.linalg  # slow to import
+
     torque, turned = cross_signals(R, R, vehicle)
     response: Float[np.ndarray, "2 2"] = scipy.linalg.pinv(torque, rtol=1e-9) @ turned
     left = ((turned - torque @ response) ** 2).sum(axis=0)

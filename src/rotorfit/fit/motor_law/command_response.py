@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.linalg import lapack
 
 from rotorfit.flight.cubic_spline import cubic_spline_between
 
@@ -345,6 +344,8 @@ def _solve_recursion(
     begins: Bool[np.ndarray, " n"],
 ) -> Float[np.ndarray, "p n"]:
     """Solve x_k+1 = a_k x_k + b_k, again from `start` where a stretch begins."""
+    from scipy.linalg import lapack  # slow to import
+
     bands = np.ones((2, len(remaining)), order="F")
     bands[1, :-1] = np.where(begins[1:], 0.0, -remaining[:-1])
     right = np.empty(into.shape)

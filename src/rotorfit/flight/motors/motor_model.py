@@ -11,7 +11,6 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from scipy.linalg import lapack
 
 from rotorfit.flight.filters import first_order_recursion
 from rotorfit.flight.signals import central_difference, smooth_motors
@@ -146,6 +145,8 @@ def solve_recursion(
     share: Float[np.ndarray, "n N"], input: Float[np.ndarray, "n N"], first: Float[np.ndarray, " N"]
 ) -> Float[np.ndarray, "n N"]:
     """Solve S_0 = first, S_k+1 = a_k S_k + f_k, `share` and `input` being a and f."""
+    from scipy.linalg import lapack  # slow to import
+
     n, rotors = share.shape
     if not n:
         return np.zeros_like(share)

@@ -10,7 +10,6 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-import scipy.linalg
 
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.dataset.declared_rotors import response
@@ -164,7 +163,7 @@ def _slow_signals(
 def _solve_columns(
     columns: Float[np.ndarray, "z k"], target: Float[np.ndarray, " z"]
 ) -> Float[np.ndarray, " k"]:
-    solved: Float[np.ndarray, " k"] = scipy.linalg.pinv(columns, rtol=LEAST_MOVED) @ target
+    solved: Float[np.ndarray, " k"] = np.linalg.pinv(columns, LEAST_MOVED) @ target
     return solved
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import scipy.linalg
 
 from rotorfit.fit.timing.timing_search import DELAYS_TRIED
 from rotorfit.flight.signals import central_difference, smooth, whole_samples
@@ -81,7 +80,7 @@ def explained_shares(
         x = motors[:, reach - shift : n - reach - shift]
         x = x - x.mean(axis=1, keepdims=True)
         cross = x @ y.T
-        solved: Float[np.ndarray, "N k"] = scipy.linalg.pinvh(x @ x.T, rtol=1e-8) @ cross
+        solved: Float[np.ndarray, "N k"] = np.linalg.pinv(x @ x.T, 1e-8, hermitian=True) @ cross
         explained: Float[np.ndarray, " k"] = np.einsum("ij,ij->j", cross, solved)
         shares[i] = (explained / np.where(total > 0, total, 1.0)).mean()
     return shares
