@@ -83,6 +83,28 @@ def test_identify_imports_only_what_it_uses() -> None:
     assert (SLOW - NNLS) - found == SLOW - NNLS
 
 
+SAVED = """
+import sys
+from rotorfit.results import compare, sound_result
+from rotorfit.report import budget
+print(*sys.modules)
+"""
+
+
+def test_a_saved_result_is_read_without_the_fit() -> None:
+    run = subprocess.run([sys.executable, "-c", SAVED], capture_output=True, text=True, check=True)
+    found = set(run.stdout.split())
+    assert "rotorfit.results.result" in found
+    unused = (
+        "scipy",
+        "jaxtyping",
+        "rotorfit.fit.fit",
+        "rotorfit.fit.joint",
+        "rotorfit.fit.dataset",
+    )
+    assert not any(name.startswith(unused) for name in found)
+
+
 @pytest.mark.usefixtures("here")
 def test_airframe_and_settings_load_no_fit_of_the_flight() -> None:
     found = imported("settings", "flight.csv")

@@ -30,8 +30,7 @@ from rotorfit.errors import OutputError
 from rotorfit.export.px4 import newton_per_unit, scaled_mix
 from rotorfit.export.vehicle import effectiveness
 from rotorfit.export.vehicle_model import vehicle_model
-from rotorfit.model.parameters import PARAMETERS
-from rotorfit.results.command_units import effective_unit
+from rotorfit.model.parameters import PARAMETERS, effective_unit
 
 FULL = 1100.0
 """Speed of `LINEAR_LAW` at full command [rad/s]."""

@@ -44,9 +44,8 @@ from rotorfit.export.write import export
 from rotorfit.findings import doubt, note
 from rotorfit.flight.motors.motor_model import thrust_curve
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
-from rotorfit.model.parameters import INERTIA
+from rotorfit.model.parameters import INERTIA, effective_unit
 from rotorfit.report.parameters import body_entry
-from rotorfit.results.command_units import effective_unit
 
 EVERY = sorted(TARGETS)
 WITH_YAW = [target for target in EVERY if "kd" in TARGETS[target].needs]

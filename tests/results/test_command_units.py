@@ -6,8 +6,9 @@ import pytest
 from flown import experiment_file, quietly_identified, simulated
 from rotorfit.errors import ExperimentError, FlightError, LogError
 from rotorfit.logs.table import write_table
-from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS, PARAMETERS
-from rotorfit.results.command_units import NO_LAW, effective_unit, is_per_command
+from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS, PARAMETERS, effective_unit
+from rotorfit.results.command_units import NO_LAW
+from rotorfit.results.result import is_per_command
 from rotorfit.simulation import to_flight_log
 
 JUDGED = ("kt", "kd", "Jr", "msx", "msy", "Ixx_com", "Iyy_com", "Izz_com")

@@ -286,7 +286,7 @@ def _without_motors(numbers: Mapping[str, float]) -> dict[str, float]:
 
 def _refuse_units(result: IdentificationResult, assumed: Mapping[str, float]) -> None:
     """Raise if numbers per rad/s are given for a result per command."""
-    from rotorfit.results.command_units import is_per_command
+    from rotorfit.results.result import is_per_command
 
     if not is_per_command(result):
         return

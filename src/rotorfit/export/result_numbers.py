@@ -24,10 +24,10 @@ from rotorfit.model.parameters import (
     INERTIA,
     INERTIA_COM,
     PARAMETERS,
+    effective_unit,
     inertia_about,
 )
 from rotorfit.model.terms.rotors import MOST_ROTORS
-from rotorfit.results.command_units import effective_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

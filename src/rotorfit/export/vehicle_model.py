@@ -39,10 +39,8 @@ from rotorfit.flight.motors.motor_model import full_speed_of
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.terms.registry import OPTIONAL
 from rotorfit.model.terms.rotors import ROTOR_INERTIA, ROTOR_SPREAD
-from rotorfit.results.command_units import is_per_command
-from rotorfit.results.result import IdentificationResult, owner_of
+from rotorfit.results.result import IdentificationResult, is_per_command, owner_of
 from rotorfit.results.sound_result import refuse_unsound
-from rotorfit.tools.planning.next_step import next_step
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -172,6 +170,8 @@ def _refuse_missing(
     ]
     if not gaps:
         return
+    from rotorfit.tools.planning.next_step import next_step  # it simulates: slow to import
+
     reasons: dict[tuple[str, str], list[str]] = {}
     for gap in gaps:
         reasons.setdefault((gap.verdict, gap.reason), []).append(gap.name)

@@ -26,7 +26,6 @@ from rotorfit.export.variants import Variants, refuse_suffix, variants, write_sa
 from rotorfit.export.vehicle_model import terms_left_out, vehicle_model
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.logs.files import file_name, write_whole
-from rotorfit.results.validation.validate import fitted_comparisons, validation_comparisons
 from rotorfit.results.validation.wrench_comparison import COMPONENTS, WrenchComparison
 
 if TYPE_CHECKING:
@@ -44,6 +43,9 @@ def flight_comparisons(
     result: IdentificationResult, configuration: str | None
 ) -> list[WrenchComparison]:
     """Return the wrenches on the flights of the fit, and on those kept apart, read again."""
+    # They read and prepare flights: slow to import.
+    from rotorfit.results.validation.validate import fitted_comparisons, validation_comparisons
+
     found = fitted_comparisons(result)
     found += validation_comparisons(result, experiment_of_settings(result.settings))
     return [c for c in found if configuration in (None, c.configuration)]

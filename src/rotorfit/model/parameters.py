@@ -206,8 +206,18 @@ EFFECTIVE_UNITS: Final[dict[str, str]] = {
     name: info.effective_unit for name, info in EVERY.items() if info.effective_unit is not None
 }
 """Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
+PER_MASS: Final = " per kg"
+"""Behind the units of a vehicle whose mass is unknown."""
 SHARED: Final = (*names_of("shared"), *MOTORS)
 """Parameters of the propulsion: every configuration has the same."""
+
+
+def effective_unit(name: str, unit: str) -> str:
+    """Return the unit of a parameter in commands; ``kt_1`` and so on are as ``kt``."""
+    base = "kt" if name.startswith("kt_") else name
+    if base not in EFFECTIVE_UNITS:
+        return unit
+    return EFFECTIVE_UNITS[base] + (PER_MASS if unit.endswith(PER_MASS) else "")
 
 
 def title_of(name: str) -> str:

@@ -16,7 +16,7 @@ from rotorfit.fit.experiment.toml_files import experiment_text
 from rotorfit.flight.motors.motor_model import speeds
 from rotorfit.report.pages import drawing, label, tag, text, tick_label, ticks
 from rotorfit.report.parameters import unit_words
-from rotorfit.results.command_units import is_per_command
+from rotorfit.results.result import is_per_command
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -14,7 +14,7 @@ from rotorfit.logs.files import file_name
 from rotorfit.report.pages import drawing, label, labelled_ticks, tag, text
 from rotorfit.report.parameters import VERDICT_MEANING
 from rotorfit.report.text import flight_notes, flights_in_words
-from rotorfit.results.full_throttle import AT_COMMAND, UNDER_LOAD
+from rotorfit.results.command_law import AT_COMMAND, UNDER_LOAD
 from rotorfit.results.result import (
     Derived,
     FlightRecord,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Final, get_args
 
+from rotorfit.estimation.measured import Measured
 from rotorfit.fit.motor_law.law_model import FormName
 from rotorfit.logs.speed_law import (
     Curve,
@@ -18,6 +19,14 @@ from rotorfit.logs.speed_law import (
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+
+USUAL_EXPONENT: Final = Measured(value=0.8, std=0.2)
+"""Of the voltage, in the speed at one command: 1 / (2 - e) of a motor that turns a share e of its
+power into torque (0.7 to 0.9), 0 where the autopilot makes up for the battery."""
+AT_COMMAND: Final = "full_command_voltage"
+UNDER_LOAD: Final = "full_load_voltage"
+"""Diagnostics: the voltage of full thrust by the law, and the one that the battery gives then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

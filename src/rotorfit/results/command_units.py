@@ -19,9 +19,14 @@ from rotorfit.fit.intervals.interval_terms import NumberTerm, half_width_of_numb
 from rotorfit.fit.motors.commanded_speeds import hover_share
 from rotorfit.flight.motors.motor_model import GRID, full_speed_of, speeds
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
-from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS
+from rotorfit.model.parameters import DERIVED, effective_unit
 from rotorfit.results.law_tables import full_speed_term
-from rotorfit.results.result import Derived, IdentificationResult, Parameter, owners_of
+from rotorfit.results.result import (
+    Derived,
+    Parameter,
+    is_per_command,
+    owners_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -30,7 +35,6 @@ if TYPE_CHECKING:
     from rotorfit.fit.experiment.experiment import MotorsEntry
     from rotorfit.results.tables import ResultTables
 
-_PER_MASS: Final = " per kg"
 
 NO_LAW: Final = (
     "no law from command to rotor speed is given: speed is taken to be proportional to the command "
@@ -79,20 +83,6 @@ def in_command_units(tables: ResultTables, dataset: Dataset) -> ResultTables:
         ),
         derived=tuple(replace(d, unit=effective_unit(d.name, d.unit)) for d in tables.derived),
     ).found(relative)
-
-
-def effective_unit(name: str, unit: str) -> str:
-    """Return the unit of a parameter in commands; ``kt_1`` and so on are as ``kt``."""
-    base = "kt" if name.startswith("kt_") else name
-    if base not in EFFECTIVE_UNITS:
-        return unit
-    return EFFECTIVE_UNITS[base] + (_PER_MASS if unit.endswith(_PER_MASS) else "")
-
-
-def is_per_command(tables: IdentificationResult | ResultTables) -> bool:
-    """Return whether the coefficients of a result are per squared command, not per rad/s."""
-    kt = next(p for p in tables.parameters if p.name == "kt")
-    return kt.unit.removesuffix(_PER_MASS) == EFFECTIVE_UNITS["kt"]
 
 
 def with_flight_numbers(tables: ResultTables, motors: MotorsEntry) -> ResultTables:

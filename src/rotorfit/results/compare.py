@@ -14,8 +14,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.estimation.measured import Measured
 from rotorfit.model.parameters import EFFECTIVE_UNITS
 from rotorfit.model.terms.rotors import MOST_ROTORS
-from rotorfit.results.full_throttle import AT_COMMAND
-from rotorfit.results.law_tables import USUAL_EXPONENT
+from rotorfit.results.command_law import AT_COMMAND, USUAL_EXPONENT
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
 
 if TYPE_CHECKING:

@@ -24,6 +24,7 @@ from rotorfit.flight.motors.battery_sag import (
     BatterySag,
     relative_load,
 )
+from rotorfit.results.command_law import AT_COMMAND, UNDER_LOAD
 from rotorfit.results.command_units import flight_number
 from rotorfit.results.law_tables import voltage_exponent
 
@@ -36,9 +37,6 @@ if TYPE_CHECKING:
     from rotorfit.results.tables import ResultTables
 
 VOLTAGE: Final = "full-throttle-voltage"
-AT_COMMAND: Final = "full_command_voltage"
-UNDER_LOAD: Final = "full_load_voltage"
-"""Diagnostics: the voltage of full thrust by the law, and the one that the battery gives then."""
 SAG_SOURCE: Final = "the fall of the voltage under load, and how motors differ in current"
 EMPTY: Final = 0.2
 """Share of its voltage at rest below which no battery is looked for."""

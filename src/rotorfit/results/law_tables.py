@@ -26,7 +26,7 @@ from rotorfit.flight.motors.motor_model import (
 )
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import PARAMETERS, ROW_ORDER
-from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
+from rotorfit.results.command_law import USUAL_EXPONENT, CommandLaw, LawNumber, LawPoint
 from rotorfit.results.result import Parameter
 
 if TYPE_CHECKING:
@@ -52,9 +52,6 @@ POINTS: Final = 16
 FEWEST_IN_POINT: Final = 20
 SURE_LAG: Final = 0.05
 """Of the lag: a deviation that stands for what the next flight may differ in, at least."""
-USUAL_EXPONENT: Final = Measured(value=0.8, std=0.2)
-"""Of the voltage, in the speed at one command: 1 / (2 - e) of a motor that turns a share e of its
-power into torque (0.7 to 0.9), 0 where the autopilot makes up for the battery."""
 LEAST_EXPONENT: Final = 1e-3
 """That a law is given, where an autopilot makes up for the battery."""
 CHARGE: Final = 0.034

@@ -21,7 +21,14 @@ from rotorfit.findings import Finding, doubt, finding_from_plain, finding_to_pla
 from rotorfit.fit.intervals.interval_terms import NumberTerm
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.read import kind_of
-from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS
+from rotorfit.model.parameters import (
+    COM,
+    DERIVED,
+    EFFECTIVE_UNITS,
+    INERTIA_COM,
+    PARAMETERS,
+    PER_MASS,
+)
 from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plain
 from rotorfit.results.samples import Estimated, Samples, draw_vehicles
 from rotorfit.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
@@ -30,6 +37,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from jaxtyping import Float
+
+    from rotorfit.results.tables import ResultTables
 
 SCHEMA = 2
 """Of a saved result; 2 has the interval terms of every number."""
@@ -484,3 +493,9 @@ def _flight_record(entry: dict[str, Any]) -> FlightRecord:
     del fields["warnings"]
     fields["findings"] = _read_findings(entry)
     return FlightRecord(**fields)
+
+
+def is_per_command(tables: IdentificationResult | ResultTables) -> bool:
+    """Return whether the coefficients of a result are per squared command, not per rad/s."""
+    kt = next(p for p in tables.parameters if p.name == "kt")
+    return kt.unit.removesuffix(PER_MASS) == EFFECTIVE_UNITS["kt"]

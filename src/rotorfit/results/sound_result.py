@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, get_args
 import numpy as np
 
 from rotorfit.errors import OutputError
-from rotorfit.model.parameters import DERIVED, PARAMETERS
-from rotorfit.results.command_units import effective_unit
+from rotorfit.model.parameters import DERIVED, PARAMETERS, effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict
 
 if TYPE_CHECKING:

@@ -23,7 +23,8 @@ from rotorfit.fit.motor_law.fit_law import fit_law
 from rotorfit.fit.motor_law.law_model import law_of, scales_of
 from rotorfit.flight.motors.command_response import MeasuredResponse
 from rotorfit.flight.motors.motor_model import full_speed_of
-from rotorfit.results.law_tables import USUAL_EXPONENT, charge_std, law_tables, voltage_exponent
+from rotorfit.results.command_law import USUAL_EXPONENT
+from rotorfit.results.law_tables import charge_std, law_tables, voltage_exponent
 
 
 def fitted(answers):
