@@ -116,3 +116,12 @@ def test_airframe_and_settings_load_no_fit_of_the_flight() -> None:
     assert found.isdisjoint(
         {"rotorfit.tools.inspection.prospects", "rotorfit.tools.planning.next_step"}
     )
+
+
+def test_a_command_imports_no_other() -> None:
+    found = imported("why", "missing.json")
+    assert {name for name in found if name.startswith("rotorfit.cli.")} == {
+        "rotorfit.cli.main",
+        "rotorfit.cli.terminal",
+        "rotorfit.cli.why",
+    }

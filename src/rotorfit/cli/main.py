@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
-from collections.abc import Callable
 from difflib import get_close_matches
+from importlib import import_module
 from typing import Annotated, Any, Final
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from rotorfit import version
-from rotorfit.cli.airframe import airframe
-from rotorfit.cli.app import page
-from rotorfit.cli.compare import compare
-from rotorfit.cli.demo import demo
-from rotorfit.cli.export import export
-from rotorfit.cli.fleet import fleet
-from rotorfit.cli.fly import fly
-from rotorfit.cli.identify import identify
-from rotorfit.cli.inspect import inspect
-from rotorfit.cli.loop import loop
-from rotorfit.cli.plan import plan
-from rotorfit.cli.settings import settings
-from rotorfit.cli.simulate import simulate
 from rotorfit.cli.terminal import (
     Colour,
     colour_from,
@@ -34,28 +22,26 @@ from rotorfit.cli.terminal import (
     interruptible,
     print_result,
 )
-from rotorfit.cli.validate import validate
-from rotorfit.cli.why import why
 from rotorfit.errors import RotorfitError
 
-COMMANDS: Final[dict[str, tuple[Callable[..., None], str]]] = {
-    "inspect": (inspect, "flight.bfl"),
-    "settings": (settings, "flight.bin -o ardupilot.parm"),
-    "app": (page, "--port 8421"),
-    "airframe": (airframe, "flight.bfl -o airframe.toml"),
-    "identify": (identify, "flight.bfl --mass 0.428 --airframe airframe.toml"),
-    "why": (why, "result.json Ixx"),
-    "fleet": (fleet, "logs --airframe airframe.toml --mass 0.428 -o fleet"),
-    "validate": (validate, "result.json other_flight.bfl"),
-    "compare": (compare, "imu.json mocap.json"),
-    "export": (export, "result.json --to urdf -o quad.urdf"),
-    "fly": (fly, "result.json --report fly.html"),
-    "loop": (loop, "result.json flight.ulg"),
-    "plan": (plan, "airframe.toml --mass 1.285 --card card.html"),
-    "simulate": (simulate, "single -o flights --seconds 20"),
-    "demo": (demo, "-o demo"),
+COMMANDS: Final[dict[str, tuple[str, str]]] = {
+    "inspect": ("inspect:inspect", "flight.bfl"),
+    "settings": ("settings:settings", "flight.bin -o ardupilot.parm"),
+    "app": ("app:page", "--port 8421"),
+    "airframe": ("airframe:airframe", "flight.bfl -o airframe.toml"),
+    "identify": ("identify:identify", "flight.bfl --mass 0.428 --airframe airframe.toml"),
+    "why": ("why:why", "result.json Ixx"),
+    "fleet": ("fleet:fleet", "logs --airframe airframe.toml --mass 0.428 -o fleet"),
+    "validate": ("validate:validate", "result.json other_flight.bfl"),
+    "compare": ("compare:compare", "imu.json mocap.json"),
+    "export": ("export:export", "result.json --to urdf -o quad.urdf"),
+    "fly": ("fly:fly", "result.json --report fly.html"),
+    "loop": ("loop:loop", "result.json flight.ulg"),
+    "plan": ("plan:plan", "airframe.toml --mass 1.285 --card card.html"),
+    "simulate": ("simulate:simulate", "single -o flights --seconds 20"),
+    "demo": ("demo:demo", "-o demo"),
 }
-"""Commands in the order of ``--help``, each with its example."""
+"""Commands in the order of ``--help``: module and function, and an example."""
 
 
 class Command(TyperCommand):
@@ -120,19 +106,41 @@ def _with_nearest(message: str) -> str:
     return f"{message} Did you mean '{near[0]}'?" if near else message
 
 
-app = typer.Typer(
-    name="rotorfit",
-    cls=Program,
-    help="Physical parameters of a multirotor, with intervals, from the flight logs you have.",
-    epilog="Start with  rotorfit inspect LOG,  or see  rotorfit demo.  COMMAND --help says more.",
-    no_args_is_help=True,
-    add_completion=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-)
-for name, (command, example) in COMMANDS.items():
-    epilog = f"Example: rotorfit {name} {example}"
-    app.command(name, cls=Command, epilog=epilog)(interruptible()(command))
+def program_of(*names: str) -> typer.Typer:
+    """Return the program with these commands; the modules of others are not imported."""
+    program = typer.Typer(
+        name="rotorfit",
+        cls=Program,
+        help="Physical parameters of a multirotor, with intervals, from the flight logs you have.",
+        epilog="Start with  rotorfit inspect LOG,  or see  rotorfit demo.  COMMAND --help says "
+        "more.",
+        no_args_is_help=True,
+        add_completion=True,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+    )
+    program.callback()(_take_options)
+    for name in names:
+        place, example = COMMANDS[name]
+        module, _, function = place.partition(":")
+        command = getattr(import_module(f"rotorfit.cli.{module}"), function)
+        epilog = f"Example: rotorfit {name} {example}"
+        program.command(name, cls=Command, epilog=epilog)(interruptible()(command))
+    return program
+
+
+def program_for(arguments: list[str]) -> typer.Typer:
+    """Return the program with the command that is called, or with all of them."""
+    called = next((argument for argument in arguments if not argument.startswith("-")), "")
+    completing = any(name.endswith("ROTORFIT_COMPLETE") for name in os.environ)
+    return program_of(*([called] if called in COMMANDS and not completing else COMMANDS))
+
+
+def __getattr__(name: str) -> object:
+    """Return `app`, the program with all commands (PEP 562)."""
+    if name != "app":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return program_of(*COMMANDS)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -149,7 +157,8 @@ def main(arguments: list[str] | None = None) -> None:
             sys.argv[1:] = colour_from(sys.argv[1:])
         else:
             arguments = colour_from(arguments)
-        app(arguments, prog_name="rotorfit")
+        given = sys.argv[1:] if arguments is None else arguments
+        program_for(given)(arguments, prog_name="rotorfit")
     except RotorfitError as error:
         exit_refused(error)
     except Exception as error:  # a fault of ours: nobody else stands behind us to catch it
@@ -163,7 +172,6 @@ def _print_version(wanted: bool) -> bool:
     return wanted
 
 
-@app.callback()
 def _take_options(
     version: Annotated[
         bool,
