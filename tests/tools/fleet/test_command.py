@@ -8,6 +8,7 @@ import shlex
 import shutil
 
 import pytest
+from benchmarks.common import without_progress
 
 from kept_words import lines_with
 from rotorfit.cli.main import main
@@ -28,7 +29,7 @@ def run(monkeypatch, capsys):
         with pytest.raises(SystemExit) as ended:
             main(["fleet", *map(str, arguments)])
         printed = capsys.readouterr()
-        return ended.value.code or 0, printed.out, printed.err
+        return ended.value.code or 0, printed.out, without_progress(printed.err)
 
     return called
 
