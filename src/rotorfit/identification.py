@@ -17,12 +17,7 @@ from rotorfit.findings import Finding, note
 from rotorfit.fit.dataset.load import Method, Progress, load_dataset, resolved_method
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.imu_tilt import correct_imu_tilt
-from rotorfit.fit.motors.law_from_flight import (
-    find_again,
-    find_law,
-    with_found_law,
-    with_law,
-)
+from rotorfit.fit.motors.law_search import fit_with_law
 from rotorfit.fit.noise_levels import fit_by_noise
 from rotorfit.fit.steps import every_step
 from rotorfit.fit.timing.sensor_bandwidth import measure_bandwidths
@@ -52,9 +47,6 @@ IMU_PLACE_UNUSED: Final = (
     "the origin is the point that motion capture tracks: the rotors' positions are taken as "
     "measured from it, and the place of the IMU is not used"
 )
-
-MOST_LAWS: Final = 6
-"""Fits with one law after the other."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,49 +147,13 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Tabulated:
     experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
     wanted = experiment.identification.terms
     fit = _fit_with_noise(dataset, wanted)
-    fit = _with_law(fit, wanted)
+    fit = fit_with_law(fit, wanted)
     if fit.dataset.law_found:
         experiment = experiment.model_copy(update={"motors": fit.dataset.motors})
     fit = every_step(fit)
     tables = joint_tables(fit, diagnose(fit))
     tables = dataclasses.replace(tables, findings=(*tilt, *tables.findings))
     return Tabulated(experiment=experiment, dataset=fit.dataset, fit=fit, tables=tables)
-
-
-def _with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
-    """Fit with the law that the flight shows, until a fit shows the law it is made with.
-
-    Laws are tried with the terms and the rows' noise levels of the first fit, which hardly depend
-    on the law; both are found again with the law at the end.
-    """
-    law, fits = find_law(fit), 0
-    if law is None:
-        return fit
-    dataset, terms = fit.dataset, fit.terms
-    while not law.settled and fits < MOST_LAWS:
-        tried, near = law, fit.dataset.motor_timing
-        timed = time_motors(
-            with_found_law(dataset, tried),
-            lag=True,
-            report=_ignore_progress,
-            near=near,
-            terms=terms,
-        )
-        fit, fits = fit_flights(timed, terms), fits + 1
-        law = find_again(tried, fit)
-        if law.settled or fits == MOST_LAWS:
-            fit = _with_chosen_terms(fit, wanted)
-            law, terms = find_again(tried, fit), fit.terms
-    law = law.fitted
-    found = dataclasses.replace(with_law(fit.dataset, law.entry), law_found=law.from_flight)
-    found = found.keeping_bands(fit.dataset)
-    return dataclasses.replace(fit, dataset=found).with_record(law)
-
-
-def _with_chosen_terms(fit: Fit, wanted: Sequence[str] | None) -> Fit:
-    """Choose terms and noise levels again at the timing and with the law of a fit."""
-    levelled = fit_by_noise(fit, wanted)
-    return fit_flights(fit.dataset, wanted) if levelled is fit else levelled
 
 
 def _fit_with_noise(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:
