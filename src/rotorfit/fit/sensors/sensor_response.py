@@ -186,7 +186,7 @@ class FoundFilter:
     @property
     def certain(self) -> bool:
         """Whether the flights show it."""
-        return self.gain > LEAST_GAIN and self.interval[1] < CUTOFFS[-1]
+        return bool(self.gain > LEAST_GAIN and self.interval[1] < CUTOFFS[-1])
 
 
 def allow_for_sensor_response(fit: Fit) -> Fit:
