@@ -83,3 +83,5 @@ def test_a_small_copter_behind_its_gyro_filter_keeps_its_inertia(tmp_path, monke
         low, high = number.interval
         assert number.verdict == "identified"
         assert low <= true <= high < 1.1 * true, name
+    # The filter delays by 11 ms, which is not the motors'.
+    assert abs(result.parameter("motor_delay").value) < 2e-3
