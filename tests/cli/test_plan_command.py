@@ -90,8 +90,9 @@ def test_from_the_command_line(run, here):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("airframe.toml", "--mass", "nan"), "expected 0.01 to 200 kg"),
-        (("airframe.toml", "--mass", "612"), "give kilograms"),
+        (("airframe.toml", "--mass", "nan"), "expected more than 0 kg"),
+        (("airframe.toml", "--mass", "612"), "did you mean 612 g?"),
+        (("airframe.toml", "--mass", "612kg"), "expected 0.01 to 200 kg"),
         (("missing.toml", "--mass", "1"), "no file missing.toml"),
         (("flight.csv", "--mass", "1"), "this is a flight log; give an airframe"),
         (("airframe.toml", "--mass", "1", "--seconds", "3"), "between 10 and 600 s"),

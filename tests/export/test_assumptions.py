@@ -15,7 +15,7 @@ def test_assumptions_are_numbers_by_name():
     [
         ("kd", "'kd' is no assumption; write NAME=VALUE, such as kd=3.7e-9"),
         ("kd_=1", "nothing named 'kd_' can be assumed; did you mean kd"),
-        ("windspeed=1", r"nothing named 'windspeed' can be assumed \(known: mass, kt"),
+        ("windspeed=1", "nothing named 'windspeed' can be assumed; known: mass, kt"),
         ("kt=abc", r"kt=abc: 'abc' is no number \[N s\^2/rad\^2\]"),
         ("kt=nan", r"kt=nan is not finite"),
         ("kt=-1e-6", r"kt=-1e-6 cannot be: it is above 0 \[N s\^2/rad\^2\]"),

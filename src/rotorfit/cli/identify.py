@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
+from rotorfit.cli.mass import parse_mass
 from rotorfit.cli.terminal import (
     AsJson,
     End,
@@ -32,7 +32,7 @@ from rotorfit.cli.terminal import (
     terminal_width,
     write_pictures,
 )
-from rotorfit.errors import ExperimentError, RotorfitError
+from rotorfit.errors import RotorfitError
 
 if TYPE_CHECKING:
     from rotorfit.fit.experiment.experiment import Experiment, FlightEntry, IdentificationEntry
@@ -207,7 +207,7 @@ def _experiment_of_log(
         )
     if mass is None:
         mass = _asked_mass()
-    weighed = _parse_mass(mass)
+    weighed = parse_mass(mass)
     load_modules(RECIPE)
     from rotorfit.fit.experiment.experiment import single_flight_experiment
 
@@ -242,39 +242,6 @@ def _logged_airframe(source: Path, log_number: int | None) -> Mapping[str, Any] 
         f"{tables['motors']['speed']}; if that is not the vehicle, give --airframe FILE"
     )
     return tables
-
-
-HEAVIEST = 100.0
-"""Mass from which a number without a unit is taken for grams [kg]: heavier ones carry people."""
-
-
-def _parse_mass(text: str) -> float | Literal["unknown"]:
-    """Parse ``--mass`` in kilograms, or with the unit behind it: 428g, 0.428kg."""
-    if text == "unknown":
-        return "unknown"
-    found = re.fullmatch(r"(.*?)\s*(kg|g)?", text.strip(), re.IGNORECASE)
-    number, unit = found.groups() if found is not None else (text, None)
-    try:
-        mass = float(number)
-    except ValueError:
-        raise typer.BadParameter(
-            f"{text!r} is not a mass; give kilograms such as 0.428, grams such as 428g, "
-            'or "unknown"',
-            param_hint="--mass",
-        ) from None
-    if unit is None and HEAVIEST < mass < math.inf:
-        raise ExperimentError(
-            f"--mass {text} is {mass:g} kg: did you mean {mass:g} g? Then give --mass {number}g; "
-            f"if not, --mass {number}kg"
-        )
-    if unit is not None and unit.lower() == "g":
-        mass /= 1000.0
-    if not (math.isfinite(mass) and mass > 0):
-        raise ExperimentError(
-            f"--mass is {text}, expected more than 0 kg; weigh the vehicle as it flies, battery "
-            'included, or give "unknown"'
-        )
-    return mass
 
 
 def _with_options(

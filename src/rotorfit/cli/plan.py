@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rotorfit.cli.mass import parse_mass
 from rotorfit.cli.terminal import (
     AsJson,
     Force,
@@ -42,10 +43,11 @@ AirframeFile = Annotated[
     ),
 ]
 Mass = Annotated[
-    float | None,
+    str | None,
     typer.Option(
         metavar="KG",
-        help="Weighed as it flies, battery included [kg]; not needed with --after.",
+        help="Weighed as it flies, battery included [kg], or such as 428g; not needed with "
+        "--after.",
     ),
 ]
 Accuracy = Annotated[
@@ -117,6 +119,9 @@ def plan(
     refuse_output_files({"-o": output, "--card": card}, inputs=inputs, force=force)
     if card is not None and card.suffix.lower() not in (".html", ".txt"):
         raise typer.BadParameter("a card is a .html or a .txt file", param_hint="--card")
+    weighed = None if mass is None else parse_mass(mass)
+    if weighed == "unknown":
+        raise typer.BadParameter("a plan needs a mass, weighed or guessed", param_hint="--mass")
     result = None if after is None else load_sound(after)
     if mass is None and result is None:
         raise typer.BadParameter(
@@ -132,7 +137,7 @@ def plan(
     request = PlanRequest(
         name=name,
         vehicle=vehicle,
-        mass=_select_mass(mass, vehicle, result),
+        mass=_select_mass(weighed, vehicle, result),
         speed=speed,
         timed=motors.delay is None and (speed == "measured" or motors.lag is None),
         known=_parse_guesses(guess or []),

@@ -163,9 +163,9 @@ def parse_assumptions(assignments: Sequence[str]) -> dict[str, float]:
             )
         if name not in MAY_BE_ASSUMED:
             near = get_close_matches(name, MAY_BE_ASSUMED, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
             names = ", ".join(n for n in MAY_BE_ASSUMED if not n.startswith("kt_"))
-            raise ValueError(f"nothing named {name!r} can be assumed{hint} (known: {names})")
+            hint = f"did you mean {near[0]}?" if near else f"known: {names}"
+            raise ValueError(f"nothing named {name!r} can be assumed; {hint}")
         if name in assumed:
             raise ValueError(f"{name} is assumed twice")
         assumed[name] = _parse_physical(name, text)

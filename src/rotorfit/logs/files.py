@@ -131,8 +131,8 @@ def read_head(path: Path, size: int) -> bytes:
         raise LogError(f"{path}: no such file: check the path") from error
     except IsADirectoryError as error:
         raise LogError(
-            f"{path}: is a directory, expected a log file: name the file in it, listed by rotorfit "
-            f"inspect {shlex.quote(str(path))}"
+            f"{path}: is a directory, expected a log file: name the file in it (rotorfit "
+            f"inspect {shlex.quote(str(path))} looks at every log there)"
         ) from error
     except PermissionError as error:
         raise LogError(f"{path}: permission denied: make the file readable") from error

@@ -150,6 +150,6 @@ def budgets_named(result: IdentificationResult, name: str) -> tuple[Budget, ...]
     if not found:
         names = list(dict.fromkeys(n.name for n in numbers))
         near = get_close_matches(name, names, n=1)
-        hint = f"did you mean {near[0]}? " if near else ""
-        raise OutputError(f"the result has no number {name!r}; {hint}it has {', '.join(names)}")
+        hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(names)}"
+        raise OutputError(f"the result has no number {name!r}; {hint}")
     return tuple(budget_of(result, number) for number in found)
