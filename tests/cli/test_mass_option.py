@@ -29,9 +29,9 @@ def test_a_mass_that_is_meant_in_grams_is_asked_about():
 def test_a_plan_takes_the_mass_as_identify_does(run, here):
     given = run("plan", "airframe.toml", "--mass", "1285")
     assert (given.code, given.out) == (1, "")
-    assert "did you mean 1285 g? Then give --mass 1285g" in given.err
+    assert "give --mass 1285g" in given.err
     unknown = run("plan", "airframe.toml", "--mass", "unknown")
-    assert (unknown.code, "a plan needs a mass, weighed or guessed" in unknown.err) == (2, True)
+    assert (unknown.code, "weighed or guessed" in unknown.err) == (2, True)
 
 
 @pytest.mark.parametrize("text", ["g", "", "428 lb", "1,5"])
