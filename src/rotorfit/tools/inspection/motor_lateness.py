@@ -80,7 +80,9 @@ def explained_shares(
         x = motors[:, reach - shift : n - reach - shift]
         x = x - x.mean(axis=1, keepdims=True)
         cross = x @ y.T
-        solved: Float[np.ndarray, "N k"] = np.linalg.pinv(x @ x.T, 1e-8, hermitian=True) @ cross
+        square: Float[np.ndarray, "N N"] = x @ x.T
+        inverse: Float[np.ndarray, "N N"] = np.linalg.pinv(square, 1e-8, hermitian=True)
+        solved: Float[np.ndarray, "N k"] = inverse @ cross
         explained: Float[np.ndarray, " k"] = np.einsum("ij,ij->j", cross, solved)
         shares[i] = (explained / np.where(total > 0, total, 1.0)).mean()
     return shares
