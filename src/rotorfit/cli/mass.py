@@ -1,5 +1,7 @@
 """The option --mass: kilograms, or with the unit behind it."""
 
+from __future__ import annotations
+
 import math
 import re
 from typing import Literal

@@ -201,8 +201,8 @@ def flights_of(factors: Factors) -> list[Bool[np.ndarray, " b"]]:
 
 
 def borrowed_mean_square(
-    power: Float[np.ndarray, b * k], factors: Factors, part: slice = EVERY_BLOCK
-) -> Float[np.ndarray, b * k]:
+    power: Float[np.ndarray, "b *k"], factors: Factors, part: slice = EVERY_BLOCK
+) -> Float[np.ndarray, "b *k"]:
     """Average each block's squares, with half of its neighbours' where rows are few.
 
     A band of two lines that happens to fit well must not get all the weight. `power`: of the blocks
@@ -218,8 +218,8 @@ def borrowed_rows(factors: Factors, part: slice = EVERY_BLOCK) -> Float[np.ndarr
 
 
 def _with_neighbours(
-    sums: Float[np.ndarray, b * k], factors: Factors, part: slice
-) -> Float[np.ndarray, b * k]:
+    sums: Float[np.ndarray, "b *k"], factors: Factors, part: slice
+) -> Float[np.ndarray, "b *k"]:
     """Add to each block half of its neighbours' sums where rows are few."""
     few, segment = factors.rows[part] < FEW_ROWS, factors.segment[part]
     same = segment[1:] == segment[:-1]

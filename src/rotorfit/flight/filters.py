@@ -65,8 +65,8 @@ def slowest_pole(sos: Float[np.ndarray, "s 6"]) -> float:
 
 
 def first_order_recursion(
-    forcing: Float[np.ndarray, n * k], keep: float
-) -> Float[np.ndarray, n * k]:
+    forcing: Float[np.ndarray, "n *k"], keep: float
+) -> Float[np.ndarray, "n *k"]:
     r"""Solve :math:`y_n = keep\, y_{n-1} + forcing_n`, with nothing before the first sample."""
     right = np.array(forcing, dtype=float, order="F")
     if not len(right):
@@ -78,8 +78,8 @@ def first_order_recursion(
 
 
 def filter_both_ways(
-    sos: Float[np.ndarray, "s 6"], values: Float[np.ndarray, n * k]
-) -> Float[np.ndarray, n * k]:
+    sos: Float[np.ndarray, "s 6"], values: Float[np.ndarray, "n *k"]
+) -> Float[np.ndarray, "n *k"]:
     """Filter forward and backward, without a shift in phase.
 
     The ends are continued by point reflection, as `scipy.signal.sosfiltfilt` does, and each pass

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 
 def power_density(
-    values: Float[np.ndarray, n * k], sample_rate: float, window: int
-) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, f * k]]:
+    values: Float[np.ndarray, "n *k"], sample_rate: float, window: int
+) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "f *k"]]:
     """Compute frequencies [Hz] and the one-sided power density of each column."""
     window = min(window, len(values))
     lines = windowed_lines(values, window, (window + 1) // 2)
@@ -45,7 +45,7 @@ def _count_sides(window: int) -> Float[np.ndarray, " f"]:
 
 
 def windowed_lines(
-    values: Float[np.ndarray, n * k], window: int, step: int, *, padded: int | None = None
+    values: Float[np.ndarray, "n *k"], window: int, step: int, *, padded: int | None = None
 ) -> Complex[np.ndarray, "w f *k"]:
     """Compute the spectra of windows that begin every `step` rows, each without its mean.
 

@@ -214,7 +214,7 @@ def yaw_signals(
     return Z if exact else _average_rows(Z, exempt)
 
 
-def central_average(wide: Float[np.ndarray, w * z]) -> Float[np.ndarray, n * z]:
+def central_average(wide: Float[np.ndarray, "w *z"]) -> Float[np.ndarray, "n *z"]:
     """Average the inner rows with their neighbours, [1 4 1]/6, as central differences do."""
     Z = wide[:-2] + wide[2:]
     Z += 4.0 * wide[1:-1]

@@ -72,8 +72,8 @@ class GyroScale:
     - `degrees`: of freedom of that deviation.
     """
 
-    value: Float[np.ndarray, 3]
-    std: Float[np.ndarray, 3]
+    value: Float[np.ndarray, "3"]
+    std: Float[np.ndarray, "3"]
     degrees: int
 
     def interval(self, axis: int) -> tuple[float, float]:
@@ -111,7 +111,7 @@ class GyroScale:
 
 
 def gyro_scale(
-    flights: Sequence[FlightData], lever: Float[np.ndarray, 3] | None
+    flights: Sequence[FlightData], lever: Float[np.ndarray, "3"] | None
 ) -> GyroScale | None:
     """Estimate the scale of the gyro; None if too little of the velocity is in the log.
 
@@ -155,7 +155,7 @@ def _velocity_windows(data: FlightData) -> Iterator[Segment]:
 
 def _solve_normal(
     normal: Sequence[Sequence[Normal]],
-    found: Float[np.ndarray, 6],
+    found: Float[np.ndarray, "6"],
 ) -> Float[np.ndarray, " p"]:
     """Solve the normal equations of some windows, with the prior."""
     weight: Float[np.ndarray, " p"] = PRIOR**-2.0
@@ -168,7 +168,7 @@ def _solve_normal(
 
 
 def _normal_equations(
-    data: FlightData, window: Segment, lever: Float[np.ndarray, 3], found: Float[np.ndarray, 6]
+    data: FlightData, window: Segment, lever: Float[np.ndarray, "3"], found: Float[np.ndarray, "6"]
 ) -> list[Normal]:
     """Return the normal equations of a window's batches, in units of what is left in it."""
     rows = slice(window.start, window.stop)

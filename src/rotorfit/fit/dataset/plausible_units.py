@@ -95,7 +95,7 @@ def rest_forces(data: FlightData) -> Iterator[tuple[int, Float[np.ndarray, " 3"]
     hover = float(np.median(level[flying])) if flying.any() else 0.0
     aside = np.flatnonzero(~flying[: count * rows].reshape(count, rows).any(axis=1))
 
-    def pieces(values: Float[np.ndarray, n * k]) -> Float[np.ndarray, "p r *k"]:
+    def pieces(values: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "p r *k"]:
         return values[: count * rows].reshape(count, rows, *values.shape[1:])[aside]
 
     time, force = pieces(data.time), pieces(data.specific_force)

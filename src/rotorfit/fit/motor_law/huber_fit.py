@@ -199,8 +199,8 @@ def _bounded_step(now: _Point, bounds: Bounds, damping: float) -> Float[np.ndarr
 
 
 def _solve_damped(
-    information: Float[np.ndarray, "f f"], score: Float[np.ndarray, f * k], damping: float
-) -> Float[np.ndarray, f * k]:
+    information: Float[np.ndarray, "f f"], score: Float[np.ndarray, "f *k"], damping: float
+) -> Float[np.ndarray, "f *k"]:
     """Solve damped normal equations, columns scaled, in the directions that are known."""
     size = np.sqrt(np.diagonal(information))
     size = np.where(size > 0.0, size, 1.0)

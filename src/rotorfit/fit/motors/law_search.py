@@ -1,5 +1,7 @@
 """Fit with one motor law after the other, until a fit shows the law that it is made with."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Sequence
 from typing import Final

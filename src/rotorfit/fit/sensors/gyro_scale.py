@@ -55,13 +55,13 @@ def _gyro_scale(fit: Fit) -> GyroScale | None:
 
 def _shift_by_scale(fit: Fit, axis: int) -> Float[np.ndarray, " q"]:
     """Compute the shift of the numbers where the gyro reads `STEP` too much about an axis."""
-    factor: Float[np.ndarray, 3] = np.ones(3)
+    factor: Float[np.ndarray, "3"] = np.ones(3)
     factor[axis] -= STEP
     scaled = with_prepared(fit.dataset, lambda prepared: _scale_rates(prepared, factor))
     return shift_of(fit, replace(scaled, body=None).reduced())
 
 
-def _scale_rates(prepared: PreparedFlight, factor: Float[np.ndarray, 3]) -> PreparedFlight:
+def _scale_rates(prepared: PreparedFlight, factor: Float[np.ndarray, "3"]) -> PreparedFlight:
     data: FlightData = prepared.data
     turned = replace(
         data,

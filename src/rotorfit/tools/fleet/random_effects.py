@@ -241,7 +241,7 @@ def _estimate_levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Leve
     return _Levels(A=total, q=q, cost=cost)
 
 
-def _sum_by_group(each: Float[np.ndarray, n * k], data: Repeated) -> Float[np.ndarray, g * k]:
+def _sum_by_group(each: Float[np.ndarray, "n *k"], data: Repeated) -> Float[np.ndarray, "g *k"]:
     out = np.zeros((data.groups, *each.shape[1:]))
     np.add.at(out, data.group, each)
     return out
