@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.motors.law_from_flight import (
     find_again,
@@ -16,6 +14,11 @@ from rotorfit.fit.motors.law_from_flight import (
 )
 from rotorfit.fit.noise_levels import fit_by_noise
 from rotorfit.fit.timing.timing_fit import time_motors
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rotorfit.fit.fit import Fit
 
 MOST_LAWS: Final = 6
 """Fits with one law after the other."""
