@@ -112,7 +112,8 @@ ROOMS: Final[dict[str, Room]] = {
             "own += <<_response_scores(problem, problem.feedback, number, responding).sum(axis=1)>>",
             "information = <<np.diag(std**-2.0)>>",
             "information[square] += <<_block_information(factors.gram[part.local], w, dU)>>",
-            "own += <<(w.T[:, :, None] * shares).sum(axis=0)>>",
+            "each = each + <<w.T[:, :, None] * by_noise>>",
+            "reweighting[square] += <<0.5 * (turned + turned.T)>>",
             "noise_information[square] += <<_noise_information(noise, rows * w, dG)>>",
             "prior_score=<<(mean - state.phi) * std**-2.0>>",
             "parts = [<<np.diag(1.0 / problem.prior[1])>>]",
@@ -146,9 +147,9 @@ ROOMS: Final[dict[str, Room]] = {
             "tests/fit/test_signal_slopes.py",
         ),
         scaled=(
-            'np.tensordot(<<by>>, self.slope_lifts, axes=1)',"FEW_ROWS = <<28>>", "+= <<0.5>> * (same"),
+            'np.tensordot(<<by>>, self.slope_lifts, axes=1)',"FEW_ROWS = <<28>>", "borrowed = <<0.5>> * (same"),
         changed=(
-            ("total[here] += 0.5", "total[here] += 0.0"),
+            ("total[here] += borrowed", "total[here] += 0.0 * borrowed"),
             ("0.5 * (same & few[here])", "0.5 * few[here]"),
         ),
     ),

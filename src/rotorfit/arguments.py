@@ -118,7 +118,7 @@ def _fits_type(value: Any, hint: Any) -> bool:
         return isinstance(value, Mapping) and _all_fit(entries.values(), parts[1])
     if origin is Callable:
         return callable(value)
-    return not inspect.isclass(hint) or isinstance(value, hint)
+    return hint is Any or not inspect.isclass(hint) or isinstance(value, hint)
 
 
 def _all_fit(values: Iterable[Any], hint: Any) -> bool:

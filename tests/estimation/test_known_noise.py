@@ -219,7 +219,7 @@ def test_half_the_slope_of_the_squares_is_the_corrected_score():
 
 @pytest.mark.parametrize("noise", [None, 0.04])
 @pytest.mark.parametrize("seed", range(4))
-def test_the_score_turns_by_information_less_noise_and_reweighting(noise, seed):
+def test_the_score_turns_by_what_newton_steps_solve_with(noise, seed):
     """Of a linear equation nothing else turns it; rows are too many to borrow of neighbours."""
     y, x = points(seed)
     problem = slope_problem(y, x, noise=noise, prior=(2.0, 0.5))

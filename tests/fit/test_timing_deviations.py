@@ -294,7 +294,7 @@ def test_of_many_flights_the_liveliest_settle_first(monkeypatch):
 
     seen = fits_to(monkeypatch, AT, before=note)
     timed, _ = first_fit(many, MotorResponse(lag=0.03), BOTH, ())
-    along, made = (4, ["begin", "terms"]), (4, ["begin", "terms"])
+    along, made = (4, ["begin", "close", "terms"]), (4, ["begin", "terms"])
     assert sizes == [(4, ["guess", "terms"]), along, made, (6, ["guess", "terms"])]
     assert timed.timing == AT and seen[-1][0].at == AT
 

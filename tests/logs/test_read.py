@@ -69,8 +69,8 @@ def test_options_reach_the_table_reader(tmp_path):
 def test_formats_not_read_are_named(tmp_path, content, what):
     path = written(tmp_path, content)
     what, _, remedy = what.partition(": ")
-    advice = remedy and f": {remedy}"
-    message = f"{path}: looks like {what}, which rotorfit does not read (yet){advice}{READS}"
+    advice = remedy or "give a flight log"
+    message = f"{path}: looks like {what}, which rotorfit does not read: {advice}"
     with pytest.raises(LogError, match=f"^{re.escape(message)}$"):
         read_log(path)
 

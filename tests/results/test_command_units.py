@@ -121,7 +121,7 @@ def test_commanded_speeds_are_taken_as_they_are(tmp_path, flight):
         assert low <= truth[name] <= high, name
     assert found["kt"].unit == PARAMETERS["kt"].unit
     assert NO_LAW not in result.warnings
-    assert not is_per_command(result)
+    assert not is_per_command(result.parameters)
     kt = identified(tmp_path, flight, motors="").parameter("kt")
     w = float(flight.max_speed)
     # Without a law the thrust at full command hangs on the one that the flight shows.

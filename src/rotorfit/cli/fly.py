@@ -288,7 +288,7 @@ def _refuse_units(result: IdentificationResult, assumed: Mapping[str, float]) ->
     """Raise if numbers per rad/s are given for a result per command."""
     from rotorfit.results.result import is_per_command
 
-    if not is_per_command(result):
+    if not is_per_command(result.parameters):
         return
     wrong = [n for n in assumed if n.split("_")[0] in PER_SPEED or n == "max_speed"]
     if wrong:

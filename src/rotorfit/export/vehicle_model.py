@@ -101,14 +101,14 @@ def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed
     """Compute the speed at full command, as far as the motors' law gives it."""
     if any(p.name == "max_speed" for p in result.parameters):
         return None  # a number of the result itself, with an interval
-    if law is not None and not is_per_command(result):
+    if law is not None and not is_per_command(result.parameters):
         value, unit, remark = full_speed_of(law), "rad/s", "the law of [motors] at full command"
-    elif speed == "full-command" and is_per_command(result):
+    elif speed == "full-command" and is_per_command(result.parameters):
         value, unit = 1.0, FULL_COMMAND
         remark = "as a fraction of its maximum: no law gives it in rad/s"
         if law is None:
             remark = "taken as proportional to the command: no law is known"
-    elif speed == "nominal" and is_per_command(result):
+    elif speed == "nominal" and is_per_command(result.parameters):
         remark = (
             "nominal, as the log has none; thrust and torque at full command are those of the "
             "flights, and kt and kd are computed with this speed"

@@ -105,7 +105,7 @@ def _declared_section(
     if law is None:
         return None
     seen = [c.speeds for c in comparisons if c.speeds is not None]
-    per_command, commands = is_per_command(result), None
+    per_command, commands = is_per_command(result.parameters), None
     sentences = [_origin_of(result)]
     if seen:
         low, high = min(s[0] for s in seen), max(s[1] for s in seen)

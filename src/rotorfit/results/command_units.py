@@ -142,7 +142,7 @@ def _select_law(tables: ResultTables, motors: MotorsEntry) -> SpeedLaw | None:
     if motors.law is not None:
         return speed_law_of(motors.law)
     proportional = SpeedLaw(curve=PowerLaw(full_speed=1.0, offset=0.0, exponent=1.0))
-    return proportional if is_per_command(tables) else None
+    return proportional if is_per_command(tables.parameters) else None
 
 
 def _full_speed(tables: ResultTables, law: SpeedLaw, entry: LawEntry | None) -> Range:

@@ -34,11 +34,10 @@ from rotorfit.results.samples import Estimated, Samples, draw_vehicles
 from rotorfit.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from jaxtyping import Float
 
-    from rotorfit.results.tables import ResultTables
 
 SCHEMA = 2
 """Of a saved result; 2 has the interval terms of every number."""
@@ -495,7 +494,7 @@ def _flight_record(entry: dict[str, Any]) -> FlightRecord:
     return FlightRecord(**fields)
 
 
-def is_per_command(tables: IdentificationResult | ResultTables) -> bool:
+def is_per_command(parameters: Iterable[Parameter]) -> bool:
     """Return whether the coefficients of a result are per squared command, not per rad/s."""
-    kt = next(p for p in tables.parameters if p.name == "kt")
+    kt = next(p for p in parameters if p.name == "kt")
     return kt.unit.removesuffix(PER_MASS) == EFFECTIVE_UNITS["kt"]

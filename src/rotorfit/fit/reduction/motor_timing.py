@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.flight.motors.motor_model import MotorResponse
 
@@ -138,7 +138,7 @@ class MotorTiming:
             return True
         return self.free == ("motor_delay",) and self.lag_std is not None and "motor_lag" in names
 
-    def with_lag_of(self, before: Self) -> Self:
+    def with_lag_of(self, before: MotorTiming) -> MotorTiming:
         """Return it with the lag's deviation of another one, where its delay alone is free."""
         return replace(self, lag_std=before.lag_std) if self.lag_std is None else self
 

@@ -284,8 +284,9 @@ def _draw_times(
 
 def known_words(result: IdentificationResult, owner: str) -> str:
     """State what a result knows of the loop without its controller: effectiveness and delays."""
+    per_command = is_per_command(result.parameters)
     found = [
-        *(_effect_text(number, per_command=is_per_command(result)) for number in result.derived
+        *(_effect_text(number, per_command=per_command) for number in result.derived
           if number.name in RATIOS and number.configuration == owner),
         *(_in_milliseconds(p) for p in result.parameters if p.name in TIMES),
     ]  # fmt: skip
