@@ -191,7 +191,7 @@ ROOMS: Final[dict[str, Room]] = {
             "asked = (<<score / lengths>>) @ V",
             "predicted_gain=float(moved @ (<<2.0 * asked>> - strength * moved)),",
             "ratio = min(<<won / max(predicted_gain, float(np.finfo(float).tiny))>>, 1.0)",
-            "path[-3] + <<2.0 * leap * first>>",
+            'root: Float[np.ndarray, "f f"] = <<V / np.sqrt(strength)>> / lengths[:, None]',
         ),
     ),
     "estimation/dispersion.py": Room(

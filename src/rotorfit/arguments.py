@@ -85,9 +85,8 @@ def _types_of(function: Callable[..., Any]) -> dict[str, Any]:
     """
     text = " ".join(str(annotation) for annotation in function.__annotations__.values())
     names = set(re.findall(r"[A-Za-z]\w*", text)) - vars(builtins).keys()
-    return get_type_hints(
-        function, localns={n: _type_named(n) for n in names - function.__globals__.keys()}
-    )
+    known = inspect.unwrap(function).__globals__.keys()
+    return get_type_hints(function, localns={n: _type_named(n) for n in names - known})
 
 
 def _type_named(name: str) -> Any:
