@@ -20,7 +20,7 @@ from rotorfit.fit.weight.kt_from_weight import (
     thrust_shares,
     velocity_std_of,
 )
-from rotorfit.fit.weight.weigh_thrust import Balance, with_open_slope
+from rotorfit.fit.weight.weigh_thrust import Balance, with_open_share
 from rotorfit.flight.flight_data import Segment
 
 COMMANDED = MotorsEntry(speed="commanded")
@@ -173,7 +173,7 @@ def test_no_flying_sharpens_inertia_that_the_law_leaves_open(assert_text, assert
 
 
 def test_what_is_open_of_a_laws_slope_is_in_changes():
-    changes = with_open_slope(Measured(value=2.0, std=0.06), 0.04)
+    changes = with_open_share(Measured(value=2.0, std=0.06), 0.04)
     assert (changes.value, changes.std) == (2.0, pytest.approx(0.1))
 
 

@@ -10,6 +10,8 @@ from rotorfit.errors import UnsettledError
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit import fit as fitting
 from rotorfit.fit import fit_flights
+from rotorfit.fit.weight import weigh_thrust as steps
+from rotorfit.fit.weight.flight_weights import FlightWeight
 from rotorfit.fit.weight.weigh_thrust import held_at, kt_from_changes, kt_of
 
 FLIGHTS = made_fit.dataset(made_fit.prepared())
@@ -62,6 +64,21 @@ def test_changes_are_open_by_what_propellers_do_in_motion(monkeypatch):
     found = kt_from_changes(ONE)
     assert found.value == 10.0
     assert found.std == pytest.approx(np.hypot(0.5 / 1.96, 0.02 * 10.0))
+
+
+@pytest.mark.parametrize("open_share", [0.0, 0.02, 0.05])
+def test_no_flight_limits_what_the_air_leaves_open(monkeypatch, open_share):
+    """One flight weighs to 1 % in still air; the air's share of it is no better known for that."""
+    still, held = Measured(value=10.0, std=0.1), []
+    monkeypatch.setattr(steps, "thrust_shares", lambda numbers, vehicle: None)
+    monkeypatch.setattr(steps, "_weigh_flights", lambda fit, shares: ([], still, open_share))
+    monkeypatch.setattr(
+        steps, "_weights_by_flight", lambda *_: [FlightWeight(file="one", kt=still)]
+    )
+    monkeypatch.setattr(steps, "kt_from_changes", lambda fit: None)
+    monkeypatch.setattr(steps, "held_at", lambda fit, kt: held.append(kt) or fit)
+    steps.weigh_thrust(ONE)
+    assert held[0].share == pytest.approx(np.hypot(0.01, open_share))
 
 
 def test_flights_that_do_not_settle_leave_the_weight(monkeypatch):

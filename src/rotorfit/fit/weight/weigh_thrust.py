@@ -127,16 +127,17 @@ def weigh_thrust(fit: Fit) -> Fit:
     from rotorfit.fit.fit_flights import allow_for_settings  # `inspect` weighs without a fit
 
     dataset, shares = fit.dataset, thrust_shares(fit.numbers, fit.dataset.vehicle)
-    weighed, weight = _weigh_flights(fit, shares)
+    weighed, weight, air = _weigh_flights(fit, shares)
     if weight is None:
         return allow_for_settings(fit)
     flights = _weights_by_flight(weighed, shares)
-    weight = weight_of_flights(weight, flights)
+    # What the air carries is open of every flight alike: none of them limits it.
+    weight = with_open_share(weight_of_flights(weight, flights), air)
     # With changes of thrust a law was found: they say nothing more of k_t.
     changes = None if dataset.law_found else kt_from_changes(fit)
     law = dataset.motors.law
     if changes is not None and law is not None:
-        changes = with_open_slope(changes, law.slope_std)
+        changes = with_open_share(changes, law.slope_std)
     balance = Balance(changes=changes, weight=weight)
     kt = balance.kt if balance.is_doubted else limit_by_weight(balance.kt, weight, flights)
     held = held_at(fit, kt)
@@ -146,22 +147,22 @@ def weigh_thrust(fit: Fit) -> Fit:
     return held.with_record(Weighing(balance=balance, flights=tuple(flights)))
 
 
-def with_open_slope(changes: Measured, slope_std: float) -> Measured:
-    """Add what is open of a law's slope, as a share, to the k_t of changes of thrust."""
-    return replace(changes, std=float(np.hypot(changes.std, slope_std * changes.value)))
+def with_open_share(kt: Measured, share: float) -> Measured:
+    """Add what a law's slope or the air leaves open of k_t, as a share of it."""
+    return replace(kt, std=float(np.hypot(kt.std, share * kt.value)))
 
 
 def weight_of(fit: Fit) -> Measured | None:
     """Estimate the thrust coefficient that carries the weight in the flights of a fit."""
-    return _weigh_flights(fit, thrust_shares(fit.numbers, fit.dataset.vehicle))[1]
+    _, weight, air = _weigh_flights(fit, thrust_shares(fit.numbers, fit.dataset.vehicle))
+    return None if weight is None else with_open_share(weight, air)
 
 
 def _weigh_flights(
     fit: Fit, shares: ThrustShares | None
-) -> tuple[list[WeighedFlight], Measured | None]:
-    """Weigh the flights of a fit, with what the air carries where their velocity is known."""
-    dataset = fit.dataset
-    kt = float(fit.numbers.values[fit.numbers.index("kt")])
+) -> tuple[list[WeighedFlight], Measured | None, float]:
+    """Weigh the flights of a fit: each, all together, and the share that the air leaves open."""
+    dataset, (kt, _) = fit.dataset, kt_of(fit.numbers)
 
     def air_over_kt(configured: ConfigurationData, data: FlightData) -> Float[np.ndarray, "n 3"]:
         shape = dataset.vehicle, dataset.model.layout
@@ -181,15 +182,14 @@ def _weigh_flights(
     flights = weigh(None)
     still = kt_of_stretches(flights, shares)
     if still is None or VELOCITY not in dataset.model.layout.added:
-        return flights, still
-    through_air = weigh(air_over_kt)
-    moving = kt_of_stretches(through_air, shares)
+        return flights, still, 0.0
+    moving = kt_of_stretches(weigh(air_over_kt), shares)
     if moving is None:
-        return flights, still
+        return flights, still, 0.0
     gained = moving.value - still.value
     # What scatters is less with the air of the fit, whose coefficients are no better known for it.
-    std = float(np.hypot(max(still.std, moving.std), AIR_STD * gained))
-    return flights, Measured(value=still.value + AIR_SHARE * gained, std=std)
+    value, std = still.value + AIR_SHARE * gained, max(still.std, moving.std)
+    return flights, Measured(value=value, std=std), abs(AIR_STD * gained) / value
 
 
 def _weights_by_flight(
