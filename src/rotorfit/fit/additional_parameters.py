@@ -9,7 +9,7 @@ states and what its blocks and phases show, with what is assumed of autopilot an
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -18,42 +18,24 @@ from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate, banded, response_sensitivity
 from rotorfit.estimation.distributions import f_quantile
 from rotorfit.estimation.error_correlation import error_correlation_shifts
-from rotorfit.estimation.parameter_map import ParameterMap, Product
 from rotorfit.fit.intervals.joint_numbers import (
     formal_covariance,
     random_half_width,
     timing_shifts,
 )
+from rotorfit.fit.joint.added_parameters import Added as Added
+from rotorfit.fit.joint.added_parameters import with_added
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from jaxtyping import Float
 
-    from rotorfit.estimation.banded_problem import BandedProblem
     from rotorfit.fit.joint.joint_problem import JointConfiguration
-    from rotorfit.model.terms.term import Block
 
 CLOSE: Final = 0.01
 """Convergence tolerance of such an estimate, in standard deviations of a parameter."""
 FEWEST_BLOCKS: Final = 2.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Added:
-    """A parameter additional to the parameters of a fit.
-
-    - `name`, `entries`: its column of the equations of motion.
-    - `times`: the free parameter that it multiplies; None: it stands by itself.
-    - `prior`: its deviation about zero before the flight.
-    - `begin`: where its estimate begins.
-    """
-
-    name: str
-    entries: Block
-    times: str | None
-    prior: float
-    begin: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +72,7 @@ def estimate_additional(
 
     Raises `EstimationError` if the flights do not determine them.
     """
-    problem = _with_added(fit.problem, added, instead_of)
+    problem = with_added(fit.problem, added, instead_of)
     known = fit.estimate.by_name | {one.name: one.begin for one in added}
     start = np.array([known[name] for name in problem.map.names])
     found = banded(problem, start, close=CLOSE)
@@ -100,44 +82,6 @@ def estimate_additional(
         covariance=_additional_covariance(found, configurations, chosen),
         blocks=_effective_blocks(found.influence @ chosen.T),
         estimate=found,
-    )
-
-
-def _with_added(
-    problem: BandedProblem, added: Sequence[Added], instead_of: Sequence[str]
-) -> BandedProblem:
-    """Return the problem with more parameters, and without some."""
-    mapped = problem.map
-    for name in instead_of:
-        mapped = mapped.without(name)
-    parts, entries, free = mapped.matrix.shape
-    own = [one.name for one in added]
-    columns = np.zeros((parts, entries + len(own), free + len(own)))
-    columns[:, :entries, :free] = mapped.matrix
-    products = list(mapped.products)
-    for i, one in enumerate(added):
-        if one.times is None:
-            columns[:, entries + i, free + i] = 1.0
-            continue
-        first = mapped.names.index(one.times)
-        products += [
-            Product(configuration=c, entry=entries + i, first=first, second=free + i, factor=1.0)
-            for c in range(parts)
-        ]
-    more = np.array([one.entries for one in added])
-    kept = {n: std for n, std in problem.prior_std.items() if n not in instead_of}
-    means = {n: mean for n, mean in problem.prior_mean.items() if n not in instead_of}
-    return replace(
-        problem,
-        tensors=tuple(np.concatenate([tensor, more]) for tensor in problem.tensors),
-        map=ParameterMap(
-            names=(*mapped.names, *own),
-            constant=np.pad(mapped.constant, ((0, 0), (0, len(own)))),
-            matrix=columns,
-            products=tuple(products),
-        ),
-        prior_mean=means,
-        prior_std=kept | {one.name: one.prior for one in added},
     )
 
 

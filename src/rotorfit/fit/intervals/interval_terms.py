@@ -60,6 +60,9 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
     "air at speed": TermKind(
         remedy="fly", action="fly slower than 5 m/s, for what is not of the air itself"
     ),
+    "drag of the frame": TermKind(
+        remedy="fly", action="fly at speed with a payload, too, and climb and descend there"
+    ),
     "motor lean": TermKind(remedy="repair", action="mount the motors straight"),
     "motor tilt": TermKind(remedy="none", action="identify with the default method (banded)"),
     "weight": TermKind(remedy="measure", action="weigh the vehicle on a better scale"),

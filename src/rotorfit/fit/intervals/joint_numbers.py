@@ -46,6 +46,7 @@ from rotorfit.fit.intervals.excitation import (
     excitation,
     weighed_excitation,
 )
+from rotorfit.fit.intervals.frame_drag import frame_drag_shifts
 from rotorfit.fit.intervals.interval_terms import IntervalTerm, combined_half_width
 from rotorfit.fit.intervals.numbers import FEWEST_PHASES, Numbers, correlation_of, hover_speed
 from rotorfit.fit.joint.joint_map import spread_names
@@ -119,8 +120,23 @@ def joint_numbers(
     std = np.sqrt(np.diagonal(formal + shared))
     widened = inertia_uncertainty(widened, configurations, std)
     widened = air_uncertainty(widened, configurations, std)
+    widened = widened.with_terms(_frame_drag_term(fit, configurations, jacobian))
     widened = coupling_uncertainty(widened, configurations)
     return replace(widened, excitation=numbers.excitation, weighed=weighed)
+
+
+def _frame_drag_term(
+    fit: BandedEstimate,
+    configurations: Sequence[JointConfiguration],
+    jacobian: Float[np.ndarray, "q f"],
+) -> IntervalTerm:
+    """Return what drag of the frame that the model lacks adds to each number."""
+    shifts = frame_drag_shifts(fit, configurations) @ jacobian.T
+    return IntervalTerm(
+        name="drag of the frame",
+        half_width=1.96 * np.linalg.norm(shifts, axis=0),
+        source="drag of the frame that stands in the drag of the rotors",
+    )
 
 
 def _shown_by_forces(configurations: Sequence[JointConfiguration]) -> frozenset[str]:
