@@ -266,6 +266,8 @@ def timed(delay, std, speed="measured"):
 def test_late_speeds_are_said_where_the_whole_interval_is_late(delay, std, said):
     (found,) = late_speeds(timed(delay, std))
     assert found.severity == ("passed" if said is None else "doubt")
+    assert (found.doubtful_because is None) is (said is None)
+    assert found.is_about("motor_delay")
     assert (said or "") in found.sentence
     (seen,) = found.evidence
     assert seen.interval == pytest.approx((delay - 1.96 * std, delay + 1.96 * std))

@@ -285,7 +285,14 @@ def late_speeds(fit: Fit) -> Iterator[Finding]:
         name="speed_delay", value=delay, interval=(delay - half, delay + half), limit=USUAL_DELAY
     )
     sentence = _late_sentence(delay, half) if abs(delay) - half > USUAL_DELAY else None
-    checked = doubt_or_passed("speeds-late", sentence, numbers=("motor_delay",))
+    checked = doubt_or_passed(
+        "speeds-late",
+        sentence,
+        numbers=("motor_delay",),
+        # In simulated worlds whose speeds are on time, 40 to 48 ms were found in 5 of 150.
+        doubtful_because="the autopilot's answer to gusts looks like rotor speeds of another time",
+        next_step="log both by one clock, and fly 20 s of brisk rolls",
+    )
     yield replace(checked, evidence=(evidence,))
 
 
