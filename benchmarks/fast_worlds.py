@@ -148,12 +148,14 @@ def _draw_truth(rng: np.random.Generator, *, mass: float, arm: float, propeller:
     shape = np.diag([roll, roll * rng.uniform(1.0, 1.3), rng.uniform(0.4, 0.5)])
     inertia = mass * arm**2 * shape + mass * steiner(com)
     weight = mass * GRAVITY
+    # A quarter to half of the rotors' power becomes lift: T v_h over kd O^3 (figure of merit).
+    induced = (weight / (2.0 * AIR_DENSITY * disks)) ** 0.5
     return Truth(
         mass=mass,
         first_moments=(*(mass * com).tolist(),),
         inertia=tensor_elements(inertia),
         kt=float(kt),
-        kd=float(kt * propeller * rng.uniform(0.05, 0.09)),
+        kd=float(kt * induced / (hover * rng.uniform(0.25, 0.5))),
         Jr=float(mass * arm**2 * rng.uniform(2e-4, 8e-4)),
         kt_spread=(*(1.0 + 0.015 * rng.normal(size=4)).tolist(),),
         motor_lag=float(rng.uniform(0.025, 0.05)),
@@ -298,8 +300,12 @@ def _report_bandwidths(rows: Sequence[Row]) -> list[str]:
         if row["bandwidth"] and abs(row["bandwidth"][0] / row["cutoff"] - 1.0) <= WITHIN
     ]
     none = [row for row in known if not row["cutoff"]]
+    found = [row["bandwidth"] for row in there if row["bandwidth"]]
+    held = [row for row in there if row["bandwidth"]]
+    held = [row for row in held if row["bandwidth"][1] <= row["cutoff"] <= row["bandwidth"][2]]
     lines = [
-        f"accelerometer's low-pass within {100 * WITHIN:.0f} %: {len(near)} of {len(there)}; "
+        f"accelerometer's low-pass found in {len(found)} of {len(there)}, its interval holds in "
+        f"{len(held)}, within {100 * WITHIN:.0f} %: {len(near)}; "
         f"found where there is none: {sum(bool(r['bandwidth']) for r in none)} of {len(none)}"
     ]
     return lines + [
