@@ -11,7 +11,6 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
@@ -77,6 +76,8 @@ def rms_above_zero(
 
     E[x^2] = m^2 + s^2 + m s phi(a) / (1 - Phi(a)), a = -m / s (truncated normal distribution).
     """
+    from scipy.special import log_ndtr  # slow to import
+
     lowest = -mean / std
     hazard = np.exp(-0.5 * lowest**2 - 0.5 * np.log(2.0 * np.pi) - log_ndtr(-lowest))
     return np.sqrt(np.maximum(mean**2 + std**2 + mean * std * hazard, 0.0))
