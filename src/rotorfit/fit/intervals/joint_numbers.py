@@ -130,7 +130,7 @@ def _frame_drag_term(
     configurations: Sequence[JointConfiguration],
     jacobian: Float[np.ndarray, "q f"],
 ) -> IntervalTerm:
-    """Return what drag of the frame that the model lacks adds to each number."""
+    """Return the term of the drag of a frame that the model lacks."""
     shifts = frame_drag_shifts(fit, configurations) @ jacobian.T
     return IntervalTerm(
         name="drag of the frame",
