@@ -289,8 +289,8 @@ def late_speeds(fit: Fit) -> Iterator[Finding]:
         "speeds-late",
         sentence,
         numbers=("motor_delay",),
-        # In simulated worlds whose speeds are on time, 40 to 48 ms were found in 5 of 150.
-        doubtful_because="the autopilot's answer to gusts looks like rotor speeds of another time",
+        # In 6 of 75 simulated flights whose speeds are on time, 5 with a low-passed accelerometer.
+        doubtful_because="an accelerometer behind a low-pass makes rotor speeds look early",
         next_step="log both by one clock, and fly 20 s of brisk rolls",
     )
     yield replace(checked, evidence=(evidence,))
