@@ -148,7 +148,7 @@ def test_an_imu_turned_about_z_is_refused_with_its_angle(tmp_path, flight, colum
 
 @pytest.mark.parametrize("factor", [100.0, 1000.0])
 def test_a_mass_in_other_units_is_refused(tmp_path, flight, columns, factor):
-    with pytest.raises(FrameError, match=r"the mass \(.* kg\) is too large|denser than stone"):
+    with pytest.raises(FrameError, match=r"cannot lift .* kg|denser than stone"):
         identified(tmp_path, flight, columns, mass=factor * flight.truth.mass)
 
 
