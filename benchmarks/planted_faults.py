@@ -479,7 +479,7 @@ ROOMS: Final[dict[str, Room]] = {
         scaled=(
             "CHANGES_STD = <<0.02>>",
             "DOUBTED = <<2.58>>",
-            "<<slope_std>> * changes.value",
+            "<<share>> * kt.value",
         ),
         changed=(
             ("combine_scales(self.weight, self.changes)", "self.weight"),
