@@ -727,7 +727,7 @@ def test_slopes_of_numbers_are_those_of_every_parameter(vehicle, flights):
         off,
         estimate.std,
     )
-    found = module.slopes_of_numbers(names, estimate, mapped, bodies)
+    found = module.slopes_of_numbers(names, off, estimate.std, mapped, bodies)
     size = np.abs(expected).max(axis=1, keepdims=True)
     np.testing.assert_allclose(found, expected, atol=1e-6 * size.max(), rtol=1e-5)
     assert (found != 0.0).sum() > len(mapped.names) - 6 * flights * len(bodies)

@@ -10,7 +10,6 @@ import numpy as np
 from rotorfit.digits import with_half
 from rotorfit.estimation.banded import shift_without
 from rotorfit.estimation.distributions import normal_quantile
-from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.dataset.carried_weight import (
     HeightForce,
@@ -19,7 +18,7 @@ from rotorfit.fit.dataset.carried_weight import (
 )
 from rotorfit.fit.dataset.weight_balance import held_together, held_up, hovering, turning
 from rotorfit.fit.experiment.payload import MOMENTS
-from rotorfit.fit.intervals.joint_numbers import physical
+from rotorfit.fit.intervals.joint_numbers import slopes_of_numbers
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.weight.hover_thrusts import HoverThrust, hover_thrusts
 from rotorfit.flight.airborne import GRAVITY
@@ -342,11 +341,9 @@ def _yaw_shift_without_mean(fit: Fit, c: JointConfiguration) -> Evidence | None:
     if not mean.any() or mean.all() or value == 0.0 or not np.isfinite(half):
         return None
     estimate, shift = fit.estimate.estimate, shift_without(fit.estimate, mean)
-    slopes = numerical_jacobian(
-        lambda phi: np.array([physical(phi, fit.estimate.problem.map, fit.configurations)[name]]),
-        estimate.values,
-        estimate.std,
-    )[0]
+    [slopes] = slopes_of_numbers(
+        [name], estimate.values, estimate.std, fit.estimate.problem.map, fit.configurations
+    )
     moved = float(slopes @ shift.values) / value
     std = float(np.sqrt(slopes @ shift.covariance @ slopes)) / abs(value)
     return Evidence(

@@ -23,12 +23,11 @@ import numpy as np
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.distributions import normal_density, student_density, student_quantile
-from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.fit.additional_parameters import Added, Additional, estimate_additional, gained
 from rotorfit.fit.fit import Fit, refit
 from rotorfit.fit.intervals.excitation import weighed_excitation
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
-from rotorfit.fit.intervals.joint_numbers import physical
+from rotorfit.fit.intervals.joint_numbers import slopes_of_numbers
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, NO_EXCITATION, inertia_bias
 from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import INERTIA, INERTIA_COM
@@ -310,15 +309,14 @@ def _slopes_by_sides(fit: Fit, found: Additional) -> Float[np.ndarray, " q"]:
     Moments of roll and pitch at least in proportion to their own arm: the coupling that holds them
     near the declared sides may hold less well far off.
     """
-    estimate, mapped = found.estimate.estimate, found.estimate.problem.map
-
-    def numbers(phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, " q"]:
-        return np.array(list(physical(phi, mapped, fit.configurations).values()))
-
+    names, estimate, mapped = fit.numbers.names, found.estimate.estimate, found.estimate.problem.map
     covariance = estimate.covariance
     moved = covariance[:, -1] / covariance[-1, -1]
-    slopes = np.abs(numerical_jacobian(numbers, estimate.values, estimate.std) @ moved)
-    bases = [name.partition("@")[0] for name in fit.numbers.names]
+    by_parameters = slopes_of_numbers(
+        names, estimate.values, estimate.std, mapped, fit.configurations
+    )
+    slopes = np.abs(by_parameters @ moved)
+    bases = [name.partition("@")[0] for name in names]
     by_arm = np.array([base in BY_ARM for base in bases])
     return np.maximum(slopes, by_arm * np.abs(fit.numbers.values))
 

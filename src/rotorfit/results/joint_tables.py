@@ -13,11 +13,10 @@ from rotorfit.checks.verdicts.parameters import (
     with_timing_total,
 )
 from rotorfit.estimation.banded import response_sensitivity
-from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.fit.intervals.joint_numbers import (
     SHARED_NUMBERS,
     formal_covariance,
-    physical,
+    slopes_of_numbers,
     timing_shifts,
 )
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
@@ -102,7 +101,10 @@ def joint_covariance(
     own = np.array([np.eye(len(estimate.names))[estimate.names.index(name)] for name in free])
     # Two times by their sum and the lag.
     basis = own if len(free) == 1 else np.array([own.sum(axis=0), own[0]])
-    fitted = _covariance_of_fit(fit, np.vstack([_slopes_of_numbers(fit, known), basis]))
+    slopes = slopes_of_numbers(
+        known, estimate.values, estimate.std, fit.estimate.problem.map, fit.configurations
+    )
+    fitted = _covariance_of_fit(fit, np.vstack([slopes, basis]))
     n = len(known)
     spread = np.sqrt(np.diagonal(fitted)[:n])
     half = np.array([fit.numbers.number(name)[1] for name in known])
@@ -114,17 +116,6 @@ def joint_covariance(
     rows = [[1.0, -1.0] if p.name == "motor_delay" else [0.0, 1.0] for p in times]
     turn[n:, n:] = (np.ones((len(times), 1)) if len(free) == 1 else np.array(rows)) @ widened
     return (*known, *stated), turn @ fitted @ turn.T
-
-
-def _slopes_of_numbers(fit: Fit, known: Sequence[str]) -> Float[np.ndarray, "k f"]:
-    """Compute the slopes of numbers by the free parameters."""
-    estimate, mapped = fit.estimate.estimate, fit.estimate.problem.map
-
-    def numbers(phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, " k"]:
-        found = physical(phi, mapped, fit.configurations)
-        return np.array([found[name] for name in known])
-
-    return numerical_jacobian(numbers, estimate.values, estimate.std)
 
 
 def _covariance_of_fit(fit: Fit, slopes: Float[np.ndarray, "q f"]) -> Float[np.ndarray, "q q"]:

@@ -33,7 +33,7 @@ from rotorfit.estimation.dispersion import dispersions, pooled
 from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.effective_blocks import free_blocks, own_scatter
 from rotorfit.estimation.error_correlation import error_correlation_shifts
-from rotorfit.estimation.estimate import Estimate, numerical_jacobian
+from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.fit.experiment.payload import MOMENTS, added_moments
 from rotorfit.fit.intervals.allowances import (
     air_uncertainty,
@@ -93,7 +93,7 @@ def joint_numbers(
     mapped = fit.problem.map
     at_estimate = physical(estimate.values, mapped, configurations)
     names, values = tuple(at_estimate), np.array(list(at_estimate.values()))
-    jacobian = slopes_of_numbers(names, estimate, mapped, configurations)
+    jacobian = slopes_of_numbers(names, estimate.values, estimate.std, mapped, configurations)
     formal = formal_covariance(fit, jacobian)
     response_shifts = response_sensitivity(fit) @ jacobian.T
     timings = np.reshape(timing_shifts(fit, configurations[0].timing), (-1, len(estimate.names)))
@@ -368,27 +368,26 @@ def physical(
 
 def slopes_of_numbers(
     names: Sequence[str],
-    estimate: Estimate,
+    phi: Float[np.ndarray, " f"],
+    scale: Float[np.ndarray, " f"],
     mapped: ParameterMap,
     configurations: Sequence[JointConfiguration],
 ) -> Float[np.ndarray, "q f"]:
-    """Differentiate the physical numbers of those names by the free parameters of an estimate.
+    """Differentiate the physical numbers of those names by the free parameters, at `phi`.
 
     Most parameters are numbers themselves, and no part of others: only the rest are moved.
+    `scale`: as for `numerical_jacobian`, such as the parameters' deviations.
     """
-    phi, free = estimate.values, mapped.names
-    jacobian = np.zeros((len(names), len(free)))
-    for i, name in enumerate(free):
-        if name in names:
-            jacobian[names.index(name), i] = 1.0
+    jacobian = np.array([[float(name == free) for free in mapped.names] for name in names])
     bent = _bend_numbers(mapped, phi, configurations)
 
     def numbers_at(moved: Float[np.ndarray, " b"]) -> Float[np.ndarray, " q"]:
         every = phi.copy()
         every[bent] = moved
-        return np.array(list(physical(every, mapped, configurations).values()))
+        found = physical(every, mapped, configurations)
+        return np.array([found[name] for name in names])
 
-    jacobian[:, bent] = numerical_jacobian(numbers_at, phi[bent], estimate.std[bent])
+    jacobian[:, bent] = numerical_jacobian(numbers_at, phi[bent], scale[bent])
     return jacobian
 
 

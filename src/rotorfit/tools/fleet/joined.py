@@ -22,8 +22,8 @@ from threadpoolctl import threadpool_limits
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import pseudo_inverse
 from rotorfit.estimation.banded_equations import corrected_equations, evaluated
-from rotorfit.estimation.estimate import Estimate, numerical_jacobian
-from rotorfit.fit.intervals.joint_numbers import physical
+from rotorfit.estimation.estimate import Estimate
+from rotorfit.fit.intervals.joint_numbers import physical, slopes_of_numbers
 from rotorfit.fit.joint.informative_bands import Pushes, error_correlation, pushes
 from rotorfit.fit.joint.joint_fit import FittedFactors
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
@@ -312,14 +312,10 @@ def _finish_joined(
     scores: Float[np.ndarray, "m f"],
 ) -> Joined:
     """Convert the maximum to physical numbers with their deviations."""
-
-    def numbers(at: Float[np.ndarray, " f"]) -> dict[str, float]:
-        return physical(at, vehicle.map, [vehicle.configuration])
-
-    found = numbers(phi)
-    jacobian = numerical_jacobian(
-        lambda at: np.array(list(numbers(at).values())), phi, np.sqrt(np.diagonal(covariance))
-    )
+    configurations = [vehicle.configuration]
+    found = physical(phi, vehicle.map, configurations)
+    std = np.sqrt(np.diagonal(covariance))
+    jacobian = slopes_of_numbers(list(found), phi, std, vehicle.map, configurations)
     formal = np.einsum("qf,fg,qg->q", jacobian, covariance, jacobian)
     m = len(scores)
     scatter = np.zeros(len(formal))

@@ -16,12 +16,11 @@ import numpy as np
 
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.bound import Linearised, information, linearised, score
-from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.experiment.payload import MOMENTS, PointMass, tolerances
 from rotorfit.fit.intervals.allowances import coupling_uncertainty, number_scale
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
-from rotorfit.fit.intervals.joint_numbers import physical
+from rotorfit.fit.intervals.joint_numbers import physical, slopes_of_numbers
 from rotorfit.fit.intervals.numbers import AXES, Numbers, attenuation_allowance
 from rotorfit.fit.joint.joint_map import joint_map
 from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior
@@ -141,10 +140,8 @@ def planned_problem(
     phi = np.array([values.get(name, 0.0) for name in mapped.names])
     scale = _parameter_scales(mapped, rough, payload)
 
-    def numbers(at: Float[np.ndarray, " f"]) -> dict[str, float]:
-        everything = physical(at, mapped, configurations)
-        return {name: v for name, v in everything.items() if not name.endswith(f"@{LOADED}")}
-
+    everything = physical(phi, mapped, configurations)
+    numbers = {name: v for name, v in everything.items() if not name.endswith(f"@{LOADED}")}
     return Problem(
         bodies=bodies,
         configurations=configurations,
@@ -154,8 +151,8 @@ def planned_problem(
         assumed=assumed,
         commanded=commanded,
         timed=timed,
-        physical=numbers(phi),
-        jacobian=numerical_jacobian(lambda at: np.array(list(numbers(at).values())), phi, scale),
+        physical=numbers,
+        jacobian=slopes_of_numbers(list(numbers), phi, scale, mapped, configurations),
     )
 
 
