@@ -58,6 +58,10 @@ class Room:
 
 
 ROOMS: Final[dict[str, Room]] = {
+    "estimation/leaps.py": Room(
+        tests=("tests/estimation/test_known_noise.py", "tests/estimation/test_banded.py"),
+        scaled=("MOST_NOISE = <<0.7>>",),
+    ),
     "estimation/banded.py": Room(
         tests=(
             "tests/estimation/test_known_noise.py",
@@ -68,7 +72,6 @@ ROOMS: Final[dict[str, Room]] = {
             "tests/estimation/test_scatter.py",
         ),
         scaled=(
-            "MOST_NOISE = <<0.7>>",
             "UNKNOWN = <<10.0>>",
             "return <<equations @ fit.estimate.covariance>>",
             "covariance = <<root @ (kept @ kept.T) @ root.T>>",

@@ -7,7 +7,6 @@ import pytest
 
 from rotorfit.estimation.banded import (
     BandedProblem,
-    Leaps,
     banded,
     log_likelihood,
     normal_equations,
@@ -19,6 +18,7 @@ from rotorfit.estimation.banded_equations import (
 )
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
+from rotorfit.estimation.leaps import Leaps
 from rotorfit.estimation.parameter_map import parameter_map
 
 ROWS, BLOCKS = 400, 5

@@ -20,14 +20,13 @@ from the blocks' influences (one-step jackknife), and is at least the difference
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded_equations import (
-    CorrectedEquations,
     Evaluated,
     State,
     corrected_equations,
@@ -42,7 +41,7 @@ from rotorfit.estimation.banded_problem import power_of, signal_power, solutions
 from rotorfit.estimation.damped_steps import damped_step, reduced_damping
 from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import borrowed_rows
-from rotorfit.estimation.fixed_point import FixedPointRounds
+from rotorfit.estimation.leaps import MOST_NOISE, Leaps, corrected_root
 from rotorfit.estimation.reweighted import scatter_covariance
 
 if TYPE_CHECKING:
@@ -62,17 +61,11 @@ NOISE_PATIENCE = 30
 they stay of one length for some forty, and end a deviation further."""
 SHORTER = 0.7
 """Share to which such steps at least shorten the shortest one where the iteration settles."""
-MOST_REWEIGHTING = 0.95
-"""Largest share of the information that a step takes as given back by the variances: its leap is
-twenty times as long as the step of given variances."""
 MOST_LOSS = 1.0
 """Largest rise of the cost by a leap, that of one deviation of one parameter: variances borrowed
 from neighbours let the cost rise a little towards the end of an iteration, and no more."""
 LARGEST_DAMPING = 1e9
 """Where the iteration ends, too: a step along the slope of which next to nothing is left."""
-MOST_NOISE = 0.7
-"""Share of the regressors' noise in the information on a direction, over which the correction for
-it is larger than what it corrects: nothing is known there."""
 STEP_FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 1e-3)
 UNKNOWN = 10.0
 """Factor on the deviation of such a direction."""
@@ -200,7 +193,7 @@ def _settled_with_noise(
     leaps = Leaps()
     for iteration in range(1, MOST_ITERATIONS + 1):
         equations = corrected_equations(problem, state)
-        root = _corrected_root(equations)
+        root = corrected_root(equations)
         step: Float[np.ndarray, " f"] = root @ (root.T @ equations.score)
         sizes.append(float(np.max(np.abs(step) * np.sqrt(np.diagonal(equations.information)))))
         if sizes[-1] <= close or _goes_round(sizes):
@@ -235,63 +228,6 @@ def _goes_round(sizes: Sequence[float]) -> bool:
     if len(sizes) <= 2 * NOISE_PATIENCE:
         return False
     return min(sizes[-NOISE_PATIENCE:]) > SHORTER * min(sizes[:-NOISE_PATIENCE])
-
-
-@dataclass(slots=True)
-class Leaps:
-    """Steps that lead further than those of given variances, and what was learnt of them.
-
-    - `newton`, `reweighted`: the last points and steps with variances that follow, and without.
-    - `before_newton`: size of the step of given variances where the last Newton step was taken.
-    - `barred_over`: size from which on no further one is taken: half of that after which one led to
-      a longer step.
-    """
-
-    newton: FixedPointRounds = field(default_factory=FixedPointRounds)
-    reweighted: FixedPointRounds = field(default_factory=FixedPointRounds)
-    barred_over: float = np.inf
-    before_newton: float = np.inf
-
-    def from_state(
-        self,
-        state: State,
-        equations: CorrectedEquations,
-        root: Float[np.ndarray, "f q"],
-    ) -> Float[np.ndarray, " f"] | None:
-        """Return the step with variances that follow the parameters; None if no end of it is near.
-
-        It solves (information - noise - reweighting) step = score but along directions where that
-        has no maximum; what the matrix lacks, such as the turn of the autopilot's response, the
-        rounds learn. `root`: of the inverse of the information less noise, along what is known.
-        """
-        std: Float[np.ndarray, " f"] = np.linalg.norm(root, axis=1)
-        asked: Float[np.ndarray, " q"] = root.T @ equations.score
-        plain: Float[np.ndarray, " f"] = root @ asked
-        size = float(np.abs(plain / std).max())
-        if size > self.before_newton:
-            self.barred_over = 0.5 * self.before_newton
-        share, V = np.linalg.eigh(root.T @ equations.reweighting @ root)
-        if not len(share) or size > self.barred_over:
-            self.before_newton = np.inf
-            return self.reweighted.leap(state.phi, plain, std)
-        self.before_newton = size
-        gain = np.where(share < 1.0, 1.0 / (1.0 - np.minimum(share, MOST_REWEIGHTING)), 1.0)
-        step: Float[np.ndarray, " f"] = root @ (V @ (gain * (V.T @ asked)))
-        leap = self.newton.leap(state.phi, step, std)
-        return step if leap is None else leap
-
-
-def _corrected_root(equations: CorrectedEquations) -> Float[np.ndarray, "f q"]:
-    """Factor the inverse of information less noise, without directions that are mostly noise."""
-    plain = equations.information
-    scale = 1.0 / np.sqrt(np.diagonal(plain))
-    strength, Q = np.linalg.eigh(plain * np.outer(scale, scale))
-    strength = np.maximum(strength, np.finfo(float).eps * strength[-1])
-    root = scale[:, None] * Q / np.sqrt(strength)
-    share, V = np.linalg.eigh(root.T @ equations.noise_information @ root)
-    known = share < MOST_NOISE
-    corrected: Float[np.ndarray, "f q"] = root @ (V[:, known] / np.sqrt(1.0 - share[known]))
-    return corrected
 
 
 def _complete_estimate(problem: BandedProblem, state: Evaluated, iterations: int) -> BandedEstimate:

@@ -38,11 +38,9 @@ def damped_step(
     `score` is half the slope; the damping is in units of the scaled information. Rounding of the
     information is far below `LEAST_DAMPING`, so that a step needs no root of it from the rows.
     """
-    lengths = np.sqrt(np.diagonal(information))
-    if not (lengths > 0.0).all():
+    if not (np.diagonal(information) > 0.0).all():
         raise EstimationError("the flights do not move a parameter at all; remove its term")
-    strength, V = np.linalg.eigh(information / np.outer(lengths, lengths))
-    strength = np.maximum(strength, SMALLEST_SHARE * strength[-1])
+    strength, V, lengths = scaled_directions(information)
     asked = (score / lengths) @ V
     moved = asked / (strength + damping)
     root: Float[np.ndarray, "f f"] = V / np.sqrt(strength) / lengths[:, None]
@@ -52,6 +50,18 @@ def damped_step(
         std=np.linalg.norm(root, axis=1),
         predicted_gain=float(moved @ (2.0 * asked - strength * moved)),
     )
+
+
+def scaled_directions(
+    information: Float[np.ndarray, "f f"],
+) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "f f"], Float[np.ndarray, " f"]]:
+    """Return eigenvalues and -vectors of an information with its columns scaled, and their lengths.
+
+    Eigenvalues that are only rounding are as large as that may be.
+    """
+    lengths = np.sqrt(np.diagonal(information))
+    strength, V = np.linalg.eigh(information / np.outer(lengths, lengths))
+    return np.maximum(strength, SMALLEST_SHARE * strength[-1]), V, lengths
 
 
 def reduced_damping(damping: float, won: float, predicted_gain: float) -> float:

@@ -3,9 +3,9 @@
 A fit that takes the variance of every block from its last residuals goes to its end as EM
 algorithms do: each step is .6 to .95 of the one before; steps of Newton with part of the second
 derivatives do alike. The last few points and their steps show along which directions, and by which
-share; the combination of them whose step would be shortest is
-nearer to the end (Anderson, Iterative procedures for nonlinear integral equations, J. ACM 12, 1965;
-Walker and Ni, SIAM J. Numer. Anal. 49, 2011).
+share; the combination of them whose step would be shortest is nearer to the end (Anderson,
+Iterative procedures for nonlinear integral equations, J. ACM 12, 1965; Walker and Ni, SIAM J.
+Numer. Anal. 49, 2011).
 """
 
 from __future__ import annotations
