@@ -14,7 +14,13 @@ from threadpoolctl import threadpool_limits
 from rotorfit.checks.diagnose import diagnose
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.findings import Finding, note
-from rotorfit.fit.dataset.load import Method, Progress, load_dataset, resolved_method
+from rotorfit.fit.dataset.load import (
+    Method,
+    Progress,
+    ignore_progress,
+    load_dataset,
+    resolved_method,
+)
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.imu_tilt import correct_imu_tilt
 from rotorfit.fit.motors.law_search import fit_with_law
@@ -109,7 +115,7 @@ def identify_flights(experiment: Experiment, *, progress: Progress | None = None
     # cost where another program uses the other cores.
     with threadpool_limits(limits=1, user_api="blas"):
         try:
-            return _identify_checked(experiment, progress or _ignore_progress)
+            return _identify_checked(experiment, progress or ignore_progress)
         except np.linalg.LinAlgError as error:
             raise EstimationError(
                 f"the equations of these flights have no solution ({error}): there is hardly any "
@@ -223,7 +229,3 @@ def _validate_result(
     written = [entry.written for c in experiment.configuration for entry in c.validation]
     rows = validation_rows(comparisons, written)
     return dataclasses.replace(result, validation=rows)
-
-
-def _ignore_progress(words: str) -> None:
-    del words

@@ -121,6 +121,11 @@ Method = Literal["banded", "ols", "tls"]
 Progress = Callable[[str], None]
 
 
+def ignore_progress(words: str) -> None:
+    """Take words on what is being done, and show them to nobody."""
+    del words
+
+
 LEAST_SECONDS: Final = 2.0
 """Shortest flight that is fitted [s]: six lines in the band in which a pilot moves the vehicle
 (up to 3 Hz). Of half a second nothing but the weight could be fitted."""

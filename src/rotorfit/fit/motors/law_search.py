@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Final
 
+from rotorfit.fit.dataset.load import ignore_progress
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.motors.law_from_flight import (
     find_again,
@@ -39,7 +40,7 @@ def fit_with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
         timed = time_motors(
             with_found_law(dataset, tried),
             lag=True,
-            report=_ignore_progress,
+            report=ignore_progress,
             near=near,
             terms=terms,
         )
@@ -58,7 +59,3 @@ def _fit_with_chosen_terms(fit: Fit, wanted: Sequence[str] | None) -> Fit:
     """Choose terms and noise levels again at the timing and with the law of a fit."""
     levelled = fit_by_noise(fit, wanted)
     return fit_flights(fit.dataset, wanted) if levelled is fit else levelled
-
-
-def _ignore_progress(words: str) -> None:
-    del words
