@@ -18,7 +18,7 @@ def student_quantile(probability: float | int, degrees: Any) -> Any:
     """Compute the quantile of Student's t for degrees of freedom; NaN if there are none."""
     from scipy import special  # slow to import
 
-    nu: Float[np.ndarray, ...] = np.asarray(degrees, dtype=float)
+    nu: Float[np.ndarray, "..."] = np.asarray(degrees, dtype=float)
     finite = np.where(np.isinf(nu), 1.0, np.where(nu > 0.0, nu, np.nan))
     quantile: Any = special.stdtrit(finite, probability)
     return np.where(np.isinf(nu), float(special.ndtri(probability)), quantile)[()]
@@ -51,7 +51,7 @@ def normal_tail(x: float | int) -> float:
 
 def normal_density(x: Any, std: float | int = 1.0) -> Any:
     """Compute the density of a normal number of mean zero."""
-    z: Float[np.ndarray, ...] = np.asarray(x, dtype=float) / std
+    z: Float[np.ndarray, "..."] = np.asarray(x, dtype=float) / std
     return np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * std)
 
 

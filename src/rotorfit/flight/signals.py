@@ -124,11 +124,11 @@ def local_medians(
 
 
 def running_mean(
-    values: Float[np.ndarray, ...],
+    values: Float[np.ndarray, "..."],
     width: int,
     *,
     beyond: Literal["edge", "symmetric"] = "edge",
-) -> Float[np.ndarray, ...]:
+) -> Float[np.ndarray, "..."]:
     """Average over `width` samples around each; beyond the ends stand those, or a mirror image."""
     before = width // 2
     around = ((before, width - before - 1), *((0, 0) for _ in values.shape[1:]))

@@ -95,7 +95,7 @@ class Conversion:
     factor: float
     offset: float = 0.0
 
-    def __call__(self, recorded: Float[np.ndarray, ...]) -> Float[np.ndarray, ...]:
+    def __call__(self, recorded: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         """Return the SI values of recorded values; what overflows becomes infinite."""
         with np.errstate(over="ignore", invalid="ignore"):
             return recorded * self.factor + self.offset

@@ -160,8 +160,8 @@ def bent(law: LawEntry, power: float, *, anchor: float) -> LawEntry:
 
 
 def bent_speed(
-    speed: Float[np.ndarray, ...], power: float, *, anchor: float
-) -> Float[np.ndarray, ...]:
+    speed: Float[np.ndarray, "..."], power: float, *, anchor: float
+) -> Float[np.ndarray, "..."]:
     """Return a power of speeds, at least 0, which is the same at a speed `anchor`."""
     return anchor * (np.maximum(speed, 0.0) / anchor) ** power
 

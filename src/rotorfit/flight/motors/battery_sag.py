@@ -53,10 +53,10 @@ class BatterySag:
 
 
 def relative_load(
-    cubed_speed: Float[np.ndarray, ...],
-    voltage: Float[np.ndarray, ...],
+    cubed_speed: Float[np.ndarray, "..."],
+    voltage: Float[np.ndarray, "..."],
     exponent: float = LOAD_EXPONENT,
-) -> Float[np.ndarray, ...]:
+) -> Float[np.ndarray, "..."]:
     """Compute the current of motors by cubed speed and voltage, each over its mean in flight."""
     return (cubed_speed / voltage) ** exponent
 

@@ -221,9 +221,7 @@ class _Walk:
     lengths: Int[np.ndarray, " 256"] = field(default_factory=lambda: np.zeros(256, np.int64))
     current: Int[np.ndarray, " 256"] = field(default_factory=lambda: np.zeros(256, np.int64))
     counts: list[int] = field(default_factory=lambda: [0])
-    rows: dict[int, UInt8[np.ndarray, "n length"]] = field(
-        default_factory=lambda: dict[int, np.ndarray]()
-    )
+    rows: dict[int, UInt8[np.ndarray, "n length"]] = field(default_factory=dict[int, np.ndarray])
     glimpses: dict[int, int] = field(default_factory=dict[int, int])
     searching: bool = False
     searched_bytes: int = 0

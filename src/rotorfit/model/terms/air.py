@@ -129,11 +129,10 @@ def induced_velocity(
     """Solve Glauert's v_i = v_h^2 / sqrt(v_perp^2 + (u + v_i)^2) for the induced velocity [m/s].
 
     `across`, `along`: velocity of a rotor across its axis and along it. `hover`: v_h. There is one
-    root
-    where u is above -sqrt(8) v_perp or -v_h / 2, and the air may go through the
-    disk from below (braking at speed). Momentum theory has no sense in a steeper descent (vortex
-    ring): there u counts as -v_h / 2, to which flights agree with it (Leishman, Principles of
-    Helicopter Aerodynamics, 2006, 2.13; Glauert 1935), or -2 v_perp.
+    root where u is above -sqrt(8) v_perp or -v_h / 2, and the air may go through the disk from
+    below (braking at speed). Momentum theory has no sense in a steeper descent (vortex ring): there
+    u counts as -v_h / 2, to which flights agree with it (Leishman, Principles of Helicopter
+    Aerodynamics, 2006, 2.13; Glauert 1935), or -2 v_perp.
     """
     u = np.maximum(along, -np.maximum(0.5 * hover, 2.0 * across))
     low, high = np.zeros_like(u), np.maximum(-u, 0.0) + 1.01 * hover
