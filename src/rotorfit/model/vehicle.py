@@ -9,8 +9,10 @@ configuration" (props in); Crazyflie 2 "Motor orientation"; Six et al. 2020, eq.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from functools import cached_property
 from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from jaxtyping import Float
+    from numpy.typing import ArrayLike
 
 Spin = Literal["ccw", "cw"]
 PROPELLER_SHARE: Final = 0.8
@@ -60,7 +63,7 @@ class Rotor:
 
     def __post_init__(self) -> None:
         for name, vector in (("position", self.position), ("axis", self.axis)):
-            if np.shape(vector) != (3,) or not np.isfinite(vector).all():
+            if np.shape(vector) != (3,) or not all(map(math.isfinite, vector)):
                 raise ExperimentError(
                     f"a rotor's {name} is {vector!r}, expected three numbers (x, y, z)"
                 )
@@ -68,13 +71,14 @@ class Rotor:
             raise ExperimentError(
                 f'a rotor\'s spin is {self.spin!r}, expected "ccw" or "cw", seen from above'
             )
-        if abs(float(np.linalg.norm(self.axis)) - 1.0) > UNIT:
+        if abs(math.hypot(*self.axis) - 1.0) > UNIT:
             raise ExperimentError(
                 f"a rotor's axis is {self.axis!r}, expected a unit vector: divide it by its length"
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+# Without slots: what follows from the fields is computed once, as thousands of times it is asked.
+@dataclass(frozen=True, kw_only=True)
 class Vehicle:
     """The geometry that is known before the flight, body axes FLU.
 
@@ -102,27 +106,27 @@ class Vehicle:
     propeller: float | None = None
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float], hash=False)
 
-    @property
+    @cached_property
     def positions(self) -> Float[np.ndarray, "N 3"]:
         """Rotor positions from the body origin [m]."""
-        return np.array([rotor.position for rotor in self.rotors], dtype=float)
+        return _read_only([rotor.position for rotor in self.rotors])
 
-    @property
+    @cached_property
     def axes(self) -> Float[np.ndarray, "N 3"]:
         """Unit thrust directions."""
-        return np.array([rotor.axis for rotor in self.rotors], dtype=float)
+        return _read_only([rotor.axis for rotor in self.rotors])
 
-    @property
+    @cached_property
     def spins(self) -> Float[np.ndarray, " N"]:
         """+1 for a rotor that turns counter-clockwise seen from above, -1 for clockwise."""
-        return np.array([1.0 if rotor.spin == "ccw" else -1.0 for rotor in self.rotors])
+        return _read_only([1.0 if rotor.spin == "ccw" else -1.0 for rotor in self.rotors])
 
-    @property
+    @cached_property
     def squared_arms(self) -> Float[np.ndarray, " N"]:
         """Squared distance of each rotor from the body's z axis [m^2]."""
-        return (self.positions[:, :2] ** 2).sum(axis=1)
+        return _read_only((self.positions[:, :2] ** 2).sum(axis=1))
 
-    @property
+    @cached_property
     def disk_area(self) -> float:
         """Area of all propellers' disks together [m^2], of a usual size where none is declared."""
         diameter = self.propeller
@@ -132,11 +136,18 @@ class Vehicle:
             diameter = PROPELLER_SHARE * float(distances[distances > COAXIAL * self.arm].min())
         return len(self.rotors) * np.pi * diameter**2 / 4.0
 
-    @property
+    @cached_property
     def arm(self) -> float:
         """Mean distance of the rotors from the thrust line through their centre [m]."""
         offsets = self.positions[:, :2] - self.positions[:, :2].mean(axis=0)
         return float(np.hypot(offsets[:, 0], offsets[:, 1]).mean())
+
+
+def _read_only(values: ArrayLike) -> Float[np.ndarray, "..."]:
+    """Return an array that all who ask share, and nobody changes."""
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array
 
 
 Seat = tuple[float, Spin]
