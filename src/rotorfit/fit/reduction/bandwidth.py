@@ -59,6 +59,9 @@ EDGES: Final = np.array([0.5, 1.0, 2.0, 3.0, 4.5, 7.0, 10.0, 14.0, 19.0, 25.0, 3
 LEAST_GAIN: Final = 20.0
 """Gain of log-likelihood for which a low-pass is taken to be there: flights without one gain 0 to
 16 (CineRat, Betaflight, PX4's simulator, Crazyflie), those behind one at 4 to 20 Hz 27 to 8500."""
+MAY_GAIN: Final = 0.5
+"""Share of that gain for which all cut-offs are tried: of every third the best gains .9 of the best
+of all or more, where that gains anything."""
 LEAST_FOLLOWED: Final = 0.85
 """Least gain at which a band counts. What a band says of a number is off by as much as its gain."""
 LEAST_COHERENCE: Final = 0.7
@@ -218,6 +221,8 @@ def measured_bandwidth(
 ) -> Bandwidth | None:
     """Find the low-pass common to the channels of a sensor; None if the flight shows none."""
     none = _by_lowpass(frequency, channels, np.ones((1, len(frequency)), complex)).max()
+    if not _may_be_filtered(frequency, channels, none):
+        return None
     best: Bandwidth | None = None
     for name, shape in SHAPES.items():
         gains = np.array([shape(frequency / cutoff) for cutoff in CUTOFFS])
@@ -236,6 +241,15 @@ def measured_bandwidth(
     assert best is not None
     shown = best.gain > LEAST_GAIN and best.interval[1] < CUTOFFS[-1]
     return best if shown else None
+
+
+def _may_be_filtered(
+    frequency: Float[np.ndarray, " l"], channels: Sequence[Channel], none: float
+) -> bool:
+    """Return whether one of few low-passes gains enough that the search among all is worth it."""
+    gains = [shape(frequency / cutoff) for shape in SHAPES.values() for cutoff in CUTOFFS[1::3]]
+    few = _by_lowpass(frequency, channels, np.array(gains)).max()
+    return float(few) - none > MAY_GAIN * LEAST_GAIN
 
 
 def _by_lowpass(
@@ -327,16 +341,17 @@ def _profile_variances(
     """Regress with each band's variance from its residual; return the log-likelihoods."""
     least = np.maximum(least, 1e-6 * yy.clip(min=TINY))
     left = np.tile(np.maximum(yy, least), (len(A), 1))
-    ridge = 1e-9 * np.eye(A.shape[2])
+    t, b, k = c.shape
+    ridge = 1e-9 * np.eye(k)
+    by_band, by_row = A.reshape(t, b, k * k), A.reshape(t, b * k, k)
     for _ in range(PASSES):
-        weight = lines / left
-        information = (A * weight[:, :, None, None]).sum(axis=1)
+        weight = (lines / left)[:, None, :]
+        information = (weight @ by_band).reshape(t, k, k)
         information += ridge * np.trace(information, axis1=1, axis2=2)[:, None, None]
-        asked = (c * weight[:, :, None]).sum(axis=1)
-        solved: Float[np.ndarray, "t k 1"] = np.asarray(
-            np.linalg.solve(information, asked[:, :, None]), dtype=float
+        asked = (weight @ c).transpose(0, 2, 1)
+        found: Float[np.ndarray, "t k 1"] = np.asarray(
+            np.linalg.solve(information, asked), dtype=float
         )
-        found: Float[np.ndarray, "t 1 k"] = solved.transpose(0, 2, 1)
-        made: Float[np.ndarray, "t b k"] = (A * found[:, :, None, :]).sum(axis=3) - 2.0 * c
-        left = np.maximum(yy + (made * found).sum(axis=2), 0.0) + least
+        made: Float[np.ndarray, "t b k"] = (by_row @ found).reshape(t, b, k) - 2.0 * c
+        left = np.maximum(yy + (made @ found)[:, :, 0], 0.0) + least
     return -(lines * np.log(left / yy.clip(min=TINY))).sum(axis=1)
