@@ -60,6 +60,23 @@ def rotated_back(q: Quaternions, v: Vectors) -> Vectors:
     return rotated(q * [1.0, -1.0, -1.0, -1.0], v)
 
 
+def rotation_matrices(q: Quaternions) -> Float[np.ndarray, "*n 3 3"]:
+    """Return the matrices that rotate vectors as the unit quaternions do."""
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    matrix = np.empty((*w.shape, 3, 3))
+    matrix[..., 0, 0] = 1.0 - 2.0 * (y * y + z * z)
+    matrix[..., 1, 1] = 1.0 - 2.0 * (x * x + z * z)
+    matrix[..., 2, 2] = 1.0 - 2.0 * (x * x + y * y)
+    for i, j, sum_part, turn_part in (
+        (1, 0, x * y, w * z),
+        (0, 2, x * z, w * y),
+        (2, 1, y * z, w * x),
+    ):
+        matrix[..., i, j] = 2.0 * (sum_part + turn_part)
+        matrix[..., j, i] = 2.0 * (sum_part - turn_part)
+    return matrix
+
+
 def product(p: Quaternions, q: Quaternions) -> Quaternions:
     """Return the turn q followed by p."""
     a, b = p[..., 1:], q[..., 1:]

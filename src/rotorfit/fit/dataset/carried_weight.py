@@ -36,7 +36,7 @@ from rotorfit.estimation.distributions import normal_density, student_density, s
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.dataset.weight_balance import VELOCITY_CHANGE, Held, Turning, grouped
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.flight.kinematics import product, rotated, small_turns
+from rotorfit.flight.kinematics import product, rotated, rotation_matrices, small_turns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -98,11 +98,15 @@ def height_force(
     if count < FEWEST:
         return None
     A = _motion_columns(velocity, step)
-    value, rest = _slope_by_height(A, left)
-    rows = np.arange(n)
-    batches = np.array_split(rows, count)
-    without = [np.delete(rows, own) for own in batches]
-    moved = np.array([_slope_by_height(A[kept], left[kept])[0] for kept in without]) - value
+    whole = np.column_stack([A / np.linalg.norm(A, axis=0).clip(min=TINY), left])
+    batches = np.array_split(np.arange(n), count)
+    grams = np.array([whole[own].T @ whole[own] for own in batches])
+    together = grams.sum(axis=0)
+    found = _regress(together)
+    rest = left - whole[:, :-1] @ found
+    size = max(float(np.linalg.norm(A[:, -1])), TINY)
+    value = -float(found[-1]) / size
+    moved = np.array([-float(_regress(together - own)[-1]) / size for own in grams]) - value
     std = float(np.sqrt((count - 1) / count * (moved**2).sum()))
     every = (std, SOUND, _by_gusts(A, rest, batches, step))
     return weighed(value, float(np.linalg.norm(every)), degrees=count - 1)
@@ -115,12 +119,10 @@ def _motion_columns(velocity: Float[np.ndarray, " n"], step: float) -> Float[np.
     return np.column_stack([np.ones(len(time)), time, time**2, velocity, height])
 
 
-def _slope_by_height(
-    A: Float[np.ndarray, "n 5"], left: Float[np.ndarray, " n"]
-) -> tuple[float, Float[np.ndarray, " n"]]:
-    """Regress a force on height; return its slope and the residual."""
-    found = np.linalg.lstsq(A, left)[0]
-    return -float(found[-1]), left - A @ found
+def _regress(gram: Float[np.ndarray, "c c"]) -> Float[np.ndarray, " k"]:
+    """Regress the last of some columns on the others, of which the products are given."""
+    found: Float[np.ndarray, " k"] = np.linalg.lstsq(gram[:-1, :-1], gram[:-1, -1])[0]
+    return found
 
 
 def _by_gusts(
@@ -388,24 +390,21 @@ def gyro_drift(
     force of a stretch is as sure as the change of velocity, which is not known, allows.
     `force` is in the carried axes [m/s^2], `step` between samples [s].
     """
-    axes = np.broadcast_to(np.eye(3), (len(attitude), 3, 3))
-    bias_turns = np.cumsum(rotated(attitude[:, None].repeat(3, axis=1), axes), axis=0) * step
-    share = np.sqrt(_bell_weights(len(force)))[:, None] / (
-        VELOCITY_CHANGE * slope_std(len(force) * step)
-    )
+    bias_turns = np.cumsum(rotation_matrices(attitude).swapaxes(1, 2), axis=0) * step
+    weights = _bell_weights(len(force))
+    share = weights / (VELOCITY_CHANGE * slope_std(len(force) * step)) ** 2
     drift = np.zeros_like(force)
     for _ in range(PASSES):
         left = rotated(small_turns(-drift), force)
-        mean = _bell_weights(len(left)) @ left
-        lean = np.cross(bias_turns, mean)
-        rows = share[..., None] * np.concatenate(
-            [np.broadcast_to(np.eye(3), lean.shape), lean.swapaxes(1, 2)], axis=2
-        )
-        known = np.hstack([np.zeros((3, 3)), np.eye(3) / GYRO_BIAS_STD])
-        bias = np.linalg.lstsq(
-            np.concatenate([rows.reshape(-1, 6), known]),
-            np.concatenate([(share * left).ravel(), np.zeros(3)]),
-        )[0][3:]
+        # A row is a sample's force less the constant one, and less what the bias leans of that.
+        lean = np.cross(bias_turns, weights @ left)
+        flat = lean.transpose(1, 0, 2).reshape(3, -1)
+        weighed = (lean * share[:, None, None]).transpose(1, 0, 2).reshape(3, -1)
+        both = weighed.reshape(3, -1, 3).sum(axis=1)
+        information = np.block([[share.sum() * np.eye(3), both.T], [both, weighed @ flat.T]])
+        information[3:, 3:] += np.eye(3) / GYRO_BIAS_STD**2
+        known = np.concatenate([share @ left, weighed @ left.ravel()])
+        bias = np.linalg.solve(information, known)[3:]
         drift = drift + np.einsum("njk,j->nk", bias_turns, bias)
     return drift
 
