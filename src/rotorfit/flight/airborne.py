@@ -360,15 +360,18 @@ def _level_cuts(level: Float[np.ndarray, "m k"], shortest: int) -> list[int]:
     m, price = len(level), shortest * np.log(ACTIVITY_RATIO) ** 2
     centred = level - level.mean(axis=0)
     sums = np.concatenate([np.zeros((1, level.shape[1])), np.cumsum(centred, axis=0)])
-    squares = np.concatenate([[0.0], np.cumsum((centred**2).sum(axis=1))])
-    cost, before = np.full(m + 1, np.inf), np.zeros(m + 1, dtype=int)
-    cost[0] = 0.0
+    # Squares about zero are the same for every cut: what cuts cost is a price less the explained.
+    paid, before = np.full(m + 1, np.inf), np.zeros(m + 1, dtype=int)
+    paid[0] = 0.0
+    lengths = np.arange(m, 0, -1)
     for stop in range(shortest, m + 1):
-        first = np.arange(max(stop - LONGEST_LEVEL, 0), stop - shortest + 1)
-        explained = ((sums[stop] - sums[first]) ** 2).sum(axis=1) / (stop - first)
-        total = cost[first] + squares[stop] - squares[first] - explained + price
-        best = int(np.argmin(total))
-        cost[stop], before[stop] = total[best], first[best]
+        least, most = max(stop - LONGEST_LEVEL, 0), stop - shortest + 1
+        parts = sums[least:most] - sums[stop]
+        explained = np.einsum("fk,fk->f", parts, parts)
+        explained /= lengths[m - stop + least : m - stop + most]
+        total = paid[least:most] - explained
+        best = int(total.argmin())
+        paid[stop], before[stop] = total[best] + price, least + best
     cuts = [int(before[m])]
     while cuts[-1] > 0:
         cuts.append(int(before[cuts[-1]]))
