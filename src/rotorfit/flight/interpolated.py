@@ -177,5 +177,8 @@ def _median_levels(power: Float[np.ndarray, " f"]) -> Float[np.ndarray, " f"]:
     padded[AROUND] = np.nan
     near = np.r_[0 : AROUND - NEAR, AROUND + NEAR + 1 : 2 * AROUND + 1]
     around = sliding_window_view(padded, 2 * AROUND + 1)[:, near]
-    level: Float[np.ndarray, " f"] = np.nanmedian(around, axis=1)
+    # The median of what is no NaN: those are sorted last. NumPy's own takes four times as long.
+    ordered = np.sort(around, axis=1)
+    count, rows = np.isfinite(around).sum(axis=1), np.arange(len(around))
+    level = 0.5 * (ordered[rows, (count - 1) // 2] + ordered[rows, count // 2])
     return np.where(level > 0.0, level, np.inf)
