@@ -173,12 +173,19 @@ def thinned_sums(
     weights: Float[np.ndarray, " t"], values: Float[np.ndarray, "n k"], step: int
 ) -> Float[np.ndarray, "m k"]:
     """Sum as many consecutive samples as there are weights, beginning at every `step`-th one."""
-    rows = len(values) - len(weights)
-    sums = np.empty((max(rows // step + 1, 0), values.shape[1]))
-    for column in range(values.shape[1] if len(sums) else 0):
-        own = np.ascontiguousarray(values[:, column])
-        windows = np.lib.stride_tricks.sliding_window_view(own, len(weights))[::step]
-        np.matmul(windows, weights, out=sums[:, column])
+    count = max((len(values) - len(weights)) // step + 1, 0)
+    parts = -(-len(weights) // step)
+    padded = np.zeros(parts * step)
+    padded[: len(weights)] = weights
+    rows = (count + parts - 1) * step
+    whole = np.zeros((max(rows, len(values)), values.shape[1]))
+    whole[: len(values)] = values
+    # Steps of the samples times steps of the weights, of which those that meet are summed.
+    blocks = np.ascontiguousarray(whole[:rows].reshape(-1, step, values.shape[1]).swapaxes(1, 2))
+    products = blocks @ padded.reshape(parts, step).T
+    sums = np.zeros((count, values.shape[1]))
+    for part in range(parts if count else 0):
+        sums += products[part : part + count, :, part]
     return sums
 
 
