@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+import operator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from jaxtyping import Float, Int
 
     from rotorfit.flight.signals import Thinning
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
     from rotorfit.logs.flight_log import LagOn
 
 Differentiation = Literal["exact", "central"]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,6 +112,8 @@ class FlightData:
     filters
         On board, that gyro and accelerometer passed; those of the gyro the rotor speeds passed, too
         (`on_board.py`).
+    motion_memo
+        What was made by `of_motion`; copies with other rotor speeds share it.
     """
 
     sample_rate: float
@@ -131,6 +137,20 @@ class FlightData:
     held: HeldCommands | None = None
     noise_level: Float[np.ndarray, " n"] | None = None
     filters: tuple[Filter, ...] = ()
+    motion_memo: dict[str, tuple[tuple[object, ...], Any]] = field(
+        default_factory=dict[str, tuple[tuple[object, ...], Any]], compare=False, repr=False
+    )
+
+    def of_motion(self, name: str, made_of: tuple[object, ...], make: Callable[[], T]) -> T:
+        """Return what follows from the body's motion alone, made once for all motor timings.
+
+        `name`: under which it is kept. `made_of`: all that it depends on, compared by identity.
+        """
+        known = self.motion_memo.get(name)
+        if known is None or not all(map(operator.is_, known[0], made_of)):
+            known = self.motion_memo[name] = made_of, make()
+        made: T = known[1]
+        return made
 
     @property
     def used_rows(self) -> Int[np.ndarray, " u"]:

@@ -100,27 +100,33 @@ def inflow_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 def inflow_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n i"]:
     """Compute the signals of air through the rotors, with rotor i's velocity u_i along its axis."""
-    moving, n = rotor_velocities(flight, flight.velocity, rows, vehicle), vehicle.axes
-    through = (moving * n).sum(axis=2) + _gained_inflow(flight, moving, n)
+    n, (through, _) = vehicle.axes, _air_through_rotors(flight, rows, vehicle)
     wrenches = (flight.rotor_speed[rows] * through) @ np.hstack([n, np.cross(vehicle.positions, n)])
     names = inflow_names(vehicle)
     return wrenches[:, [i for i, name in enumerate(INFLOW_SIGNALS) if name in names]]
 
 
-def _gained_inflow(
-    flight: FlightData, moving: Float[np.ndarray, "n N 3"], n: Float[np.ndarray, "N 3"]
-) -> Float[np.ndarray, "n N"]:
-    """Return by how much each rotor's induced velocity is above that of hover [m/s].
+def _air_through_rotors(
+    flight: FlightData, rows: slice, vehicle: Vehicle
+) -> tuple[Float[np.ndarray, "n N"], Float[np.ndarray, " n"]]:
+    """Return the air through each rotor beyond that of hover, and the rotors' mean share of it.
 
-    `moving`: velocity of each rotor. Zero where the mass, and so the velocity of hover, is not
-    known.
+    The share is by how much the induced velocity is above that of hover [m/s]: zero where the mass,
+    and so the velocity of hover, is not known.
     """
-    along = (moving * n).sum(axis=2)
     hover = flight.hover_inflow
-    if hover is None:
-        return np.zeros_like(along)
-    across = np.sqrt(((moving - along[:, :, None] * n) ** 2).sum(axis=2))
-    return induced_velocity(across, along, hover) - hover
+
+    def make() -> tuple[Float[np.ndarray, "n N"], Float[np.ndarray, " n"]]:
+        moving, n = rotor_velocities(flight, flight.velocity, rows, vehicle), vehicle.axes
+        along = (moving * n).sum(axis=2)
+        if hover is None:
+            return along, np.zeros(len(along))
+        across = np.sqrt(((moving - along[:, :, None] * n) ** 2).sum(axis=2))
+        gained = induced_velocity(across, along, hover) - hover
+        return along + gained, gained.mean(axis=1)
+
+    made_of = (flight.velocity, flight.angular_velocity, hover, vehicle)
+    return flight.of_motion(f"air through rotors, {rows.start} to {rows.stop}", made_of, make)
 
 
 def induced_velocity(
@@ -169,9 +175,8 @@ def wake_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.
     v, hover = _known_velocity(flight, rows), flight.hover_inflow
     if hover is None:
         return np.zeros((len(v), 2))
-    moving = rotor_velocities(flight, flight.velocity, rows, vehicle)
-    gained = _gained_inflow(flight, moving, vehicle.axes)
-    return v[:, :2] * (hover + gained.mean(axis=1))[:, None]
+    _, gained = _air_through_rotors(flight, rows, vehicle)
+    return v[:, :2] * (hover + gained)[:, None]
 
 
 def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]:
