@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from rotorfit.logs.dataflash.columns import rate_of, timed, vector
 from rotorfit.logs.flight_log import SITL, Channel, LoggedMotors
@@ -371,8 +372,6 @@ def _to_outputs(
     The slow factor between them (battery voltage, density of the air) is a running median. While
     the motors idle, the outputs that were logged are held. None: too few to check by.
     """
-    from scipy import ndimage
-
     width = curve.spin_max - curve.spin_min
     flying = outputs.values.mean(axis=1) > curve.spin_min + IDLE
     if int(flying.sum()) < FEWEST_CHECKS or len(time) < 2:
@@ -381,7 +380,8 @@ def _to_outputs(
     logged = (outputs.values[flying] - curve.spin_min) / width
     mixed = np.column_stack([np.interp(at, time, share[:, k]) for k in range(share.shape[1])])
     ratio = logged.mean(axis=1) / np.maximum(mixed.mean(axis=1), 1e-3)
-    factor = ndimage.median_filter(ratio, SMOOTHED, mode="nearest")
+    around = sliding_window_view(np.pad(ratio, SMOOTHED // 2, mode="edge"), SMOOTHED)
+    factor: Float[np.ndarray, " f"] = np.median(around, axis=1)
     difference = float(np.median(np.abs(mixed * factor[:, None] - logged))) * width
     values = np.clip(
         curve.spin_min + width * share * np.interp(time, at, factor)[:, None], 0.0, 1.0
