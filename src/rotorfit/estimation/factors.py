@@ -99,6 +99,20 @@ class Factors:
         )
 
     @cached_property
+    def borrowed_shares(self) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, " b"]]:
+        """Share of the block before and of the block after that a block of few rows borrows."""
+        same = self.segment[1:] == self.segment[:-1]
+        shares = np.zeros((2, len(self)))
+        shares[0, 1:], shares[1, :-1] = 0.5 * same, 0.5 * same
+        before, after = shares * (self.rows < FEW_ROWS)
+        return before, after
+
+    @cached_property
+    def rows_with_borrowed(self) -> Float[np.ndarray, " b"]:
+        """Rows of every block, with those that it borrows."""
+        return _with_neighbours(self.rows.astype(float), self, EVERY_BLOCK)
+
+    @cached_property
     def columns(self) -> Float[np.ndarray, "b m a"]:
         """The rows of every block: its signals, then the slopes of those that move."""
         if self.slopes is None:
@@ -214,6 +228,8 @@ def borrowed_mean_square(
 
 def borrowed_rows(factors: Factors, part: slice = EVERY_BLOCK) -> Float[np.ndarray, " b"]:
     """Return the number of rows behind each such mean square."""
+    if part == EVERY_BLOCK:
+        return factors.rows_with_borrowed
     return _with_neighbours(factors.rows[part].astype(float), factors, part)
 
 
@@ -221,12 +237,11 @@ def _with_neighbours(
     sums: Float[np.ndarray, "b *k"], factors: Factors, part: slice
 ) -> Float[np.ndarray, "b *k"]:
     """Add to each block half of its neighbours' sums where rows are few."""
-    few, segment = factors.rows[part] < FEW_ROWS, factors.segment[part]
-    same = segment[1:] == segment[:-1]
+    shape = (-1, *[1] * (sums.ndim - 1))
+    before, after = (share[part].reshape(shape) for share in factors.borrowed_shares)
     total = sums.copy()
-    for here, other in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
-        borrowed = 0.5 * (same & few[here])
-        total[here] += borrowed.reshape(-1, *[1] * (sums.ndim - 1)) * sums[other]
+    total[1:] += before[1:] * sums[:-1]
+    total[:-1] += after[:-1] * sums[1:]
     return total
 
 
@@ -272,32 +287,29 @@ def triangular_factors(
     R, accurate = np.zeros_like(gram), np.zeros(len(gram), dtype=bool)
     R[many], accurate[many] = _cholesky_factors(gram[many])
     R *= safe[:, None, :]
-    for i in np.flatnonzero(~accurate).tolist():
-        R[i] = _householder_factors(blocks[i][None])[0]
+    lengths = np.array([len(rows) for rows in blocks])
+    for length in np.unique(lengths[~accurate]).tolist():
+        alike = np.flatnonzero(~accurate & (lengths == length))
+        R[alike] = _householder_factors(np.array([blocks[i] for i in alike.tolist()]))
     return R
 
 
 def _cholesky_factors(
     gram: Float[np.ndarray, "b z z"],
 ) -> tuple[Float[np.ndarray, "b z z"], Bool[np.ndarray, " b"]]:
-    """Factor unit-diagonal Gram matrices, and mark the factors that rounding leaves valid."""
+    """Factor unit-diagonal Gram matrices, and mark the factors that rounding leaves valid.
+
+    A singular one fails all that are factored with it: then each half is factored by itself.
+    """
     try:
         lower = np.linalg.cholesky(gram)
     except np.linalg.LinAlgError:
-        return _cholesky_one_by_one(gram)
+        if len(gram) == 1:
+            return np.zeros_like(gram), np.zeros(1, dtype=bool)
+        halves = [_cholesky_factors(half) for half in np.array_split(gram, 2)]
+        return np.concatenate([R for R, _ in halves]), np.concatenate([own for _, own in halves])
     accurate = np.einsum("bii->bi", lower).min(axis=1) > SMALLEST_PIVOT
     return np.ascontiguousarray(lower.transpose(0, 2, 1)), accurate
-
-
-def _cholesky_one_by_one(
-    gram: Float[np.ndarray, "b z z"],
-) -> tuple[Float[np.ndarray, "b z z"], Bool[np.ndarray, " b"]]:
-    """Factor the Gram matrices one by one: a single singular block fails a whole batch."""
-    # The smallest eigenvalue is below every squared pivot: what passes here cannot fail.
-    accurate = np.linalg.eigvalsh(gram)[:, 0] > SMALLEST_PIVOT**2
-    R = np.zeros_like(gram)
-    R[accurate] = np.linalg.cholesky(gram[accurate]).transpose(0, 2, 1)
-    return R, accurate
 
 
 def _householder_factors(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, "b z z"]:
