@@ -88,7 +88,7 @@ def reweighted(
         if np.all(np.abs(phi - before) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))):
             break
     A, _ = _weighted_equations(J, y, variance, information)
-    svd = scaled_singular(A, names)
+    svd = scaled_singular(np.linalg.qr(A, mode="r"), names)  # of few rows, and as singular
     scores = (residual[:, None] @ J)[:, 0] / variance[:, None]
     return BandedFit(
         estimate=Estimate(
@@ -132,8 +132,6 @@ def _quick_covariance(
     information: Float[np.ndarray, " f"],
 ) -> Float[np.ndarray, "f f"] | None:
     """Compute the covariance from the blocks' Gram matrices; None if that would cost digits."""
-    import scipy.linalg  # slow to import
-
     whole = np.tensordot(1.0 / variance, gram, axes=1) + np.diag(information)
     lengths = np.sqrt(np.diagonal(whole))
     if not (lengths > 0.0).all():
@@ -144,7 +142,7 @@ def _quick_covariance(
         return None
     if np.diagonal(lower).min() < SMALLEST_PIVOT:
         return None
-    root = scipy.linalg.solve_triangular(lower, np.diag(1.0 / lengths), lower=True)
+    root = np.linalg.inv(lower) / lengths
     covariance: Float[np.ndarray, "f f"] = root.T @ root
     return covariance
 
