@@ -9,11 +9,12 @@ from benchmarks.accuracy.rivals import block_covariance, block_scores
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_problem import dense_rows, plain_problem, wrench_problem
+from scipy.optimize import nnls
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import problem_rows
 from rotorfit.estimation.factors import stack_factors
-from rotorfit.estimation.least_squares import ordinary
+from rotorfit.estimation.least_squares import nonnegative_solution, ordinary
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -239,3 +240,14 @@ def test_fewer_rows_than_parameters_are_refused():
     A, y = noisy(9, n=3)
     with pytest.raises(EstimationError, match="leave a combination of parameters free"):
         ordinary(plain_problem(A, y))
+
+
+@settings(deadline=None)
+@given(SEEDS, st.integers(1, 4))
+def test_nonnegative_solution_is_scipys(seed, columns):
+    rng = np.random.default_rng(seed)
+    A, y = rng.standard_normal((12, columns)), rng.standard_normal(12)
+    expected, left = nnls(A, y)
+    found = nonnegative_solution(A.T @ A, A.T @ y)
+    assert found == pytest.approx(expected, abs=1e-9)
+    assert np.linalg.norm(y - A @ found) == pytest.approx(left, abs=1e-9)

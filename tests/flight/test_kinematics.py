@@ -16,6 +16,8 @@ from rotorfit.errors import FlightError
 from rotorfit.flight.kinematics import (
     continuous_quaternions,
     motion_from_quaternions,
+    rotated,
+    rotation_matrices,
 )
 from rotorfit.flight.signals import low_pass, smooth_motors, spline_derivatives
 
@@ -162,3 +164,13 @@ def test_motors_are_moved_and_lagged_as_smooth_signals():
     np.testing.assert_allclose(value[late, 0], expected[late], atol=0.02)
     expected = 50 * w * gain * np.cos(w * (TIME - delay) - phase)
     np.testing.assert_allclose(slope[late, 0], expected[late], atol=0.5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rotation_matrices_turn_as_the_quaternions_do(seed):
+    rng = np.random.default_rng(seed)
+    q, v = rng.standard_normal((20, 4)), rng.standard_normal((20, 3))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    matrices = rotation_matrices(q)
+    assert np.allclose(matrices, Rotation.from_quat(q, scalar_first=True).as_matrix(), atol=1e-14)
+    assert np.allclose((matrices @ v[:, :, None])[:, :, 0], rotated(q, v), atol=1e-14)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.estimation.least_squares import nonnegative_solution
 from rotorfit.fit.dataset.response_signals import BAND
 from rotorfit.fit.reduction.frequency_bands import EDGES, excited_bands
 from rotorfit.model.vehicle import Vehicle, reversed_rotor
@@ -190,9 +191,8 @@ def _residual_power(yaw: _Yaw, weight: Float[np.ndarray, " b"]) -> Float[np.ndar
     if size > 0.0:
         columns = columns - np.outer(thrust, thrust @ columns / size)
     length = np.maximum(np.linalg.norm(columns[:, :-1], axis=0), _TINY)
-    from scipy.optimize import nnls  # slow to import
-
-    found, _ = nnls(columns[:, :-1] / length, columns[:, -1])
+    scaled = columns[:, :-1] / length
+    found = nonnegative_solution(scaled.T @ scaled, scaled.T @ columns[:, -1])
     errors = columns[:, -1] - columns[:, :-1] @ (found / length)
     return (errors.reshape(shape[:2]) ** 2).sum(axis=1) / weight
 

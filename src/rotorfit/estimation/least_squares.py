@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -183,3 +184,22 @@ def essential_total(problem: LinearProblem, *, r_sigma: float) -> EssentialEstim
         problem = dataclasses.replace(problem, map=problem.map.without(worst))
         estimate, weighted = weighted_total(problem)
     return EssentialEstimate(estimate=estimate, removed=tuple(removed), problem=weighted)
+
+
+def nonnegative_solution(
+    products: Float[np.ndarray, "k k"], right: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, " k"]:
+    r"""Return :math:`\arg\min_{x \geq 0} |A x - y|^2` for the few columns of A.
+
+    `products`, `right`: A^T A and A^T y. Every choice of columns is tried: of those whose solution
+    has no negative entry the one that explains most is the minimum.
+    """
+    best, most = np.zeros(len(right)), 0.0
+    for count in range(1, len(right) + 1):
+        for chosen in map(list, combinations(range(len(right)), count)):
+            found = np.linalg.lstsq(products[np.ix_(chosen, chosen)], right[chosen])[0]
+            explained = float(found @ right[chosen])
+            if explained > most and (found >= 0.0).all():
+                best, most = np.zeros(len(right)), explained
+                best[chosen] = found
+    return best

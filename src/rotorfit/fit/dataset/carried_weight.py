@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -361,24 +361,49 @@ def _project_on_vertical(
     It is where the mean force of each points, without what the velocity gains sideways: over ten
     seconds such a gain of 3 m/s leans the mean force by .03 rad and makes it .05 % too long.
     """
+    carried = flight.of_motion(
+        f"carried axes, windows {piece[0]} to {piece[-1]}",
+        (axes, flight.specific_force, flight.any_velocity),
+        lambda: _carry_axes(axes, flight, piece),
+    )
+    pushed = (carried.turns @ _in_groups(axes, push, piece)[:, :, None])[:, :, 0]
+    weights = _bell_weights(len(pushed))
+    scale = np.linalg.norm(weights @ carried.read) / np.linalg.norm(weights @ pushed)
+    up = weights @ (carried.read - carried.gained)
+    along = weights @ (scale * pushed - carried.gained)
+    up, along = up / np.linalg.norm(up), along / np.linalg.norm(along)
+    return carried.read @ up, pushed @ along, carried.moved @ up
+
+
+class _Carried(NamedTuple):
+    """Axes that the gyro carries over some windows, without its drift, and what is seen in them.
+
+    - `turns`: from body axes to these.
+    - `read`: specific force [m/s^2].
+    - `moved`, `gained`: velocity [m/s], NaN where it is not known, and its slope, then zero.
+    """
+
+    turns: Float[np.ndarray, "m 3 3"]
+    read: Float[np.ndarray, "m 3"]
+    moved: Float[np.ndarray, "m 3"]
+    gained: Float[np.ndarray, "m 3"]
+
+
+def _carry_axes(axes: Turning, flight: FlightData, piece: Sequence[int]) -> _Carried:
+    """Carry axes over windows that follow one another."""
     step = axes.group / axes.sample_rate
     attitude = _carried_on(axes, piece)
-    read, pushed = (
-        rotated(attitude, _in_groups(axes, values, piece))
-        for values in (flight.specific_force, push)
-    )
+    read = rotated(attitude, _in_groups(axes, flight.specific_force, piece))
     moved, gained = np.full_like(read, np.nan), np.zeros_like(read)
     if flight.any_velocity is not None:
         moved = rotated(attitude, _in_groups(axes, flight.any_velocity, piece))
     if np.isfinite(moved).all():  # of all of a stretch, or of none
         gained = np.gradient(moved, step, axis=0)
     back = small_turns(-gyro_drift(attitude, read - gained, step))
-    read, pushed, moved, gained = (rotated(back, x) for x in (read, pushed, moved, gained))
-    weights = _bell_weights(len(read))
-    scale = np.linalg.norm(weights @ read) / np.linalg.norm(weights @ pushed)
-    up, along = weights @ (read - gained), weights @ (scale * pushed - gained)
-    up, along = up / np.linalg.norm(up), along / np.linalg.norm(along)
-    return read @ up, pushed @ along, moved @ up
+    return _Carried(
+        rotation_matrices(product(back, attitude)),
+        *(rotated(back, x) for x in (read, moved, gained)),
+    )
 
 
 def gyro_drift(
