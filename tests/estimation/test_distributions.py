@@ -22,6 +22,15 @@ def test_student(p: float) -> None:
         np.testing.assert_allclose(found, stats.t.pdf([t, 0.3], degrees), rtol=1e-11)
 
 
+def test_tail_of_student_is_that_of_scipy_and_ends_as_the_normal() -> None:
+    for degrees in (1.0, 3.5, 80.0):
+        t = np.array([-2.0, 0.0, 1.0, 30.0])
+        np.testing.assert_allclose(
+            distributions.student_tail(t, degrees), stats.t.sf(t, degrees), rtol=1e-10
+        )
+    assert distributions.student_tail(3.0, np.inf) == pytest.approx(stats.norm.sf(3.0), rel=1e-14)
+
+
 def test_student_without_degrees_of_freedom_is_unknown() -> None:
     assert np.isnan(distributions.student_quantile(0.975, 0))
     assert np.isnan(distributions.student_quantile(0.975, np.array([-1.0, 3.0]))).tolist() == [

@@ -24,6 +24,15 @@ def student_quantile(probability: float | int, degrees: Any) -> Any:
     return np.where(np.isinf(nu), float(special.ndtri(probability)), quantile)[()]
 
 
+def student_tail(t: Any, degrees: Any) -> Any:
+    """Compute the probability that a number of Student's t exceeds t; of the normal for inf."""
+    from scipy import special  # slow to import
+
+    nu: Float[np.ndarray, "..."] = np.asarray(degrees, dtype=float)
+    finite = np.where(np.isinf(nu), 1.0, nu)
+    return np.where(np.isinf(nu), special.ndtr(-t), special.stdtr(finite, -t))[()]
+
+
 def student_density(t: Any, degrees: float | int) -> Any:
     """Compute the density of Student's t."""
     from scipy import special  # slow to import

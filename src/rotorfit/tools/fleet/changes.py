@@ -26,10 +26,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from scipy import stats
-from scipy.special import logsumexp
 
 from rotorfit.estimation.dispersion import degrees_of
+from rotorfit.estimation.distributions import student_quantile, student_tail
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -134,7 +133,7 @@ class _Series:
 
         At Student's t that one of the shapes exceeds by chance as often as alarms may.
         """
-        t = stats.t.isf(0.5 * self.alarm / max(len(self.shapes.first), 1), freedom)
+        t = -student_quantile(0.5 * self.alarm / max(len(self.shapes.first), 1), freedom)
         return 0.5 * freedom * float(np.log1p(t**2 / freedom))
 
 
@@ -263,7 +262,7 @@ def _model_score(
         if rows
     )
     best, _ = _log_likelihoods(series, model)
-    return float(logsumexp(best + log_weight)) - price
+    return float(np.logaddexp.reduce(best + log_weight)) - price
 
 
 def _scatter_posterior(
@@ -272,7 +271,7 @@ def _scatter_posterior(
     """Return how likely each scatter is."""
     _, restricted = _log_likelihoods(series, model)
     total = restricted + log_weight
-    return np.exp(total - logsumexp(total))
+    return np.exp(total - np.logaddexp.reduce(total))
 
 
 def _degrees_of_freedom(one: _Series, posterior: Float[np.ndarray, " s"]) -> float:
@@ -375,7 +374,7 @@ def _describe_change(
     """Return one change beside the others of its vehicle, with its intervals."""
     Z, _, length = _shape_statistics(one, variance, others)
     kinds, kind = np.array(one.shapes.kind), one.shapes.kind[row]
-    t = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
+    t = float(student_quantile(0.5 + 0.5 * CONFIDENCE, freedom))
     near = (Z[row] ** 2 - Z**2 <= t**2) & (length > 0.0) & (kinds == kind)
     sizes, reach = Z[near] / length[near], t / length[near]
     kept = near if kind != "once" else np.arange(len(Z)) == row
@@ -387,6 +386,6 @@ def _describe_change(
         size=float(Z[row] / length[row]),
         low=float((sizes - reach).min()),
         high=float((sizes + reach).max()),
-        p=min(2.0 * len(Z) * float(stats.t.sf(abs(Z[row]), freedom)), 1.0),
+        p=min(2.0 * len(Z) * float(student_tail(abs(Z[row]), freedom)), 1.0),
         shape=one.shapes.values[row],
     )

@@ -18,8 +18,8 @@ from math import comb
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy import stats
 
+from rotorfit.estimation.distributions import student_quantile, student_tail
 from rotorfit.tools.fleet.random_effects import LEAST_GROUPS
 
 if TYPE_CHECKING:
@@ -105,13 +105,13 @@ def contrasts(
     difference = mean[first] - mean[second]
     std = np.sqrt(squared[first] + squared[second])
     # Where there is scatter, it and the stated variances together are what the values show.
-    t = stats.t(freedom) if scatter > 0.0 else stats.norm()
-    half = float(t.ppf(0.5 + 0.5 * CONFIDENCE)) * std
+    degrees = freedom if scatter > 0.0 else np.inf
+    half = float(student_quantile(0.5 + 0.5 * CONFIDENCE, degrees)) * std
     return Contrasts(
         difference=difference,
         low=difference - half,
         high=difference + half,
-        p=2.0 * t.sf(np.abs(difference) / std),
+        p=2.0 * student_tail(np.abs(difference) / std, degrees),
     )
 
 
@@ -210,4 +210,4 @@ def _compared_with_others(
     least = others.sum(axis=1) - 1.0
     freedom = least * ((v + between) / np.maximum(typical, np.finfo(float).tiny)) ** 2
     t = np.abs(y - mean) / std
-    return y - mean, std, np.asarray(2.0 * stats.t(np.maximum(freedom, 1.0)).sf(t))
+    return y - mean, std, 2.0 * student_tail(t, np.maximum(freedom, 1.0))

@@ -16,7 +16,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import scipy.linalg
 from threadpoolctl import threadpool_limits
 
 from rotorfit.errors import EstimationError
@@ -28,6 +27,7 @@ from rotorfit.fit.joint.informative_bands import Pushes, error_correlation, push
 from rotorfit.fit.joint.joint_fit import FittedFactors
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
 from rotorfit.fit.joint.trims import OWN, TRIM, UNSEEN, Scatter, scatters
+from rotorfit.fit.row_fits import block_diagonal
 from rotorfit.tools.fleet.one_flight import experiment_of, fitted_factors
 from rotorfit.tools.fleet.records import FlightRecord, read_entry
 
@@ -251,7 +251,7 @@ def _trim_scatter(vehicle: _Vehicle, trims: Sequence[_Trims]) -> Scatter:
     estimate = Estimate(
         names=tuple(f"{TRIM}{own}@{k}" for k in range(len(trims)) for own in OWN),
         values=np.concatenate([one.values for one in trims]),
-        covariance=np.asarray(scipy.linalg.block_diag(*(one.covariance for one in trims))),
+        covariance=block_diagonal([one.covariance for one in trims]),
         condition_number=1.0,
     )
     c = vehicle.configuration

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy import optimize
 
 from rotorfit.errors import EstimationError
 
@@ -183,6 +182,8 @@ def _find_mode(
 
     if not free.any():
         return start, np.zeros((0, 0))
+    from scipy import optimize  # slow to import
+
     bounds = [LIMITS] * int(free.sum())
     found = optimize.minimize(posterior, start[free], method="L-BFGS-B", bounds=bounds).x
     mode = start.copy()
