@@ -6,11 +6,11 @@ import pytest
 
 from rotorfit.estimation.measured import Measured
 from rotorfit.report.log_report import (
-    LogReport,
     flight_messages,
     prospect_messages,
     recording_messages,
 )
+from rotorfit.tools.inspection.inspect_log import LogReport
 from rotorfit.tools.inspection.prospects import Commands, Excitation, Prospects, Thrust
 from rotorfit.tools.inspection.recording import ChannelReport
 
