@@ -497,9 +497,9 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         changed=(("return CARRIED_VELOCITY", "return CAMERA_VELOCITY"),),
     ),
-    "fit/motors/law_from_flight.py": Room(
+    "fit/motors/law_from_thrust.py": Room(
         tests=(
-            "tests/fit/motors/test_law_from_flight.py",
+            "tests/fit/motors/test_law_from_thrust.py",
             "tests/results/test_command_units.py",
         ),
         scaled=(
@@ -523,14 +523,14 @@ ROOMS: Final[dict[str, Room]] = {
             ("near = NEAR if self.from_flight else 1.0", "near = NEAR"),
         ),
     ),
-    "fit/experiment/law_table.py": Room(
+    "fit/motors/bent_law.py": Room(
         tests=(
-            "tests/fit/motors/test_law_from_flight.py",
+            "tests/fit/motors/test_law_from_thrust.py",
             "tests/results/test_command_units.py",
         ),
         changed=(
             ("(np.maximum(speed, 0.0) / anchor) ** power", "(np.maximum(speed, 0.0) / anchor)"),
-            ('"exponent": power * law.power.exponent', '"exponent": law.power.exponent'),
+            ("exponent=power * law.curve.exponent", "exponent=law.curve.exponent"),
         ),
     ),
     "fit/dataset/carried_weight.py": Room(

@@ -21,7 +21,7 @@ FITTED = {
     "LoadedFlight",
     "MotorTiming",
     "MotorsEntry",
-    "LawEntry",
+    "MotorLaw",
     "Factors",
 }
 """Types of what a fit holds: a function that returns one of them makes another fit."""

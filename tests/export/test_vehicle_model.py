@@ -43,7 +43,7 @@ from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.export.write import export
 from rotorfit.findings import doubt, note
 from rotorfit.flight.motors.motor_model import thrust_curve
-from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
+from rotorfit.logs.motor_law import MotorLaw, PolynomialCurve, SquareRootCurve
 from rotorfit.model.parameters import INERTIA, effective_unit
 from rotorfit.report.parameters import body_entry
 
@@ -547,14 +547,14 @@ def test_an_inertia_in_frd_is_the_turned_one():
 
 @pytest.mark.parametrize("f", [0.0, 0.35, 1.0])
 def test_the_factor_of_the_thrust_curve_is_found(f):
-    curve = thrust_curve(SpeedLaw(curve=SquareRootLaw(900.0, f)))
+    curve = thrust_curve(MotorLaw(curve=SquareRootCurve(900.0, f)))
     assert curve.factor == pytest.approx(f, abs=1e-9)
     assert curve.error == pytest.approx(0.0, abs=1e-9)
     assert f * curve.command(0.4) ** 2 + (1 - f) * curve.command(0.4) == pytest.approx(0.4)
 
 
 def test_the_misfit_of_a_thrust_curve_is_reported():
-    curve = thrust_curve(SpeedLaw(curve=PolynomialLaw((300.0, 700.0))))
+    curve = thrust_curve(MotorLaw(curve=PolynomialCurve((300.0, 700.0))))
     u = np.linspace(0, 1, 501)
     relative = (0.3 + 0.7 * u) ** 2
     miss = np.abs(curve.factor * u**2 + (1 - curve.factor) * u - relative).max()

@@ -10,7 +10,7 @@ from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.flight.mocap.prepare_mocap import prepare_mocap
 from rotorfit.flight.motors.motor_model import MotorModel
 from rotorfit.flight.signals import low_pass
-from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
+from rotorfit.logs.motor_law import MotorLaw, PolynomialCurve
 from rotorfit.simulation import (
     Scenario,
     Sensors,
@@ -162,7 +162,7 @@ def test_start_and_end_by_hand(flight):
 def test_commands_with_their_law_and_lag(flight):
     log = pose_log(flight)
     motors = MotorModel(
-        speed="commanded", law=SpeedLaw(curve=PolynomialLaw((0.0, flight.max_speed))), lag=0.04
+        speed="commanded", law=MotorLaw(curve=PolynomialCurve((0.0, flight.max_speed))), lag=0.04
     )
     data = prepared(log, motors=motors).data
     rows = slice(data.segments[0].start, data.segments[0].stop)

@@ -26,11 +26,11 @@ from rotorfit.flight.motors.motor_model import (
     with_motors,
 )
 from rotorfit.flight.prepare import Cut, prepare
-from rotorfit.logs.speed_law import (
-    PolynomialLaw,
-    SpeedLaw,
-    SquareRootLaw,
-    TableLaw,
+from rotorfit.logs.motor_law import (
+    MotorLaw,
+    PolynomialCurve,
+    SquareRootCurve,
+    TableCurve,
     VoltageFactor,
 )
 from rotorfit.simulation import (
@@ -44,7 +44,7 @@ from rotorfit.simulation import (
     variant,
 )
 
-LAW = SpeedLaw(curve=PolynomialLaw((20.0, 950.0)))
+LAW = MotorLaw(curve=PolynomialCurve((20.0, 950.0)))
 
 
 def refusal(error, log, **options) -> str:
@@ -109,7 +109,7 @@ def test_a_law_with_a_voltage_factor_follows_the_battery(assert_wording):
     )
     message = refusal(LogError, log, motors=motors)
     assert_wording(message)
-    optional = replace(LAW, voltage=VoltageFactor(12.0, 1.0, optional=True))
+    optional = replace(LAW, voltage=VoltageFactor(12.0, 1.0, missing_std=0.04))
     plain = prepared(log, motors=replace(motors, law=LAW)).motor_channel
     assert prepared(log, motors=replace(motors, law=optional)).motor_channel == pytest.approx(plain)
     command = log.channels["command"]
@@ -124,10 +124,10 @@ def test_a_law_with_a_voltage_factor_follows_the_battery(assert_wording):
 def test_a_law_that_does_not_reach_the_commands_is_warned_of(assert_wording):
     log = motion_log(hover_thrust(10), name="command")
     low, high = np.percentile(log.channels["command"].values, [1, 99]).tolist()
-    table = SpeedLaw(curve=TableLaw((low / 4, (low + high) / 2), (100.0, 500.0)))
+    table = MotorLaw(curve=TableCurve((low / 4, (low + high) / 2), (100.0, 500.0)))
     doubts = prepared(log, motors=MotorModel(speed="commanded", law=table)).warnings
     assert_wording(doubts)
-    wide = SpeedLaw(curve=TableLaw((0.0, 1.0), (0.0, 1000.0)))
+    wide = MotorLaw(curve=TableCurve((0.0, 1.0), (0.0, 1000.0)))
     doubts = prepared(log, motors=MotorModel(speed="commanded", law=wide)).warnings
     assert not any("law" in doubt for doubt in doubts)
 
@@ -598,7 +598,7 @@ def test_a_lag_on_thrust_follows_the_square_of_the_speed():
     """PX4's SIH: u moves on by dt / tau of its distance, and thrust goes with u."""
     flight = simulate_flight(*layout_vehicle("quad-x"), Scenario(seconds=6.0), seed=1)
     log = to_flight_log(flight, channels=("gyro", "accel", "command"))
-    law = SpeedLaw(curve=SquareRootLaw(900.0, 0.0))
+    law = MotorLaw(curve=SquareRootCurve(900.0, 0.0))
     found = prepared(log, motors=MotorModel(speed="commanded", law=law, lag=0.05, lag_on="thrust"))
     held = found.motor_channel
     expected = first_order_lag(held**2, found.data.sample_rate, 0.05)

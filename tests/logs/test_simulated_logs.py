@@ -7,7 +7,7 @@ from ulog_encoder import Parts, actuator_motors, encode, sensor_combined
 
 from rotorfit.logs import read_log
 from rotorfit.logs.flight_log import LEAVES_OUT, LoggedMotors
-from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw, VoltageFactor
+from rotorfit.logs.motor_law import MotorLaw, PolynomialCurve, SquareRootCurve, VoltageFactor
 
 TIME = 100.0 + 0.004 * np.arange(200)
 STILL = sensor_combined(TIME, np.zeros((200, 3)), np.tile([0.0, 0.0, 9.8], (200, 1)))
@@ -49,9 +49,9 @@ def test_px4s_simulators_are_known_by_board_and_parameters(tmp_path, values, inf
 
 def test_the_thrust_of_sih_goes_with_the_signal_and_lags(tmp_path, assert_text):
     found = px4(tmp_path, {**SIH, "THR_MDL_FAC": 0.3}, info=ON_COMPUTER)
-    law = SpeedLaw(curve=SquareRootLaw(1.0, 0.0))
+    law = MotorLaw(curve=SquareRootCurve(1.0, 0.0), exact=True)
     words = found.motors.words
-    assert found.motors == LoggedMotors(law=law, words=words, exact=True, lag_on="thrust")
+    assert found.motors == LoggedMotors(law=law, words=words, lag_on="thrust")
     assert_text(words)
     # Thrust .5 is sent as the u of .3 u^2 + .7 u, to which SIH's thrust is in proportion.
     u = found.channels["command"].values[0, 0]
@@ -60,8 +60,8 @@ def test_the_thrust_of_sih_goes_with_the_signal_and_lags(tmp_path, assert_text):
 
 def test_gazebos_output_is_a_speed(tmp_path):
     found = px4(tmp_path, GAZEBO, info=ON_COMPUTER)
-    assert found.motors is not None and found.motors.exact
-    assert found.motors.law == SpeedLaw(curve=PolynomialLaw((150.0, 850.0)))
+    assert found.motors is not None and found.motors.law.exact
+    assert found.motors.law == MotorLaw(curve=PolynomialCurve((150.0, 850.0)), exact=True)
     assert found.motors.lag_on == "speed"
 
 
@@ -71,7 +71,7 @@ def test_of_a_vehicle_only_a_curve_that_was_set_is_a_law(tmp_path, factor, state
     assert (found.motors is not None) == stated
     if found.motors is not None:
         curve = found.motors.law.curve
-        assert isinstance(curve, SquareRootLaw)
+        assert isinstance(curve, SquareRootCurve)
         assert (curve.full_speed, curve.thr_mdl_fac) == pytest.approx((1.0, factor))
 
 
@@ -107,7 +107,7 @@ def test_arducopters_law_is_that_of_its_parameters(tmp_path, values, battery, vo
     found = arducopter(tmp_path, battery=battery, **values)
     assert found.motors is not None
     law = found.motors.law
-    assert law.curve == SquareRootLaw(1.0, 0.65, 0.15, 0.95)
+    assert law.curve == SquareRootCurve(1.0, 0.65, 0.15, 0.95)
     assert law.voltage == voltage
     assert ("MOT_BAT_VOLT_MAX" in found.motors.words) == (voltage is not None)
 

@@ -9,7 +9,7 @@ from made_tables import made_result
 from rotorfit.checks.verdicts.judge import Derived, Parameter
 from rotorfit.findings import doubt
 from rotorfit.fit.experiment.experiment import MotorsEntry
-from rotorfit.fit.experiment.law_table import LawEntry, SqrtEntry
+from rotorfit.logs.motor_law import MotorLaw, SquareRootCurve
 from rotorfit.model.parameters import DERIVED, OF_FLIGHT, PARAMETERS
 from rotorfit.results.assemble import mark_doubtful
 from rotorfit.results.command_units import NO_COMMANDS, NO_MASS, with_flight_numbers
@@ -21,9 +21,7 @@ MASS, KT, FULL = 0.5, 2e-6, 1500.0
 HOVER = (MASS * 9.80665 / 4 / KT) ** 0.5
 ROTORS = {"kt_1": 2.1e-6, "kt_2": 2e-6, "kt_3": 2e-6, "kt_4": 1.9e-6}
 MEASURED = MotorsEntry(speed="measured")
-BY_LAW = MotorsEntry(
-    speed="commanded", law=LawEntry(sqrt=SqrtEntry(full_speed=FULL, thr_mdl_fac=0.4))
-)
+BY_LAW = MotorsEntry(speed="commanded", law=MotorLaw(curve=SquareRootCurve(FULL, 0.4)))
 
 
 def number(kind, name, value, half, *, owner=None, unit=None, **more):

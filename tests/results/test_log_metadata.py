@@ -10,7 +10,6 @@ from rotorfit.errors import ExperimentError
 from rotorfit.findings import sentences
 from rotorfit.fit.dataset.load import agreed_motors, completed_motors
 from rotorfit.fit.experiment.experiment import MotorsEntry
-from rotorfit.fit.experiment.law_table import LawEntry, SqrtEntry, law_entry_of
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.reduction.motor_timing import MotorTiming
 from rotorfit.fit.sensors.known_faults import (
@@ -20,17 +19,19 @@ from rotorfit.fit.sensors.known_faults import (
 )
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.logs.flight_log import Channel, FlightLog, LoggedMotors
-from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
+from rotorfit.logs.motor_law import MotorLaw, SquareRootCurve, VoltageFactor
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import added_signals
 from rotorfit.results.assemble import log_metadata
 
-LAW = SpeedLaw(curve=SquareRootLaw(1.0, 0.65, 0.15, 0.95), voltage=VoltageFactor(12.8, 1.0))
+LAW = MotorLaw(
+    curve=SquareRootCurve(1.0, 0.65, 0.15, 0.95), voltage=VoltageFactor(12.8, 1.0), stated=True
+)
 TOLD = LoggedMotors(law=LAW, words="MOT_THST_EXPO", lag_on="thrust")
 COMMANDED = MotorsEntry(speed="commanded")
 KNOWN = regressor(made_fit.QUAD, added=added_signals(["drag"]))
 """A model with the velocity among its signals."""
-OWN = LawEntry(sqrt=SqrtEntry(full_speed=900.0, thr_mdl_fac=0.3))
+OWN = MotorLaw(curve=SquareRootCurve(900.0, 0.3))
 
 
 def logged(motors=TOLD, **more):
@@ -60,7 +61,7 @@ def numbers(**values):
 
 def test_the_logs_law_fills_what_nobody_gave():
     found = completed_motors(COMMANDED, logged())
-    assert (found.law, found.lag_on) == (law_entry_of(TOLD), "thrust")
+    assert (found.law, found.lag_on) == (TOLD.law, "thrust")
     assert found.law_is_relative
     own = COMMANDED.model_copy(update={"law": OWN, "lag_on": "speed"})
     assert completed_motors(own, logged()) == own
@@ -96,7 +97,7 @@ def test_what_was_taken_from_a_log_is_said(assert_wording):
 
 
 def test_only_settings_may_be_wrong_not_simulated_motors(assert_text):
-    exact = dataclasses.replace(TOLD, exact=True)
+    exact = dataclasses.replace(TOLD, law=dataclasses.replace(LAW, exact=True, stated=False))
     for motors, replaceable in ((TOLD, True), (exact, False)):
         found = made(logged(motors), motors=completed_motors(COMMANDED, logged(motors)))
         [sentence] = sentences(log_metadata(COMMANDED, found))

@@ -31,7 +31,7 @@ from rotorfit.logs.dataflash.frames import CLASSES, TYPES, Frame, numbered_frame
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rotorfit.logs.speed_law import SpeedLaw
+    from rotorfit.logs.motor_law import MotorLaw
 
 HOVER_RANGE: Final = (0.125, 0.6875)
 LARGEST_SPIN_MIN: Final = 0.3
@@ -185,7 +185,7 @@ def _thrust_fields(model: VehicleModel, diagonal: float) -> dict[str, str]:
     return {"propExpo": text(curve.factor), "hoverThrOut": text(hover), **spin, **yaw}
 
 
-def _law_curve(law: SpeedLaw) -> ThrustCurve:
+def _law_curve(law: MotorLaw) -> ThrustCurve:
     start, end = command_range(law)
     return thrust_curve(law, start=start, end=end)
 

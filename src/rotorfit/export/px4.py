@@ -37,11 +37,10 @@ from rotorfit.export.vehicle import Spread, VehicleModel, refuse_no_lag, spread
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.motors.motor_model import (
     ThrustCurve,
-    full_speed_of,
     speeds,
     thrust_curve,
 )
-from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
+from rotorfit.logs.motor_law import MotorLaw, PolynomialCurve
 from rotorfit.model.terms.air import DRAG_NAMES, TURN_DAMPING
 
 if TYPE_CHECKING:
@@ -165,7 +164,7 @@ def write_px4_gazebo(model: VehicleModel, head: Sequence[str]) -> str:
             f"{count} rotors, but PX4 has {SIM_CHANNELS} outputs to Gazebo (SIM_GZ_EC_*); fly it "
             "in MuJoCo or another simulator instead"
         )
-    linear = thrust_curve(SpeedLaw(curve=PolynomialLaw((idle, full - idle))))
+    linear = thrust_curve(MotorLaw(curve=PolynomialCurve((idle, full - idle))))
     outputs: list[Parameter] = []
     for i in range(1, count + 1):
         outputs.append((f"SIM_GZ_EC_FUNC{i}", 100.0 + i, INTEGER))
@@ -191,7 +190,7 @@ def _idle_speed(model: VehicleModel) -> float:
     """Return the rotor speed at no command [rad/s]; a law may be of shares of full speed."""
     if model.law is None:
         return 0.0
-    share = float(speeds(model.law, np.zeros(1))[0]) / full_speed_of(model.law)
+    share = float(speeds(model.law, np.zeros(1))[0]) / model.law.full_speed
     return share * model.max_speed
 
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from jaxtyping import Float
 
-    from rotorfit.logs.speed_law import SpeedLaw
+    from rotorfit.logs.motor_law import MotorLaw
     from rotorfit.results.result import IdentificationResult
 
 NOT_MEASURED: Final = ("assumed", "from-ratio", "removed")
@@ -89,7 +89,7 @@ class VehicleModel:
     lag_down: float
     max_speed: float
     in_commands: bool
-    law: SpeedLaw | None
+    law: MotorLaw | None
     imu: Float[np.ndarray, " 3"]
     numbers: tuple[Number, ...]
     notes: tuple[str, ...]
@@ -148,7 +148,7 @@ def inertia_at_origin(model: VehicleModel) -> Float[np.ndarray, "3 3"]:
     return inertia_matrix(inertia_about(elements, model.mass, model.com))
 
 
-def required_law(model: VehicleModel, target: str) -> SpeedLaw:
+def required_law(model: VehicleModel, target: str) -> MotorLaw:
     """Find the law of the motors; OutputError where there is none."""
     if model.law is None:
         raise OutputError(

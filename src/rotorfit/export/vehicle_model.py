@@ -34,8 +34,6 @@ from rotorfit.export.vehicle import (
 )
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import Experiment, experiment_of_settings
-from rotorfit.fit.experiment.law_table import speed_law_of
-from rotorfit.flight.motors.motor_model import full_speed_of
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.terms.registry import OPTIONAL
 from rotorfit.model.terms.rotors import ROTOR_INERTIA, ROTOR_SPREAD
@@ -45,7 +43,7 @@ from rotorfit.results.sound_result import refuse_unsound
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from rotorfit.logs.speed_law import SpeedLaw
+    from rotorfit.logs.motor_law import MotorLaw
     from rotorfit.model.vehicle import Vehicle
 
 
@@ -89,20 +87,20 @@ NOMINAL_SPEED: Final = 1000.0
 """Speed at full command, where any will do [rad/s]: the largest that PX4's Gazebo takes."""
 
 
-def _select_law(result: IdentificationResult, experiment: Experiment) -> SpeedLaw | None:
+def _select_law(result: IdentificationResult, experiment: Experiment) -> MotorLaw | None:
     """Select the law of the motors: declared, or found between commands and measured speeds."""
     if experiment.motors.law is not None:
-        return speed_law_of(experiment.motors.law)
+        return experiment.motors.law
     found = result.command_law
     return found.law if found is not None and found.known else None
 
 
-def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed) -> Number | None:
+def _full_speed(result: IdentificationResult, law: MotorLaw | None, speed: Speed) -> Number | None:
     """Compute the speed at full command, as far as the motors' law gives it."""
     if any(p.name == "max_speed" for p in result.parameters):
         return None  # a number of the result itself, with an interval
     if law is not None and not is_per_command(result.parameters):
-        value, unit, remark = full_speed_of(law), "rad/s", "the law of [motors] at full command"
+        value, unit, remark = law.full_speed, "rad/s", "the law of [motors] at full command"
     elif speed == "full-command" and is_per_command(result.parameters):
         value, unit = 1.0, FULL_COMMAND
         remark = "as a fraction of its maximum: no law gives it in rad/s"
@@ -222,7 +220,7 @@ def _assemble_model(
     *,
     numbers: Mapping[str, Number | Missing],
     vehicle: Vehicle,
-    law: SpeedLaw | None,
+    law: MotorLaw | None,
 ) -> VehicleModel:
     def value(name: str, otherwise: float = float("nan")) -> float:
         number = numbers.get(name)
@@ -318,7 +316,7 @@ def terms_left_out(
 
 
 def _list_notes(
-    numbers: Mapping[str, Number | Missing], vehicle: Vehicle, law: SpeedLaw | None
+    numbers: Mapping[str, Number | Missing], vehicle: Vehicle, law: MotorLaw | None
 ) -> tuple[str, ...]:
     """List what a reader of the file has to know beyond the numbers."""
     notes: list[str] = []

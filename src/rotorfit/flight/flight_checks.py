@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from rotorfit.flight.clocks import UniformChannels
     from rotorfit.flight.flight_data import FlightData
-    from rotorfit.logs.speed_law import SpeedLaw
+    from rotorfit.logs.motor_law import MotorLaw
 
 LONGEST_CONSTANT: Final = 1.0
 """A motor channel that stays the same for so long while the others move is stuck [s]."""
@@ -197,7 +197,7 @@ def _no_motors(log: FlightLog, motor_name: str, has: str) -> str:
     )
 
 
-def takes_battery(log: FlightLog, law: SpeedLaw | None) -> bool:
+def takes_battery(log: FlightLog, law: MotorLaw | None) -> bool:
     """Return whether speeds take the battery's voltage; raise where they must, and none is logged.
 
     Raises
@@ -209,7 +209,7 @@ def takes_battery(log: FlightLog, law: SpeedLaw | None) -> bool:
         return False
     if "battery" in log.channels:
         return True
-    if law.voltage.optional:
+    if law.voltage.missing_std is not None:
         return False
     raise LogError(
         "the law of the motors has a voltage factor, but the log has no battery voltage "

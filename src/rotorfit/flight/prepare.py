@@ -61,7 +61,7 @@ from rotorfit.flight.motors.motor_model import (
 from rotorfit.flight.on_board import applied_filters, passed_through, with_filters
 from rotorfit.flight.other_hovers import OtherHover, other_hovers
 from rotorfit.flight.signals import central_difference, hampel, true_runs, whole_samples
-from rotorfit.logs.speed_law import law_doubts
+from rotorfit.logs.motor_law import law_doubts
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from jaxtyping import Bool, Float, Shaped
 
-    from rotorfit.logs.speed_law import SpeedLaw
+    from rotorfit.logs.motor_law import MotorLaw
 
 CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
     "gyro": (3, "rad/s"),
@@ -112,14 +112,10 @@ LagOn = Literal["speed", "thrust"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedMotors:
-    """What the autopilot's parameters say of the motors; `words` names the parameters.
+    """What the autopilot's parameters say of the motors; `words` names the parameters."""
 
-    `exact`: the law is that of a simulator's motors, and no estimate of it.
-    """
-
-    law: SpeedLaw
+    law: MotorLaw
     words: str
-    exact: bool = False
     lag_on: LagOn = "speed"
 
 

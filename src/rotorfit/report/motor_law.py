@@ -11,7 +11,6 @@ from rotorfit.checks.motors.motor_law import FOUND as LAW_FOUND
 from rotorfit.digits import Number, number_of
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.experiment import experiment_of_settings
-from rotorfit.fit.experiment.law_table import speed_law_of
 from rotorfit.fit.experiment.toml_files import experiment_text
 from rotorfit.flight.motors.motor_model import speeds
 from rotorfit.report.pages import drawing, label, tag, text, tick_label, ticks
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
     from jaxtyping import Float
 
-    from rotorfit.logs.speed_law import SpeedLaw
+    from rotorfit.logs.motor_law import MotorLaw
     from rotorfit.results.command_law import CommandLaw, LawPoint
     from rotorfit.results.result import IdentificationResult
     from rotorfit.results.validation.wrench_comparison import WrenchComparison
@@ -144,13 +143,12 @@ def _origin_of(result: IdentificationResult) -> str:
     return "the law is the declared one: the log has no rotor speed to check it by"
 
 
-def _declared_law(result: IdentificationResult) -> SpeedLaw | None:
+def _declared_law(result: IdentificationResult) -> MotorLaw | None:
     """Read the motors' law from the settings; None if there is no readable one."""
     try:
-        entry = experiment_of_settings(result.settings).motors.law
+        return experiment_of_settings(result.settings).motors.law
     except ExperimentError:
         return None
-    return None if entry is None else speed_law_of(entry)
 
 
 def formula_of(law: CommandLaw) -> str:
@@ -196,7 +194,7 @@ def law_picture(law: CommandLaw) -> str:
 
 
 def _draw_law(
-    law: SpeedLaw,
+    law: MotorLaw,
     *,
     commands: tuple[float, float] | None,
     points: Sequence[LawPoint] = (),

@@ -20,11 +20,10 @@ from rotorfit.checks.verdicts.judge import judged_derived
 from rotorfit.checks.verdicts.parameters import RATIOS
 from rotorfit.estimation.factors import flights_of
 from rotorfit.findings import Finding, diagnostics_of, note
-from rotorfit.fit.experiment.law_table import speed_law_of
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
-from rotorfit.flight.motors.motor_model import ThrustCurve, full_speed_of
+from rotorfit.flight.motors.motor_model import ThrustCurve
 from rotorfit.logs.flight_log import SITL, simulated_sentence
-from rotorfit.logs.speed_law import SquareRootLaw
+from rotorfit.logs.motor_law import SquareRootCurve
 from rotorfit.results.result import Derived, FlightRecord, Parameter
 from rotorfit.results.tables import ResultTables
 
@@ -287,7 +286,7 @@ def log_metadata(declared: MotorsEntry, dataset: TimedDataset) -> tuple[Finding,
         if dataset.motors.law.voltage is not None:
             battery = f", at {dataset.motors.law.voltage.nominal:g} V"
         law = f"the law from command to rotor speed is the one in the log ({logged.words}{battery})"
-        if not logged.exact:
+        if not logged.law.exact:
             law += "; a law under [motors] replaces it"
     every = [*simulated, *yaw, lowpass_sentence(dataset) or "", law]
     return tuple(note("log-metadata", sentence) for sentence in dict.fromkeys(every) if sentence)
@@ -300,10 +299,10 @@ def _yaw_of_sitl(flight: LoadedFlight) -> str:
     changes with T by c + T / T', where the mean is c.
     """
     logged, used = flight.log.motors, flight.motors.law
-    if logged is None or used is None or not isinstance(logged.law.curve, SquareRootLaw):
+    if logged is None or used is None or not isinstance(logged.law.curve, SquareRootCurve):
         return ""
     curve = ThrustCurve(factor=logged.law.curve.thr_mdl_fac, error=0.0)
-    full = full_speed_of(speed_law_of(used))
+    full = used.full_speed
     thrust = float((flight.prepared.motor_channel**2).mean()) / full**2
     c, f = curve.command(thrust), curve.factor
     more = 1.0 + thrust / (c * (1.0 - f + 2.0 * f * c))

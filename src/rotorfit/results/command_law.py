@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Final, get_args
 
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.motor_law.law_model import FormName
-from rotorfit.logs.speed_law import (
+from rotorfit.logs.motor_law import (
     Curve,
-    PowerLaw,
-    SpeedLaw,
-    SquareRootLaw,
+    MotorLaw,
+    PowerCurve,
+    SquareRootCurve,
     VoltageFactor,
 )
 
@@ -113,18 +113,18 @@ class CommandLaw:
         return next((number for number in self.numbers if number.name == name), None)
 
     @property
-    def law(self) -> SpeedLaw:
+    def law(self) -> MotorLaw:
         """From command to speed, of the mean rotor."""
         at = {number.name: number.value for number in self.numbers}
         curve: Curve
         if self.form == "sqrt":
-            curve = SquareRootLaw(at["full_speed"], at["thr_mdl_fac"])
+            curve = SquareRootCurve(at["full_speed"], at["thr_mdl_fac"])
         else:
-            curve = PowerLaw(at["full_speed"], at.get("offset", 0.0), at.get("exponent", 1.0))
+            curve = PowerCurve(at["full_speed"], at.get("offset", 0.0), at.get("exponent", 1.0))
         if self.nominal_voltage is None:
-            return SpeedLaw(curve=curve)
+            return MotorLaw(curve=curve)
         voltage = VoltageFactor(self.nominal_voltage, at["voltage_exponent"])
-        return SpeedLaw(curve=curve, voltage=voltage)
+        return MotorLaw(curve=curve, voltage=voltage)
 
 
 def law_to_plain(law: CommandLaw | None) -> dict[str, Any] | None:

@@ -14,11 +14,10 @@ import numpy as np
 
 from rotorfit.checks.verdicts.judge import judge
 from rotorfit.findings import doubt, note
-from rotorfit.fit.experiment.law_table import LawEntry, speed_law_of
 from rotorfit.fit.intervals.interval_terms import NumberTerm, half_width_of_number, scale_terms
 from rotorfit.fit.motors.commanded_speeds import hover_share
-from rotorfit.flight.motors.motor_model import GRID, full_speed_of, speeds
-from rotorfit.logs.speed_law import PowerLaw, SpeedLaw
+from rotorfit.flight.motors.motor_model import GRID, speeds
+from rotorfit.logs.motor_law import MotorLaw, PowerCurve
 from rotorfit.model.parameters import DERIVED, effective_unit
 from rotorfit.results.law_tables import full_speed_term
 from rotorfit.results.result import (
@@ -134,21 +133,21 @@ def _with_terms(
     return replace(number, interval_terms=scale_terms(shares, factor))
 
 
-def _select_law(tables: ResultTables, motors: MotorsEntry) -> SpeedLaw | None:
+def _select_law(tables: ResultTables, motors: MotorsEntry) -> MotorLaw | None:
     """Select the law from command to speed; the command itself where speeds are in commands."""
     found = tables.command_law
     if found is not None and found.known:
         return found.law
     if motors.law is not None:
-        return speed_law_of(motors.law)
-    proportional = SpeedLaw(curve=PowerLaw(full_speed=1.0, offset=0.0, exponent=1.0))
+        return motors.law
+    proportional = MotorLaw(curve=PowerCurve(full_speed=1.0, offset=0.0, exponent=1.0))
     return proportional if is_per_command(tables.parameters) else None
 
 
-def _full_speed(tables: ResultTables, law: SpeedLaw, entry: LawEntry | None) -> Range:
+def _full_speed(tables: ResultTables, law: MotorLaw, entry: MotorLaw | None) -> Range:
     """Return the speed at full command [rad/s, or 1 of relative speeds]."""
     fitted = next((p for p in tables.parameters if p.name == "max_speed"), None)
-    full = full_speed_of(law)
+    full = law.full_speed
     by_slope = 0.0 if entry is None else 1.96 * hover_share(entry, full, 0.0)
     return (fitted and _relative_range(fitted)) or (full, by_slope)
 
@@ -165,7 +164,7 @@ def _hover_speed(tables: ResultTables, owner: str) -> Range | None:
     return next((_relative_range(d) for d in hover), None)
 
 
-def _without_law(hover: Range, law: LawEntry | None) -> Range:
+def _without_law(hover: Range, law: MotorLaw | None) -> Range:
     """Take the law's share out of the uncertainty of the speed in hover.
 
     The command in hover does not hang on it: another speed there goes with the same command.
@@ -177,7 +176,7 @@ def _without_law(hover: Range, law: LawEntry | None) -> Range:
 
 
 def _hover_throttle(
-    hover: Range | None, owner: str, law: SpeedLaw | None, full: Range | None
+    hover: Range | None, owner: str, law: MotorLaw | None, full: Range | None
 ) -> Derived:
     """Return the command, 0 to 1, whose speed carries the weight."""
     if law is None or full is None or hover is None:

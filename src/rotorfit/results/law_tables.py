@@ -14,7 +14,7 @@ from rotorfit.estimation.measured import Measured
 from rotorfit.findings import note
 from rotorfit.fit.intervals.interval_terms import NumberTerm
 from rotorfit.fit.motor_law.command_response import Recording, respond_to_commands
-from rotorfit.fit.motor_law.fit_law import FittedLaw, bounded_recording, fit_law
+from rotorfit.fit.motor_law.fit_law import LawFromSpeeds, bounded_recording, fit_law
 from rotorfit.fit.motor_law.law_model import law_of, scales_of, timing_of
 from rotorfit.fit.reduction.motor_timing import is_time_identifiable
 from rotorfit.flight.flight_checks import LEAST_RATE
@@ -24,7 +24,7 @@ from rotorfit.flight.motors.motor_model import (
     speeds,
     thrust_curve,
 )
-from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw
+from rotorfit.logs.motor_law import MotorLaw, PowerCurve, SquareRootCurve
 from rotorfit.model.parameters import PARAMETERS, ROW_ORDER
 from rotorfit.results.command_law import USUAL_EXPONENT, CommandLaw, LawNumber, LawPoint
 from rotorfit.results.result import Parameter
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
     from rotorfit.fit.dataset.dataset import Dataset
-    from rotorfit.fit.motor_law.form_fit import LawFit
+    from rotorfit.fit.motor_law.form_fit import FormFit
     from rotorfit.results.tables import ResultTables
 
     Vector = Float[np.ndarray, " p"]
@@ -101,7 +101,7 @@ def _no_exponent(recording: Recording, voltages: Sequence[float | None]) -> str:
     return NO_VOLTAGE if all(volts is None for volts in voltages) else SOME_VOLTAGE
 
 
-def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[Parameter, ...]]:
+def law_tables(fitted: LawFromSpeeds, rotor_count: int) -> tuple[CommandLaw, tuple[Parameter, ...]]:
     """Tabulate the law of the motors, and the parameters that it gives.
 
     Some of the `rotor_count` rotors may have had no speeds to fit.
@@ -161,11 +161,11 @@ def full_speed_term(half: float) -> NumberTerm:
     return NumberTerm(name="full speed", half_width=half, source=source)
 
 
-def _full_speed(fit: LawFit, x: Vector) -> float:
+def _full_speed(fit: FormFit, x: Vector) -> float:
     return float(np.exp(x[0]))
 
 
-def _found_times(fitted: FittedLaw) -> tuple[Parameter, ...]:
+def _found_times(fitted: LawFromSpeeds) -> tuple[Parameter, ...]:
     """Return lag and delay with their intervals."""
     two_way = fitted.best.layout.two_way
     of = {"motor_lag": _mean_lag} | (
@@ -209,25 +209,25 @@ def _without_time(time: Parameter, reason: str) -> Parameter:
     )
 
 
-def _rising_lag(fit: LawFit, x: Vector) -> float:
+def _rising_lag(fit: FormFit, x: Vector) -> float:
     return float(np.exp(timing_of(fit.layout, x).log_lag))
 
 
-def _falling_lag(fit: LawFit, x: Vector) -> float:
+def _falling_lag(fit: FormFit, x: Vector) -> float:
     timing = timing_of(fit.layout, x)
     return float(np.exp(timing.log_lag + timing.log_ratio))
 
 
-def _delay_at(fit: LawFit, x: Vector) -> float:
+def _delay_at(fit: FormFit, x: Vector) -> float:
     return timing_of(fit.layout, x).delay
 
 
-def _mean_lag(fit: LawFit, x: Vector) -> float:
+def _mean_lag(fit: FormFit, x: Vector) -> float:
     return 0.5 * (_rising_lag(fit, x) + _falling_lag(fit, x))
 
 
 def _command_law(
-    fitted: FittedLaw, rotor_count: int, *, known: bool, times: tuple[Parameter, ...]
+    fitted: LawFromSpeeds, rotor_count: int, *, known: bool, times: tuple[Parameter, ...]
 ) -> CommandLaw:
     best, recording = fitted.best, fitted.recording
     layout = best.layout
@@ -262,8 +262,8 @@ def _command_law(
 
 
 def _curve_factor(
-    recording: Recording, curve: Callable[[SpeedLaw], ThrustCurve]
-) -> Callable[[LawFit, Vector], float]:
+    recording: Recording, curve: Callable[[MotorLaw], ThrustCurve]
+) -> Callable[[FormFit, Vector], float]:
     """Return the factor of a curve of thrust as a function of a fit and its parameters."""
     return lambda fit, x: curve(law_of(recording, fit.layout, x)).factor
 
@@ -273,18 +273,18 @@ def _law_number(name: str, number: tuple[float, float], unit: str) -> LawNumber:
     return LawNumber(name=name, value=value, interval=(value - half, value + half), unit=unit)
 
 
-def _motors_table(fitted: FittedLaw, times: tuple[Parameter, ...]) -> dict[str, Any]:
+def _motors_table(fitted: LawFromSpeeds, times: tuple[Parameter, ...]) -> dict[str, Any]:
     """Return the table ``[motors]`` of the vehicle for flights without measured speeds."""
     law = law_of(fitted.recording, fitted.best.layout, fitted.best.values)
     entry: dict[str, Any] = {}
     match law.curve:
-        case PowerLaw(full_speed, offset, exponent):
+        case PowerCurve(full_speed, offset, exponent):
             entry["power"] = {
                 "full_speed": _round_value(full_speed),
                 "offset": _round_value(offset),
                 "exponent": _round_value(exponent),
             }
-        case SquareRootLaw(full_speed, factor):
+        case SquareRootCurve(full_speed, factor):
             entry["sqrt"] = {
                 "full_speed": _round_value(full_speed),
                 "thr_mdl_fac": _round_value(factor),
@@ -305,7 +305,7 @@ def _motors_table(fitted: FittedLaw, times: tuple[Parameter, ...]) -> dict[str, 
     return table
 
 
-def _voltage_table(fitted: FittedLaw) -> dict[str, float] | None:
+def _voltage_table(fitted: LawFromSpeeds) -> dict[str, float] | None:
     """Return the battery's share of a law, by its flights and by what is usual; None if unknown."""
     nominal, volts = fitted.recording.nominal_voltage, fitted.recording.voltage
     if nominal is None or volts is None or not nominal > 0.0 or float(np.ptp(volts)) == 0.0:
@@ -344,16 +344,16 @@ def charge_std(factors: Vector, exponent: float = USUAL_EXPONENT.value) -> float
     return float(np.sqrt(variance * (1.0 + 1.0 / flights)))
 
 
-def _law_deviations(fitted: FittedLaw, *, of_one_charge: bool) -> dict[str, float]:
+def _law_deviations(fitted: LawFromSpeeds, *, of_one_charge: bool) -> dict[str, float]:
     """Return the deviations of the law's speed and slope, as shares, at the usual command."""
     recording = fitted.recording
     usual = float(np.median(recording.command))
     around = usual * (1.0 + NEAR * np.array([-1.0, 0.0, 1.0]))
 
-    def logarithms(fit: LawFit, x: Vector) -> Float[np.ndarray, " s"]:
+    def logarithms(fit: FormFit, x: Vector) -> Float[np.ndarray, " s"]:
         return np.log(speeds(law_of(recording, fit.layout, x), around))
 
-    def slope(fit: LawFit, x: Vector) -> float:
+    def slope(fit: FormFit, x: Vector) -> float:
         low, _, high = logarithms(fit, x).tolist()
         return (high - low) / (2.0 * NEAR)
 
@@ -373,7 +373,7 @@ def _round_value(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def _bin_points(recording: Recording, fit: LawFit) -> tuple[LawPoint, ...]:
+def _bin_points(recording: Recording, fit: FormFit) -> tuple[LawPoint, ...]:
     """Bin the measured speeds by the command that the motors had."""
     command = respond_to_commands(recording, recording.command, fit.timing)
     law = law_of(recording, fit.layout, fit.values)

@@ -8,13 +8,17 @@ import pytest
 
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.declared_vehicle import motor_model_of, read_options_of, vehicle_of
-from rotorfit.fit.experiment.experiment import load_experiment, single_flight_experiment
-from rotorfit.logs.speed_law import (
-    PolynomialLaw,
-    PowerLaw,
-    SpeedLaw,
-    SquareRootLaw,
-    TableLaw,
+from rotorfit.fit.experiment.experiment import (
+    MotorsEntry,
+    load_experiment,
+    single_flight_experiment,
+)
+from rotorfit.logs.motor_law import (
+    MotorLaw,
+    PolynomialCurve,
+    PowerCurve,
+    SquareRootCurve,
+    TableCurve,
     VoltageFactor,
 )
 
@@ -69,7 +73,7 @@ def test_every_key_is_read(tmp_path):
     motors = motor_model_of(experiment.motors)
     assert (motors.speed, motors.law) == (
         "commanded",
-        SpeedLaw(curve=PolynomialLaw((0.0, 900.0, 50.0))),
+        MotorLaw(curve=PolynomialCurve((0.0, 900.0, 50.0))),
     )
     assert (motors.lag, motors.delay) == (0.04, 0.01)
     asked = experiment.identification
@@ -348,28 +352,31 @@ def test_an_experiment_file_is_an_airframe_file(tmp_path):
 @pytest.mark.parametrize(
     ("law", "curve"),
     [
-        ("linear = [380, 2671.6]", PolynomialLaw((380.0, 2671.6))),
-        ("polynomial = [0, 900, 50]", PolynomialLaw((0.0, 900.0, 50.0))),
+        ("linear = [380, 2671.6]", PolynomialCurve((380.0, 2671.6))),
+        ("polynomial = [0, 900, 50]", PolynomialCurve((0.0, 900.0, 50.0))),
         (
             "table = [[0.1, 0], [0.5, 400.5], [1, 900]]",
-            TableLaw((0.1, 0.5, 1.0), (0.0, 400.5, 900.0)),
+            TableCurve((0.1, 0.5, 1.0), (0.0, 400.5, 900.0)),
         ),
-        ("sqrt = { full_speed = 900, thr_mdl_fac = 0.3 }", SquareRootLaw(900.0, 0.3)),
-        ("power = { full_speed = 900, exponent = 0.7 }", PowerLaw(900.0, 0.0, 0.7)),
+        ("sqrt = { full_speed = 900, thr_mdl_fac = 0.3 }", SquareRootCurve(900.0, 0.3)),
+        ("power = { full_speed = 900, exponent = 0.7 }", PowerCurve(900.0, 0.0, 0.7)),
         (
             "power = { full_speed = 900, offset = 0.1, exponent = 0.7 }",
-            PowerLaw(900.0, 0.1, 0.7),
+            PowerCurve(900.0, 0.1, 0.7),
         ),
     ],
 )
 def test_every_law_of_the_motors_is_read(tmp_path, law, curve):
     motors = f'speed = "commanded"\nlaw = {{ {law} }}'
     loaded = load_experiment(written(tmp_path, motors=motors))
-    assert motor_model_of(loaded.motors).law == SpeedLaw(curve=curve)
+    assert motor_model_of(loaded.motors).law == MotorLaw(curve=curve)
     motors = f'speed = "commanded"\nlaw = {{ {law}, voltage = {{ nominal = 4.2 }} }}'
     loaded = load_experiment(written(tmp_path, motors=motors))
-    expected = SpeedLaw(curve=curve, voltage=VoltageFactor(4.2, 1.0))
+    expected = MotorLaw(curve=curve, voltage=VoltageFactor(4.2, 1.0))
     assert motor_model_of(loaded.motors).law == expected
+    saved = loaded.motors.model_dump(mode="json")
+    assert next(iter(saved["law"])) == law.partition(" ")[0]
+    assert MotorsEntry.model_validate(saved).law == expected
 
 
 @pytest.mark.parametrize(
@@ -423,7 +430,7 @@ def with_result(folder, found, motors='result = "known.json"'):
 def test_law_and_lag_are_taken_from_a_result(tmp_path):
     motors = load_experiment(with_result(tmp_path, {"motors": KNOWN})).motors
     assert motors.speed == "commanded"
-    assert motor_model_of(motors).law == SpeedLaw(curve=PowerLaw(4400.0, 0.05, 0.74))
+    assert motor_model_of(motors).law == MotorLaw(curve=PowerCurve(4400.0, 0.05, 0.74))
     assert (motors.lag, motors.lag_std) == (0.023, 0.001)
 
 

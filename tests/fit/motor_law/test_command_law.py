@@ -22,7 +22,6 @@ from rotorfit.fit.motor_law.command_response import recording_of
 from rotorfit.fit.motor_law.fit_law import fit_law
 from rotorfit.fit.motor_law.law_model import law_of, scales_of
 from rotorfit.flight.motors.command_response import MeasuredResponse
-from rotorfit.flight.motors.motor_model import full_speed_of
 from rotorfit.results.command_law import USUAL_EXPONENT
 from rotorfit.results.law_tables import charge_std, law_tables, voltage_exponent
 
@@ -42,7 +41,7 @@ def test_motors_without_noise_give_their_law():
     assert best.layout.form == "offset power"
     assert best.layout.voltage
     at = law_of(found.recording, best.layout, best.values)
-    full = full_speed_of(at) * (NOMINAL / at.voltage.nominal) ** at.voltage.exponent
+    full = at.full_speed * (NOMINAL / at.voltage.nominal) ** at.voltage.exponent
     assert full == pytest.approx(FULL, rel=2e-3)
     assert (at.curve.offset, at.curve.exponent) == pytest.approx((OFFSET, EXPONENT), abs=2e-3)
     assert at.voltage.exponent == pytest.approx(VOLTAGE_EXPONENT, abs=0.01)

@@ -18,7 +18,7 @@ from rotorfit.fit.motor_law.fit_law import fit_law
 from rotorfit.fit.motor_law.form_fit import (
     OUTLYING,
     SETTLED,
-    LawFit,
+    FormFit,
     finish_form,
     prepare_recording,
     search_first,
@@ -148,7 +148,7 @@ def test_a_form_without_enough_blocks_has_no_interval():
     recording = made_recording(5, "power", seconds=3.0)
     prepared = prepare_recording(recording)
     layout = Layout(form="power", voltage=False, two_way=False, rotors=2, flights=1)
-    fit: LawFit = search_first(prepared, layout)
+    fit: FormFit = search_first(prepared, layout)
     assert prepared.joined == ()
     assert fit.error == np.inf
     assert fit.half_width(lambda x: float(x[0])) == np.inf

@@ -8,7 +8,7 @@ import pytest
 import made_fit
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.motors.hovers_by_mass import exponent_share
-from rotorfit.fit.motors.law_from_flight import heaviest_hover
+from rotorfit.fit.motors.law_from_thrust import heaviest_hover
 
 
 def hovers(true, masses, std=0.01):

@@ -1,18 +1,20 @@
 """What is not known of a law from command to speed is in every number that hangs on speeds."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import flown
 import made_fit
-from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, VoltageEntry
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.motors.commanded_speeds import scale_shift, speed_std
+from rotorfit.logs.motor_law import MotorLaw, PowerCurve, VoltageFactor
 from rotorfit.model.parameters import EFFECTIVE_UNITS, EVERY
 
 CINERAT = [(-1, -1, "cw"), (1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw")]
-LAW = LawEntry(power=PowerEntry(full_speed=4400.0, exponent=0.7), speed_std=0.003)
-VOLTAGE = VoltageEntry(nominal=16.0, exponent=0.8, exponent_std=0.2, missing_std=0.04)
+LAW = MotorLaw(curve=PowerCurve(4400.0, 0.0, 0.7), speed_std=0.003)
+VOLTAGE = VoltageFactor(nominal=16.0, exponent=0.8, exponent_std=0.2, missing_std=0.04)
 NAMES = ("kt", "kt_2", "kd", "Jr", "kd_over_Izz@A", "Ixx@A", "kd_over_kt", "com_x@A")
 
 
@@ -35,7 +37,7 @@ def test_speeds_that_are_off_by_a_share_move_what_goes_with_them():
 
 
 def test_a_law_is_as_unsure_as_the_voltage_is_far_from_its_own():
-    law = LAW.model_copy(update={"voltage": VOLTAGE})
+    law = dataclasses.replace(LAW, voltage=VOLTAGE)
     assert speed_std(LAW, [15.0, None]) == 0.003
     assert speed_std(law, [16.0]) == 0.003
     assert speed_std(law, [14.4]) == pytest.approx(np.hypot(0.003, 0.2 * np.log(16.0 / 14.4)))

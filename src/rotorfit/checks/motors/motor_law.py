@@ -11,7 +11,7 @@ from rotorfit.checks.verdicts.judge import WEAK
 from rotorfit.digits import short, with_half
 from rotorfit.findings import Evidence, Finding, note
 from rotorfit.fit.motors.commanded_speeds import LawError, speed_powers
-from rotorfit.fit.motors.law_from_flight import STATED_STD, FoundLaw
+from rotorfit.fit.motors.law_from_thrust import STATED_STD, LawFromThrust
 from rotorfit.model.parameters import EVERY
 
 if TYPE_CHECKING:
@@ -39,19 +39,19 @@ LAW: Final = "law-uncertain"
 
 def law_by_flight(fit: Fit) -> Iterator[Finding]:
     """State which law was taken, where the flight or the firmware gives it."""
-    law = fit.record_of(FoundLaw)
+    law = fit.record_of(LawFromThrust)
     if law is not None and (law.from_flight or law.is_stated):
         yield law_finding(law)
 
 
-def law_finding(law: FoundLaw) -> Finding:
+def law_finding(law: LawFromThrust) -> Finding:
     """State which law was taken, and from where."""
     if law.is_stated:
         return _stated_law(law)
     return _contradicted_law(law) if law.given is not None else _missing_law(law)
 
 
-def _contradicted_law(law: FoundLaw) -> Finding:
+def _contradicted_law(law: LawFromThrust) -> Finding:
     """State by how much a law that is given is wrong."""
     off = law.exponent.value - 1.0
     surely = abs(off) > 1.96 * law.exponent.std
@@ -73,7 +73,7 @@ def _contradicted_law(law: FoundLaw) -> Finding:
     )
 
 
-def _stated_law(law: FoundLaw) -> Finding:
+def _stated_law(law: LawFromThrust) -> Finding:
     """State how far settings of the firmware leave the thrust at full command open."""
     shown = "the flight does not show whether they are right"
     if law.from_flight:
@@ -92,7 +92,7 @@ def _stated_law(law: FoundLaw) -> Finding:
     )
 
 
-def _missing_law(law: FoundLaw) -> Finding:
+def _missing_law(law: LawFromThrust) -> Finding:
     power, half = 2.0 * law.exponent.value, 2.0 * 1.96 * law.exponent.std
     shown = (
         "this flight does not show it either: as motors usually do, thrust is taken to grow"
@@ -113,7 +113,7 @@ def _missing_law(law: FoundLaw) -> Finding:
     )
 
 
-def _law_evidence(law: FoundLaw) -> tuple[Evidence, ...]:
+def _law_evidence(law: LawFromThrust) -> tuple[Evidence, ...]:
     numbers = {"law_exponent": law.exponent, "law_exponent_flown": law.flown}
     return tuple(
         Evidence(name=name, value=one.value, interval=one.interval)

@@ -37,7 +37,6 @@ from rotorfit.fit.experiment.declared_vehicle import (
     recording_options_of,
     vehicle_of,
 )
-from rotorfit.fit.experiment.law_table import law_entry_of
 from rotorfit.fit.reduction.frequency_bands import EDGES
 from rotorfit.flight.decimate import as_recorded, decimated
 from rotorfit.flight.imu_tilt import levelled
@@ -414,7 +413,7 @@ def completed_motors(motors: MotorsEntry, log: FlightLog) -> MotorsEntry:
     logged = log.motors
     if motors.speed == "measured" or logged is None or "command" not in log.channels:
         return motors
-    law = motors.law or law_entry_of(logged)
+    law = motors.law or logged.law
     return motors.model_copy(update={"law": law, "lag_on": motors.lag_on or logged.lag_on})
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rotorfit.errors import ExperimentError
-from rotorfit.fit.experiment.law_table import speed_law_of
 from rotorfit.fit.experiment.payload import PointMass
 from rotorfit.flight.imu_tilt import ImuTilt
 from rotorfit.flight.motors.motor_model import MotorModel
@@ -103,7 +102,7 @@ def motor_model_of(motors: MotorsEntry) -> MotorModel:
     """
     return MotorModel(
         speed=motors.speed,
-        law=None if motors.law is None else speed_law_of(motors.law),
+        law=motors.law,
         lag=motors.lag or 0.0,
         lag_down=motors.lag_down,
         delay=motors.delay,

@@ -15,7 +15,8 @@ from pydantic import BaseModel, Field, PrivateAttr, ValidationError, model_valid
 from rotorfit.errors import ExperimentError, LogError
 from rotorfit.fit.experiment.airframe_table import AirframeEntry, Axes, ImuEntry, RotorEntry
 from rotorfit.fit.experiment.law_table import (
-    LawEntry,
+    DeclaredLaw,
+    LawTable,
     PowerEntry,
     SqrtEntry,
     VoltageEntry,
@@ -51,7 +52,7 @@ class MotorsEntry(Strict):
     """The ``[motors]`` table."""
 
     speed: Speed = "measured"
-    law: LawEntry | None = None
+    law: DeclaredLaw | None = None
     lag: NotNegative | None = None
     lag_std: NotNegative = 0.0
     lag_down: NotNegative | None = None
@@ -500,7 +501,7 @@ _TABLES: tuple[type[BaseModel], ...] = (
     RotorEntry,
     ImuEntry,
     MotorsEntry,
-    LawEntry,
+    LawTable,
     SqrtEntry,
     PowerEntry,
     VoltageEntry,

@@ -2,36 +2,31 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from pydantic import Field, model_validator
+from pydantic_core import core_schema
 
 from rotorfit.fit.experiment.strict_tables import Finite, Positive, Strict
-from rotorfit.flight.motors.motor_model import full_speed_of, speeds
-from rotorfit.logs.speed_law import (
+from rotorfit.logs.motor_law import (
     Curve,
-    PolynomialLaw,
-    PowerLaw,
-    SpeedLaw,
-    SquareRootLaw,
-    TableLaw,
+    MotorLaw,
+    PolynomialCurve,
+    PowerCurve,
+    SquareRootCurve,
+    TableCurve,
     VoltageFactor,
 )
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-
-    from rotorfit.logs.flight_log import LoggedMotors
+    from pydantic import GetCoreSchemaHandler, ValidatorFunctionWrapHandler
+    from pydantic_core import CoreSchema
 
 Share = Annotated[Finite, Field(ge=0, le=1)]
 Row = tuple[Share, Annotated[Finite, Field(ge=0)]]
 
-BENT_ROWS = 201
-"""Of the table that a bent law becomes."""
 CURVES = ("linear", "polynomial", "table", "sqrt", "power")
 
 
@@ -62,11 +57,7 @@ class PowerEntry(Strict):
 
 
 class VoltageEntry(Strict):
-    """Factor (V / nominal)^exponent of the speed, V being the log's battery voltage [V].
-
-    `exponent_std`: its deviation. `missing_std`: deviation of the speed, as a share, of a flight
-    whose log has no voltage; without it such a log is refused.
-    """
+    """The battery's share: a `VoltageFactor`."""
 
     nominal: Positive
     exponent: Annotated[Finite, Field(gt=0, le=3)] = 1.0
@@ -74,14 +65,8 @@ class VoltageEntry(Strict):
     missing_std: Share | None = None
 
 
-class LawEntry(Strict):
-    """Rotor speed over command [rad/s]: exactly one curve, and the battery's share.
-
-    `speed_std`, `slope_std`: deviation of the speed in hover, and of how steeply it grows with the
-    command there, as shares of them; `usual_speed`: the speed at which they hold [rad/s], if not
-    that of the flight. `exact`: it is that of simulated motors: no flight is asked whether it is
-    right. `stated`: it is a setting of the firmware, which nobody need have measured.
-    """
+class LawTable(Strict):
+    """A `MotorLaw` as the file has it: exactly one curve, the battery's share, deviations."""
 
     linear: tuple[Finite, Positive] | None = None
     polynomial: tuple[Finite, ...] | None = Field(default=None, min_length=2, max_length=6)
@@ -96,7 +81,7 @@ class LawEntry(Strict):
     stated: bool = False
 
     @model_validator(mode="after")
-    def _one_curve(self) -> LawEntry:
+    def _one_curve(self) -> LawTable:
         given = [name for name in CURVES if getattr(self, name) is not None]
         if len(given) != 1:
             found = f"{' and '.join(given)} are given" if given else "none is given"
@@ -110,61 +95,6 @@ class LawEntry(Strict):
             _refuse_falling(self.table)
         return self
 
-    @property
-    def is_relative(self) -> bool:
-        """Whether rotor speed is in parts of its largest: the law ends at 1."""
-        return math.isclose(full_speed_of(speed_law_of(self)), 1.0)
-
-
-def law_entry_of(logged: LoggedMotors) -> LawEntry:
-    """Convert a law from an autopilot's parameters to its entry."""
-    law = logged.law
-    voltage = law.voltage
-    factor = None
-    if voltage is not None:
-        factor = VoltageEntry(nominal=voltage.nominal, exponent=voltage.exponent)
-    match law.curve:
-        case SquareRootLaw():
-            curve: dict[str, Any] = {"sqrt": SqrtEntry(**asdict(law.curve))}
-        case PolynomialLaw(coefficients):
-            curve = {"polynomial": coefficients}
-        case _:
-            raise TypeError(f"no entry for {law.curve}")
-    return LawEntry(**curve, voltage=factor, exact=logged.exact, stated=not logged.exact)
-
-
-def bent(law: LawEntry, power: float, *, anchor: float) -> LawEntry:
-    """Return a law with another power of a law's speed, which is the same at a speed `anchor`."""
-    if power == 1.0:
-        return law
-    voltage = law.voltage
-    if voltage is not None:
-        voltage = voltage.model_copy(
-            update={
-                "exponent": power * voltage.exponent,
-                "exponent_std": power * voltage.exponent_std,
-                "missing_std": voltage.missing_std and power * voltage.missing_std,
-            }
-        )
-    if law.power is not None:
-        full = float(bent_speed(np.array([law.power.full_speed]), power, anchor=anchor)[0])
-        curve = {"full_speed": full, "exponent": power * law.power.exponent}
-        own = law.power.model_copy(update=curve)
-        return law.model_copy(update={"power": own, "voltage": voltage})
-    command = np.linspace(0.0, 1.0, BENT_ROWS)
-    rising = np.maximum.accumulate(speeds(speed_law_of(law), command))
-    speed = bent_speed(rising, power, anchor=anchor)
-    turning = np.flatnonzero(np.diff(speed) > 0.0)
-    rows = tuple((float(command[i]), float(speed[i])) for i in (*turning, turning[-1] + 1))
-    return LawEntry(table=rows, voltage=voltage, speed_std=law.speed_std, stated=law.stated)
-
-
-def bent_speed(
-    speed: Float[np.ndarray, "..."], power: float, *, anchor: float
-) -> Float[np.ndarray, "..."]:
-    """Return a power of speeds, at least 0, which is the same at a speed `anchor`."""
-    return anchor * (np.maximum(speed, 0.0) / anchor) ** power
-
 
 def _refuse_falling(table: tuple[tuple[float, float], ...]) -> None:
     for (command, speed), (next_command, next_speed) in pairwise(table):
@@ -175,23 +105,62 @@ def _refuse_falling(table: tuple[tuple[float, float], ...]) -> None:
             )
 
 
-def speed_law_of(entry: LawEntry) -> SpeedLaw:
-    """Convert an entry to its law."""
-    voltage = entry.voltage
-    factor = None
-    if voltage is not None:
-        optional = voltage.missing_std is not None
-        factor = VoltageFactor(voltage.nominal, voltage.exponent, optional=optional)
-    return SpeedLaw(curve=_curve_of(entry), voltage=factor)
+def _convert_to_law(table: LawTable) -> MotorLaw:
+    """Convert a table to its law."""
+    voltage = None if table.voltage is None else VoltageFactor(**table.voltage.model_dump())
+    known = table.model_dump(exclude={*CURVES, "voltage"})
+    return MotorLaw(curve=_curve_of(table), voltage=voltage, **known)
 
 
-def _curve_of(entry: LawEntry) -> Curve:
-    if entry.table is not None:
-        commands, speeds = zip(*entry.table, strict=True)
-        return TableLaw(commands, speeds)
-    if entry.sqrt is not None:
-        sqrt = entry.sqrt
-        return SquareRootLaw(sqrt.full_speed, sqrt.thr_mdl_fac, sqrt.start, sqrt.end)
-    if entry.power is not None:
-        return PowerLaw(entry.power.full_speed, entry.power.offset, entry.power.exponent)
-    return PolynomialLaw(entry.linear or entry.polynomial or ())
+def _curve_of(table: LawTable) -> Curve:
+    if table.table is not None:
+        commands, speeds = zip(*table.table, strict=True)
+        return TableCurve(commands, speeds)
+    if table.sqrt is not None:
+        return SquareRootCurve(**table.sqrt.model_dump())
+    if table.power is not None:
+        return PowerCurve(**table.power.model_dump())
+    return PolynomialCurve(table.linear or table.polynomial or ())
+
+
+def table_of_law(law: MotorLaw) -> dict[str, Any]:
+    """Write a law as a table of the experiment file, without what is unknown."""
+    match law.curve:
+        case SquareRootCurve():
+            curve: dict[str, Any] = {"sqrt": asdict(law.curve)}
+        case PowerCurve():
+            curve = {"power": asdict(law.curve)}
+        case TableCurve(commands, speeds):
+            curve = {"table": [list(row) for row in zip(commands, speeds, strict=True)]}
+        case PolynomialCurve(coefficients):
+            is_linear = len(coefficients) == 2 and coefficients[1] > 0.0
+            curve = {"linear" if is_linear else "polynomial": list(coefficients)}
+    known = {name: value for name, value in asdict(law).items() if name != "curve"}
+    if law.voltage is not None:
+        known["voltage"] = _without_none(asdict(law.voltage))
+    return curve | _without_none(known)
+
+
+def _without_none(table: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in table.items() if value is not None}
+
+
+class LawSchema:
+    """How a file's table becomes a `MotorLaw`, and a `MotorLaw` a table, for pydantic."""
+
+    @staticmethod
+    def __get_pydantic_core_schema__(_: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Validate what is no law by `LawTable`: its places are those that messages name."""
+
+        def convert(given: Any, validate: ValidatorFunctionWrapHandler) -> MotorLaw:
+            return given if isinstance(given, MotorLaw) else _convert_to_law(validate(given))
+
+        return core_schema.no_info_wrap_validator_function(
+            convert,
+            handler.generate_schema(LawTable),
+            serialization=core_schema.plain_serializer_function_ser_schema(table_of_law),
+        )
+
+
+DeclaredLaw = Annotated[MotorLaw, LawSchema]
+"""The law of ``[motors]``."""

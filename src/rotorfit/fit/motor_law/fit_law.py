@@ -26,7 +26,7 @@ from rotorfit.fit.motor_law.command_response import (
 )
 from rotorfit.fit.motor_law.form_fit import (
     SETTLED,
-    LawFit,
+    FormFit,
     PreparedRecording,
     finish_form,
     prepare_recording,
@@ -72,7 +72,7 @@ def held_between(recording: Recording) -> Recording:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FittedLaw:
+class LawFromSpeeds:
     """The law of the motors, and what else it might be.
 
     - `best`: the form that was chosen.
@@ -84,14 +84,14 @@ class FittedLaw:
     """
 
     recording: Recording
-    best: LawFit
-    others: tuple[LawFit, ...]
-    rivals: tuple[LawFit, ...]
+    best: FormFit
+    others: tuple[FormFit, ...]
+    rivals: tuple[FormFit, ...]
     open_shifts: Float[np.ndarray, "s p"]
-    voltage: LawFit | None = None
+    voltage: FormFit | None = None
 
     def number(
-        self, function: Callable[[LawFit, Float[np.ndarray, " p"]], float]
+        self, function: Callable[[FormFit, Float[np.ndarray, " p"]], float]
     ) -> tuple[float, float]:
         """Evaluate a number of the law, and half of an interval that holds every rival form's."""
         value = function(self.best, self.best.values)
@@ -122,7 +122,7 @@ def bounded_recording(responses: Sequence[Sequence[MeasuredResponse]]) -> Record
     return recording_of([responses_within(one, response_spans(one), most=most) for one in flights])
 
 
-def fit_law(recording: Recording) -> FittedLaw:
+def fit_law(recording: Recording) -> LawFromSpeeds:
     """Fit lag, delay and law of the motors; raise an error with the reason if this fails."""
     logged = _drop_standing_rotors(recording)
     _refuse_short(logged)
@@ -150,7 +150,7 @@ def fit_law(recording: Recording) -> FittedLaw:
         made = drawn_between if is_smooth else held_between
         by_noise = _shift_by_noise(prepared, logged, made, best, scale)
         open_shifts = 0.5 * np.array([by_noise, -_slow_shift(logged, best)])
-    return FittedLaw(
+    return LawFromSpeeds(
         recording=smooth if is_smooth else logged,
         best=replace(best, values=best.values - open_shifts.sum(axis=0)),
         others=others,
@@ -162,9 +162,9 @@ def fit_law(recording: Recording) -> FittedLaw:
     )
 
 
-def _fit_forms(prepared: PreparedRecording, begin: LawFit, scale: float) -> list[LawFit]:
+def _fit_forms(prepared: PreparedRecording, begin: FormFit, scale: float) -> list[FormFit]:
     """Fit every form with the same terms beside the curve; those that are far, to few speeds."""
-    fits: list[LawFit] = []
+    fits: list[FormFit] = []
     for name in FORMS:
         fit = begin
         if name != begin.layout.form:
@@ -174,14 +174,16 @@ def _fit_forms(prepared: PreparedRecording, begin: LawFit, scale: float) -> list
     return fits
 
 
-def _with_voltage(prepared: PreparedRecording, best: LawFit, scale: float) -> LawFit | None:
+def _with_voltage(prepared: PreparedRecording, best: FormFit, scale: float) -> FormFit | None:
     """Return the form with an exponent of the voltage; None if that hardly changes."""
     if best.layout.voltage or not _voltage_changes(prepared.fine):
         return best if best.layout.voltage else None
     return _refit_layout(prepared, replace(best.layout, voltage=True), best, scale)
 
 
-def _refit_layout(prepared: PreparedRecording, layout: Layout, fit: LawFit, scale: float) -> LawFit:
+def _refit_layout(
+    prepared: PreparedRecording, layout: Layout, fit: FormFit, scale: float
+) -> FormFit:
     """Fit another layout from where a fit ended."""
     return finish_form(prepared, search_form(prepared, layout, fit, scale), scale)
 
@@ -190,7 +192,7 @@ def _voltage_changes(recording: Recording) -> bool:
     return recording.voltage is not None and float(recording.voltage.std()) > LEAST_VOLTS
 
 
-def _fit_roughly(prepared: PreparedRecording) -> LawFit:
+def _fit_roughly(prepared: PreparedRecording) -> FormFit:
     """Fit the most general form, with voltage and a lag for each way where the flights ask for it.
 
     Lags that differ bend the response as a curve does: the form is compared with them in place.
@@ -210,12 +212,12 @@ def _fit_roughly(prepared: PreparedRecording) -> LawFit:
     return _two_way(prepared, rough, scale)
 
 
-def _robust_deviation(fit: LawFit) -> float:
+def _robust_deviation(fit: FormFit) -> float:
     """Estimate the deviation of the residuals by their median size [rad/s]."""
     return 1.4826 * float(np.median(np.abs(fit.residuals)))
 
 
-def _two_way(prepared: PreparedRecording, fit: LawFit, scale: float) -> LawFit:
+def _two_way(prepared: PreparedRecording, fit: FormFit, scale: float) -> FormFit:
     """Fit a lag for each way, where their difference exceeds its interval."""
     if fit.layout.two_way:
         return fit
@@ -224,7 +226,7 @@ def _two_way(prepared: PreparedRecording, fit: LawFit, scale: float) -> LawFit:
     return two_way if abs(ratio) > half else fit
 
 
-def _on_thrust(prepared: PreparedRecording, best: LawFit, scale: float) -> LawFit:
+def _on_thrust(prepared: PreparedRecording, best: FormFit, scale: float) -> FormFit:
     """Fit the lag on the squared speed: it rises sooner than it falls, as two lags do."""
     layout = replace(best.layout, on_thrust=True, two_way=False)
     one_way = search_form(prepared, layout, best, scale)
@@ -236,14 +238,14 @@ def _on_thrust(prepared: PreparedRecording, best: LawFit, scale: float) -> LawFi
     return _two_way(prepared, one_way, scale)
 
 
-def _is_far(fit: LawFit, best: LawFit) -> bool:
+def _is_far(fit: FormFit, best: FormFit) -> bool:
     """Return whether a search ended so much worse than another that all speeds cannot mend it."""
     worse = 0.5 * np.log(fit.search_loss / best.search_loss)
     return len(best.held_out) * float(worse) > FAR
 
 
 def _shift_by_noise(
-    prepared: PreparedRecording, logged: Recording, made: Between, fit: LawFit, scale: float
+    prepared: PreparedRecording, logged: Recording, made: Between, fit: FormFit, scale: float
 ) -> Float[np.ndarray, " p"]:
     """Measure how noise of the commands moves a fit: by the same noise once more.
 
@@ -264,7 +266,7 @@ def _shift_by_noise(
     return 0.5 * (moved[1] + moved[2]) - fit.values
 
 
-def _slow_shift(recording: Recording, fit: LawFit) -> Float[np.ndarray, " p"]:
+def _slow_shift(recording: Recording, fit: FormFit) -> Float[np.ndarray, " p"]:
     """Compute by how much a fit moves that looks at what is slow alone.
 
     Between its commands a log does not say what a loop commanded; what is slow does not ask.
@@ -318,12 +320,12 @@ def _refuse_short(recording: Recording) -> None:
         )
 
 
-def _select_likeliest(fits: Sequence[LawFit]) -> LawFit:
+def _select_likeliest(fits: Sequence[FormFit]) -> FormFit:
     """Select the fit that does best on unseen blocks."""
     return min(fits, key=lambda fit: fit.error)
 
 
-def _log_likelihood_gain(fit: LawFit, other: LawFit) -> float:
+def _log_likelihood_gain(fit: FormFit, other: FormFit) -> float:
     """Compute the log-likelihood of one fit over another's, on unseen blocks.
 
     Each block counts as one observation: within it residuals are correlated.

@@ -106,7 +106,7 @@ def _thin_recording(recording: Recording, stride: int) -> Recording:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LawFit:
+class FormFit:
     """One form, fitted.
 
     - `searched`: values where the search ended, on few speeds and coarse commands.
@@ -177,12 +177,12 @@ def choose_start(layout: Layout, prepared: PreparedRecording) -> Float[np.ndarra
     return x
 
 
-def search_first(prepared: PreparedRecording, layout: Layout) -> LawFit:
+def search_first(prepared: PreparedRecording, layout: Layout) -> FormFit:
     """Search from where nothing is known of the law; every speed counts the same."""
     return _search_layout(prepared, layout, choose_start(layout, prepared), np.inf)
 
 
-def search_form(prepared: PreparedRecording, layout: Layout, fit: LawFit, scale: float) -> LawFit:
+def search_form(prepared: PreparedRecording, layout: Layout, fit: FormFit, scale: float) -> FormFit:
     """Search from where another fit ended; speeds beyond some of `scale` [rad/s] count less.
 
     All speeds will shift the values that the search finds about as they shifted those of that fit.
@@ -196,11 +196,11 @@ def search_form(prepared: PreparedRecording, layout: Layout, fit: LawFit, scale:
 
 def _search_layout(
     prepared: PreparedRecording, layout: Layout, begin: Float[np.ndarray, " p"], scale: float
-) -> LawFit:
+) -> FormFit:
     """Fit a layout to few speeds."""
     found = _minimize_huber(prepared, layout, begin, scale, is_search=True)
     block = prepared.block[:: prepared.stride]
-    return LawFit(
+    return FormFit(
         layout=layout,
         values=found.values,
         searched=found.values,
@@ -213,8 +213,8 @@ def _search_layout(
 
 
 def finish_form(
-    prepared: PreparedRecording, fit: LawFit, scale: float = np.inf, *, close: float = CLOSE
-) -> LawFit:
+    prepared: PreparedRecording, fit: FormFit, scale: float = np.inf, *, close: float = CLOSE
+) -> FormFit:
     """Fit to all speeds, from where a search, or the fit of a recording much alike, ended."""
     found = _minimize_huber(prepared, fit.layout, fit.values, scale, close=close)
     return replace(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 
 from rotorfit.fit.motor_law.command_response import Recording, Timing, speed_response
-from rotorfit.logs.speed_law import Curve, PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
+from rotorfit.logs.motor_law import Curve, MotorLaw, PowerCurve, SquareRootCurve, VoltageFactor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -72,28 +72,28 @@ FORMS: Final[Mapping[FormName, Form]] = {
         lower=(-0.5,),
         upper=(0.95,),
         logarithm=_linear_form,
-        curve=lambda full, x: PowerLaw(full, float(x[0]), 1.0),
+        curve=lambda full, x: PowerCurve(full, float(x[0]), 1.0),
     ),
     "power": Form(
         start=(0.7,),
         lower=(0.1,),
         upper=(3.0,),
         logarithm=_power_form,
-        curve=lambda full, x: PowerLaw(full, 0.0, float(x[0])),
+        curve=lambda full, x: PowerCurve(full, 0.0, float(x[0])),
     ),
     "sqrt": Form(
         start=(0.5,),
         lower=(0.0,),
         upper=(1.0,),
         logarithm=_sqrt_form,
-        curve=lambda full, x: SquareRootLaw(full, float(x[0])),
+        curve=lambda full, x: SquareRootCurve(full, float(x[0])),
     ),
     "offset power": Form(
         start=(0.05, 0.7),
         lower=(-0.5, 0.1),
         upper=(0.95, 3.0),
         logarithm=_offset_power_form,
-        curve=lambda full, x: PowerLaw(full, float(x[0]), float(x[1])),
+        curve=lambda full, x: PowerCurve(full, float(x[0]), float(x[1])),
     ),
 }
 """By name, those with fewer parameters first."""
@@ -146,13 +146,13 @@ class Layout:
         return self.drifts.stop + 2 + int(self.two_way)
 
 
-def law_of(recording: Recording, layout: Layout, values: Float[np.ndarray, " p"]) -> SpeedLaw:
+def law_of(recording: Recording, layout: Layout, values: Float[np.ndarray, " p"]) -> MotorLaw:
     """Build the law of the mean rotor from parameters."""
     curve = FORMS[layout.form].curve(float(np.exp(values[0])), values[layout.curve])
     if not layout.voltage or recording.nominal_voltage is None:
-        return SpeedLaw(curve=curve)
+        return MotorLaw(curve=curve)
     exponent = float(values[layout.exponent])
-    return SpeedLaw(curve=curve, voltage=VoltageFactor(recording.nominal_voltage, exponent))
+    return MotorLaw(curve=curve, voltage=VoltageFactor(recording.nominal_voltage, exponent))
 
 
 def timing_of(layout: Layout, x: Float[np.ndarray, " p"]) -> Timing:

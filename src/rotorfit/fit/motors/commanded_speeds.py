@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
-from rotorfit.fit.experiment.law_table import bent_speed
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
+from rotorfit.fit.motors.bent_law import bend_speed
 from rotorfit.fit.weight.kt_from_weight import kt_from_weight
 from rotorfit.fit.weight.weigh_thrust import HELD_TO, kt_of
 from rotorfit.flight.motors.motor_model import with_motors
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
     from rotorfit.fit.dataset.dataset import Dataset
-    from rotorfit.fit.experiment.law_table import LawEntry
     from rotorfit.fit.fit import Fit
     from rotorfit.fit.intervals.numbers import Numbers
     from rotorfit.fit.timing.timed_dataset import TimedDataset
     from rotorfit.flight.prepare import PreparedFlight
+    from rotorfit.logs.motor_law import MotorLaw
 
     Speeds = Float[np.ndarray, "n N"]
     Change = Callable[[Speeds, Float[np.ndarray, "m N"]], Speeds]
@@ -118,7 +118,7 @@ def allow_for_law(fit: Fit) -> Fit:
     return fit.with_record(LawError(speed_std=std, reach=reach, widths=inertia_widths(fit.numbers)))
 
 
-def speed_std(law: LawEntry, voltages: Sequence[float | None]) -> float:
+def speed_std(law: MotorLaw, voltages: Sequence[float | None]) -> float:
     """Return the deviation of a law's speeds, as a share, on flights at these voltages [V].
 
     None is a flight whose log has no voltage.
@@ -144,17 +144,17 @@ def speed_powers(numbers: Numbers) -> list[int]:
     return [EVERY[name.partition("@")[0]].speed_power for name in numbers.names]
 
 
-def _slope_shift(fit: Fit, law: LawEntry) -> Float[np.ndarray, " q"]:
+def _slope_shift(fit: Fit, law: MotorLaw) -> Float[np.ndarray, " q"]:
     """Compute how far numbers go where the speed grows more with the command, by a deviation."""
 
     def steeper(speed: Speeds, flown: Float[np.ndarray, "m N"]) -> Speeds:
         usual = law.usual_speed or float(np.median(flown))
-        return bent_speed(speed, 1.0 + law.slope_std, anchor=usual)
+        return bend_speed(speed, 1.0 + law.slope_std, anchor=usual)
 
     return shift_by_speeds(fit, with_other_speeds(fit.dataset, steeper))
 
 
-def hover_share(law: LawEntry, speed: float, std: float) -> float:
+def hover_share(law: MotorLaw, speed: float, std: float) -> float:
     """Return the deviation, as a share, of a speed in hover by the law alone.
 
     The command in hover does not hang on it. `std`: deviation of all speeds (`speed_std`).

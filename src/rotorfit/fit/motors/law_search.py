@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from rotorfit.fit.dataset.load import ignore_progress
 from rotorfit.fit.fit_flights import fit_flights
-from rotorfit.fit.motors.law_from_flight import (
+from rotorfit.fit.motors.law_from_thrust import (
     find_again,
     find_law,
     with_found_law,
@@ -50,7 +50,7 @@ def fit_with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
             fit = _fit_with_chosen_terms(fit, wanted)
             law, terms = find_again(tried, fit), fit.terms
     law = law.fitted
-    found = dataclasses.replace(with_law(fit.dataset, law.entry), law_found=law.from_flight)
+    found = dataclasses.replace(with_law(fit.dataset, law.law), law_found=law.from_flight)
     found = found.keeping_bands(fit.dataset)
     return dataclasses.replace(fit, dataset=found).with_record(law)
 

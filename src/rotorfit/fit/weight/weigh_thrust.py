@@ -8,7 +8,7 @@ the variance of the mean is scaled by :math:`\chi^2` of their difference (Birge,
 1932). Where they contradict each other, k_t is that of the weight, and doubtful.
 
 Where a law makes speeds of commands, changes of thrust show how wrong its slope is
-(`motors/law_from_flight.py`): what that leaves open is in the k_t of changes. Where the speeds are
+(`motors/law_from_thrust.py`): what that leaves open is in the k_t of changes. Where the speeds are
 by the flight, k_t is that of the weight.
 """
 

@@ -72,7 +72,7 @@ from rotorfit.flight.signals import (
     true_runs,
     whole_samples,
 )
-from rotorfit.logs.speed_law import law_doubts, speed_from_command
+from rotorfit.logs.motor_law import law_doubts, speed_from_command
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -16,7 +16,7 @@ from rotorfit.flight.filters import first_order_recursion
 from rotorfit.flight.signals import central_difference, smooth_motors
 from rotorfit.flight.spectral_density import power_density
 from rotorfit.logs.flight_log import LONG, LagOn, pieces
-from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, speed_from_command
+from rotorfit.logs.motor_law import MotorLaw, SquareRootCurve, speed_from_command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -273,7 +273,7 @@ class MotorModel:
     """
 
     speed: Literal["measured", "commanded"] = "measured"
-    law: SpeedLaw | None = None
+    law: MotorLaw | None = None
     lag: float = 0.0
     delay: float | None = None
     lag_down: float | None = None
@@ -385,31 +385,26 @@ class ThrustCurve:
         return float((-b + np.sqrt(b * b + 4.0 * f * thrust)) / (2.0 * f))
 
 
-def speeds(law: SpeedLaw, commands: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def speeds(law: MotorLaw, commands: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Compute the speed at commands, at the battery's nominal voltage [rad/s]."""
-    nominal = SpeedLaw(curve=law.curve)
+    nominal = MotorLaw(curve=law.curve)
     return speed_from_command(commands[:, None], nominal)[:, 0]
 
 
-def full_speed_of(law: SpeedLaw) -> float:
-    """Compute the speed at full command [rad/s]."""
-    return float(speeds(law, np.array([1.0]))[0])
-
-
-def command_range(law: SpeedLaw) -> tuple[float, float]:
+def command_range(law: MotorLaw) -> tuple[float, float]:
     """Return the commands at which a law's rotor begins to turn, and is at full speed."""
-    if isinstance(law.curve, SquareRootLaw):
+    if isinstance(law.curve, SquareRootCurve):
         return law.curve.start, law.curve.end
     return dead_zone(law), 1.0
 
 
-def dead_zone(law: SpeedLaw) -> float:
+def dead_zone(law: MotorLaw) -> float:
     """Find the largest command at which a law's rotor stands; 0 if it turns at any."""
     standing = np.flatnonzero(speeds(law, GRID) <= 0.0)
     return float(GRID[standing[-1]]) if len(standing) else 0.0
 
 
-def betaflight_linear(law: SpeedLaw) -> ThrustCurve:
+def betaflight_linear(law: MotorLaw) -> ThrustCurve:
     """Fit the factor by which Betaflight's ``thrust_linear`` makes thrust linear, 0 to 1.5.
 
     Betaflight moves each motor's output x to x (1 + c (1 - x)^2), c being thrust_linear / 100
@@ -426,7 +421,7 @@ def betaflight_linear(law: SpeedLaw) -> ThrustCurve:
     return ThrustCurve(factor=c, error=float(np.abs(bends_of_thrust(law, np.array([c]))).max()))
 
 
-def bends_of_thrust(law: SpeedLaw, factors: Float[np.ndarray, " c"]) -> Float[np.ndarray, "c n"]:
+def bends_of_thrust(law: MotorLaw, factors: Float[np.ndarray, " c"]) -> Float[np.ndarray, "c n"]:
     """Compute thrust's distance from a straight line, as a share of full thrust over idle."""
     moved = np.clip(GRID * (1.0 + factors[:, None] * (1.0 - GRID) ** 2), 0.0, 1.0)
     thrust = speeds(law, moved.ravel()).reshape(moved.shape) ** 2
@@ -434,7 +429,7 @@ def bends_of_thrust(law: SpeedLaw, factors: Float[np.ndarray, " c"]) -> Float[np
     return (thrust - idle) / (full - idle) - GRID
 
 
-def thrust_curve(law: SpeedLaw, *, start: float = 0.0, end: float = 1.0) -> ThrustCurve:
+def thrust_curve(law: MotorLaw, *, start: float = 0.0, end: float = 1.0) -> ThrustCurve:
     """Fit the curve nearest to a law, in the mean square of thrust over all commands.
 
     Its command u is 0 at the command `start` of the law, and 1 at its command `end`.

@@ -21,7 +21,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from rotorfit.logs.dataflash.columns import rate_of, timed, vector
 from rotorfit.logs.flight_log import SITL, Channel, LoggedMotors
-from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
+from rotorfit.logs.motor_law import MotorLaw, SquareRootCurve, VoltageFactor
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -405,11 +405,12 @@ def logged_motors(parameters: Parameters, *, battery: bool) -> LoggedMotors | No
     curve = thrust_curve(parameters)
     if curve is None or curve.expo < 0.0:
         return None
-    law = SpeedLaw(
-        curve=SquareRootLaw(
+    law = MotorLaw(
+        curve=SquareRootCurve(
             1.0, *map(_shorten_value, (curve.expo, curve.spin_min, curve.spin_max))
         ),
         voltage=_voltage_factor(parameters) if battery else None,
+        stated=True,
     )
     names = ["MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX"]
     names += [] if law.voltage is None else ["MOT_BAT_VOLT_MAX"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from rotorfit.findings import Finding, doubt
 from rotorfit.logs.flight_log import GAZEBO, PX4_OTHER, SIH, Circumstances, LoggedMotors, in_air
-from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
+from rotorfit.logs.motor_law import MotorLaw, PolynomialCurve, SquareRootCurve
 from rotorfit.logs.ulog.firmware import MOTOR_OUTPUTS, PWM
 from rotorfit.logs.ulog.motors import (
     commanded_law,
@@ -304,16 +304,16 @@ def logged_motors(scan: Scan) -> LoggedMotors | None:
     simulator = simulator_of(scan)
     speeds = output_speeds(scan)
     if simulator == GAZEBO and speeds is not None:
-        curve = PolynomialLaw((speeds[0], speeds[1] - speeds[0]))
-        law = SpeedLaw(curve=curve)
-        return LoggedMotors(law=law, words="SIM_GZ_EC_MIN, SIM_GZ_EC_MAX", exact=True)
+        curve = PolynomialCurve((speeds[0], speeds[1] - speeds[0]))
+        law = MotorLaw(curve=curve, exact=True)
+        return LoggedMotors(law=law, words="SIM_GZ_EC_MIN, SIM_GZ_EC_MAX")
     if simulator == SIH and scan.number("SIH_VEHICLE_TYPE") in (None, QUADCOPTER):
-        law = SpeedLaw(curve=SquareRootLaw(1.0, 0.0))
+        law = MotorLaw(curve=SquareRootCurve(1.0, 0.0), exact=True)
         words = "SIH: thrust is proportional to the motor signal"
-        return LoggedMotors(law=law, words=words, exact=True, lag_on="thrust")
+        return LoggedMotors(law=law, words=words, lag_on="thrust")
     factor = thrust_curve(scan)
     if factor > 0.0:
-        law = SpeedLaw(curve=SquareRootLaw(1.0, factor))
+        law = MotorLaw(curve=SquareRootCurve(1.0, factor), stated=True)
         return LoggedMotors(law=law, words=f"THR_MDL_FAC = {factor:g}")
     return None
 

@@ -13,7 +13,7 @@ from rotorfit.fit.experiment.declared_vehicle import motor_model_of, vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.flight.signals import true_runs
 from rotorfit.flight.spectral_density import cross_densities
-from rotorfit.logs.speed_law import speed_from_command
+from rotorfit.logs.motor_law import speed_from_command
 from rotorfit.results.result import is_per_command
 from rotorfit.results.samples import about_com, normal_draws
 from rotorfit.tools.control_loop.plant import GyroFilter, Plant, from_lag

@@ -232,11 +232,7 @@ def _predict_prospects(
     if prepared is None:
         return None, None
     commanded = "rotor_speed" not in log.channels
-    law = None
-    if log.motors is not None:
-        from rotorfit.fit.experiment.law_table import law_entry_of  # slow to import
-
-        law = law_entry_of(log.motors)
+    law = None if log.motors is None else log.motors.law
     try:
         found = prospects(prepared, expected_response(log, late), commanded=commanded, law=law)
         return replace(found, motors=found.motors and name_in_usual_order(log, found.motors)), None
@@ -391,7 +387,7 @@ def _verdict_notes(look: _Look) -> Iterator[Finding]:
 def _stated_law(look: _Look) -> Iterator[Finding]:
     """Say what settles a law that settings of the firmware state; an identification says so too."""
     motors, foreseen = look.log.motors, look.foreseen
-    if motors is None or motors.exact or foreseen is None or look.result is not None:
+    if motors is None or motors.law.exact or foreseen is None or look.result is not None:
         return
     if foreseen.commanded:
         from rotorfit.checks.motors.motor_law import STATED, stated_sentence

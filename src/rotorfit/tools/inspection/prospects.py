@@ -21,7 +21,7 @@ from rotorfit.fit.intervals.excitation import enough_by_weight, mean_ratios, pil
 from rotorfit.fit.intervals.numbers import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.intervals.row_scatter import row_half_widths
 from rotorfit.fit.motors.hovers_by_mass import rms_speed
-from rotorfit.fit.motors.law_from_flight import FoundLaw, anchor_of, exponent_of, thrust_ratio
+from rotorfit.fit.motors.law_from_thrust import LawFromThrust, anchor_of, exponent_of, thrust_ratio
 from rotorfit.fit.reduction.bandwidth import Bandwidth, Sensor, bandwidths
 from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, prepared_bands, retimed
 from rotorfit.fit.row_fits import RowFits, fit_rows
@@ -45,12 +45,12 @@ from rotorfit.tools.planning.advised_step import NextStep
 
 if TYPE_CHECKING:
     from rotorfit.estimation.factors import Factors
-    from rotorfit.fit.experiment.law_table import LawEntry
     from rotorfit.fit.reduction.reduce import Lines
     from rotorfit.flight.flight_data import FlightData
     from rotorfit.flight.motors.motor_model import MotorResponse
     from rotorfit.flight.prepare import PreparedFlight
     from rotorfit.logs.flight_log import FlightLog
+    from rotorfit.logs.motor_law import MotorLaw
     from rotorfit.model.vehicle import Vehicle
     from rotorfit.results.result import Verdict
     from rotorfit.simulation.pilot import Manoeuvre
@@ -212,7 +212,7 @@ def prospects(
     motors: MotorResponse | None = None,
     *,
     commanded: bool = False,
-    law: LawEntry | None = None,
+    law: MotorLaw | None = None,
 ) -> Prospects:
     """Predict what a prepared flight can show, whatever its airframe.
 
@@ -347,7 +347,7 @@ def _estimate_thrust(
     *,
     followed: bool,
     commanded: bool,
-    law: LawEntry | None,
+    law: MotorLaw | None,
 ) -> Thrust:
     """Estimate kt from changes of thrust and from the weight."""
     squares = (data.rotor_speed[data.used_rows] ** 2).sum(axis=1)
@@ -358,7 +358,7 @@ def _estimate_thrust(
     if commanded and law is None:
         # Commands that do not explain the motion do not show how thrust grows with them either.
         ratio = thrust_ratio(changes, weighed) if followed else None
-        found = FoundLaw(exponent=exponent_of(ratio), flown=ratio, hover=rms_speed([data]))
+        found = LawFromThrust(exponent=exponent_of(ratio), flown=ratio, hover=rms_speed([data]))
         reach, full = 1.96 * found.slope_std, 1.96 * found.thrust_std
         held = width if weighed is None else _relative_width(1.96 * weighed.std, weighed.value)
         width = float(np.hypot(held, full))
@@ -386,11 +386,11 @@ def _estimate_thrust(
     )
 
 
-def _given_law(data: FlightData, law: LawEntry, ratio: Measured | None) -> FoundLaw:
+def _given_law(data: FlightData, law: MotorLaw, ratio: Measured | None) -> LawFromThrust:
     """Estimate how well a flight shows a law that is given."""
     hover = rms_speed([data])
     anchor = anchor_of(law, hover)
-    return FoundLaw(
+    return LawFromThrust(
         exponent=exponent_of(ratio, law),
         flown=ratio,
         hover=hover / anchor,

@@ -8,8 +8,7 @@ import pytest
 
 from rotorfit.checks.motors.motor_law import OF_SPEED, STATED, law_finding
 from rotorfit.estimation.measured import Measured
-from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, SqrtEntry, speed_law_of
-from rotorfit.fit.motors.law_from_flight import (
+from rotorfit.fit.motors.law_from_thrust import (
     FAR,
     FULL_STD,
     ROUNDING,
@@ -18,7 +17,7 @@ from rotorfit.fit.motors.law_from_flight import (
     USUAL,
     WRONG_FULL_STD,
     WRONG_STD,
-    FoundLaw,
+    LawFromThrust,
     Trial,
     anchor_of,
     exponent_of,
@@ -27,6 +26,7 @@ from rotorfit.fit.motors.law_from_flight import (
     thrust_ratio,
 )
 from rotorfit.flight.motors.motor_model import speeds
+from rotorfit.logs.motor_law import MotorLaw, PolynomialCurve, PowerCurve, SquareRootCurve
 
 
 def test_the_ratio_has_the_uncertainty_of_both():
@@ -56,7 +56,7 @@ def test_weight_and_changes_give_the_exponent_of_any_power(power):
 
 
 def law(ratio, hover=0.5):
-    return FoundLaw(exponent=exponent_of(ratio), flown=ratio, hover=hover)
+    return LawFromThrust(exponent=exponent_of(ratio), flown=ratio, hover=hover)
 
 
 def trial(power, shown, std=0.02):
@@ -85,7 +85,7 @@ def test_a_law_is_settled_where_its_fit_is_near_it():
     def after(power):
         at = trial(power, 0.5)
         exponent = Measured(value=0.5, std=0.05)
-        return FoundLaw(exponent=exponent, flown=at.shown, hover=0.5, trial=at)
+        return LawFromThrust(exponent=exponent, flown=at.shown, hover=0.5, trial=at)
 
     assert after(0.504).settled and after(0.496).settled
     assert not after(0.51).settled and not after(0.49).settled
@@ -96,12 +96,12 @@ def test_a_law_is_settled_where_its_fit_is_near_it():
 
 
 def test_a_found_law_is_a_power_of_the_command_up_to_one():
-    entry = law(Measured(value=0.75, std=0.01)).entry
+    found = law(Measured(value=0.75, std=0.01)).law
     command = np.array([0.25, 1.0])
     exponent = exponent_of(Measured(value=0.75, std=0.01)).value
-    assert speeds(speed_law_of(entry), command) == pytest.approx([0.25**exponent, 1.0])
-    assert entry.slope_std == pytest.approx(0.01 / 0.75, rel=0.02)
-    assert entry.speed_std == pytest.approx(FULL_STD * np.log(2.0))
+    assert speeds(found, command) == pytest.approx([0.25**exponent, 1.0])
+    assert found.slope_std == pytest.approx(0.01 / 0.75, rel=0.02)
+    assert found.speed_std == pytest.approx(FULL_STD * np.log(2.0))
 
 
 def test_thrust_curves_differ_from_the_power_in_hover_by_so_much():
@@ -119,8 +119,8 @@ def test_thrust_curves_differ_from_the_power_in_hover_by_so_much():
     assert np.sqrt(((mean - local) ** 2).mean()) == pytest.approx(FULL_STD, rel=0.1)
 
 
-RIGHT = LawEntry(linear=(0.0, 1.0))
-GIVEN = LawEntry(power=PowerEntry(full_speed=900.0, offset=0.1, exponent=0.5))
+RIGHT = MotorLaw(curve=PolynomialCurve((0.0, 1.0)))
+GIVEN = MotorLaw(curve=PowerCurve(900.0, 0.1, 0.5))
 
 
 def test_a_right_law_stays_and_a_wrong_one_goes():
@@ -148,7 +148,7 @@ def test_how_likely_a_law_is_wrong():
 
 
 def test_the_law_of_simulated_motors_is_never_doubted():
-    exact = RIGHT.model_copy(update={"exact": True})
+    exact = replace(RIGHT, exact=True)
     for flown in (None, Measured(value=0.86, std=0.04), Measured(value=9.0, std=0.02)):
         assert mistaken(flown, exact) == 0.0
         known = exponent_of(flown, exact)
@@ -186,9 +186,7 @@ def test_nothing_jumps_as_a_law_becomes_wrong():
 
 
 def test_a_law_of_a_result_may_be_off_by_its_slope():
-    known = exponent_of(
-        Measured(value=1.08, std=0.02), RIGHT.model_copy(update={"slope_std": 0.08})
-    )
+    known = exponent_of(Measured(value=1.08, std=0.02), replace(RIGHT, slope_std=0.08))
     assert known.value == pytest.approx(1.076, abs=0.003)
 
 
@@ -238,7 +236,7 @@ def test_wrong_laws_differ_by_so_much():
 
 def given_law(power, std=0.02, tried=1.0):
     exponent = Measured(value=power, std=std)
-    return FoundLaw(
+    return LawFromThrust(
         exponent=exponent,
         flown=exponent,
         hover=0.6,
@@ -251,24 +249,24 @@ def given_law(power, std=0.02, tried=1.0):
 def test_a_wrong_law_is_bent_about_hover():
     """Its speed stays in hover; relative speeds, whose k_t is of full command, stay there."""
     assert anchor_of(GIVEN, 600.0) == 600.0
-    assert anchor_of(GIVEN.model_copy(update={"usual_speed": 500.0}), 600.0) == 500.0
-    relative = LawEntry(linear=(0.1, 0.9))
+    assert anchor_of(replace(GIVEN, usual_speed=500.0), 600.0) == 500.0
+    relative = MotorLaw(curve=PolynomialCurve((0.1, 0.9)))
     assert anchor_of(relative, 0.6) == 1.0
     command = np.array([0.2, 0.5, 1.0])
-    was = speeds(speed_law_of(GIVEN), command)
-    now = speeds(speed_law_of(given_law(1.2).entry), command)
+    was = speeds(GIVEN, command)
+    now = speeds(given_law(1.2).law, command)
     assert now == pytest.approx(600.0 * (was / 600.0) ** 1.2)
 
 
 def test_a_law_that_stays_is_the_one_given():
     kept = given_law(1.0, 0.01)
     assert not kept.from_flight
-    assert kept.entry.power == GIVEN.power
-    assert kept.entry.slope_std == pytest.approx(0.01)
-    assert kept.entry.speed_std == 0.0
+    assert kept.law.curve == GIVEN.curve
+    assert kept.law.slope_std == pytest.approx(0.01)
+    assert kept.law.speed_std == 0.0
     moved = given_law(1.2, tried=1.2)
     assert moved.from_flight
-    assert moved.entry.speed_std == pytest.approx(WRONG_FULL_STD * abs(np.log(0.6)))
+    assert moved.law.speed_std == pytest.approx(WRONG_FULL_STD * abs(np.log(0.6)))
 
 
 def test_a_given_law_stands_until_a_deviation_speaks_against_it():
@@ -309,12 +307,12 @@ def test_the_sentence_says_whether_the_flight_showed_it(assert_wording):
     assert shown.severity == unknown.severity == "note"
 
 
-SETTING = LawEntry(sqrt=SqrtEntry(full_speed=1.0, thr_mdl_fac=0.65), stated=True)
+SETTING = MotorLaw(curve=SquareRootCurve(1.0, 0.65), stated=True)
 
 
 def stated_law(flown, *, tried=1.0, hover=0.6):
     shown = None if flown is None else Measured(value=flown, std=0.02)
-    return FoundLaw(
+    return LawFromThrust(
         exponent=exponent_of(shown, SETTING),
         flown=shown,
         hover=hover,
@@ -372,4 +370,4 @@ def test_a_fit_that_lost_its_way_is_no_evidence():
 
 def law_after(power, shown):
     at = trial(power, shown)
-    return FoundLaw(exponent=at.shown, flown=at.shown, hover=0.5, trial=at)
+    return LawFromThrust(exponent=at.shown, flown=at.shown, hover=0.5, trial=at)

@@ -32,11 +32,12 @@ import numpy as np
 from rotorfit.estimation.distributions import normal_density, normal_tail
 from rotorfit.estimation.measured import Measured, combine_scales
 from rotorfit.estimation.root import root_between
-from rotorfit.fit.experiment.law_table import LawEntry, PowerEntry, bent, bent_speed
+from rotorfit.fit.motors.bent_law import bend_law, bend_speed
 from rotorfit.fit.motors.commanded_speeds import with_other_speeds
 from rotorfit.fit.motors.hovers_by_mass import exponent_share_by_masses, rms_speed
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.weight.weigh_thrust import kt_from_changes, weight_of
+from rotorfit.logs.motor_law import MotorLaw, PowerCurve
 
 if TYPE_CHECKING:
     from rotorfit.fit.dataset.dataset import Kind
@@ -111,7 +112,7 @@ class Trial:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FoundLaw:
+class LawFromThrust:
     """The law from command to rotor speed by a flight.
 
     - `exponent`: of the speed over the command, or over the speed of the law that is given.
@@ -127,7 +128,7 @@ class FoundLaw:
     flown: Measured | None
     hover: float
     anchor: float = 1.0
-    given: LawEntry | None = None
+    given: MotorLaw | None = None
     setting: str = ""
     trial: Trial = Trial(power=1.0, shown=None)
     growth: float | None = None
@@ -183,17 +184,20 @@ class FoundLaw:
         return self.given is None or self.trial.power != 1.0
 
     @property
-    def entry(self) -> LawEntry:
-        """The law as the experiment file has it."""
-        return self.entry_at(self.exponent.value)
+    def law(self) -> MotorLaw:
+        """The law with this exponent."""
+        return self.law_at(self.exponent.value)
 
-    def entry_at(self, power: float) -> LawEntry:
+    def law_at(self, power: float) -> MotorLaw:
         """Return the law with another exponent."""
-        known = self.given or LawEntry(power=PowerEntry(full_speed=1.0, exponent=1.0))
+        known = self.given or MotorLaw(curve=PowerCurve(1.0, 0.0, 1.0))
         speed_std = float(np.hypot(known.speed_std, self._full_std * self._log_command_span))
-        stds = {"slope_std": min(self.slope_std, 1.0), "speed_std": min(speed_std, 1.0)}
-        law = bent(known, power, anchor=self.anchor)
-        return law.model_copy(update={**stds, "usual_speed": self.anchor})
+        return replace(
+            bend_law(known, power, anchor=self.anchor),
+            slope_std=min(self.slope_std, 1.0),
+            speed_std=min(speed_std, 1.0),
+            usual_speed=self.anchor,
+        )
 
     @property
     def step(self) -> float:
@@ -210,7 +214,7 @@ class FoundLaw:
         return abs(self.step) < max(near * self.exponent.std, LEAST * self.exponent.value)
 
     @property
-    def fitted(self) -> FoundLaw:
+    def fitted(self) -> LawFromThrust:
         """The law that the last fit was made with, and how well it is known."""
         power = self.trial.power
         if self.given is None:
@@ -220,7 +224,7 @@ class FoundLaw:
         return replace(self, exponent=exponent)
 
 
-def find_law(fit: Fit) -> FoundLaw | None:
+def find_law(fit: Fit) -> LawFromThrust | None:
     """Find the exponent of the speed over the command; None if speeds are given.
 
     `fit`: with the law that is given, or with speeds in proportion to the command.
@@ -233,7 +237,7 @@ def find_law(fit: Fit) -> FoundLaw | None:
     hover = heaviest_hover(dataset, mass_known=fit.mass_known)
     anchor = 1.0 if given is None else anchor_of(given, hover)
     logged = flights[0].log.motors
-    return FoundLaw(
+    return LawFromThrust(
         exponent=exponent_of(trial.shown, given),
         flown=trial.shown,
         hover=hover / anchor,
@@ -259,7 +263,7 @@ def heaviest_hover(dataset: TimedDataset, *, mass_known: bool) -> float:
     return rms_speed([one for own in flights for one in own])
 
 
-def anchor_of(law: LawEntry, hover: float) -> float:
+def anchor_of(law: MotorLaw, hover: float) -> float:
     """Return the speed of a law that stands whatever its slope.
 
     That of full command of relative speeds, as k_t is thrust at full command; else the usual one.
@@ -267,7 +271,7 @@ def anchor_of(law: LawEntry, hover: float) -> float:
     return 1.0 if law.is_relative else law.usual_speed or hover
 
 
-def find_again(law: FoundLaw, fit: Fit) -> FoundLaw:
+def find_again(law: LawFromThrust, fit: Fit) -> LawFromThrust:
     """Find the exponent by a fit with the law that was found before."""
     trial = _try_power(fit, law.next_power)
     if law.has_lost(trial):
@@ -299,7 +303,7 @@ def thrust_ratio(changes: Measured | None, weight: Measured | None) -> Measured 
 
 
 def exponent_of(
-    flown: Measured | None, given: LawEntry | None = None, *, about: float | None = None
+    flown: Measured | None, given: MotorLaw | None = None, *, about: float | None = None
 ) -> Measured:
     """Combine the exponent from the flights with its prior.
 
@@ -313,7 +317,7 @@ def exponent_of(
     return mixed(right, wrong, mistaken(flown, given), about=about)
 
 
-def mistaken(flown: Measured | None, given: LawEntry) -> float:
+def mistaken(flown: Measured | None, given: MotorLaw) -> float:
     """Return how likely a law that is given is wrong."""
     before = 0.0 if given.exact else MISTAKES
     if flown is None or not before:
@@ -326,7 +330,7 @@ def mistaken(flown: Measured | None, given: LawEntry) -> float:
     return likely[1] / sum(likely) if sum(likely) else 1.0
 
 
-def _exponents_of_kinds(given: LawEntry) -> tuple[Measured, Measured]:
+def _exponents_of_kinds(given: MotorLaw) -> tuple[Measured, Measured]:
     """Return the exponent of a right law and of a wrong one."""
     known = float(np.hypot(given.slope_std, STATED_STD)) if given.stated else given.slope_std
     right = max(known, ROUNDING)
@@ -355,17 +359,17 @@ def mixed(
     return Measured(value=mean, std=root_between(beyond, 0.0, farthest) / 1.96)
 
 
-def with_found_law(dataset: TimedDataset, found: FoundLaw) -> TimedDataset:
+def with_found_law(dataset: TimedDataset, found: LawFromThrust) -> TimedDataset:
     """Return flights with the speeds of a found law, their motors not timed."""
     power = found.next_power
     dataset = replace(dataset, motor_timing=None)
     dataset = with_other_speeds(
-        dataset, lambda speed, _: bent_speed(speed, power, anchor=found.anchor)
+        dataset, lambda speed, _: bend_speed(speed, power, anchor=found.anchor)
     )
-    return with_law(dataset, found.entry_at(power))
+    return with_law(dataset, found.law_at(power))
 
 
-def with_law(dataset: Kind, law: LawEntry) -> Kind:
+def with_law(dataset: Kind, law: MotorLaw) -> Kind:
     """Return a dataset whose motors, and those of its flights, have a law."""
 
     def with_it(motors: MotorsEntry) -> MotorsEntry:

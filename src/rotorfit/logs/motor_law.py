@@ -1,7 +1,11 @@
-"""The speed that a motor settles at, over its command: laws as curves, with the battery's share."""
+"""The law of the motors: the speed that they settle at over their command.
+
+`fit/motor_law/` estimates it from measured speeds, `fit/motors/law_from_thrust.py` from thrust.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,14 +21,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class PolynomialLaw:
+class PolynomialCurve:
     """Speed c0 + c1 u + c2 u^2 + ... of a command u, lowest power first [rad/s]."""
 
     coefficients: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class TableLaw:
+class TableCurve:
     """Rising speeds [rad/s] at rising commands (0 to 1), as a bench gives them; linear between."""
 
     commands: tuple[float, ...]
@@ -32,7 +36,7 @@ class TableLaw:
 
 
 @dataclass(frozen=True, slots=True)
-class SquareRootLaw:
+class SquareRootCurve:
     """Speed of a thrust that is partly linear in the command.
 
     Relative thrust f u^2 + (1 - f) u is what PX4 takes for its parameter THR_MDL_FAC, and thrust
@@ -51,7 +55,7 @@ class SquareRootLaw:
 
 
 @dataclass(frozen=True, slots=True)
-class PowerLaw:
+class PowerCurve:
     """Speed that goes with a power of the command, or of the command beyond an idle one.
 
     full_speed (b + (1 - b) u)^p: with b = 0 a power of the command, with p = 1 a straight line.
@@ -70,29 +74,57 @@ class PowerLaw:
 class VoltageFactor:
     """What the battery does to the speed: a factor (V / nominal)^exponent, nominal in V.
 
-    The exponent is 1 where the speed goes with the voltage, 0.5 where the thrust does. `optional`:
-    without a voltage the speed is that at the nominal one.
+    The exponent is 1 where the speed goes with the voltage, 0.5 where the thrust does.
+
+    - `exponent_std`: its deviation.
+    - `missing_std`: deviation of the speed, as a share, in a flight whose log has no voltage, and
+      whose speeds are those at the nominal one; None: such a log is refused.
     """
 
     nominal: float
-    exponent: float
-    optional: bool = False
+    exponent: float = 1.0
+    exponent_std: float = 0.0
+    missing_std: float | None = None
 
 
-Curve = PolynomialLaw | TableLaw | SquareRootLaw | PowerLaw
+Curve = PolynomialCurve | TableCurve | SquareRootCurve | PowerCurve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SpeedLaw:
-    """From command to rotor speed; without `voltage` it does not depend on the battery."""
+class MotorLaw:
+    """From command to rotor speed [rad/s], and how well that is known.
+
+    - `curve`: speed over command, at the battery's nominal voltage.
+    - `voltage`: the battery's share; None: the speed does not depend on it.
+    - `speed_std`, `slope_std`: deviation of the speed in hover, and of how steeply it grows with
+      the command there, as shares of them.
+    - `usual_speed`: the speed at which they hold [rad/s]; None: that of the flight.
+    - `exact`: it is that of simulated motors: no flight is asked whether it is right.
+    - `stated`: it is a setting of the firmware, which nobody need have measured.
+    """
 
     curve: Curve
     voltage: VoltageFactor | None = None
+    speed_std: float = 0.0
+    slope_std: float = 0.0
+    usual_speed: float | None = None
+    exact: bool = False
+    stated: bool = False
+
+    @property
+    def full_speed(self) -> float:
+        """Speed at full command, at the battery's nominal voltage [rad/s]."""
+        return max(float(_curve_speed(np.ones((1, 1)), self.curve)[0, 0]), 0.0)
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether rotor speed is in parts of its largest: the law ends at 1."""
+        return math.isclose(self.full_speed, 1.0)
 
 
 def speed_from_command(
     command: Float[np.ndarray, "n N"],
-    law: SpeedLaw,
+    law: MotorLaw,
     *,
     battery: Float[np.ndarray, "n 1"] | None = None,
 ) -> Float[np.ndarray, "n N"]:
@@ -102,7 +134,7 @@ def speed_from_command(
     if law.voltage is None:
         return speed
     if battery is None:
-        if law.voltage.optional:
+        if law.voltage.missing_std is not None:
             return speed
         raise LogError(
             "the law of the motors has a voltage factor, but there is no battery voltage with "
@@ -114,21 +146,21 @@ def speed_from_command(
 
 def _curve_speed(command: Float[np.ndarray, "n N"], curve: Curve) -> Float[np.ndarray, "n N"]:
     match curve:
-        case PolynomialLaw(coefficients):
+        case PolynomialCurve(coefficients):
             return np.polynomial.polynomial.polyval(command, np.asarray(coefficients))
-        case TableLaw(commands, speeds):
+        case TableCurve(commands, speeds):
             return np.interp(command, commands, speeds)
-        case SquareRootLaw(full_speed, f, start, end):
+        case SquareRootCurve(full_speed, f, start, end):
             u = np.clip((command - start) / (end - start), 0.0, 1.0)
             return full_speed * np.sqrt(f * u**2 + (1.0 - f) * u)
-        case PowerLaw(full_speed, b, p):
+        case PowerCurve(full_speed, b, p):
             return full_speed * np.maximum(b + (1.0 - b) * command, 0.0) ** p
 
 
-def law_doubts(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> Iterator[Finding]:
+def law_doubts(law: MotorLaw, command: Float[np.ndarray, "n N"]) -> Iterator[Finding]:
     """Find what contradicts a law for the commands of a flight."""
     low, high = float(command.min()), float(command.max())
-    if isinstance(law.curve, TableLaw):
+    if isinstance(law.curve, TableCurve):
         first, last = law.curve.commands[0], law.curve.commands[-1]
         beyond = float(((command < first) | (command > last)).mean())
         if beyond > 0.0:
