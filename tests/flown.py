@@ -1,12 +1,14 @@
 """Experiments on simulated and real flights: written as files, read back, identified."""
 
 import copy
+import dataclasses
 import warnings
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 
 from rotorfit.errors import FlightWarning
+from rotorfit.findings import Finding
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.identification import identify
 from rotorfit.model.vehicle import Rotor, Vehicle
@@ -23,6 +25,28 @@ from rotorfit.simulation import (
 )
 
 VEHICLES = ("A", "B", "quad-x", "hexa-x", "octo", "x8", "hexa-tilted")
+
+
+def with_findings(result: IdentificationResult, *findings: Finding) -> IdentificationResult:
+    """Return a result that has further findings."""
+    return dataclasses.replace(result, findings=(*result.findings, *findings))
+
+
+def advised(result: IdentificationResult) -> IdentificationResult:
+    """Return a result with what its simulated vehicle needs, as `identify` makes it."""
+    from rotorfit.tools.planning.next_step import advise_flights
+
+    advice = advise_flights(result)
+    if advice is None:
+        return result
+    parameters = [
+        dataclasses.replace(p, advice=words, asks=asks)
+        for p in result.parameters
+        for words, asks in [advice.by_number.get(p.full_name, (p.advice, p.asks))]
+    ]
+    return with_findings(
+        dataclasses.replace(result, parameters=tuple(parameters)), *advice.findings
+    )
 
 
 def simulated_vehicle(name: str) -> SimulatedVehicle:

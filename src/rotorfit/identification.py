@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -34,16 +35,17 @@ from rotorfit.results.command_units import in_command_units, with_flight_numbers
 from rotorfit.results.full_throttle import with_full_throttle
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.law_tables import add_motor_law
+from rotorfit.results.result import IdentificationResult
 from rotorfit.results.row_tables import estimate_by_paper, estimate_by_rows
-from rotorfit.results.tables import ResultTables, finished_result
+from rotorfit.results.tables import Advice, ResultTables, finished_result
 from rotorfit.results.validation.validate import validation_comparisons, validation_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from rotorfit.fit.experiment.experiment import Experiment, MotorsEntry
     from rotorfit.fit.fit import Fit
-    from rotorfit.results.result import FlightRecord, IdentificationResult
+    from rotorfit.results.result import FlightRecord
 
 ORIGIN_IS_TRACKED: Final = (
     "the origin is the point that motion capture tracks: CoM, first moments and rotor centre are "
@@ -91,7 +93,16 @@ class Tabulated:
     tables: ResultTables
 
 
-def identify(experiment: Experiment, *, progress: Progress | None = None) -> IdentificationResult:
+Adviser = Callable[[IdentificationResult, Progress], Advice | None]
+"""What plans the next flight of a result's vehicle; it reports on its progress."""
+
+
+def identify(
+    experiment: Experiment,
+    *,
+    progress: Progress | None = None,
+    adviser: Adviser | None = None,
+) -> IdentificationResult:
     """Identify the vehicle of an experiment from its flights.
 
     Parameters
@@ -100,22 +111,30 @@ def identify(experiment: Experiment, *, progress: Progress | None = None) -> Ide
         From `load_experiment` or `single_flight_experiment`.
     progress
         Called with a few words on what is being done.
+    adviser
+        Says what to fly next, such as `rotorfit.tools.planning.next_step.advise_flights`; without
+        one the result has the general advice for each number.
 
     Raises
     ------
     RotorfitError
         One of its kinds, if the experiment, a log or a flight cannot be used.
     """
-    return identify_flights(experiment, progress=progress).result
+    return identify_flights(experiment, progress=progress, adviser=adviser).result
 
 
-def identify_flights(experiment: Experiment, *, progress: Progress | None = None) -> Identified:
+def identify_flights(
+    experiment: Experiment,
+    *,
+    progress: Progress | None = None,
+    adviser: Adviser | None = None,
+) -> Identified:
     """Identify a vehicle, and return the flights and their fit with the result; see `identify`."""
     # The matrices are small: a second thread of the linear algebra only waits, at ten times the
     # cost where another program uses the other cores.
     with threadpool_limits(limits=1, user_api="blas"):
         try:
-            return _identify_checked(experiment, progress or ignore_progress)
+            return _identify_checked(experiment, progress or ignore_progress, adviser)
         except np.linalg.LinAlgError as error:
             raise EstimationError(
                 f"the equations of these flights have no solution ({error}): there is hardly any "
@@ -123,7 +142,9 @@ def identify_flights(experiment: Experiment, *, progress: Progress | None = None
             ) from error
 
 
-def _identify_checked(experiment: Experiment, report: Progress) -> Identified:
+def _identify_checked(
+    experiment: Experiment, report: Progress, adviser: Adviser | None
+) -> Identified:
     method = resolved_method(experiment)
     dataset = TimedDataset.of(load_dataset(experiment, report))
     declared = experiment.motors
@@ -139,12 +160,11 @@ def _identify_checked(experiment: Experiment, report: Progress) -> Identified:
     tabulated = ESTIMATORS[method](experiment, dataset)
     tables = _complete_tables(tabulated, declared, report)
     _issue_warnings(tables.flights)
-    result = finished_result(tabulated.experiment, tables)
     return Identified(
         experiment=tabulated.experiment,
         dataset=tabulated.dataset,
         fit=tabulated.fit,
-        result=_validate_result(result, tabulated.experiment, report),
+        result=_finish_result(tabulated.experiment, tables, report, adviser),
     )
 
 
@@ -218,14 +238,23 @@ def _issue_warnings(flights: Sequence[FlightRecord]) -> None:
             warnings.warn(f"{Path(record.file).name}: {sentence}", FlightWarning, stacklevel=3)
 
 
-def _validate_result(
-    result: IdentificationResult, experiment: Experiment, report: Progress
+def _finish_result(
+    experiment: Experiment, tables: ResultTables, report: Progress, adviser: Adviser | None
 ) -> IdentificationResult:
-    """Add how well the model predicts flights that the fit has not seen."""
+    """Make the result of the tables, with its validation and what to fly next."""
+    draft = finished_result(experiment, tables)
+    rows = _validate_draft(draft, experiment, report)
+    advice = None if adviser is None else adviser(draft, report)
+    return finished_result(experiment, tables, validation=rows, advice=advice)
+
+
+def _validate_draft(
+    draft: IdentificationResult, experiment: Experiment, report: Progress
+) -> tuple[dict[str, Any], ...]:
+    """Tabulate how well the model predicts flights that the fit has not seen."""
     if not any(entry.validation for entry in experiment.configuration):
-        return result
+        return ()
     report("validating on flights kept for it")
-    comparisons = validation_comparisons(result, experiment)
+    comparisons = validation_comparisons(draft, experiment)
     written = [entry.written for c in experiment.configuration for entry in c.validation]
-    rows = validation_rows(comparisons, written)
-    return dataclasses.replace(result, validation=rows)
+    return validation_rows(comparisons, written)

@@ -16,7 +16,7 @@ from rotorfit.export.targets import OFFERED, AnyTargetName
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.identification import identify
 from rotorfit.model.vehicle import LAYOUTS
-from rotorfit.tools.planning.next_step import with_best_manoeuvre
+from rotorfit.tools.planning.next_step import advise_flights
 
 DATA = Path(os.environ.get("ROTORFIT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 
@@ -37,8 +37,8 @@ def test_the_result_is_exactly_that_of_the_command_line(identified, tmp_path, fl
     engine, _, outcome, _ = identified
     (tmp_path / "flight.csv").write_bytes(flight)
     (tmp_path / "experiment.toml").write_text(outcome["experiment"])
-    written = identify(load_experiment(tmp_path / "experiment.toml"))
-    result = json.loads(with_best_manoeuvre(written).to_json())
+    written = load_experiment(tmp_path / "experiment.toml")
+    result = json.loads(identify(written, adviser=advise_flights).to_json())
     for part in ("parameters", "derived", "covariance", "flights", "warnings", "diagnostics"):
         assert outcome["result"][part] == result[part]
     kt = next(p["value"] for p in result["parameters"] if p["name"] == "kt")

@@ -32,6 +32,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from flown import with_findings
 from kept_words import lines_with
 from rotorfit.checks.verdicts.judge import body_verdict
 from rotorfit.errors import OutputError
@@ -505,9 +506,9 @@ def test_a_lag_is_not_blamed_on_speeds_that_no_log_has():
 
 def test_the_mass_alone_does_not_help_what_the_log_cannot_show():
     step = note("log-too-slow", "", numbers=("Ixx",), next_step="set it", useless_because="slow")
-    lost = changed(a_result(), mass=UNKNOWN, Ixx=not_identified(), Ixx_com=UNKNOWN).found(step)
+    lost = changed(a_result(), mass=UNKNOWN, Ixx=not_identified(), Ixx_com=UNKNOWN)
     with pytest.raises(OutputError, match=r"set it, then identify with the weighed mass \(--mass"):
-        vehicle_model(lost)
+        vehicle_model(with_findings(lost, step))
 
 
 def test_numbers_weak_for_one_reason_are_one_line():

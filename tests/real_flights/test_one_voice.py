@@ -32,7 +32,7 @@ from rotorfit.results.validation.validate import fitted_response
 from rotorfit.tools.inspection.inspect_log import inspect_log
 from rotorfit.tools.inspection.prospects import PROSPECT
 from rotorfit.tools.planning.after import judged_numbers
-from rotorfit.tools.planning.next_step import next_step, with_best_manoeuvre
+from rotorfit.tools.planning.next_step import next_step
 from rotorfit.tools.planning.plan import PlanRequest, plan
 from rotorfit.tools.planning.wanted import wanted_accuracy
 
@@ -141,7 +141,7 @@ def said_of(flight_data_dir, tmp_path_factory):
         return Said(
             path=path,
             experiment=load_experiment(path),
-            result=with_best_manoeuvre(flown.quietly_identified(path)),
+            result=flown.advised(flown.quietly_identified(path)),
             report=inspect_log(read_log(log)),
         )
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from report_material import FOUND, ROTORS, a_comparison, a_result
 
+from flown import with_findings
 from kept_words import lines_with
 from rotorfit.findings import note
 from rotorfit.report.motor_law import law_picture, law_section
@@ -73,7 +74,7 @@ def test_a_given_law_is_drawn_with_what_was_flown(assert_wording) -> None:
     assert "about 0.20 to 0.80" in " ".join(section.sentences)
     assert_wording(" ".join(section.sentences))
     assert_wording(section.sentences[0])
-    by_flight = law_section(result.found(note("law-found", "")), [flown])
+    by_flight = law_section(with_findings(result, note("law-found", "")), [flown])
     assert by_flight is not None
     assert_wording(by_flight.sentences[0])
     assert 'class="seen"' in section.picture and ">rad/s<" in section.picture

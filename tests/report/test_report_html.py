@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from report_material import ROTORS, UNKNOWN, a_comparison, a_result, parameter
 
+from flown import with_findings
 from kept_words import lines_with
 from made_tables import judged
 from rotorfit.digits import number_of
@@ -376,7 +377,7 @@ def test_a_note_in_short_keeps_what_its_flight_shows() -> None:
     """The name of the flight before it is no finding."""
     about = "a-very-long-name-of-a-flight.mcap: the gyro is at the end of its range for 1 %"
     found = doubt("sensor-saturated", f"{about}: what is faster is cut off; set a wider range")
-    assert summary_of(a_result().found(found)).notes[-1] == about
+    assert summary_of(with_findings(a_result(), found)).notes[-1] == about
 
 
 def test_two_estimates_that_differ_are_told_with_how_far() -> None:
@@ -384,5 +385,5 @@ def test_two_estimates_that_differ_are_told_with_how_far() -> None:
         doubt("thrust-against-weight", "", numbers=("Ixx_com",), doubtful_because="two differ"),
         evidence=(Evidence(name="thrust_over_weight", value=0.68),),
     )
-    summary = summary_of(judged(a_result().found(found)))
+    summary = summary_of(judged(with_findings(a_result(), found)))
     assert summary.doubts == ("inertia may be outside its interval: two differ by 32 %",)

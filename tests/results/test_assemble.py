@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from flown import with_findings
 from made_tables import judged, made_result, tables_of
 from rotorfit.findings import Finding
 from rotorfit.report.text import result_text
@@ -47,7 +48,7 @@ def a_late_gyro(*numbers, **more):
 
 
 def test_a_number_that_a_finding_disowns_is_doubtful(assert_text):
-    found = judged(a_result().found(a_late_gyro("Izz")))
+    found = judged(with_findings(a_result(), a_late_gyro("Izz")))
     kt, kd, Izz = found.parameters
     assert (kt.verdict, kd.verdict, Izz.verdict) == ("identified", "identified", "doubtful")
     assert_text(Izz.reason)
@@ -58,13 +59,13 @@ def test_a_number_that_a_finding_disowns_is_doubtful(assert_text):
 
 def test_what_is_not_known_anyway_is_not_called_doubtful():
     late = a_late_gyro("kt", "kd", "Izz@B")
-    found = judged(a_result(kt="given", kd="not-identified").found(late))
+    found = judged(with_findings(a_result(kt="given", kd="not-identified"), late))
     assert [p.verdict for p in found.parameters] == ["given", "not-identified", "identified"]
 
 
 def test_a_doubt_that_intervals_cover_changes_no_verdict():
     covered = Finding(kind="late", severity="doubt", sentence="late", numbers=("kt",))
-    assert judged(a_result().found(covered)).parameters == a_result().parameters
+    assert judged(with_findings(a_result(), covered)).parameters == a_result().parameters
 
 
 def test_the_scale_of_yaw_is_withheld_and_its_ratio_stays():

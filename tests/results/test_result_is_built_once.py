@@ -6,50 +6,82 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "rotorfit"
-ON_THE_WAY = [
-    SOURCE / "identification.py",
-    *(
-        SOURCE / "results" / f"{name}.py"
-        for name in (
-            "assemble",
-            "command_units",
-            "full_throttle",
-            "joint_tables",
-            "law_tables",
-            "row_tables",
-            "tables",
-        )
-    ),
-]
-"""Modules that have a part in a result."""
-VALIDATED = "dataclasses.replace(result, validation=rows)"
-"""What is added to a result: how well it predicts flights that it has not seen."""
+MADE = ["IdentificationResult"]
+COPY = "replace of IdentificationResult in {}"
+COPIES = {
+    # The page shows uploaded files by their own names.
+    "app/outcome.py": [COPY.format("_with_shown_names")],
+    # A simulation's truth is read from a file, and names a delay as the results beside it.
+    "cli/compare.py": [*MADE, COPY.format("_with_delay_of_commands")],
+}
 
 
 def results_made(tree: ast.AST) -> list[str]:
-    """Return where a module makes a result, or makes one of another."""
-    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
-    made = [ast.unparse(one.func) for one in calls]
-    changed = [
-        ast.unparse(one)
-        for one, name in zip(calls, made, strict=True)
-        if (name.endswith("replace") and one.args and ast.unparse(one.args[0]) == "result")
-        or name == "result.found"
+    """Return where a module makes a result, or makes one of another.
+
+    A result is what is annotated as one, or named `result` or `draft`.
+    """
+    made = [
+        ast.unparse(node.func)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "IdentificationResult"
     ]
-    return [*(name for name in made if name == "IdentificationResult"), *changed]
+    if isinstance(tree, ast.Module):
+        made += copies_made(tree, "the module", {"result", "draft"})
+    return made
+
+
+def copies_made(tree: ast.AST, where: str, results: set[str]) -> list[str]:
+    """Return the copies of a result with other fields in a function, and in those inside it."""
+    copies: list[str] = []
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.FunctionDef):
+            arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+            own = {a.arg for a in arguments if is_result(a.annotation)}
+            copies += copies_made(node, node.name, results | own)
+            continue
+        if isinstance(node, ast.ClassDef):
+            own = {"self"} if node.name == "IdentificationResult" else set[str]()
+            copies += copies_made(node, node.name, results | own)
+            continue
+        if is_copy(node, results):
+            copies.append(COPY.format(where))
+        copies += copies_made(node, where, results)
+    return copies
+
+
+def is_copy(node: ast.AST, results: set[str]) -> bool:
+    """Return whether a node is a call of `replace` with a result."""
+    if not isinstance(node, ast.Call) or not node.args:
+        return False
+    is_replace = ast.unparse(node.func) in ("replace", "dataclasses.replace")
+    return is_replace and ast.unparse(node.args[0]) in results
+
+
+def is_result(annotation: ast.expr | None) -> bool:
+    return annotation is not None and ast.unparse(annotation) == "IdentificationResult"
 
 
 def test_one_function_makes_the_result():
-    made = {path.name: results_made(ast.parse(path.read_text("utf-8"))) for path in ON_THE_WAY}
-    assert {name: found for name, found in made.items() if found} == {
-        "identification.py": [VALIDATED],
-        "tables.py": ["IdentificationResult"],
+    found = {
+        str(path.relative_to(SOURCE)): results_made(ast.parse(path.read_text("utf-8")))
+        for path in SOURCE.rglob("*.py")
+    }
+    assert {name: made for name, made in found.items() if made} == {
+        "results/tables.py": MADE,
+        "results/result.py": MADE,
+        **COPIES,
     }
 
 
 @pytest.mark.parametrize(
     "line",
-    ["replace(result, derived=())", "result.found(note)", "IdentificationResult(name='again')"],
+    [
+        "replace(result, derived=())",
+        "def advise(found: IdentificationResult): return dataclasses.replace(found, parameters=())",
+        "class IdentificationResult:\n def found(self): return replace(self, findings=())",
+        "IdentificationResult(name='again')",
+    ],
 )
 def test_another_one_is_found(line):
     assert len(results_made(ast.parse(line))) == 1

@@ -40,7 +40,7 @@ from rotorfit.results.sound_result import load_sound
 from rotorfit.results.validation.validate import drawn_comparisons
 from rotorfit.tools.control_loop.loop import LoopOutcome, first_flight_margins
 from rotorfit.tools.planning.after import check_same_vehicle, result_mass
-from rotorfit.tools.planning.next_step import with_best_manoeuvre
+from rotorfit.tools.planning.next_step import advise_flights
 from rotorfit.tools.planning.plan import PlanRequest, plan
 from rotorfit.tools.planning.wanted import wanted_accuracy
 
@@ -62,8 +62,7 @@ def identified(folder: Path, form: Mapping[str, Any], *, progress: Progress) -> 
 
     with warnings.catch_warnings(), watched(report_reading):
         warnings.simplefilter("ignore", RotorfitWarning)
-        result = identify(experiment, progress=report_step)
-        result = with_best_manoeuvre(result, report=report_step)
+        result = identify(experiment, progress=report_step, adviser=advise_flights)
         report_step("drawing")
         comparisons = drawn_comparisons(result, experiment)
         report_step("judging the rate loop")

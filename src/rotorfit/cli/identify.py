@@ -36,6 +36,7 @@ from rotorfit.errors import RotorfitError
 
 if TYPE_CHECKING:
     from rotorfit.fit.experiment.experiment import Experiment, FlightEntry, IdentificationEntry
+    from rotorfit.identification import Adviser
     from rotorfit.results.result import IdentificationResult
     from rotorfit.tools.control_loop.loop import LoopOutcome
 
@@ -127,7 +128,7 @@ def identify(
         from rotorfit.report.result_page import ALWAYS
 
         refuse_output_folder(figures, ALWAYS, force=force)
-    result = _with_next_step(identify_quietly(experiment))
+    result = _identify_with_advice(experiment)
     if output is not None:
         result.save(output, force=force)
         print_status(f"wrote {output}")
@@ -149,20 +150,21 @@ def identify(
         print_status(f"next: rotorfit plan --after {shlex.quote(str(output))}")
 
 
-def identify_quietly(experiment: Experiment) -> IdentificationResult:
+def identify_quietly(
+    experiment: Experiment, *, adviser: Adviser | None = None
+) -> IdentificationResult:
     """Identify with a progress display; doubts are printed with the result, not as warnings."""
     from rotorfit.identification import identify
 
     with quiet_steps() as report_progress:
-        return identify(experiment, progress=report_progress)
+        return identify(experiment, progress=report_progress, adviser=adviser)
 
 
-def _with_next_step(result: IdentificationResult) -> IdentificationResult:
-    """Predict what the manoeuvre gives that sharpens the result most."""
-    from rotorfit.tools.planning.next_step import with_best_manoeuvre
+def _identify_with_advice(experiment: Experiment) -> IdentificationResult:
+    """Identify, and predict what the manoeuvre gives that sharpens the result most."""
+    from rotorfit.tools.planning.next_step import advise_flights
 
-    with quiet_steps() as report_progress:
-        return with_best_manoeuvre(result, report=report_progress)
+    return identify_quietly(experiment, adviser=advise_flights)
 
 
 def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment:

@@ -141,10 +141,6 @@ class IdentificationResult:
         """The findings, and those of the single flights."""
         return (*self.findings, *(one for flight in self.flights for one in flight.findings))
 
-    def found(self, *findings: Finding) -> IdentificationResult:
-        """Return the result with further findings."""
-        return dataclasses.replace(self, findings=(*self.findings, *findings))
-
     def parameter(self, name: str, configuration: str | None = None) -> Parameter:
         """Return a parameter; the configuration may be omitted if there is only one.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import platform
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from jaxtyping import Float
 
+    from rotorfit.checks.verdicts.judge import Asks
     from rotorfit.findings import Finding
     from rotorfit.fit.experiment.experiment import Experiment
     from rotorfit.results.command_law import CommandLaw
@@ -61,13 +62,34 @@ class ResultTables:
         return dataclasses.replace(self, findings=(*self.findings, *findings))
 
 
-def finished_result(experiment: Experiment, tables: ResultTables) -> IdentificationResult:
-    """Make the result of an experiment from its tables."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Advice:
+    """What simulated flights of its vehicle say of a result.
+
+    - `by_number`: what to do for each number that is missing, and what that asks for.
+    - `findings`: the manoeuvre that sharpens most, where one does.
+    """
+
+    by_number: Mapping[str, tuple[str, Asks]]
+    findings: tuple[Finding, ...] = ()
+
+
+def finished_result(
+    experiment: Experiment,
+    tables: ResultTables,
+    *,
+    validation: tuple[Mapping[str, Any], ...] = (),
+    advice: Advice | None = None,
+) -> IdentificationResult:
+    """Make the result of an experiment from its tables.
+
+    `validation` and `advice` are made with the result of the same tables without them.
+    """
     resolved = experiment.model_dump(mode="json", exclude_none=True)
     return IdentificationResult(
         name=experiment.name,
         method=resolved_method(experiment),
-        parameters=tables.parameters,
+        parameters=_advised_parameters(tables, advice),
         derived=tables.derived,
         flights=tables.flights,
         covariance_names=tables.covariance_names,
@@ -79,7 +101,19 @@ def finished_result(experiment: Experiment, tables: ResultTables) -> Identificat
             "scipy": scipy.__version__,
             "python": platform.python_version(),
         },
-        findings=tables.findings,
+        findings=(*tables.findings, *(() if advice is None else advice.findings)),
         diagnostics=tables.diagnostics,
         command_law=tables.command_law,
+        validation=validation,
     )
+
+
+def _advised_parameters(tables: ResultTables, advice: Advice | None) -> tuple[Parameter, ...]:
+    """Return the parameters with what their vehicle was simulated to need."""
+    if advice is None:
+        return tables.parameters
+    parameters: list[Parameter] = []
+    for p in tables.parameters:
+        words, asks = advice.by_number.get(p.full_name, (p.advice, p.asks))
+        parameters.append(dataclasses.replace(p, advice=words, asks=asks))
+    return tuple(parameters)

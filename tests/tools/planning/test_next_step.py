@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flown import with_findings
 from made_tables import judged
 from rotorfit.checks.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, TOO_SLOW
 from rotorfit.checks.verdicts.judge import ADVICE, FLOWN, body_advice
@@ -54,7 +55,7 @@ def step(*findings, kt="identified", kd="weak", Jr="identified", advice=None, as
         name="made", method="banded", parameters=parameters, derived=(), flights=(),
         covariance_names=(), covariance=np.zeros((0, 0)), settings={}, versions={},
     )  # fmt: skip
-    return next_step(judged(result.found(*findings)))
+    return next_step(judged(with_findings(result, *findings)))
 
 
 def test_a_log_that_is_too_slow_comes_before_all_else(assert_text):
@@ -174,7 +175,7 @@ def held_by(term, share, *, of=("kd",)):
         name="made", method="banded", parameters=parameters, derived=(), flights=(),
         covariance_names=(), covariance=np.zeros((0, 0)), settings={}, versions={},
     )  # fmt: skip
-    return next_step(result.found(ROLL))
+    return next_step(with_findings(result, ROLL))
 
 
 def test_what_no_flight_shrinks_is_named_where_it_decides():

@@ -29,7 +29,7 @@ from rotorfit.simulation import (
 from rotorfit.simulation.pilot import MANOEUVRES
 from rotorfit.tools.planning.after import UNSETTLED, judged_numbers, values_of
 from rotorfit.tools.planning.bound import bound, combined, evidence, fly, planned_problem, predicted
-from rotorfit.tools.planning.next_step import next_step, with_best_manoeuvre
+from rotorfit.tools.planning.next_step import next_step
 from rotorfit.tools.planning.plan import PlanRequest, plan
 from rotorfit.tools.planning.vehicle import (
     Assumptions,
@@ -349,7 +349,7 @@ def test_after_a_flight_missing_numbers_and_remedies_are_named(after_rolling, us
 
 
 def test_identify_and_the_plan_after_it_advise_the_same(after_rolling):
-    advised = with_best_manoeuvre(after_rolling)
+    advised = flown.advised(after_rolling)
     planned = plan(request(after=advised, payload=0.0, known={}))
     again = plan(request(after=after_rolling, payload=0.0, known={}))
     assert [m.advice for m in planned.missing] == [m.advice for m in again.missing]
@@ -367,7 +367,7 @@ def test_what_is_doubtful_is_settled_before_it_is_flown(after_rolling):
         replace(p, verdict="doubtful", advice=None) if p.name == "kt" else p
         for p in after_rolling.parameters
     )
-    advised = with_best_manoeuvre(replace(after_rolling, parameters=unsure))
+    advised = flown.advised(replace(after_rolling, parameters=unsure))
     (kt,) = (m for m in plan(request(after=advised, payload=0.0)).missing if m.name == "kt")
     assert (kt.manoeuvre, kt.advice) == (None, UNSETTLED)
 
@@ -443,7 +443,7 @@ def test_a_result_per_kilogram_is_refused(after_rolling):
 def test_the_best_manoeuvre_does_not_depend_on_the_mass(after_rolling, tmp_path):
     unweighed = flown.identified(tmp_path, [rolling_flight()], mass="unknown")
     weighed, per_kilogram = (
-        next_step(with_best_manoeuvre(result)) for result in (after_rolling, unweighed)
+        next_step(flown.advised(result)) for result in (after_rolling, unweighed)
     )
     assert per_kilogram.gain is not None
     assert per_kilogram.sentence == weighed.sentence

@@ -249,7 +249,7 @@ def _identify_log(
     # Without an airframe nothing is identified, and what identifies need not be loaded.
     from rotorfit.fit.experiment.experiment import single_flight_experiment
     from rotorfit.identification import identify
-    from rotorfit.tools.planning.next_step import with_best_manoeuvre
+    from rotorfit.tools.planning.next_step import advise_flights
 
     number = log.log_number if log.logs_in_file > 1 else None
     experiment = single_flight_experiment(
@@ -262,7 +262,7 @@ def _identify_log(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return with_best_manoeuvre(identify(experiment)), None
+            return identify(experiment, adviser=advise_flights), None
     except (LogError, FlightError) as error:
         # Without an IMU `_missing_channels` says so, and what to do.
         by_imu = experiment.identification.source == "imu"

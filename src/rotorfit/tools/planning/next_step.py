@@ -7,7 +7,6 @@ that matters is known.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.checks.left_out_hovers import KIND as CONTRADICTING
@@ -15,10 +14,12 @@ from rotorfit.checks.sensors.log_settings import NO_ROTOR_SPEED, NOT_SIMULATED, 
 from rotorfit.checks.verdicts.judge import ADVISED, FLOWN, WEAK, Asks, motion_for
 from rotorfit.errors import ExperimentError
 from rotorfit.findings import Evidence, Finding, note
+from rotorfit.fit.dataset.load import ignore_progress
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
-from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
+from rotorfit.results.result import IdentificationResult, configuration_names
+from rotorfit.results.tables import Advice
 from rotorfit.tools.planning.advised_step import Kind, NextStep
 from rotorfit.tools.planning.after import (
     AS_GOOD,
@@ -83,21 +84,19 @@ def asks_for_a_plan(result: IdentificationResult) -> bool:
     return next_step(result).action == UNHELPED
 
 
-def with_best_manoeuvre(
-    result: IdentificationResult, *, report: Callable[[str], None] | None = None
-) -> IdentificationResult:
-    """Add to a result what to fly for each number that it lacks, and which manoeuvre gives most.
+def advise_flights(
+    result: IdentificationResult, report: Callable[[str], None] = ignore_progress
+) -> Advice | None:
+    """Simulate what to fly for each number that a result lacks, and which manoeuvre gives most.
 
     Every manoeuvre of a plan is simulated with the vehicle of the result: `rotorfit plan --after`
     says the same. A result per kilogram is judged as one of one kilogram: no share depends on the
-    mass. The result stays as it is where no number asks for a flight, and where no flight of the
-    vehicle can be simulated.
+    mass. None where no number asks for a flight, or no flight of the vehicle can be simulated.
     """
     if not any(one.is_flyable for one in _all_lacking(result)):
-        return result
+        return None
     try:
-        if report is not None:
-            report("simulating what to fly next")
+        report("simulating what to fly next")
         problem = _planning_problem(result)
         pieces: dict[Manoeuvre, bound.Evidence] = {
             m: evidence(problem, data, BARE) for m, data in fly(problem, PRACTICE, BARE).items()
@@ -105,27 +104,17 @@ def with_best_manoeuvre(
         known = knowledge_of(result, problem)
         missing = missing_numbers(problem, pieces, known)
     except ExperimentError:
-        return result
+        return None
     worth_flying = next_step(result).kind == "fly"
-    advised = _with_advice(result, known.configuration, missing)
-    return advised.found(best_manoeuvre(missing)) if worth_flying else advised
-
-
-def _with_advice(
-    result: IdentificationResult, owner: str, missing: Sequence[Missing]
-) -> IdentificationResult:
-    """Replace the advice of each missing number by what its vehicle was simulated to need."""
     advice = {one.full_name: one.advice for one in missing}
-    new = {
-        one.parameter: (words, _what_is_asked(words, one))
-        for one in judged_numbers(result, owner)
-        if (words := advice.get(one.full_name))
-    }
-    parameters: list[Parameter] = []
-    for p in result.parameters:
-        words, asks = new.get(p.full_name, (p.advice, p.asks))
-        parameters.append(replace(p, advice=words, asks=asks))
-    return replace(result, parameters=tuple(parameters))
+    return Advice(
+        by_number={
+            one.parameter: (words, _what_is_asked(words, one))
+            for one in judged_numbers(result, known.configuration)
+            if (words := advice.get(one.full_name))
+        },
+        findings=(best_manoeuvre(missing),) if worth_flying else (),
+    )
 
 
 def _what_is_asked(advice: str, number: JudgedNumber) -> Asks:
