@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.checks import flights_agree
+from rotorfit.fit.alternatives import flights_alone
 from rotorfit.simulation import (
     STILL,
     Scenario,
@@ -79,13 +79,13 @@ def test_one_axis_at_a_time_gives_inertia_and_yaw_as_a_ratio(tmp_path, fly):
 def test_half_a_second_next_to_a_flight_is_not_compared_with_it(tmp_path, fly, monkeypatch):
     """Its few equations have an end at any numbers at all."""
     compared = []
-    judged = flights_agree.joint_estimate
+    judged = flights_alone.joint_estimate
 
     def counting(joint, *more, **known):
         compared.append(len(joint[0].factors))
         return judged(joint, *more, **known)
 
-    monkeypatch.setattr(flights_agree, "joint_estimate", counting)
+    monkeypatch.setattr(flights_alone, "joint_estimate", counting)
     flights = [fly(1), fly(2)]
     for number, flight in enumerate(flights):
         write_flight_table(flight, tmp_path / f"flight{number}.csv")

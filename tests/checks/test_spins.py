@@ -7,9 +7,10 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.checks.spins import RotorDrags, negative_drag, refuse_wrong_spins
-from rotorfit.checks.yaw_residuals import with_spins
+from rotorfit.checks.spins import negative_drag, refuse_wrong_spins
 from rotorfit.errors import FrameError
+from rotorfit.fit.alternatives.spin_search import RotorDrags, compare_spins
+from rotorfit.fit.alternatives.yaw_residuals import with_spins
 from rotorfit.fit.dataset.load import load_dataset
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.fit.fit_flights import allow_for_settings, fit_flights
@@ -53,7 +54,9 @@ def judged(tmp_path_factory):
             lag=True,
             report=lambda words: None,
         )
-        return list(refuse_wrong_spins(allow_for_settings(fit_flights(dataset, None))))
+        return list(
+            refuse_wrong_spins(compare_spins(allow_for_settings(fit_flights(dataset, None))))
+        )
 
     return found
 

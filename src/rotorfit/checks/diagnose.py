@@ -12,6 +12,7 @@ from typing import Final
 from rotorfit.checks import (
     flights_agree,
     hover_thrust,
+    known_payloads,
     left_out_hovers,
     lever_arms,
     reference_test,
@@ -73,7 +74,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *flights_agree.CHECKS,
     *changed_thrust.FLIGHT_CHECKS,
     *hover_thrust.YAW_CHECKS,
-    *flights_agree.PAYLOAD_CHECKS,
+    *known_payloads.CHECKS,
     *reference_test.CHECKS,
 )
 """Diagnostics in the order of their findings. A new one is a function of its topic's module,

@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from rotorfit.fit.alternatives.flights_alone import fit_each_alone
+from rotorfit.fit.alternatives.free_bodies import fit_free_bodies
+from rotorfit.fit.alternatives.spin_search import compare_spins
 from rotorfit.fit.coupling import drop_absent_coupling
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.frame_sides import allow_for_sides
@@ -39,8 +42,11 @@ STEPS: Final[tuple[Step, ...]] = (
     allow_for_sensor_response,
     allow_for_noise_feedback,
     allow_for_sides,
+    compare_spins,
+    fit_each_alone,
+    fit_free_bodies,
 )
-"""Steps in the order in which they are taken."""
+"""Steps in the order in which they are taken; the last three record evidence alone."""
 
 
 def every_step(fit: Fit) -> Fit:

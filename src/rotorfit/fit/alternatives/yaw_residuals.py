@@ -1,6 +1,7 @@
 """Search the spins that leave the least residual of yaw, without the rest of the model.
 
-Only the yaw row is looked at, band by band; `spins.py` fits what it suspects with the whole model.
+Only the yaw row is looked at, band by band; `spin_search.py` fits what it suspects with the whole
+model.
 """
 
 from __future__ import annotations
