@@ -29,14 +29,13 @@ from rotorfit.results.result import IdentificationResult
 from rotorfit.results.validation.replay import (
     HOLD,
     Replay,
-    Timed,
     band_growth,
     error_growth,
     force_errors,
     growth_time,
-    replay_flights,
 )
 from rotorfit.results.validation.replay_vehicle import ReplayVehicle, replay_vehicle
+from rotorfit.results.validation.replayed_flights import Timed, replay_flights
 from rotorfit.results.validation.validate import fitted_response
 
 AIRFRAME = Path(__file__).parents[1] / "examples" / "cinerat.toml"

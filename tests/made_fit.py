@@ -11,12 +11,8 @@ from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.fit.experiment.airframe_table import AirframeEntry
-from rotorfit.fit.experiment.experiment import (
-    ConfigurationEntry,
-    Experiment,
-    FlightEntry,
-    MotorsEntry,
-)
+from rotorfit.fit.experiment.experiment import ConfigurationEntry, Experiment, MotorsEntry
+from rotorfit.fit.experiment.flight_entries import FlightEntry
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers

@@ -18,8 +18,9 @@ from rotorfit.report.parameters import unit_words
 from rotorfit.report.wrenches import COMPONENT, series_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, owner_of, verdict_of
 from rotorfit.results.validation.judgement import AXES
-from rotorfit.results.validation.replay import HOLD, IDENTIFIED, Replay, Timed, replay_flights
+from rotorfit.results.validation.replay import HOLD, IDENTIFIED, Replay
 from rotorfit.results.validation.replay_vehicle import replay_vehicle
+from rotorfit.results.validation.replayed_flights import Timed, replay_flights
 from rotorfit.results.validation.validate import fitted_response
 from rotorfit.results.validation.wrench_comparison import SHOWN, WrenchComparison
 

@@ -26,8 +26,9 @@ from rotorfit.report.text import result_text
 from rotorfit.results.compare import compare_results
 from rotorfit.results.result import verdict_of
 from rotorfit.results.validation.judgement import doubtful_numbers, judgement
-from rotorfit.results.validation.replay import IDENTIFIED, Timed, replay_flights, validated_flight
+from rotorfit.results.validation.replay import IDENTIFIED
 from rotorfit.results.validation.replay_vehicle import replay_vehicle
+from rotorfit.results.validation.replayed_flights import Timed, replay_flights, validated_flight
 from rotorfit.results.validation.validate import fitted_response
 from rotorfit.tools.inspection.inspect_log import inspect_log
 from rotorfit.tools.inspection.prospects import PROSPECT

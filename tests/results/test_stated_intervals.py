@@ -13,7 +13,8 @@ from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.findings import sentences
-from rotorfit.fit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
+from rotorfit.fit.experiment.experiment import ConfigurationEntry, MotorsEntry
+from rotorfit.fit.experiment.flight_entries import FlightEntry
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.paper_fit import PaperSettings
 from rotorfit.fit.reduction.motor_timing import MotorTiming

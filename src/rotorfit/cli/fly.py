@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rotorfit.export.vehicle import VehicleModel
     from rotorfit.results.result import IdentificationResult
     from rotorfit.results.validation.fly_outcome import FlyOutcome, ModelFlight
-    from rotorfit.results.validation.replay import Timed
+    from rotorfit.results.validation.replayed_flights import Timed
 
 DRAWS = 40
 BENCH = "bench"
@@ -102,7 +102,8 @@ def fly(
     from threadpoolctl import threadpool_limits
 
     from rotorfit.logs.files import write_whole
-    from rotorfit.report.fly import fly_figures, fly_html, fly_text
+    from rotorfit.report.fly import fly_text
+    from rotorfit.report.fly_page import fly_figures, fly_html
     from rotorfit.results.result import owner_of
     from rotorfit.results.sound_result import load_sound
 
@@ -150,7 +151,7 @@ def _print_thrust(
     """Compare the thrust, and what moments are known, where numbers for the rates are missing."""
     from rotorfit.cli.validate import validation_text
     from rotorfit.results.validation.judgement import doubtful_numbers, judgement
-    from rotorfit.results.validation.replay import compared_flights
+    from rotorfit.results.validation.replayed_flights import compared_flights
 
     with quiet_steps() as report_progress:
         compared = compared_flights(
@@ -206,7 +207,8 @@ def _replay_sides(
     from rotorfit.export.mujoco import has_mujoco
     from rotorfit.results.validation.fly_outcome import FlyOutcome
     from rotorfit.results.validation.judgement import doubtful_numbers
-    from rotorfit.results.validation.replay import IDENTIFIED, WINDOW, replay_flights
+    from rotorfit.results.validation.replay import IDENTIFIED, WINDOW
+    from rotorfit.results.validation.replayed_flights import replay_flights
 
     identified = sides[IDENTIFIED]
     with quiet_steps() as report_progress:
@@ -260,8 +262,8 @@ def _collect_side(
     """Collect a set of parameters, refused as an export would be."""
     from rotorfit.export.targets import BODY, ROTORS
     from rotorfit.export.vehicle_model import vehicle_model
-    from rotorfit.results.validation.replay import Timed
     from rotorfit.results.validation.replay_vehicle import replay_vehicle, unknown_body
+    from rotorfit.results.validation.replayed_flights import Timed
     from rotorfit.results.validation.validate import fitted_response
 
     _refuse_units(result, assumed)

@@ -35,7 +35,8 @@ from rotorfit.cli.terminal import (
 from rotorfit.errors import RotorfitError
 
 if TYPE_CHECKING:
-    from rotorfit.fit.experiment.experiment import Experiment, FlightEntry, IdentificationEntry
+    from rotorfit.fit.experiment.experiment import Experiment, IdentificationEntry
+    from rotorfit.fit.experiment.flight_entries import FlightEntry
     from rotorfit.identification import Adviser
     from rotorfit.results.result import IdentificationResult
     from rotorfit.tools.control_loop.loop import LoopOutcome

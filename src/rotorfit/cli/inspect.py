@@ -26,7 +26,7 @@ from rotorfit.cli.terminal import (
 from rotorfit.errors import ExperimentError, RotorfitError
 
 if TYPE_CHECKING:
-    from rotorfit.fit.experiment.experiment import FlightEntry
+    from rotorfit.fit.experiment.flight_entries import FlightEntry
     from rotorfit.logs import ReadOptions
     from rotorfit.tools.inspection.inspect_log import LogReport
 

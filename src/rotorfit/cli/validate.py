@@ -51,7 +51,7 @@ def validate(
     load_modules("rotorfit.results.validation.validate")
     from rotorfit.results.sound_result import load_sound
     from rotorfit.results.validation.judgement import doubtful_numbers, judgement, moment_splits
-    from rotorfit.results.validation.replay import validated_flight
+    from rotorfit.results.validation.replayed_flights import validated_flight
     from rotorfit.results.validation.validate import unseen_flight, validation_rows
 
     loaded = load_sound(result)

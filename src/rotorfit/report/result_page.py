@@ -32,8 +32,9 @@ from rotorfit.report.parameters import (
     parameter_tables,
     unit_words,
 )
-from rotorfit.report.summary import summary_of, used_flights
+from rotorfit.report.summary import summary_of
 from rotorfit.report.text import assumptions_of
+from rotorfit.report.used_flights import used_flights
 from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.wrenches import (
     TOO_SHORT,

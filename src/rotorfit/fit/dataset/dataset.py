@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from rotorfit.fit.dataset.weight_balance import Turning, turning
 from rotorfit.fit.experiment.declared_vehicle import motor_model_of
-from rotorfit.fit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry, Source
+from rotorfit.fit.experiment.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.fit.reduction.bandwidth import Bandwidth, Sensor
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from rotorfit.fit.dataset.wind import Wind
+    from rotorfit.fit.experiment.flight_entries import FlightEntry, Source
     from rotorfit.fit.experiment.payload import PointMass
     from rotorfit.flight.decimate import AsRecorded
     from rotorfit.flight.motors.battery_sag import BatterySag

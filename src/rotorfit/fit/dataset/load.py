@@ -59,12 +59,8 @@ from rotorfit.model.terms.air import CLIMB, VELOCITY, hover_inflow
 from rotorfit.model.terms.registry import added_signals, considered_terms, terms_named
 
 if TYPE_CHECKING:
-    from rotorfit.fit.experiment.experiment import (
-        ConfigurationEntry,
-        Experiment,
-        FlightEntry,
-        MotorsEntry,
-    )
+    from rotorfit.fit.experiment.experiment import ConfigurationEntry, Experiment, MotorsEntry
+    from rotorfit.fit.experiment.flight_entries import FlightEntry
     from rotorfit.flight.flight_data import FlightData
     from rotorfit.model.vehicle import Vehicle
 

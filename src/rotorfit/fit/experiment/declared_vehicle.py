@@ -21,14 +21,16 @@ if TYPE_CHECKING:
 
     from rotorfit.fit.experiment.airframe_table import AirframeEntry, Axes, RotorEntry
     from rotorfit.fit.experiment.experiment import (
-        ColumnEntry,
         ConfigurationEntry,
         Experiment,
-        FlightEntry,
         MotorsEntry,
+        TableEntry,
+    )
+    from rotorfit.fit.experiment.flight_entries import (
+        ColumnEntry,
+        FlightEntry,
         RecordingEntry,
         Source,
-        TableEntry,
     )
     from rotorfit.fit.experiment.strict_tables import Vector
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
     from rotorfit.fit.dataset.weight_balance import Held
-    from rotorfit.fit.experiment.experiment import Source
+    from rotorfit.fit.experiment.flight_entries import Source
     from rotorfit.fit.intervals.numbers import Numbers
     from rotorfit.flight.flight_data import FlightData
     from rotorfit.flight.motors.motor_model import MotorResponse

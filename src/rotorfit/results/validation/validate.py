@@ -15,7 +15,6 @@ from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import (
     ConfigurationEntry,
     Experiment,
-    FlightEntry,
     experiment_of_settings,
     unseen_entry,
 )
@@ -43,6 +42,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
     from rotorfit.fit.dataset.dataset import LoadedFlight
+    from rotorfit.fit.experiment.flight_entries import FlightEntry
     from rotorfit.flight.prepare import PreparedFlight
     from rotorfit.model.signals import AddedSignals
     from rotorfit.model.vehicle import Vehicle

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
-    from rotorfit.fit.experiment.experiment import FlightEntry
+    from rotorfit.fit.experiment.flight_entries import FlightEntry
     from rotorfit.flight.prepare import PreparedFlight
     from rotorfit.logs.flight_log import FlightLog
     from rotorfit.results.result import IdentificationResult
