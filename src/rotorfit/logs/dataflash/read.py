@@ -1,7 +1,4 @@
-"""DataFlash files to FlightLog.
-
-The rate controller of an ArduPilot log: messages RATE and PARM.
-"""
+"""DataFlash files to FlightLog."""
 
 from __future__ import annotations
 
@@ -11,7 +8,6 @@ import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, doubt, doubts
-from rotorfit.logs.controller_log import TURNED, ControllerLog
 from rotorfit.logs.dataflash import HEAD, frames, is_dataflash, is_text, motors, parameters, sensors
 from rotorfit.logs.dataflash.columns import (
     LEAST_LEFT,
@@ -19,10 +15,9 @@ from rotorfit.logs.dataflash.columns import (
     is_shuffled,
     possible_in_order,
     time_of,
-    timed,
     unit_sentences,
-    vector,
 )
+from rotorfit.logs.dataflash.controller import CONTROLLER_NAMES, controller_of
 from rotorfit.logs.dataflash.firmware import lack_notes, too_slow
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
 from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
@@ -32,48 +27,10 @@ from rotorfit.logs.files import read_blocks, read_head, sha256_of
 from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog, seconds_of, simulated_sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Iterator, Mapping
+    from collections.abc import Container, Iterable, Iterator, Mapping
     from pathlib import Path
 
-CONTROLLER_NAMES: Final = ("RATE", *parameters.NAMES)
-"""Messages that have it."""
-ASKED: Final = ("RDes", "PDes", "YDes")
-MEASURED: Final = ("R", "P", "Y")
-OUTPUT: Final = ("ROut", "POut", "YOut")
-FAST: Final = 0.8
-"""Share of SCHED_LOOP_RATE at which RATE must come: a run of the controller must not be missing."""
-
-
-def controller_of(messages: Messages, path: Path) -> ControllerLog:
-    """Read the rate controller of an ArduPilot log, whose messages have `CONTROLLER_NAMES`."""
-    settings = parameters.read_parameters(messages)
-    found = timed(messages, "RATE", (*ASKED, *MEASURED, *OUTPUT))
-    if found is None or len(found[0]) < 2:
-        raise LogError(
-            f"{path}: the log has no RATE messages, in which the rate controllers are: set bit 0 "
-            "(fast attitude) of LOG_BITMASK and fly again"
-        )
-    time, fields = found
-    loop = settings.number("SCHED_LOOP_RATE") or 400.0
-    rate = 1.0 / float(np.median(np.diff(time)))
-    if rate < FAST * loop:
-        raise LogError(
-            f"{path}: RATE comes at {rate:.0f} Hz, the controllers run at {loop:.0f} Hz: set bit 0 "
-            "(fast attitude) of LOG_BITMASK and fly again"
-        )
-    asked, measured = (np.deg2rad(vector(fields, labels)) for labels in (ASKED, MEASURED))
-    version = next((t for t in parameters.texts(messages) if t.startswith("Ardu")), "unknown")
-    return ControllerLog(
-        autopilot="ArduCopter",
-        firmware=version,
-        parameters=settings.values,
-        changed=settings.changed,
-        time=time[1:],
-        # Controllers run before the loop makes the set point that is logged with them.
-        set_point=asked[:-1] * TURNED,
-        rate=measured[1:] * TURNED,
-        output=vector(fields, OUTPUT)[1:] * TURNED,
-    )
+    from rotorfit.logs.controller_log import ControllerLog
 
 
 CHOICE: Final = Wanted(
@@ -136,10 +93,7 @@ def _flight_log(
     The file is gone through twice: what the other IMUs recorded would fill most of the memory.
     `lines`: the messages of a log in text form; None of a binary one.
     """
-    glimpse = find_messages(lines or read_blocks(path, (0.0, 0.4)), wanted=CHOICE)
-    settings, texts = read_parameters(glimpse), parameters.texts(glimpse)
-    choice = sensors.choose_imu(glimpse, settings)
-    del glimpse
+    settings, texts, choice = _read_settings(lines or read_blocks(path, (0.0, 0.4)))
     names = frozenset((*NAMES, *choice.names))
     blocks = lines or read_blocks(path, (0.4, 0.6))
     messages = find_messages(blocks, wanted=_wanted_fields(choice, names))
@@ -155,13 +109,9 @@ def _flight_log(
     messages = messages.without(choice.names)
     command, command_notes = _read_commands(messages, settings, wired, frame)
     messages = messages.without(motors.OUTPUT_MESSAGES)
-    imu_and_motors = {
-        "gyro": measured.gyro,
-        "accel": measured.accel,
-        "rotor_speed": speed,
-        "command": command,
-    }
-    channels = _recorded_channels({**imu_and_motors, **_other_sensors(messages)})
+    imu = {"gyro": measured.gyro, "accel": measured.accel}
+    moved = {"rotor_speed": speed, "command": command}
+    channels = _recorded_channels({**imu, **moved, **_other_sensors(messages)})
     if not channels:
         raise LogError(_explain_nothing(messages))
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
@@ -193,6 +143,15 @@ def _flight_log(
         circumstances=parameters.circumstances_of(messages, texts, begin),
     )
     return log, kept
+
+
+def _read_settings(
+    blocks: Iterable[bytes],
+) -> tuple[Parameters, list[str], sensors.ImuChoice]:
+    """Read parameters and texts, and choose the IMU, in a first look through the file."""
+    glimpse = find_messages(blocks, wanted=CHOICE)
+    settings = read_parameters(glimpse)
+    return settings, parameters.texts(glimpse), sensors.choose_imu(glimpse, settings)
 
 
 def _recorded_channels(made: Mapping[str, Channel | None]) -> dict[str, Channel]:

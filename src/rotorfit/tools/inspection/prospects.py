@@ -228,14 +228,8 @@ def prospects(
     vehicle = known[0] if known is not None else _likeliest_rotors(timed, body)
     if commanded and seen is not None:
         fitted = _commanded_rows(prepared, vehicle, seen, body=body)
-        timed, fits, lag = fitted.flight, fitted.fits, fitted.lag
-        commands = Commands(
-            law_known=law is not None,
-            limited=_share_at_limits(prepared),
-            lag=lag,
-            seen_lag=seen.lag,
-            rate=prepared.slowest_rate,
-        )
+        timed, fits = fitted.flight, fitted.fits
+        commands = _describe_commands(prepared, lags=(seen.lag, fitted.lag), law=law)
     else:
         factors, commands = prepared_bands(timed, vehicle, None, body=body), None
         fits = _by_weight(fit_rows(factors, regressor(vehicle), mass=1.0), factors)
@@ -268,6 +262,20 @@ def prospects(
         bandwidths={}
         if commanded
         else bandwidths(timed.data, vehicle, top=0.4 * prepared.slowest_rate),
+    )
+
+
+def _describe_commands(
+    prepared: PreparedFlight, *, lags: tuple[float, float], law: MotorLaw | None
+) -> Commands:
+    """Describe commands whose motors lag by so much in the log, and as the rows found [s]."""
+    seen, found = lags
+    return Commands(
+        law_known=law is not None,
+        limited=_share_at_limits(prepared),
+        lag=found,
+        seen_lag=seen,
+        rate=prepared.slowest_rate,
     )
 
 
