@@ -13,33 +13,26 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
+from rotorfit.flight.motors.telemetry_pair import (
+    LEAST_SECONDS,
+    TelemetryPair,
+    despike_values,
+    finite_columns,
+    pair_channels,
+)
 from rotorfit.flight.signals import smooth, true_runs, whole_samples
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
+    from jaxtyping import Float, Int
 
     from rotorfit.logs.flight_log import Channel, FlightLog
 
     _Columns = list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]
 
-FASTEST: Final = 100.0
-"""Rate of the common clock at most [Hz]."""
 BAND: Final = (0.3, 8.0)
 """Band in which commands and speeds are compared [Hz]."""
 LATE: Final = (-0.1, 0.3)
 """How much later than the commands the speeds may be [s]."""
-SLOWEST: Final = 2.0
-"""Slower telemetry shows nothing of the motion [Hz]."""
-FEWEST: Final = 20
-"""Samples of each, below which nothing is said."""
-MOST_HOLES: Final = 10.0
-"""Length of the common clock over the samples: a longer one is no clock."""
-LEAST_SECONDS: Final = 3.0
-"""Least time of turning motors, below which nothing is reported [s]."""
-TURNING: Final = 0.3
-"""Share of the largest command above which motors count as turning."""
-EDGE: Final = 0.5
-"""Left out after motors start and before they stop: the band-pass rings there [s]."""
 MOVES: Final = 0.01
 """Deviation of a command below which it shows nothing of its speed."""
 CLEAR: Final = 0.5
@@ -105,17 +98,6 @@ class Telemetry:
     doubts: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Pair:
-    """Commands and speeds on one clock; the rows that count, and which columns are alive."""
-
-    rate: float
-    command: Float[np.ndarray, "n N"]
-    speed: Float[np.ndarray, "n N"]
-    used: Bool[np.ndarray, " n"]
-    live: Int[np.ndarray, " k"]
-
-
 def telemetry(log: FlightLog) -> Telemetry | None:
     """Compare measured speeds with the commands; None if the log lacks either."""
     if not {"command", "rotor_speed"} <= set(log.channels):
@@ -129,7 +111,7 @@ def telemetry(log: FlightLog) -> Telemetry | None:
             f"({speed.source}): they were not compared{named}"
         )
         return Telemetry(seconds=0.0, lateness=None, rotors=(), doubts=(doubt,))
-    pair = _pair_channels(command, speed)
+    pair = pair_channels(command, speed)
     seconds = 0.0 if pair is None else float(pair.used.sum()) / pair.rate
     if pair is None or seconds < LEAST_SECONDS:
         return Telemetry(seconds=seconds, lateness=None, rotors=(), doubts=())
@@ -140,10 +122,8 @@ def telemetry(log: FlightLog) -> Telemetry | None:
 def describe_spiky_commands(command: Channel) -> list[str]:
     """State which commands jump up or down for single samples."""
     sizes = [
-        float(np.percentile(np.abs(x - _despike_values(x)), SPIKY_PERCENTILE))
-        if len(x) > 2
-        else 0.0
-        for _, x in _finite_columns(command)
+        float(np.percentile(np.abs(x - despike_values(x)), SPIKY_PERCENTILE)) if len(x) > 2 else 0.0
+        for _, x in finite_columns(command)
     ]
     spiky = [str(i) for i, size in enumerate(sizes, start=1) if size > SPIKE]
     if not spiky:
@@ -155,100 +135,7 @@ def describe_spiky_commands(command: Channel) -> list[str]:
     ]
 
 
-def _pair_channels(command: Channel, speed: Channel) -> _Pair | None:
-    """Resample both to one clock, where they overlap; a column that ends early is held."""
-    columns = [_finite_columns(command), _finite_columns(speed)]
-    if not all(columns):
-        return None
-    clocks = [max((t for t, _ in one), key=len) for one in columns]
-    if min(map(len, clocks)) < FEWEST:
-        return None
-    begin = max(min(t[0] for t, _ in one if len(t)) for one in columns)
-    end = min(max(t[-1] for t, _ in one if len(t)) for one in columns)
-    rate = min(FASTEST, *(1.0 / float(np.median(np.diff(t))) for t in clocks))
-    span = (end - begin) * rate
-    if not LEAST_SECONDS * rate < span < MOST_HOLES * max(map(len, clocks)) or rate < SLOWEST:
-        return None
-    time = begin + np.arange(whole_samples(span)) / rate
-    # Commands may jump from sample to sample: taken singly, the jumps would look like slow motion.
-    commands = _average_columns(time, columns[0], rate)
-    speeds = _interpolate_columns(time, [(t, _despike_values(x)) for t, x in columns[1]])
-    used = _mark_turning(commands, rate) & ~np.any([_in_gap(time, t, rate) for t in clocks], axis=0)
-    varies = [used.any() and np.ptp(x[used], axis=0) > 0.0 for x in (commands, speeds)]
-    live = np.flatnonzero(np.logical_and(*varies))
-    return _Pair(rate=rate, command=commands, speed=speeds, used=used, live=live)
-
-
-def _interpolate_columns(
-    time: Float[np.ndarray, " m"], columns: _Columns
-) -> Float[np.ndarray, "m N"]:
-    """Interpolate columns at other times, ends held; NaN if there is no sample."""
-    values = np.full((len(time), len(columns)), np.nan)
-    for k, (t, x) in enumerate(columns):
-        if len(t) > 1:
-            values[:, k] = np.interp(time, t, x)
-    return values
-
-
-def _average_columns(
-    time: Float[np.ndarray, " m"], columns: _Columns, rate: float
-) -> Float[np.ndarray, "m N"]:
-    """Average columns over the time from one row to the next; NaN if there is no sample."""
-    values = np.full((len(time), len(columns)), np.nan)
-    half = 0.5 / rate
-    for k, (t, x) in enumerate(columns):
-        if len(t) > 1:
-            area = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
-            first, last = np.clip(time - half, t[0], t[-1]), np.clip(time + half, t[0], t[-1])
-            over = np.where(last > first, last - first, 1.0)
-            mean = (np.interp(last, t, area) - np.interp(first, t, area)) / over
-            held = np.interp(time, t, x)
-            values[:, k] = np.where(last > first, mean, held)
-    return values
-
-
-def _despike_values(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Replace a value that is above or below both neighbours by the middle one of the three."""
-    if len(values) < 3:
-        return values
-    middle = np.median(np.lib.stride_tricks.sliding_window_view(values, 3), axis=1)
-    return np.concatenate([values[:1], middle, values[-1:]])
-
-
-def _finite_columns(channel: Channel) -> _Columns:
-    """Select times and finite values of each column, in the order of time."""
-    found: _Columns = []
-    for values in channel.values.T:
-        known = np.isfinite(channel.time) & (np.abs(channel.time) < 1e12)
-        known &= np.abs(values) < 1e9
-        t, first = np.unique(channel.time[known], return_index=True)
-        found.append((t, values[known][first]))
-    return found
-
-
-def _in_gap(
-    time: Float[np.ndarray, " m"], t: Float[np.ndarray, " n"], rate: float
-) -> Bool[np.ndarray, " m"]:
-    """Mark times whose neighbouring samples are further apart than a moment."""
-    after = np.clip(np.searchsorted(t, time), 1, len(t) - 1)
-    far: Bool[np.ndarray, " m"] = t[after] - t[after - 1] > max(0.2, 3.0 / rate)
-    return far
-
-
-def _mark_turning(commands: Float[np.ndarray, "n N"], rate: float) -> Bool[np.ndarray, " n"]:
-    """Mark where the motors turn, without the moments of starting and stopping."""
-    known = commands[:, np.isfinite(commands).all(axis=0)]
-    turning = np.zeros(len(commands), dtype=bool)
-    if known.shape[1] == 0:
-        return turning
-    level = known.mean(axis=1)
-    edge = whole_samples(EDGE * rate)
-    for a, b in true_runs(level > TURNING * float(np.percentile(level, 95))):
-        turning[a + edge : max(b - edge, a + edge)] = True
-    return turning
-
-
-def _compare_telemetry(pair: _Pair, seconds: float) -> Telemetry:
+def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
     live = pair.live
     if not len(live):
         dead = tuple(
@@ -330,7 +217,7 @@ def _advance_samples(values: Float[np.ndarray, "n k"], shift: int) -> Float[np.n
 
 
 def _find_lateness(
-    commands: Float[np.ndarray, "n k"], speeds: Float[np.ndarray, "n k"], pair: _Pair
+    commands: Float[np.ndarray, "n k"], speeds: Float[np.ndarray, "n k"], pair: TelemetryPair
 ) -> int:
     """Find the samples by which the speeds are later, whichever belongs to which."""
     first, last = (round(bound * pair.rate) for bound in LATE)
@@ -378,7 +265,7 @@ def _assign_speeds(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
     return best if clear[moved].all() else own
 
 
-def _stuck_share(pair: _Pair, i: int) -> float:
+def _stuck_share(pair: TelemetryPair, i: int) -> float:
     """Compute the share of time for which a speed is lost: constant though its command moves, or 0.
 
     Telemetry that is lost for moments reads 0 for less than a run of constant values; a rotor at
@@ -395,7 +282,7 @@ def _stuck_share(pair: _Pair, i: int) -> float:
     return int(lost.sum()) / max(int(pair.used.sum()), 1)
 
 
-def _speed_ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
+def _speed_ratios(pair: TelemetryPair, shift: int) -> dict[int, tuple[float, float]]:
     """Estimate each rotor's speed over the others' at the same command, with its deviation.
 
     One law of a constant and a slope for all, each rotor with a factor of its own (median 1). The
@@ -437,7 +324,7 @@ def _speed_ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
     }
 
 
-def _without_stuck(pair: _Pair) -> Float[np.ndarray, "n k"]:
+def _without_stuck(pair: TelemetryPair) -> Float[np.ndarray, "n k"]:
     """Return the speeds of the live rotors, NaN if a speed stands still or is 0 in the air."""
     speed = pair.speed[:, pair.live].copy()
     least = whole_samples(LONGEST_CONSTANT * pair.rate)
@@ -450,7 +337,7 @@ def _without_stuck(pair: _Pair) -> Float[np.ndarray, "n k"]:
     return speed
 
 
-def _explain_telemetry(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
+def _explain_telemetry(rotors: list[RotorTelemetry], pair: TelemetryPair) -> list[str]:
     sentences = [_dead_message(r, pair) for r in rotors if r.state == "dead"]
     swapped = [r for r in rotors if r.state == "swapped"]
     if swapped:
@@ -494,7 +381,7 @@ def _stuck_too(rotor: RotorTelemetry) -> str:
     return f"; besides, it is stuck or zero for {100.0 * rotor.stuck:.0f} % of the time"
 
 
-def _dead_message(rotor: RotorTelemetry, pair: _Pair) -> str:
+def _dead_message(rotor: RotorTelemetry, pair: TelemetryPair) -> str:
     speed = pair.speed[pair.used, rotor.rotor - 1]
     command = pair.command[pair.used, rotor.rotor - 1]
     if not np.isfinite(speed).any():
