@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hand_made_logs import channel, flight_log
-from rotorfit.flight.mocap.camera import carried_velocity
+from rotorfit.flight.mocap.carried_velocity import carried_velocity
 
 TIME = 3.0 + np.arange(4000) / 400.0
 GRAVITY = np.array([0.0, 0.0, 9.80665])

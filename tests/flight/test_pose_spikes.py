@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rotorfit.flight.mocap.camera import without_spikes
+from rotorfit.flight.mocap.spikes import without_spikes
 
 RATE = 100.0
 TIME = np.arange(2000) / RATE

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 import flown
 from hand_made_logs import channel, flight_log
 from rotorfit.errors import FlightError
-from rotorfit.flight.mocap.camera import velocity_of_pose
+from rotorfit.flight.mocap.pose_velocity import velocity_of_pose
 from rotorfit.flight.prepare import prepare
 from rotorfit.logs import read_log
 from rotorfit.simulation import write_flight_table

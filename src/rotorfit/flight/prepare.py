@@ -47,7 +47,8 @@ from rotorfit.flight.flight_checks import (
 )
 from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.flight.kinematics import climb_velocity
-from rotorfit.flight.mocap.camera import carried_velocity, horizontal_axes, known_velocity
+from rotorfit.flight.mocap.carried_velocity import carried_velocity
+from rotorfit.flight.mocap.pose_velocity import horizontal_axes, known_velocity
 from rotorfit.flight.motors.motor_model import (
     MotorModel,
     MotorResponse,
