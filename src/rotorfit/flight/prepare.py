@@ -13,18 +13,15 @@ from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.findings import Finding, sentences
 from rotorfit.flight.airborne import (
     ON_THE_GROUND,
-    SHORTEST_FLIGHT,
     Motion,
     airborne_rows,
     aloft,
     ground_contact,
     ground_doubts,
     misfit,
-    phase_edges,
     rest_rows,
 )
 from rotorfit.flight.clocks import (
-    JITTER_STEPS,
     UniformChannels,
     uniform_channels,
     usable_samples,
@@ -36,7 +33,6 @@ from rotorfit.flight.flight_checks import (
     imu_doubts,
     refuse_absurd_sensors,
     refuse_blows,
-    refuse_empty_window,
     refuse_idle_motors,
     refuse_interpolated_commands,
     refuse_interpolated_speeds,
@@ -61,7 +57,8 @@ from rotorfit.flight.motors.motor_model import (
 )
 from rotorfit.flight.on_board import applied_filters, passed_through, with_filters
 from rotorfit.flight.other_hovers import OtherHover, other_hovers
-from rotorfit.flight.signals import central_difference, hampel, true_runs, whole_samples
+from rotorfit.flight.signals import central_difference, hampel, true_runs
+from rotorfit.flight.used_rows import Window, drop_unsettled, inner_segments, phases_of, window_runs
 from rotorfit.logs.motor_law import law_doubts
 
 if TYPE_CHECKING:
@@ -76,12 +73,6 @@ OPTIONAL = ("velocity", "carried", "world_axes", "reference")
 """Channels that a flight may lack, here and there or wholly."""
 LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
 """Of motors whose commands are all that is known, for the search of the flight only [s]."""
-
-SETTLING = 0.2
-"""After the beginning of a log or a gap, in which motors follow commands that it does not have [s]:
-five usual lags."""
-
-Window = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,9 +246,7 @@ def prepared_from(
     collected = dataclasses.replace(collected, lag_on=motors.lag_on)
     data = dataclasses.replace(
         with_motors(collected, speed, motors.response),
-        segments=_inner_segments(
-            flights if measured else _drop_unsettled(flights, uniform), uniform
-        ),
+        segments=inner_segments(flights if measured else drop_unsettled(flights, uniform), uniform),
         rotor_speed_std=speed_std,
     )
     data = dataclasses.replace(data, climb=climb_velocity(data))
@@ -417,7 +406,7 @@ def _collect_motion(
         angular_velocity=uniform.values["gyro"],
         rotor_speed=rotor_speed,
         arm=arm,
-        stretches=_window_runs(uniform, window),
+        stretches=window_runs(uniform, window),
     )
 
 
@@ -435,64 +424,6 @@ def with_likely_lag(motion: Motion, motors: MotorModel) -> Motion:
         for lag in LAGS_TRIED
     ]
     return min(tried, key=misfit)
-
-
-def _window_runs(uniform: UniformChannels, window: Window) -> tuple[tuple[int, int], ...]:
-    """Cut the stretches without gaps to the start and end that the user gives."""
-    if window == (None, None):
-        return uniform.stretches
-    first, last = window_rows(uniform.time, uniform.sample_rate, window)
-    shortest = max(whole_samples(SHORTEST_FLIGHT * uniform.sample_rate), 3)
-    clipped = [(max(a, first), min(b, last)) for a, b in uniform.stretches]
-    kept = tuple((a, b) for a, b in clipped if b - a >= shortest)
-    refuse_empty_window(kept, window, float(uniform.time[-1] - uniform.time[0]))
-    return kept
-
-
-def window_rows(
-    time: Float[np.ndarray, " n"], sample_rate: float, window: Window
-) -> tuple[int, int]:
-    """Convert the user's start and end to first row and stop (exclusive).
-
-    A start or end upon a sample means that sample, however its time is rounded.
-    """
-    edges = (
-        -np.inf if window[0] is None else window[0],
-        np.inf if window[1] is None else window[1],
-    )
-    since_start = time - time[0] + JITTER_STEPS / sample_rate
-    first, stop = (int(np.searchsorted(since_start, edge)) for edge in edges)
-    return first, stop
-
-
-def _drop_unsettled(
-    flights: list[tuple[int, int]], uniform: UniformChannels
-) -> list[tuple[int, int]]:
-    """Drop the beginnings of flights that depend on unlogged commands, if anything is left."""
-    begins = np.array([start for start, _ in uniform.stretches])
-    known = begins + whole_samples(SETTLING * uniform.sample_rate)
-    shortest = max(whole_samples(SHORTEST_FLIGHT * uniform.sample_rate), 3)
-    firsts = [int(known[np.searchsorted(begins, a, side="right") - 1]) for a, _ in flights]
-    settled = [(max(a, first), b) for (a, b), first in zip(flights, firsts, strict=True)]
-    return [(a, b) for a, b in settled if b - a >= shortest] or flights
-
-
-def _inner_segments(
-    flights: list[tuple[int, int]], uniform: UniformChannels
-) -> tuple[Segment, ...]:
-    """Drop the end samples that a central difference cannot serve."""
-    starts, stops = ({run[end] for run in uniform.stretches} for end in (0, 1))
-    return tuple(Segment(start=a + (a in starts), stop=b - (b in stops)) for a, b in flights)
-
-
-def phases_of(data: FlightData) -> tuple[Segment, ...]:
-    """Cut the segments where the flight's character changes."""
-    phases: list[Segment] = []
-    for segment in data.segments:
-        rates = data.angular_velocity[segment.start : segment.stop]
-        for a, b in phase_edges(rates, data.sample_rate):
-            phases.append(Segment(start=segment.start + a, stop=segment.start + b))
-    return tuple(phases)
 
 
 def _list_cuts(

@@ -55,15 +55,7 @@ from rotorfit.flight.mocap.camera import (
     tracked,
 )
 from rotorfit.flight.motors.motor_model import MotorModel, white_noise_std, with_motors
-from rotorfit.flight.prepare import (
-    Cut,
-    PreparedFlight,
-    Window,
-    phases_of,
-    refuse_interpolated,
-    window_rows,
-    with_likely_lag,
-)
+from rotorfit.flight.prepare import Cut, PreparedFlight, refuse_interpolated, with_likely_lag
 from rotorfit.flight.signals import (
     hampel,
     low_pass,
@@ -72,6 +64,7 @@ from rotorfit.flight.signals import (
     true_runs,
     whole_samples,
 )
+from rotorfit.flight.used_rows import Window, phases_of, window_rows
 from rotorfit.logs.motor_law import law_doubts, speed_from_command
 
 if TYPE_CHECKING:
