@@ -640,6 +640,17 @@ ROOMS: Final[dict[str, Room]] = {
             "if gains[name] < <<0.5 * needed>>:",
         ),
     ),
+    "fit/timing/timing_faults.py": Room(
+        tests=("tests/fit/test_timing_deviations.py",),
+        scaled=(
+            "HOLD_FAULT: Final = <<0.25>>",
+            "return <<HOLD_FAULT / min(rates)>>",
+        ),
+        changed=(
+            ("HOLD_FAULT / min(rates)", "HOLD_FAULT / max(rates)"),
+            ("return 0.0\n    rates", "pass\n    rates"),
+        ),
+    ),
     "fit/timing/timing_fit.py": Room(
         tests=("tests/fit/test_timing_deviations.py",),
         scaled=(
@@ -650,7 +661,6 @@ ROOMS: Final[dict[str, Room]] = {
             "LONGEST_DELAY: Final = <<0.16>>",
             "LEAST_GAIN: Final = <<10.0>>",
             "UNIDENTIFIABLE_BIAS: Final = <<0.03>>",
-            "HOLD_FAULT: Final = <<0.25>>",
             "delay_std=<<UNIDENTIFIABLE_BIAS>> if delay_free",
             "total_std=_norm_of_deviations(std, <<UNIDENTIFIABLE_BIAS>>) if",
             "_norm_of_deviations(<<lag>>, split, held, shape, late)",
@@ -667,11 +677,8 @@ ROOMS: Final[dict[str, Room]] = {
             'total_std=_norm_of_deviations(std["total"], SUM_FAULT, <<hold>>, shape, gusts)',
             "chance = <<random_half_width(fit, rows, formal_covariance(fit, rows))>>",
             "by_response = <<np.abs(response_sensitivity(fit) @ rows.T).sum(axis=0)>>",
-            "return <<HOLD_FAULT / min(rates)>>",
         ),
         changed=(
-            ("HOLD_FAULT / min(rates)", "HOLD_FAULT / max(rates)"),
-            ("return 0.0\n    rates", "pass\n    rates"),
             ("dataset.lag_std(response.mean_lag, _norm_of_deviations(lag, split, held, shape, late))", "_norm_of_deviations(lag, split, held, shape, late)"),
             ("(hold, gusts) if delay is None else (0.0, 0.0)", "(0.0, gusts)"),
             ("(hold, gusts) if delay is None else (0.0, 0.0)", "(hold, gusts)"),

@@ -20,13 +20,12 @@ from rotorfit.fit.reduction.motor_timing import (
 )
 from rotorfit.fit.timing import timing_fit, timing_search
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.fit.timing.timing_faults import hold_fault, shape_fault
 from rotorfit.fit.timing.timing_fit import (
     find_timing,
     first_fit,
     fitted_timing,
-    hold_fault,
     settled_fit,
-    shape_fault,
     timed_again,
     timing_with_deviations,
     unidentifiable_timing,

@@ -23,7 +23,7 @@ LEAST_CUT_OFF: Final = 1e-3
 
 def lowpass_sentence(dataset: TimedDataset) -> str | None:
     """Explain that the motors' times include the delay of a low-pass; None if there is none."""
-    from rotorfit.fit.timing.timing_fit import filter_delay, lowpass_of  # `inspect` fits nothing
+    from rotorfit.fit.timing.timing_faults import filter_delay, lowpass_of
 
     cutoff = lowpass_of(dataset)
     if dataset.motor_timing is None or dataset.motors.speed == "measured":

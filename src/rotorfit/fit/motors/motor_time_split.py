@@ -25,7 +25,7 @@ from rotorfit.fit.sensors.sensor_response import (
     best_filter,
     flight_ratios,
 )
-from rotorfit.fit.timing.timing_fit import lowpass_of
+from rotorfit.fit.timing.timing_faults import lowpass_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

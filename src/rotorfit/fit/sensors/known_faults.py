@@ -49,7 +49,7 @@ def allow_for_gyro_lowpass(fit: Fit) -> Fit:
 
 def lowpass_term(numbers: Numbers, dataset: TimedDataset) -> IntervalTerm:
     """Return the term of inertia and places by taking a low-pass of the gyro for a motor lag."""
-    from rotorfit.fit.timing.timing_fit import lowpass_of
+    from rotorfit.fit.timing.timing_faults import lowpass_of
 
     cutoff, timing = lowpass_of(dataset), dataset.timing
     half = np.zeros(len(numbers.names))

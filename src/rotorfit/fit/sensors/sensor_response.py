@@ -26,7 +26,7 @@ from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.joint.joint_problem import theta_of
 from rotorfit.fit.reduction.bandwidth import transform_rows, window_starts
 from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
-from rotorfit.fit.timing.timing_fit import lowpass_of
+from rotorfit.fit.timing.timing_faults import lowpass_of
 from rotorfit.model.signals import signal_matrix
 
 if TYPE_CHECKING:
