@@ -6,9 +6,11 @@ A recursive filter is a banded triangular system of equations, which LAPACK solv
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from rotorfit.flight.recursion import solve_recursion
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -73,7 +75,7 @@ def first_order_recursion(
         return right
     bands = np.ones((2, len(right)), order="F")
     bands[1] = -keep
-    solved = _solve_recursion(bands, right.reshape(len(right), -1, order="F"))
+    solved = solve_recursion(bands, right.reshape(len(right), -1, order="F"))
     return np.ascontiguousarray(solved.reshape(right.shape, order="F"))
 
 
@@ -121,19 +123,8 @@ def _filter_settled(
         right[:1] += (b1 + b2) * first - (a1 + a2) * settled
         right[1:2] += b2 * first - a2 * settled
         bands[1], bands[2] = a1, a2
-        x = _solve_recursion(bands, right)
+        x = solve_recursion(bands, right)
     return x
-
-
-def _solve_recursion(
-    bands: Float[np.ndarray, "d n"], right: Float[np.ndarray, "n k"]
-) -> Float[np.ndarray, "n k"]:
-    """Solve a lower triangular system of few diagonals, the first of them ones."""
-    from scipy.linalg import lapack  # slow to import
-
-    solve: Any = lapack.dtbtrs
-    solved: Float[np.ndarray, "n k"] = solve(bands, right, uplo="L", diag="U", overwrite_b=1)[0]
-    return solved
 
 
 def tukey_window(count: int, taper: float) -> Float[np.ndarray, " n"]:

@@ -28,8 +28,7 @@ from rotorfit.fit.experiment.payload import tolerances
 from rotorfit.fit.joint.joint_map import JointConfiguration as JointConfiguration
 from rotorfit.fit.joint.joint_map import joint_map
 from rotorfit.fit.joint.trims import (
-    configuration_jacobian,
-    configuration_theta,
+    are_trims,
     trim_prior,
     with_trims,
 )
@@ -41,7 +40,7 @@ from rotorfit.model.terms.term import Size
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from jaxtyping import Bool, Complex, Float
+    from jaxtyping import Bool, Complex, Float, Int
 
     from rotorfit.estimation.parameter_map import ParameterMap
     from rotorfit.flight.motors.motor_model import MotorResponse
@@ -216,8 +215,9 @@ def theta_of(
     phi: Float[np.ndarray, " f"],
     configurations: Sequence[JointConfiguration],
 ) -> Float[np.ndarray, "c p"]:
-    """Return theta of every configuration, of a map to that of its flights."""
-    return configuration_theta(fit_map, phi, _flight_counts(configurations))
+    """Return theta of every configuration: of its flights, without their trims."""
+    without_trims = np.where(are_trims(fit_map), 0.0, phi)
+    return fit_map.theta(without_trims)[_first_flights(configurations)]
 
 
 def theta_jacobian(
@@ -225,12 +225,17 @@ def theta_jacobian(
     phi: Float[np.ndarray, " f"],
     configurations: Sequence[JointConfiguration],
 ) -> Float[np.ndarray, "c p f"]:
-    """Differentiate `theta_of` by the free parameters."""
-    return configuration_jacobian(fit_map, phi, _flight_counts(configurations))
+    """Differentiate `theta_of` by the free parameters; trims have no part in it."""
+    trims = are_trims(fit_map)
+    jacobian = fit_map.jacobian(np.where(trims, 0.0, phi))[_first_flights(configurations)]
+    jacobian[:, :, trims] = 0.0
+    return jacobian
 
 
-def _flight_counts(configurations: Sequence[JointConfiguration]) -> list[int]:
-    return [len(flights_of(c.factors)) for c in configurations]
+def _first_flights(configurations: Sequence[JointConfiguration]) -> Int[np.ndarray, " c"]:
+    """Return where the first flight of each configuration stands in a map to all flights."""
+    counts = [len(flights_of(c.factors)) for c in configurations]
+    return np.cumsum([0, *counts[:-1]])
 
 
 def _collect_feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:

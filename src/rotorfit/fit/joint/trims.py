@@ -180,26 +180,6 @@ def _trim_variance(estimate: Estimate, own: str, flights: Sequence[int]) -> floa
     return float(estimate.values[at].var(ddof=1)) + about / (len(at) - 1.0)
 
 
-def configuration_theta(
-    mapped: ParameterMap, phi: Float[np.ndarray, " f"], flights: Sequence[int]
-) -> Float[np.ndarray, "c p"]:
-    """Return theta of every configuration: of its flights without their trims.
-
-    `flights`: how many of each configuration stand in the map by themselves.
-    """
-    first = np.cumsum([0, *flights[:-1]])
-    return mapped.theta(np.where(_are_trims(mapped), 0.0, phi))[first]
-
-
-def configuration_jacobian(
-    mapped: ParameterMap, phi: Float[np.ndarray, " f"], flights: Sequence[int]
-) -> Float[np.ndarray, "c p f"]:
-    """Differentiate that theta by the free parameters; trims have no part in it."""
-    trims, first = _are_trims(mapped), np.cumsum([0, *flights[:-1]])
-    jacobian = mapped.jacobian(np.where(trims, 0.0, phi))[first]
-    jacobian[:, :, trims] = 0.0
-    return jacobian
-
-
-def _are_trims(mapped: ParameterMap) -> Bool[np.ndarray, " f"]:
+def are_trims(mapped: ParameterMap) -> Bool[np.ndarray, " f"]:
+    """Mark the free parameters that are trims of single flights."""
     return np.array([name.startswith(TRIM) for name in mapped.names], dtype=bool)

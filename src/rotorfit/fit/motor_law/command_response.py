@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.flight.cubic_spline import cubic_spline_between
+from rotorfit.flight.recursion import solve_recursion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -247,7 +248,7 @@ def speed_response(
         into[-1] = np.where(rising, 0.0, into[p])
     start = np.zeros((len(into), int(recording.begins.sum())))
     start[:p] = settled_slopes[:, recording.begins]
-    moved = _solve_recursion(remaining, into, start, recording.begins)
+    moved = _follow_stretches(remaining, into, start, recording.begins)
     k, since = _commands_in_force(recording, timing.delay)
     rate = since / (up if up == down else np.take(lag, k))
     left = np.exp(-rate)
@@ -325,7 +326,7 @@ def _at_commands(
     for _ in range(1 if up == down else MOST_ROUNDS):
         into = (1.0 - remaining) * settled
         begun = settled[None, recording.begins]
-        speed = _solve_recursion(remaining, into[None], begun, recording.begins)[0]
+        speed = _follow_stretches(remaining, into[None], begun, recording.begins)[0]
         rises = settled > speed
         changed = np.flatnonzero(rises != rising)
         off = np.abs(settled[changed] - speed[changed])
@@ -337,19 +338,16 @@ def _at_commands(
     return rising, remaining, speed
 
 
-def _solve_recursion(
+def _follow_stretches(
     remaining: Float[np.ndarray, " n"],
     into: Float[np.ndarray, "p n"],
     start: Float[np.ndarray, "p s"],
     begins: Bool[np.ndarray, " n"],
 ) -> Float[np.ndarray, "p n"]:
     """Solve x_k+1 = a_k x_k + b_k, again from `start` where a stretch begins."""
-    from scipy.linalg import lapack  # slow to import
-
     bands = np.ones((2, len(remaining)), order="F")
     bands[1, :-1] = np.where(begins[1:], 0.0, -remaining[:-1])
     right = np.empty(into.shape)
     right[:, 1:] = into[:, :-1]
     right[:, begins] = start
-    # Triangular: a general banded solver takes five times as long.
-    return np.asarray(lapack.dtbtrs(bands, right.T, uplo="L", diag="U", overwrite_b=1)[0]).T
+    return solve_recursion(bands, right.T).T

@@ -8,7 +8,7 @@ the vehicle, and bias every estimate.
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypedDict, Unpack
 
 import numpy as np
 
@@ -138,33 +138,30 @@ def flight_bands(
     """
     return stack_recordings(
         [
-            prepared_bands(
-                flight,
-                vehicle,
-                response,
-                added=added,
-                free=free,
-                body=own,
-                top=top,
-            )
+            prepared_bands(flight, vehicle, response, added=added, free=free, body=own, top=top)
             for flight, own in zip(flights, body or [None] * len(flights), strict=True)
         ]
     )
+
+
+class LineOptions(TypedDict, total=False):
+    """Options of `prepared_lines`, as `flight_bands` has them; `body` of the one flight."""
+
+    added: Sequence[AddedSignals]
+    free: FreeTiming | None
+    body: tuple[Lines, ...] | None
+    top: float
 
 
 def prepared_bands(
     prepared: PreparedFlight,
     vehicle: Vehicle,
     response: MotorResponse | None,
-    *,
-    added: Sequence[AddedSignals] = (),
-    free: FreeTiming | None = None,
-    body: tuple[Lines, ...] | None = None,
-    top: float = np.inf,
+    **options: Unpack[LineOptions],
 ) -> Factors:
     """Reduce one flight to band factors, see `flight_bands`; with `free`, at its timing."""
-    lines = prepared_lines(prepared, vehicle, response, added=added, free=free, body=body, top=top)
-    return factors_of_lines(lines, signal_layout(vehicle, added))
+    lines = prepared_lines(prepared, vehicle, response, **options)
+    return factors_of_lines(lines, signal_layout(vehicle, options.get("added", ())))
 
 
 def prepared_lines(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 
 from rotorfit.flight.filters import first_order_recursion
+from rotorfit.flight.recursion import solve_recursion
 from rotorfit.flight.signals import central_difference, smooth_motors
 from rotorfit.flight.spectral_density import power_density
 from rotorfit.logs.flight_log import LONG, LagOn, pieces
@@ -138,15 +139,13 @@ def _solve_lag(
     held: Float[np.ndarray, "n N"], remaining: Float[np.ndarray, "n N"]
 ) -> Float[np.ndarray, "n N"]:
     """Solve O_0 = u_0, O_k+1 = a_k O_k + (1 - a_k) u_k."""
-    return solve_recursion(remaining, (1.0 - remaining) * held, held[0])
+    return follow_shares(remaining, (1.0 - remaining) * held, held[0])
 
 
-def solve_recursion(
+def follow_shares(
     share: Float[np.ndarray, "n N"], input: Float[np.ndarray, "n N"], first: Float[np.ndarray, " N"]
 ) -> Float[np.ndarray, "n N"]:
     """Solve S_0 = first, S_k+1 = a_k S_k + f_k, `share` and `input` being a and f."""
-    from scipy.linalg import lapack  # slow to import
-
     n, rotors = share.shape
     if not n:
         return np.zeros_like(share)
@@ -157,9 +156,7 @@ def solve_recursion(
     bands[1] = kept.ravel()
     right = np.empty((rotors, n))
     right[:, 0], right[:, 1:] = first, input[:-1].T
-    # Triangular: a general banded solver takes five times as long.
-    solved = lapack.dtbtrs(bands, right.ravel(), uplo="L", diag="U", overwrite_b=1)[0]
-    return np.ascontiguousarray(np.asarray(solved).reshape(rotors, n).T)
+    return np.ascontiguousarray(solve_recursion(bands, right.ravel()).reshape(rotors, n).T)
 
 
 def shift_time(

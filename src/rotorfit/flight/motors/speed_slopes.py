@@ -22,10 +22,10 @@ from rotorfit.flight.motors.motor_model import (
     MotorResponse,
     clock_jumps,
     first_order_lag,
+    follow_shares,
     following_speed,
     remaining_share,
     shift_time,
-    solve_recursion,
 )
 from rotorfit.flight.signals import central_difference
 
@@ -127,7 +127,7 @@ def speed_and_slopes(
         else:
             input = _lag_sensitivity(name, rising, sample_rate, response) * (speed - held)
             still: Float[np.ndarray, " N"] = 0.0 * channel[0]
-            slopes.append(solve_recursion(keep, input, still))
+            slopes.append(follow_shares(keep, input, still))
     return [speed, *slopes]
 
 
@@ -141,7 +141,7 @@ def _follow_slope(
     if not response.two_way:
         return first_order_lag(late, sample_rate, response.lag)
     first: Float[np.ndarray, " N"] = late[0]
-    return solve_recursion(keep, (1.0 - keep) * late, first)
+    return follow_shares(keep, (1.0 - keep) * late, first)
 
 
 def _lags_both_ways(response: MotorResponse) -> tuple[float, float]:
