@@ -109,6 +109,7 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
     response = feedback_gain(problem, phi, found)
     rest = prior_cost(problem, phi) - 2.0 * response
     cost = rest
+    # A controller answers to the errors as they are: its part above has G with their correlation.
     decorrelated = [problem.decorrelated(c, G) for c, G in enumerate(found)]
     residual = _block_errors(problem, phi, decorrelated)
     powers = split_blocks(power_of(residual), problem.factors)
@@ -116,6 +117,8 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
     squares: list[Float[np.ndarray, "b k"]] = []
     for c, (factors, G) in enumerate(zip(problem.factors, decorrelated, strict=True)):
         power, rows, floor = powers[c], factors.rows[:, None], problem.floors[c]
+        # The variance at which the likelihood of these errors is largest: put in, minus twice its
+        # logarithm is n log v of each block and a constant.
         own = borrowed_mean_square(power, factors)
         v, floored = np.maximum(own, floor), own < floor
         counted = problem.counted[c] if problem.counted else np.ones_like(v, dtype=bool)
@@ -125,6 +128,8 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
         spare = np.minimum(power / v - rows, 0.0)
         cost += float(np.sum(spare, where=counted & floored))
         variances.append(np.where(counted, v, np.inf))
+        # Noise of the regressors adds power that grows with the parameters: left in, a fit would
+        # make them too small (attenuation; Fuller, Measurement Error Models, 1987, section 1.1).
         squares.append(power - rows * known_noise_variance(problem, c, G))
     if not np.isfinite(cost) or response > MOST_RESPONSE * _count_rows(problem):
         raise EstimationError("the likelihood is not finite here")
@@ -243,6 +248,7 @@ def lifted_slopes(
     for part in problem.every_part:
         own = each[part.configuration][part.place].transpose(0, 2, 1)
         G, by = found[part.configuration][0], problem.factors[part.configuration].slope_lifts
+        # u = G lift: where a parameter moves the signals (lag, delay), the lift has a slope, too.
         for at, lift in zip(part.at(problem.places), by, strict=True):
             own[:, :, at] += G[part.place] @ lift.T
         slopes.append(own)
@@ -255,6 +261,7 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
     found = decorrelated_solutions(problem, responding)
     slopes = lifted_slopes(problem, state.phi, found)
     mean, std = problem.prior
+    # A deviation that is infinite beforehand adds nothing.
     information = np.diag(std**-2.0)
     noise_information, reweighting = np.zeros_like(information), np.zeros_like(information)
     scores = np.zeros((len(state.variance), len(information)))
@@ -263,6 +270,7 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
         square = np.ix_(part.moved, part.moved)
         information[square] += _block_information(factors.gram[part.local], w, dU)
         each = _error_scores(factors.columns[part.local], state.residual[part.blocks], w, dU)
+        # At its floor a variance stays where it is when the errors change.
         follows = w * (state.variance[part.blocks] > problem.floors[part.configuration])
         changes = _variance_changes(each, follows, factors, part.local)
         if factors.noise is not None:

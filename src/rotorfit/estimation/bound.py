@@ -47,6 +47,7 @@ def linearised(
     """Linearise the error: d(M^-1 B) = M^-1 (dB - dM M^-1 B)."""
     theta, dtheta = mapped.theta(phi)[configuration], mapped.jacobian(phi)[configuration]
     B: Float[np.ndarray, "k z"] = np.einsum("p,pjz->jz", theta, tensor)
+    # M has the columns of the noisy signals.
     inverse: Float[np.ndarray, "k j"] = np.linalg.inv(B[:, list(noisy)])
     G: Float[np.ndarray, "k z"] = inverse @ B
     dB = np.einsum("pjz,pf->fjz", tensor, dtheta)

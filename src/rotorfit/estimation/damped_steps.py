@@ -48,6 +48,8 @@ def damped_step(
         step=V @ moved / lengths,
         root=root,
         std=np.linalg.norm(root, axis=1),
+        # Of the undamped quadratic model at the damped step: only so does Nielsen's ratio tell how
+        # far the model holds.
         predicted_gain=float(moved @ (2.0 * asked - strength * moved)),
     )
 
@@ -59,6 +61,8 @@ def scaled_directions(
 
     Eigenvalues that are only rounding are as large as that may be.
     """
+    # Parameters have units of their own (kt is 1e-7, a mass 1): unscaled, the small eigenvalues
+    # would be rounding.
     lengths = np.sqrt(np.diagonal(information))
     strength, V = np.linalg.eigh(information / np.outer(lengths, lengths))
     return np.maximum(strength, SMALLEST_SHARE * strength[-1]), V, lengths

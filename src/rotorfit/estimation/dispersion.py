@@ -115,6 +115,8 @@ def alike(found: Sequence[Dispersion]) -> list[Dispersion]:
         return list(found)
     half = 0.5 * degrees[shown]
     logarithm, chance = np.zeros(len(found)), np.full(len(found), np.inf)
+    # The logarithm of chi^2_f / f has the mean digamma(f / 2) - log(f / 2), below zero: taken off,
+    # or few degrees of freedom would pull the common ratio down.
     logarithm[shown] = np.log(ratio[shown]) + np.log(half) - special.digamma(half)
     chance[shown] = special.polygamma(1, half)
     common = common_mean(logarithm[shown], chance[shown])
@@ -163,6 +165,7 @@ def common_mean(values: Float[np.ndarray, " g"], variances: Float[np.ndarray, " 
     """
     weight = 1.0 / variances
     mean = weight @ values / weight.sum()
+    # Cochran's Q less what it is by chance alone.
     spare = float(weight @ (values - mean) ** 2) - (len(values) - 1.0)
     unit = float(weight.sum() - (weight**2).sum() / weight.sum())
     between = max(spare / unit, 0.0) if len(values) > 1 else 0.0
@@ -185,6 +188,7 @@ def dispersion_of_parts(
     squares = Y @ Y
     own = Y - squares
     stated = float(np.trace(own, axis1=1, axis2=2).sum())
+    # Sum of |Y_k Y_l|^2 over k != l, by the trace of (sum Y_k^2)^2 less the terms k = l.
     across = float((squares.sum(axis=0) ** 2).sum() - (squares**2).sum())
     spread = float((own**2).sum()) + max(across, 0.0)
     if not stated > LEAST * float(np.trace(Y, axis1=1, axis2=2).sum()):

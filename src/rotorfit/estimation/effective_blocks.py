@@ -75,5 +75,6 @@ def own_scatter(
 ) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
     """Compute each number's variance by the scatter of its blocks, and their effective number."""
     blocks, free = len(fit.influence), free_blocks(fit)
+    # The parameters take some of the scatter with them: unbiased by n over the free blocks.
     variance = np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)
     return variance * blocks / free, np.minimum(effective_blocks(fit, jacobian), free)

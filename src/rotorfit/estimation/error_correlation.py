@@ -38,6 +38,7 @@ def error_correlation_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:
         for c, shares in enumerate(problem.error_correlation):
             for t in np.flatnonzero(shares.any(axis=1)).tolist():
                 between, own = _share_information(fit, slopes, c, t)
+                # What is known of the shares beforehand: they are about zero.
                 own += np.eye(len(own)) / problem.error_correlation_std[c] ** 2
                 moved = between @ covariance
                 values, vectors = np.linalg.eigh(own - moved @ between.T)

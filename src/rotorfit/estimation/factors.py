@@ -317,6 +317,7 @@ def _householder_factors(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray
     R = np.asarray(np.linalg.qr(blocks, mode="r"))
     missing = R.shape[2] - R.shape[1]
     if missing > 0:
+        # Fewer rows than signals: rows of zeros make it square and change no R^T R.
         R = np.concatenate([R, np.zeros((len(R), missing, R.shape[2]))], axis=1)
     signs = np.where(np.einsum("bii->bi", R) < 0, -1.0, 1.0)
     return R * signs[:, :, None]

@@ -61,6 +61,8 @@ class Leaps:
             self.before_newton = np.inf
             return self.reweighted.leap(state.phi, plain, std)
         self.before_newton = size
+        # Along a direction with share s of the information given back, the root of the score is 1 /
+        # (1 - s) times as far. From s = 1 on there is no maximum there, and the plain step remains.
         gain = np.where(share < 1.0, 1.0 / (1.0 - np.minimum(share, MOST_REWEIGHTING)), 1.0)
         step: Float[np.ndarray, " f"] = root @ (V @ (gain * (V.T @ asked)))
         leap = self.newton.leap(state.phi, step, std)

@@ -96,6 +96,8 @@ class FrameSides:
     @property
     def whole_std(self) -> float:
         """Deviation of s with what the model lacks, which no length of a flight averages."""
+        # std sqrt(blocks) is the deviation by one block: what the model lacks in all blocks alike
+        # is a part of that, and no more.
         lacking = min(LACKING, COHERENT * self.std * float(np.sqrt(self.blocks)))
         return float(np.hypot(self.std, lacking)) if np.isfinite(self.std) else self.std
 
@@ -118,6 +120,7 @@ class FrameSides:
     @cached_property
     def _posterior_parts(self) -> Float[np.ndarray, "2 n"]:
         """The posterior of s over the grid: measured with a ruler, and mistaken."""
+        # Flights that tell nothing leave the prior as it is.
         seen = np.ones(len(_GRID))
         if np.isfinite(self.std):
             seen = student_density((_GRID - self.value) / self.whole_std, self.degrees)

@@ -127,6 +127,7 @@ def fast_rows(motion: Motion, thrust: Float[np.ndarray, " n"]) -> Bool[np.ndarra
     A short flight in a long log must not be outvoted by the motors idling before it.
     """
     window = max(min(whole_samples(3.0 * motion.sample_rate), len(thrust) // 4), 1)
+    # Gaps of the log have no thrust to compare.
     inside = np.zeros(len(thrust), dtype=bool)
     for start, stop in motion.stretches:
         inside[start:stop] = True
@@ -165,6 +166,7 @@ def _stretch_features(motion: Motion, thrust: Float[np.ndarray, " m"], start: in
         x, y, z = force[piece].T
         upward[piece] = z - push[piece]
         up, side = _bound_differences(push[piece], np.maximum(spin[piece], 0.0), motion.arm)
+        # 1 on the ellipsoid of what flight allows.
         excess[piece] = np.hypot(np.hypot(x, y) / side, upward[piece] / up)
     del force, push, spin, squares
     return _Features(excess=excess, upward=upward, rates=smooth(rates, rate, LOOK_CUTOFF))

@@ -107,6 +107,7 @@ def height_force(
     size = max(float(np.linalg.norm(A[:, -1])), TINY)
     value = -float(found[-1]) / size
     moved = np.array([-float(_regress(together - own)[-1]) / size for own in grams]) - value
+    # The jackknife over batches (Quenouille, Biometrika 43, 1956).
     std = float(np.sqrt((count - 1) / count * (moved**2).sum()))
     every = (std, SOUND, _by_gusts(A, rest, batches, step))
     return weighed(value, float(np.linalg.norm(every)), degrees=count - 1)
@@ -136,6 +137,7 @@ def _by_gusts(
     A force f that no thrust balances makes a height whose mean product with f is less than nothing:
     minus the mean square of the velocity. Batches of the rest in another order are such a force.
     """
+    # Seeded: one log has one interval.
     rng = np.random.default_rng(0)
     line, height = A[:, :2], A[:, -1]
     height = height - A[:, :-1] @ np.linalg.lstsq(A[:, :-1], height)[0]
@@ -297,6 +299,7 @@ def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
     count = int(np.clip(motion.seconds / SHORTEST_BATCH, 2, MOST_BATCHES))
     rest = weights * (left + brake * swing)
     batches = np.array([float(batch.sum()) for batch in np.array_split(rest, count)])
+    # So that 1.96 deviations hold 95 % with the few batches that there are.
     few = float(student_quantile(0.975, count - 1)) / 1.96
     std = few * float(np.sqrt(variance_of_sum(batches) * count / (count - 1)))
     mean = brake * float(weights @ velocity) if known else 0.0

@@ -211,6 +211,7 @@ def assumption_terms(
     return (
         IntervalTerm(
             name="autopilot response",
+            # Linearly: one autopilot stands behind the response to every error.
             half_width=np.abs(response).sum(axis=0),
             source="range of the autopilot's response to gusts",
         ),
@@ -232,6 +233,7 @@ def prior_variance(
 ) -> Float[np.ndarray, " q"]:
     """Compute what the parameters' prior deviations add to each number's `formal` variance."""
     by_prior = jacobian @ fit.estimate.covariance / fit.problem.prior[1]
+    # Both are estimates by linear slopes: rounding must not leave less than nothing to the flights.
     return np.minimum((by_prior**2).sum(axis=1), np.diagonal(formal))
 
 
@@ -286,8 +288,11 @@ def _between_flights(
         m = len(influences)
         if m < FEWEST_FLIGHTS:
             continue
+        # The unbiased variance of a sum of m independent influences.
         variance += m / (m - 1.0) * ((influences - influences.mean(axis=0)) ** 2).sum(axis=0)
         if m >= ENOUGH_FLIGHTS:
+            # Of three flights Student's factor would be 4.3: the scatter counts as a lower
+            # limit only.
             degrees = min(degrees, m - 1)
     return float(student_quantile(0.975, degrees)) * np.sqrt(variance)
 
@@ -300,6 +305,8 @@ def timing_shifts(fit: BandedEstimate, timing: FreeTiming | None) -> list[Float[
     shifts: list[Float[np.ndarray, " f"]] = []
     for fault in timing.faults():
         at = [names.index(name) for name in fault]
+        # The most likely values of all parameters where those times are held off by their fault:
+        # the regression of the rest on them.
         held = np.linalg.solve(covariance[np.ix_(at, at)], np.array(list(fault.values())))
         shifts.append(covariance[:, at] @ held)
     return shifts
@@ -425,6 +432,8 @@ def turned_moments(
     body = {name: value - added.get(name, 0.0) for name, value in moments.items()}
     mass = configuration.mass - sum(item.mass for item in payload)
     com = np.array([body[name] for name in FIRST_MOMENTS]) / mass
+    # A turn about the centre of mass leaves it in its place: there the tensor turns alone (Steiner
+    # back and forth).
     about_com = inertia_about(np.array([body[name] for name in INERTIA]), -mass, com)
     tensor = R.T @ inertia_matrix(about_com) @ R
     imu = np.array(configuration.vehicle.imu_position or (0.0, 0.0, 0.0))

@@ -230,6 +230,7 @@ def measured_bandwidth(
         over = every.max(axis=1) - none
         i = int(np.argmax(over))
         if best is None or over[i] > best.gain:
+            # Half of 3.84, the 95 % quantile of chi^2 with one degree of freedom (Wilks).
             near = CUTOFFS[over > over[i] - 1.92]
             best = Bandwidth(
                 shape=name,
@@ -258,6 +259,8 @@ def _by_lowpass(
     gains: Complex[np.ndarray, "c l"],
 ) -> Float[np.ndarray, "c d"]:
     """Compute the log-likelihood of all channels, by low-pass and delay."""
+    # A delay has to be free beside the low-pass: errors of the motors' time look like the phase of
+    # one.
     late = np.exp(-2j * np.pi * DELAYS[:, None] * frequency)
     H = (gains[:, None] * late).reshape(-1, len(frequency))
     every = [_likelihoods_of_gains(frequency, one, H) for one in channels]
@@ -300,6 +303,7 @@ def _mark_shown_bands(
 
     What else makes the channel (air, damping) is taken off it, as the lowest bands show it.
     """
+    # Any filter leaves the lowest bands as they are: there the shares of air and damping are true.
     low = band[:, :FIRST_BANDS].any(axis=1)
     causes: Complex[np.ndarray, "n k"] = x[:, low].reshape(-1, x.shape[2])
     channel: Complex[np.ndarray, " n"] = y[:, low].reshape(-1)

@@ -342,11 +342,13 @@ def rotor_noise(
     turn = 2.0 * np.pi * band.mean(axis=1) / flight.sample_rate
     average, difference = np.ones_like(turn), turn * flight.sample_rate
     if flight.differentiation == "central":
+        # Power gain of [1 4 1]/6, and gain of the central difference, at the middle of each band.
         average = ((4.0 + 2.0 * np.cos(turn)) / 6.0) ** 2
         difference = np.sin(turn) * flight.sample_rate
     passed = np.abs(response_of(flight.filters, "gyro", band.mean(axis=1))) ** 2
     half = 0.5 * flight.rotor_speed_std**2 * passed
     for i, square in enumerate(_mean_squares(flight, stretch)):
+        # d(O^2) = 2 O dO.
         noise[:, layout.index(f"O2_{i + 1}")] = 4.0 * square * half * average
     for axis, weight in zip("xyz", (vehicle.axes**2).sum(axis=0), strict=True):
         if f"dH{axis}" in layout:

@@ -124,6 +124,7 @@ def two_way_lag(
     for _ in range(MOST_ROUNDS):
         speed = _solve_lag(held, np.where(rising, keep_up, keep_down))
         changed = (held > speed) != rising
+        # Where command and speed are one but for rounding, the guess would flip for ever.
         if not (changed & (np.abs(held - speed) > SETTLED * np.abs(held))).any():
             break
         rising ^= changed

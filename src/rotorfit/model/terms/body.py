@@ -95,6 +95,7 @@ def body_inertia(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 def constant_wrench(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Force and torque that do not change: what an accelerometer bias leaves, or a trim."""
     del vehicle
+    # The equations are inertia less wrench = 0: what acts on the body stands with a minus.
     names = ("Fx_0", "Fy_0", "Fz_0", "Mx_0", "My_0", "Mz_0")
     return {name: block(layout, {(row, "one"): -1.0}) for row, name in enumerate(names)}
 
