@@ -40,7 +40,7 @@ BENCH = "bench"
 WITHOUT_MUJOCO = (
     "hover and steps skipped: MuJoCo not installed; pip install '.[mujoco]' in the clone adds them"
 )
-FIGURES = ("replay-1.svg", "replay-errors.svg", "manoeuvres.svg")
+FIGURES = ("replay-1.svg", "replay-errors.svg", "hover.svg", "manoeuvres.svg")
 PER_SPEED = ("kt", "kd", "Jr")
 Configuration = Annotated[
     str | None,
