@@ -9,6 +9,7 @@ from report_material import FOUND, ROTORS, a_comparison, a_result
 from flown import with_findings
 from kept_words import lines_with
 from rotorfit.findings import note
+from rotorfit.report.chart import PLOT
 from rotorfit.report.motor_law import law_picture, law_section
 from rotorfit.report.result_page import figure_texts, report_html
 from rotorfit.report.wrenches import excitation_chart, excitation_figure, excitation_sentences
@@ -77,10 +78,10 @@ def test_a_given_law_is_drawn_with_what_was_flown(assert_wording) -> None:
     by_flight = law_section(with_findings(result, note("law-found", "")), [flown])
     assert by_flight is not None
     assert_wording(by_flight.sentences[0])
-    assert 'class="seen"' in section.picture and ">rad/s<" in section.picture
+    assert 'class="span seen"' in section.picture and "[rad/s]<" in section.picture
     alone = law_section(result)
     assert alone is not None
-    assert 'class="seen"' not in alone.picture
+    assert 'class="span seen"' not in alone.picture
     assert_wording(lines_with(report_html(result, comparisons=[flown]), "rotor speed is by"))
     measured = {**TOLD, "motors": {"speed": "measured"}}
     assert law_section(a_result(configurations=("A",), settings=measured), [flown]) is None
@@ -97,16 +98,16 @@ def test_a_law_without_speeds_is_shown_as_shares(assert_wording) -> None:
     assert section is not None
     assert "were 0.20 to 0.80" in section.sentences[1]
     assert_wording(section.sentences[1])
-    assert ">of full<" in section.picture
+    assert "[of full]<" in section.picture
 
 
 def test_an_identified_law_has_a_band_dashed_beyond_the_flight() -> None:
     picture = law_picture(FOUND)
-    [band] = re.findall(r'class="spread" d="M([^"]*)Z"', picture)
+    [band] = re.findall(r'class="area spread" d="M([^"]*)Z"', picture)
     there, back = band.split("L")[:101], band.split("L")[101:]
     heights = [float(point.split()[1]) for point in (there[100], back[0])]
-    full = 260.0 / 1100.0  # pixels for a rad/s: the axis ends with the band
+    full = 260.0 / (1.04 * 1100.0)  # pixels for a rad/s: the axis ends a little over the band
     assert heights[1] - heights[0] == pytest.approx(2 * 0.1 * 1000.0 * full, abs=0.2)
-    [solid] = re.findall(r'class="curve rotor" d="M([^"]*)"', picture)
+    [solid] = re.findall(r'class="curve rotor" data-key="rotor" d="M([^"]*)"', picture)
     ends = [float(point.split()[0]) for point in (solid.split("L")[0], solid.split("L")[-1])]
-    assert ends == pytest.approx([70.0 + 0.2 * 554.0, 70.0 + 0.8 * 554.0], abs=6.0)
+    assert ends == pytest.approx([0.2 * PLOT, 0.8 * PLOT], abs=6.0)

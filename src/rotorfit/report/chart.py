@@ -94,6 +94,17 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Mark:
+    """A point, the interval that it stands for, and its words."""
+
+    at: float
+    low: float
+    value: float
+    high: float
+    words: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
     """One pair of axes; without a title it stands close to the one above.
 
@@ -105,6 +116,7 @@ class Panel:
     height: float
     curves: tuple[Curve, ...] = ()
     areas: tuple[Area, ...] = ()
+    marks: tuple[Mark, ...] = ()
     count: int = 5
     note: str = ""
     log: bool = False
@@ -208,6 +220,7 @@ def _draw_panel(panel: Panel, axis: Axis, top: float) -> str:
         *(_draw_span(span, panel, axis) for span in panel.spans),
         *(_draw_area(area, panel, axis) for area in panel.areas),
         *(_draw_curve(curve, panel, axis) for curve in panel.curves if not panel.rows),
+        *(_draw_mark(mark, panel, axis) for mark in panel.marks),
         *_draw_lines(panel, axis),
     ]
     attributes: dict[str, str | float] = {
@@ -266,6 +279,17 @@ def _draw_area(area: Area, panel: Panel, axis: Axis) -> str:
     back = [place(*point) for point in zip(area.at.tolist(), area.low.tolist(), strict=True)]
     d = f"M{'L'.join([*there, *reversed(back)])}Z"
     return tag("path", {"class": f"area {area.style}", "d": d})
+
+
+def _draw_mark(mark: Mark, panel: Panel, axis: Axis) -> str:
+    low, high = span_of(panel)
+    x = _x_of(mark.at, axis)
+    bottom, middle, top = (
+        (high - value) / (high - low) * panel.height for value in (mark.low, mark.value, mark.high)
+    )
+    bar = tag("path", {"class": "bar", "d": f"M{x:.1f} {bottom:.1f}V{top:.1f}"})
+    title = tag("title", {}, text(mark.words))
+    return bar + tag("circle", {"class": "point", "cx": x, "cy": middle, "r": 3}, title)
 
 
 def _draw_span(span: Span, panel: Panel, axis: Axis) -> str:

@@ -13,12 +13,13 @@ from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.fit.experiment.toml_files import experiment_text
 from rotorfit.flight.motors.motor_model import speeds
-from rotorfit.report.pages import drawing, label, tag, text, tick_label, ticks
+from rotorfit.report.chart import Area, Axis, Chart, Curve, Mark, Panel, Span, chart_svg
 from rotorfit.report.parameters import unit_words
 from rotorfit.results.result import is_per_command
+from rotorfit.series import Series
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from jaxtyping import Float
 
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
 
     Points = Float[np.ndarray, " n"]
 
-WIDTH, HEIGHT = 640.0, 320.0
-LEFT, RIGHT, TOP, BOTTOM = 70.0, 16.0, 14.0, 46.0
+HEIGHT: Final = 260.0
+"""Of the picture's panel."""
 CURVE_POINTS: Final = 101
 NAMES: Final = {
     "full_speed": "speed at full command",
@@ -204,61 +205,33 @@ def _draw_law(
     """Draw a law, dashed where nobody flew, with a band of a share of it to either side."""
     u = np.linspace(0.0, 1.0, CURVE_POINTS)
     speed = speeds(law, u)
-    top = float(max((1.0 + spread) * speed.max(), *(point.high for point in points), 1.0))
-    values = ticks(0.0, top, 6)
-    top = max(top, values[-1])
-    wide, high = WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
-
-    def at(command: float, rate: float) -> tuple[float, float]:
-        return LEFT + command * wide, TOP + (1.0 - rate / top) * high
-
-    def path(commands: Points, rates: Points) -> str:
-        return "L".join(
-            "{:.1f} {:.1f}".format(*at(a, b)) for a, b in zip(commands, rates, strict=True)
-        )
-
-    parts = [
-        tag("rect", {"class": "frame", "x": LEFT, "y": TOP, "width": wide, "height": high}),
-        *_flown_range(commands, at),
-    ]
-    if spread > 0.0:
-        there, back = path(u, (1.0 + spread) * speed), path(u[::-1], (1.0 - spread) * speed[::-1])
-        parts.append(tag("path", {"class": "spread", "d": f"M{there}L{back}Z"}))
-    for value in values:
-        x, y = at(0.0, value)
-        words = tick_label(value, values[1] - values[0])
-        parts.append(tag("path", {"class": "grid", "d": f"M{x:.1f} {y:.1f}h{wide:.1f}"}))
-        parts.append(label(words, {"class": "tick right", "x": x - 6, "y": y + 4}))
-    for value in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
-        x, y = at(value, 0.0)
-        parts.append(label(f"{value:g}", {"class": "tick middle", "x": x, "y": y + 16}))
-    for point in points:
-        (x, low), (_, mid), (_, up) = (
-            at(point.command, rate) for rate in (point.low, point.median, point.high)
-        )
-        words = f"command {point.command:.2f}: {point.median:.0f} rad/s"
-        title = tag("title", {}, text(words))
-        parts.append(tag("path", {"class": "bar", "d": f"M{x:.1f} {low:.1f}V{up:.1f}"}))
-        parts.append(tag("circle", {"class": "point", "cx": x, "cy": mid, "r": 3}, title))
-    flown = (u >= commands[0]) & (u <= commands[1]) if commands else u < 0.0
-    parts.append(tag("path", {"class": "curve rotor beyond", "d": f"M{path(u, speed)}"}))
-    if flown.any():
-        parts.append(tag("path", {"class": "curve rotor", "d": f"M{path(u[flown], speed[flown])}"}))
-    middle = LEFT + 0.5 * wide
-    parts.append(label("command", {"class": "axis-name middle", "x": middle, "y": HEIGHT - 8}))
-    parts.append(label(unit, {"class": "axis-name", "x": 8, "y": TOP + 12}))
+    band = Area(style="spread", at=u, low=(1.0 - spread) * speed, high=(1.0 + spread) * speed)
+    top = float(max(band.high.max(), *(point.high for point in points), 1.0))
+    curves, flown = [_make_curve("rotor beyond", u, speed)], ()
+    if commands is not None:
+        flown = (Span(start=commands[0], end=commands[1], style="seen", words=""),)
+        seen = (u >= commands[0]) & (u <= commands[1])
+        curves.append(_make_curve("rotor", u[seen], speed[seen]))
+    panel = Panel(
+        title=f"Rotor speed [{unit}]",
+        height=HEIGHT,
+        curves=tuple(curves),
+        areas=(band,) if spread > 0.0 else (),
+        marks=tuple(_mark_point(point) for point in points),
+        spans=flown,
+        span=(0.0, 1.04 * top),
+    )
     measured = "measured, and the law" if points else "the given law"
-    name = f"Rotor speed over command: {measured}"
-    shown = {"class": "motor-law chart", "role": "img", "aria-label": name}
-    return drawing(WIDTH, HEIGHT, shown, *parts)
+    words = f"Rotor speed over command: {measured}"
+    axis = Axis(ends=(0.0, 1.0), name="command", unit="", least=1.0)
+    return chart_svg(Chart(panels=(panel,), axis=axis, words=words, style="motor-law"))
 
 
-def _flown_range(
-    commands: tuple[float, float] | None, at: Callable[[float, float], tuple[float, float]]
-) -> list[str]:
-    """Shade the range of commands in flight."""
-    if commands is None:
-        return []
-    (x, y), (right, _) = at(commands[0], 0.0), at(commands[1], 0.0)
-    box: dict[str, str | float] = {"x": x, "y": TOP, "width": max(right - x, 1.0)}
-    return [tag("rect", {"class": "seen", **box, "height": y - TOP})]
+def _make_curve(style: str, commands: Points, rates: Points) -> Curve:
+    series = Series(time=commands, values={style: rates}, gap=np.inf)
+    return Curve(key=style, name=style, style=style, series=series)
+
+
+def _mark_point(point: LawPoint) -> Mark:
+    words = f"command {point.command:.2f}: {point.median:.0f} rad/s"
+    return Mark(at=point.command, low=point.low, value=point.median, high=point.high, words=words)
