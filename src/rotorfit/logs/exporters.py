@@ -1,14 +1,19 @@
-"""Programs that write flight logs as tables: how to recognise one, and the file to prefer to it."""
+"""Programs that write flight logs as tables: how to recognise one, and the file to prefer to it.
+
+Each is a table of `exporters.toml`.
+"""
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,96 +39,14 @@ class Exporter:
     refused: bool = False
 
 
-EXPORTERS: Final = (
-    Exporter(
-        title="a Blackbox log as blackbox_decode or Blackbox Explorer writes it",
-        original=(
-            "better give the Blackbox file itself (.bbl, .bfl, .TXT): it has the scales, the range "
-            "of the motors and the filters"
-        ),
-        marks=(("loopIteration", "time*", "gyroADC*"), ("loopIteration", "time*", "motor[0*")),
-        # The firmware logs whole deg/s and hundreds of electrical revolutions per minute.
-        units={"gyro": "deg/s", "reference": "deg/s"},
-        erpm_scale=100.0,
-        dshot=True,
-    ),
-    Exporter(
-        title="a PlotJuggler export",
-        original=(
-            "better give the log itself (.ulg, .mcap, .bag): it has the parameters, and each "
-            "channel on its own clock"
-        ),
-        marks=(("__time",), ("/*/*.00",)),
-    ),
-    Exporter(
-        title="one topic of a PX4 log as ulog2csv writes it",
-        original=(
-            "give the .ulg itself: each topic has a file of its own, so that gyro and motors are "
-            "never in one table"
-        ),
-        marks=(
-            ("timestamp", "gyro_rad[0]"),
-            ("timestamp", "xyz[0]"),
-            ("timestamp", "control[0]"),
-            ("timestamp", "output[0]"),
-            ("timestamp", "q[0]"),
-            ("timestamp", "esc[0].timestamp"),
-            ("timestamp", "voltage_v"),
-        ),
-    ),
-    Exporter(
-        title="a DJI flight record as DatCon or CsvView converts it",
-        original="DJI's own .DAT is encrypted or undocumented: this table is the best there is",
-        marks=(("Clock:*",), ("IMU_ATTI(0)*",)),
-        units={"gyro": "deg/s", "accel": "g", "rotor": "rpm", "command": "%"},
-    ),
-    Exporter(
-        title="messages of an ArduPilot log as mavlogdump writes them",
-        original="better give the .bin itself: it has the parameters, and IMU and motors together",
-        marks=(("timestamp", "IMU.*"), ("timestamp", "RCOU.*"), ("timestamp", "TimeUS", "GyrX")),
-        units={"gyro": "rad/s", "accel": "m/s^2", "command": "us"},
-    ),
-    Exporter(
-        title="a ROS topic as rostopic echo -p or bagpy writes it",
-        original=(
-            "give the .bag itself: each topic has a file of its own, so that IMU and motors are "
-            "never in one table"
-        ),
-        marks=(("%time", "field.*"), ("Time", "header.seq", "header.stamp.secs")),
-        units={"gyro": "rad/s", "accel": "m/s^2"},
-    ),
-    Exporter(
-        title="a radio's telemetry log (EdgeTX, OpenTX)",
-        original=(
-            "it has a few samples a second, and neither gyro nor motors: take the flight "
-            "controller's own log (Blackbox .bbl, ArduPilot .bin, PX4 .ulg)"
-        ),
-        marks=(
-            ("Date", "Time", "Thr", "Rud"),
-            ("Date", "Time", "1RSS*"),
-            ("Date", "Time", "RxBt*"),
-        ),
-        refused=True,
-    ),
-    Exporter(
-        title="a DJI flight as the app or AirData writes it",
-        original=(
-            "it has ten samples a second, and neither gyro nor motors: convert the aircraft's own "
-            ".DAT with DatCon, where its firmware allows that"
-        ),
-        marks=(("time(millisecond)",), ("OSD.flyTime*",), ("CUSTOM.date*",)),
-        refused=True,
-    ),
-    Exporter(
-        title="telemetry as QGroundControl writes it",
-        original=(
-            "it has a few samples a second, and neither gyro nor motors: take the autopilot's own "
-            "log (PX4 .ulg, ArduPilot .bin)"
-        ),
-        marks=(("Timestamp", "rollRate", "groundSpeed"),),
-        refused=True,
-    ),
-)
+def _read_exporters() -> Iterator[Exporter]:
+    """Read the table beside this module."""
+    text = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+    for row in tomllib.loads(text)["exporter"]:
+        yield Exporter(**row | {"marks": tuple(tuple(marks) for marks in row["marks"])})
+
+
+EXPORTERS: Final = tuple(_read_exporters())
 """Tried in this order."""
 
 
