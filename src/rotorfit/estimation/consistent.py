@@ -45,6 +45,7 @@ def nearest_consistent(
     if not (np.isfinite(std).all() and (std > 0).all()):
         raise EstimationError("the nearest consistent point needs a deviation of every parameter")
     scale = np.sqrt(np.abs(np.diagonal(constant + np.einsum("q,qij->ij", values, slopes))))
+    # Scaling rows and columns alike keeps a matrix semidefinite; in SI kg m^2 stand beside kg.
     unit = np.outer(*[np.where(scale > 0, scale, 1.0)] * 2)
     at = (constant + np.einsum("q,qij->ij", values, slopes)) / unit
     at -= SMALLEST_EIGENVALUE * np.eye(len(at))

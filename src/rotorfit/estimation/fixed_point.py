@@ -53,6 +53,8 @@ class FixedPointRounds:
         self.steps = [*self.steps[1 - MOST_ROUNDS :], step]
         if len(self.steps) < 3:
             return None
+        # Anderson's mixing (J. of the ACM 12, 1965): the mix of past steps that would have been
+        # zero.
         turned = np.diff(np.array(self.steps), axis=0) / std
         moved = np.diff(np.array(self.points), axis=0)
         share, *_ = np.linalg.lstsq(turned.T, step / std, rcond=1e-6)

@@ -198,6 +198,7 @@ def _whiten_errors(
     if len(motion) < FLAT:
         return None
     lines = np.fft.rfft(errors, axis=0)
+    # By its own neighbours, so that bands with much motion do not make the level.
     power = running_mean(np.abs(lines[motion]) ** 2, FLAT)
     if not (power > 0.0).all():
         return None

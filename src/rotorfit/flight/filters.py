@@ -26,10 +26,13 @@ def butterworth(
     at rest, or in the middle of the band.
     """
     on_circle = np.exp(0.5j * np.pi * (2.0 * np.arange(order) + order + 1.0) / order)
+    # The bilinear transform bends frequencies by tan: warped beforehand, the cut-off stays in
+    # place.
     warped = 2.0 * np.tan(np.pi * np.atleast_1d(np.asarray(cutoff, dtype=float)) / sample_rate)
     if len(warped) == 1:
         analog, zeros, middle = warped[0] * on_circle, (-1.0, -1.0), 1.0 + 0.0j
     else:
+        # Low-pass to band-pass: s -> (s^2 + w1 w2) / (s (w2 - w1)), two poles for each.
         half = 0.5 * (warped[1] - warped[0]) * on_circle
         root = np.sqrt(half**2 - warped[0] * warped[1])
         analog, zeros = np.concatenate([half + root, half - root]), (1.0, -1.0)
@@ -47,6 +50,7 @@ def _pair_sections(
     paired: list[complex] = poles[height >= 1e-12].tolist()
     sections = [(-2.0 * p.real, abs(p) ** 2, False) for p in sorted(paired, key=abs)]
     if len(real) % 2:
+        # A real pole without a partner is a section of first order.
         sections.insert(0, (-float(real[0]), 0.0, True))
         real = real[1:]
     sections += [(-float(p + q), float(p * q), False) for p, q in real.reshape(-1, 2)]

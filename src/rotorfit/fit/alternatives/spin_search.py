@@ -111,10 +111,12 @@ class RotorDrags:
         """Return the mean drag of some rotors over that of the others, and its deviation."""
         both = np.column_stack([~reversed_ones, reversed_ones]).astype(float)
         mean = self.distance(np.ones(len(self.values)))[1]
+        # Rotors of one vehicle differ: a drag is no better known of a group than they are alike.
         allowed = self.covariance + (UNLIKE * mean) ** 2 * np.eye(len(self.values))
         weighed = np.linalg.solve(allowed, both)
         covariance = np.linalg.inv(both.T @ weighed)
         one, other = (covariance @ (weighed.T @ self.values)).tolist()
+        # d (other / one) by one and by other.
         slopes = np.array([-other / one, 1.0]) / one
         return other / one, float(np.sqrt(slopes @ covariance @ slopes))
 

@@ -418,11 +418,13 @@ def gyro_drift(
     force of a stretch is as sure as the change of velocity, which is not known, allows.
     `force` is in the carried axes [m/s^2], `step` between samples [s].
     """
+    # What a bias of 1 rad/s about each body axis turns the carried axes by, until each sample.
     bias_turns = np.cumsum(rotation_matrices(attitude).swapaxes(1, 2), axis=0) * step
     weights = _bell_weights(len(force))
     share = weights / (VELOCITY_CHANGE * slope_std(len(force) * step)) ** 2
     drift = np.zeros_like(force)
     for _ in range(PASSES):
+        # Turned back by the drift so far: the second pass sees only what the linear one left.
         left = rotated(small_turns(-drift), force)
         # A row is a sample's force less the constant one, and less what the bias leans of that.
         lean = np.cross(bias_turns, weights @ left)
@@ -430,6 +432,7 @@ def gyro_drift(
         weighed = (lean * share[:, None, None]).transpose(1, 0, 2).reshape(3, -1)
         both = weighed.reshape(3, -1, 3).sum(axis=1)
         information = np.block([[share.sum() * np.eye(3), both.T], [both, weighed @ flat.T]])
+        # The prior: without it a constant force would leave the bias about itself free.
         information[3:, 3:] += np.eye(3) / GYRO_BIAS_STD**2
         known = np.concatenate([share @ left, weighed @ left.ravel()])
         bias = np.linalg.solve(information, known)[3:]

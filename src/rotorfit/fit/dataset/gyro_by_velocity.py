@@ -208,6 +208,7 @@ def _whiten_columns(
     """
     time = np.linspace(-1.0, 1.0, len(every))
     line = _innovations_of(np.column_stack([np.ones(len(every)), time]), share)
+    # Start and a constant error of the velocity are no matter of the gyro: projected out.
     line, _ = np.linalg.qr(line)
     own = _innovations_of(every.reshape(len(every), -1), share)
     own = own - line @ (line.T @ own)

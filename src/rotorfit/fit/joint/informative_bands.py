@@ -223,6 +223,7 @@ def error_correlation(
         power = np.concatenate([part.power for part in parts])
         own: Float[np.ndarray, " p"] = np.zeros(len(FORCES))
         for _ in range(REWEIGHTED):
+            # |e - P own|^2 of each block, by its sums alone.
             left = power - np.einsum("bp,p->b", 2.0 * shared - squares @ own, own)
             weight = rows / np.maximum(left, _TINY)
             known: Float[np.ndarray, "p p"] = np.eye(len(FORCES)) / std**2

@@ -103,8 +103,10 @@ def jackknife(sums: BlockSums) -> Jackknife:
     unit = np.where(size > 0.0, size, 1.0)
     G_b, scores = sums.information / np.outer(unit, unit), sums.score / unit
     rest: Float[np.ndarray, "B p p"] = G / np.outer(unit, unit) - G_b
+    # Without a block a parameter may be unknown: the pseudo-inverse leaves it where it is.
     without = np.asarray(np.linalg.pinv(rest, hermitian=True, rcond=1e-10), dtype=float)
     shifts: Float[np.ndarray, "B p"] = -(without @ scores[:, :, None])[:, :, 0]
+    # |e_b - J_b d_b|^2 = |e_b|^2 - 2 s_b d_b + d_b G_b d_b.
     spread: Float[np.ndarray, " B"] = ((G_b @ shifts[:, :, None])[:, :, 0] * shifts).sum(axis=1)
     held_out = np.maximum(sums.squares - 2.0 * (scores * shifts).sum(axis=1) + spread, 0.0)
     return Jackknife(shifts=shifts / np.where(size > 0.0, size, np.inf), held_out=held_out)

@@ -70,6 +70,7 @@ def exponent_share(
     spread = float(weight @ centred**2)
     if spread < LEAST_SPREAD**2 * weight.sum():
         return None
+    # d log kt / d log speed is 2 x - 2, so that x is 1 + half the slope.
     slope = float((weight * centred) @ y) / spread
     return Measured(value=1.0 + 0.5 * slope, std=0.5 * spread**-0.5)
 

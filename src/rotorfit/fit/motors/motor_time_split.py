@@ -67,11 +67,13 @@ def times_covariance(
     `lag` [s], and what is known of it beforehand, `prior` [s].
     """
     omega = 2.0 * np.pi * np.array([one.frequency for one in ratios])
+    # d log H of H = exp(-i w delay) / (1 + i w lag).
     slopes = {"motor_lag": -1j * omega / (1.0 + 1j * omega * lag), "motor_delay": -1j * omega}
     keys = sorted({(one.flight, one.axis) for one in ratios})
     own = [[(one.flight, one.axis) == key for one in ratios] for key in keys]
     std = np.array([one.std for one in ratios])
     columns = np.array([*own, *(slopes[name] for name in free)], dtype=complex) / std
+    # Size and phase of a ratio are two equations of real numbers.
     A = np.concatenate([np.real(columns), np.imag(columns)], axis=1)
     known = np.zeros(len(columns))
     known[len(keys)] = prior**-2

@@ -133,5 +133,6 @@ def thrust_sag(data: FlightData, force: Float[np.ndarray, "n 3"]) -> Measured | 
     trend = np.polynomial.Polynomial.fit(np.arange(n), ratios, 1)
     left = ratios - trend(np.arange(n))
     few = float(student_quantile(0.975, n - 2)) / 1.96
+    # A mean of n / 2 batches has 2 / n of their variance, a difference of two of them 4 / n.
     std = few * 2.0 * float(np.sqrt(left @ left / (n - 2) / n)) / early
     return Measured(value=float(late / early) - 1.0, std=std)

@@ -103,6 +103,7 @@ def _integrate_velocity(
     velocity: Float[np.ndarray, "n 3"] = np.cumsum((force - [0.0, 0.0, GRAVITY]) * steps, axis=0)
     path: Float[np.ndarray, "n 3"] = np.cumsum(velocity * steps, axis=0)
     for k in range(3):
+        # What the path lacks at the fixes is the drift of a twice integrated bias, and smooth.
         left = position[:, k] - np.interp(fixes, time, path[:, k])
         slope, bend = smoothing_spline_derivatives(
             fixes, left, time, penalty=(PLACE_STD / DRIFT_STD) ** 2

@@ -100,6 +100,7 @@ def _summed_response(
     What the charge takes steadily, a parabola over time, is no sag.
     """
     n = len(load)
+    # Before the first block the load is taken for the mean of the first ones.
     past = [np.concatenate([np.full(k, load[:PAST].mean()), load[: n - k]]) for k in range(PAST)]
     since = (time - time[0]) / np.ptp(time)
     trend = np.stack([np.ones(n), since, since**2], axis=1)
@@ -108,5 +109,6 @@ def _summed_response(
     factors = inverse @ drop
     weights = inverse[:PAST].sum(axis=0)
     scores = np.add.reduceat(weights * (drop - columns @ factors), np.arange(0, n, CLUSTER))
+    # The residuals lack what trend and sag took: as many degrees of freedom.
     few = len(scores) / max(len(scores) - trend.shape[1] - 1, 1)
     return float(factors[:PAST].sum()), float(np.sqrt(few * (scores @ scores)))

@@ -409,6 +409,7 @@ def betaflight_linear(law: MotorLaw) -> ThrustCurve:
     (src/main/flight/pid.c, pidApplyThrustLinearization): the c for which thrust between idle and
     full is nearest to a straight line.
     """
+    # From the best of a few, as Newton's steps end in the nearest minimum.
     tried = np.linspace(*LINEAR_RANGE, 7)
     c = float(tried[np.argmin(np.mean(bends_of_thrust(law, tried) ** 2, axis=1))])
     for _ in range(NEWTON_STEPS):

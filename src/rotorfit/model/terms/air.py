@@ -140,9 +140,11 @@ def induced_velocity(
     u counts as -v_h / 2, to which flights agree with it (Leishman, Principles of Helicopter
     Aerodynamics, 2006, 2.13; Glauert 1935), or -2 v_perp.
     """
+    # sqrt(8) v_perp would still have one root: 2 keeps away from where its slope is endless.
     u = np.maximum(along, -np.maximum(0.5 * hover, 2.0 * across))
     low, high = np.zeros_like(u), np.maximum(-u, 0.0) + 1.01 * hover
     squared = across**2
+    # Newton alone may leave where the root is: halvings bring it near first.
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         above = middle * np.sqrt(squared + (u + middle) ** 2) > hover**2
