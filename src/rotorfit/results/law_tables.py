@@ -275,7 +275,7 @@ def _law_number(name: str, number: tuple[float, float], unit: str) -> LawNumber:
 
 def _motors_table(fitted: LawFromSpeeds, times: tuple[Parameter, ...]) -> dict[str, Any]:
     """Return the table ``[motors]`` of the vehicle for flights without measured speeds."""
-    law = law_of(fitted.recording, fitted.best.layout, fitted.best.values)
+    law = fitted.law
     entry: dict[str, Any] = {}
     match law.curve:
         case PowerCurve(full_speed, offset, exponent):

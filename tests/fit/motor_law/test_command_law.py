@@ -20,7 +20,7 @@ from scipy import signal
 from rotorfit.errors import EstimationError
 from rotorfit.fit.motor_law.command_response import recording_of
 from rotorfit.fit.motor_law.fit_law import fit_law
-from rotorfit.fit.motor_law.law_model import law_of, scales_of
+from rotorfit.fit.motor_law.law_model import scales_of
 from rotorfit.flight.motors.command_response import MeasuredResponse
 from rotorfit.results.command_law import USUAL_EXPONENT
 from rotorfit.results.law_tables import charge_std, law_tables, voltage_exponent
@@ -40,7 +40,7 @@ def test_motors_without_noise_give_their_law():
     best = found.best
     assert best.layout.form == "offset power"
     assert best.layout.voltage
-    at = law_of(found.recording, best.layout, best.values)
+    at = found.law
     full = at.full_speed * (NOMINAL / at.voltage.nominal) ** at.voltage.exponent
     assert full == pytest.approx(FULL, rel=2e-3)
     assert (at.curve.offset, at.curve.exponent) == pytest.approx((OFFSET, EXPONENT), abs=2e-3)

@@ -34,7 +34,7 @@ from rotorfit.fit.motor_law.form_fit import (
     search_form,
     with_commands,
 )
-from rotorfit.fit.motor_law.law_model import FORMS, Layout
+from rotorfit.fit.motor_law.law_model import FORMS, Layout, law_of
 from rotorfit.flight.filters import correlate
 from rotorfit.flight.motors.command_response import (
     MeasuredResponse,
@@ -45,6 +45,8 @@ from rotorfit.flight.motors.motor_model import white_noise_std
 
 if TYPE_CHECKING:
     from jaxtyping import Float
+
+    from rotorfit.logs.motor_law import MotorLaw
 
 MOST_SPEEDS: Final = 80_000
 """Measured speeds that are fitted to, of all rotors and flights."""
@@ -89,6 +91,11 @@ class LawFromSpeeds:
     rivals: tuple[FormFit, ...]
     open_shifts: Float[np.ndarray, "s p"]
     voltage: FormFit | None = None
+
+    @property
+    def law(self) -> MotorLaw:
+        """The law of the mean rotor, by the chosen form."""
+        return law_of(self.recording, self.best.layout, self.best.values)
 
     def number(
         self, function: Callable[[FormFit, Float[np.ndarray, " p"]], float]
