@@ -113,13 +113,19 @@ def control_loop(controller, body):
 
 
 def disagreements(count, seed):
-    """Return loops farther than a degree from the border, with what each side calls stable."""
+    """Return loops farther than a degree from the border, with what each side calls stable.
+
+    Those whose gain is still above 1 at the highest frequency count as unstable, and are left out.
+    """
     random = np.random.default_rng(seed)
     grid = np.geomspace(0.01, HIGHEST, 4000)
     judged = []
     for _ in range(count):
         controller, body = draw_loop(random)
-        if np.abs(1.0 + loop_response(controller, body, grid)).min() < BORDER:
+        response = loop_response(controller, body, grid)
+        if np.abs(1.0 + response).min() < BORDER:
+            continue
+        if abs(response[0, -1]) >= 1.0:  # crosses gain 1 above the highest frequency
             continue
         found = rotorfit_margins(controller, body)
         poles = control.feedback(control_loop(controller, body), 1).poles()
