@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rotorfit.cli.mass import parse_mass
 from rotorfit.cli.terminal import (
     AsJson,
     Force,
@@ -55,7 +56,7 @@ Airframe = Annotated[
 Mass = Annotated[
     str | None,
     typer.Option(
-        metavar="KG", help='Mass of every vehicle without one in the table: kg, or "unknown".'
+        metavar="KG", help="Mass of every vehicle without one in the table: kg, 428g, or 'unknown'."
     ),
 ]
 VehicleOf = Annotated[
@@ -103,12 +104,12 @@ def fleet(
     spread of the type. Writes tables of flights, vehicles and unusable logs, and a page. After an
     interruption, call it again: it continues.
     """
-    from rotorfit.tools.fleet.listing import Defaults, listed_logs, mass_of
+    from rotorfit.tools.fleet.listing import Defaults, listed_logs
     from rotorfit.tools.fleet.run import FAILURES, Workers, claim, cores, refusals_file
 
     defaults = Defaults(
         vehicle_of=_compile_pattern(vehicle_of),
-        mass=None if mass is None else mass_of(mass, "--mass"),
+        mass=None if mass is None else parse_mass(mass),
         airframe=airframe,
     )
     logs = listed_logs(source, defaults, excluded=output)

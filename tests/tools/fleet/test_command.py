@@ -129,7 +129,8 @@ def test_stopped_it_says_how_to_go_on(run, out, small_fleet, monkeypatch, assert
     ("arguments", "code", "words"),
     [
         (("--vehicle-of", "("), 2, "is no regular expression"),
-        (("--mass", "heavy"), 1, "--mass is 'heavy'; expected kilograms"),
+        (("--mass", "heavy"), 2, "'heavy' is not a mass; give kilograms"),
+        (("--mass", "428"), 1, "did you mean 428 g? Then give --mass 428g"),
         (("--time-limit", "0"), 2, "--time-limit"),
     ],
 )

@@ -60,6 +60,12 @@ def test_a_pattern_may_name_vehicle_and_configuration(tmp_path):
     assert (log.vehicle, log.configuration) == ("E8", "normal")
 
 
+def test_a_table_takes_masses_in_grams(tmp_path):
+    source = table(tmp_path, "file,mass\na.bfl,428g\n")
+    (log,) = listed_logs(source, Defaults(airframe=tmp_path / "a.toml"))
+    assert log.task.mass == pytest.approx(0.428)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -67,6 +73,7 @@ def test_a_pattern_may_name_vehicle_and_configuration(tmp_path):
         ("mass\n1\n", "no column file; expected"),
         ("file,mass\n,1\n", "line 2: no file named"),
         ("file,mass\na.bfl,heavy\n", "the mass of a.bfl is 'heavy'; expected kilograms"),
+        ("file,mass\na.bfl,428\n", "the mass of a.bfl is 428 kg: did you mean 428 g?"),
         ("file,log\na.bfl,0\n", "a.bfl: log is '0'; expected a number from 1"),
         ("file\na.bfl\na.bfl\n", "a.bfl is listed twice"),
         ("file\n", "there is no flight log in it"),

@@ -6,20 +6,19 @@ import csv
 from dataclasses import dataclass
 from io import StringIO
 from itertools import pairwise
-from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import ExperimentError, LogError
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.formats import FORMATS
 from rotorfit.logs.read import format_of
+from rotorfit.written_mass import EXAMPLES, Mass, read_mass
 
 if TYPE_CHECKING:
     import re
     from collections.abc import Iterator, Mapping
 
-Mass = float | Literal["unknown"]
 COLUMNS: Final = ("file", "vehicle", "configuration", "mass", "airframe", "log")
 """Columns of a table of logs; all but the first may be left out."""
 EXPECTED: Final = (
@@ -175,22 +174,11 @@ def _mass_of_cell(cell: str, name: str, defaults: Defaults) -> Mass:
                 "--mass unknown (all numbers are per kilogram then)"
             )
         return defaults.mass
-    return mass_of(cell, f"the mass of {name}")
-
-
-def mass_of(text: str, subject: str) -> Mass:
-    """Read a mass: kilograms or ``unknown``; raises `ExperimentError` where it is neither."""
-    if text == "unknown":
-        return "unknown"
+    subject = f"the mass of {name}"
     try:
-        mass = float(text)
+        return read_mass(cell, subject)
     except ValueError:
-        mass = float("nan")
-    if not (isfinite(mass) and mass > 0):
-        raise ExperimentError(
-            f'{subject} is {text!r}; expected kilograms such as 0.428, or "unknown"'
-        )
-    return mass
+        raise ExperimentError(f"{subject} is {cell!r}; expected {EXAMPLES}") from None
 
 
 def _log_number(cell: str, name: str) -> int | None:

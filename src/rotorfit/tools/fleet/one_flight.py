@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from rotorfit.fit.dataset.dataset import Dataset
     from rotorfit.logs.flight_log import FlightLog
     from rotorfit.model.vehicle import Vehicle
-    from rotorfit.tools.fleet.listing import FlightTask, Mass
+    from rotorfit.tools.fleet.listing import FlightTask
+    from rotorfit.written_mass import Mass
 
 PART_SECONDS: Final = 2.0
 """Parts of a flight, whose means scatter as the mean of the whole is unsure."""
