@@ -118,6 +118,7 @@ def test_help_shows_each_argument_once_without_types(run, assert_text, assert_wo
         (("simulate", "singel", "-o", "x"), "Did you mean 'single'?"),
         (("export", "r", "--to", "gazeboo", "-o", "x"), "did you mean gazebo?"),
         (("identify", "x", "--mas", "1"), "--mass"),
+        (("identify", "x", "--weight", "1"), "Possible options: --mass)"),
         (("identfy", "x"), "'identify'"),
     ],
 )

@@ -42,6 +42,11 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "demo": ("demo:demo", "-o demo"),
 }
 """Commands in the order of ``--help``: module and function, and an example."""
+OTHER_WORDS: Final = {"--weight": "--mass", "--frame": "--airframe", "--out": "--output"}
+"""Options under names that people try, which are none of ours."""
+ALIKE: Final = 0.7
+"""Share of letters in common from which an option may be meant [-]: half a word, such as ``--out``,
+has 0.77, and other words of the same first letters, as ``--weight`` and ``--why``, up to 0.62."""
 
 
 class Command(TyperCommand):
@@ -63,6 +68,20 @@ class Command(TyperCommand):
         except typer.BadParameter as error:
             error.message = _with_nearest(error.message)
             raise
+        except Exception as error:
+            # An unknown option; its class belongs to click, or to typer's copy of it.
+            unknown: str | None = getattr(error, "option_name", None)
+            if unknown is not None and hasattr(error, "possibilities"):
+                vars(error)["possibilities"] = self._list_near_options(ctx, unknown)
+            raise
+
+    def _list_near_options(self, ctx: Any, given: str) -> list[str]:
+        """List the options that an unknown one may mean: by another word, else by its letters."""
+        options = [name for p in self.get_params(ctx) for name in p.opts if name[:2] == "--"]
+        meant = OTHER_WORDS.get(given)
+        if meant in options:
+            return [meant]
+        return get_close_matches(given, options, cutoff=ALIKE)
 
 
 class Program(TyperGroup):
