@@ -127,6 +127,10 @@ def test_without_an_answer_nothing_is_written(answered, tmp_path, monkeypatch, a
         (("--spacing", "200"), "front to back and left to right in mm, such as 91,127"),
         (("--layout", "quad-z", "--spacing", "9,9"), "layout 'quad-z'; expected one of quad-x,"),
         (("--order", "paper", "--spacing", "9,9"), "order 'paper'; expected one of px4,"),
+        (
+            ("--order", "mine", "--spacing", "9,9"),
+            "Of any other order, list the rotors in the file",
+        ),
         (("--order", "betafligt", "--spacing", "9,9"), "crazyflie; did you mean betaflight?"),
     ],
 )

@@ -36,6 +36,11 @@ if TYPE_CHECKING:
     from rotorfit.logs import ReadOptions
     from rotorfit.tools.inspection.seen_airframe import SeenAirframe
 
+LIST_ROTORS = (
+    "list the rotors in the file, as docs/experiment says, with rotors = [ { position = [x, y, z], "
+    "spin = 'ccw' }, ... ]"
+)
+"""What to do for a frame or an order that has no name."""
 SMALLEST, LARGEST = 15.0, 10_000.0
 """Limits of a spacing [mm]."""
 Layout = Annotated[
@@ -327,10 +332,7 @@ def _layout_or_order(
     """Select layout or order: as given, else as the flight shows, else by a question."""
     shown = seen.layout if key == "layout" else seen.order
     if not choices:
-        raise ExperimentError(
-            f"no named layout has {seen.rotors} rotors: list them in the file, as docs/experiment "
-            "says, with rotors = [ { position = [x, y, z], spin = 'ccw' }, ... ]"
-        )
+        raise ExperimentError(f"no named layout has {seen.rotors} rotors: {LIST_ROTORS}")
     # A wrong order would be accepted by many a later command: it is never a default by itself.
     default = shown if shown in choices else choices[0] if key == "layout" else ""
     if given is None and seen.borne_out and shown in choices:
@@ -341,7 +343,8 @@ def _layout_or_order(
     if reply not in choices:
         near = get_close_matches(reply, choices, n=1, cutoff=0.5)
         hint = f"; did you mean {near[0]}?" if near else ""
-        raise ExperimentError(f"{key} {reply!r}; expected one of {', '.join(choices)}{hint}")
+        other = f". Of any other order, {LIST_ROTORS}" if key == "order" and not near else ""
+        raise ExperimentError(f"{key} {reply!r}; expected one of {', '.join(choices)}{hint}{other}")
     if seen.borne_out and shown not in (None, reply):
         print_status(
             f"the flight responds like {key} {shown}, not {reply}: make sure that it is right"

@@ -203,6 +203,7 @@ def test_wrong_settings_are_refused(tmp_path, key, words):
         ),
         ('layout = "hexa-x"\narm = 1\norder = "betaflight"', "or list the rotors with position"),
         (f'{LAYOUT}\norder = "pix4"', "should be 'px4', 'ardupilot', 'betaflight', 'crazyflie' or"),
+        (f'{LAYOUT}\norder = "mine"', "(it is 'mine'); of any other order, list rotors = [ {"),
         (f'{LAYOUT}\naxes = "NED"', "axes: should be 'FLU' or 'FRD' (it is 'NED')"),
         (f"{LAYOUT}\nimu = {{ position = [0, 0] }}", "airframe.imu.position[2] is missing"),
         (f"{LAYOUT}\nimu = {{ position = [0, 0, nan] }}", "position[2]: should be a finite number"),

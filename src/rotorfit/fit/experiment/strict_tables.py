@@ -35,6 +35,11 @@ EXPECTED: dict[str, str] = {
     "too_short": "has too few entries",
 }
 """The checker's types in the words of TOML."""
+ELSE: dict[str, str] = {
+    "airframe.order": "; of any other order, list rotors = [ { position = [x, y, z], spin = 'ccw' }"
+    ", ... ] as the log numbers them, in place of layout",
+}
+"""What to do where none of the choices is right, by place."""
 
 
 def problem_sentences(details: list[ErrorDetails], known: list[str]) -> list[tuple[str, str]]:
@@ -67,7 +72,7 @@ def _describe_problem(place: str, details: list[ErrorDetails], known: list[str])
     given = detail["input"]
     message = ", or ".join(_expected_words(d) for d in details)
     shown = "" if isinstance(given, dict | list | tuple) else f" (it is {given!r})"
-    return f"{place}: {message}{shown}" if place else message
+    return f"{place}: {message}{shown}{ELSE.get(place, '')}" if place else message
 
 
 def _expected_words(detail: ErrorDetails) -> str:
