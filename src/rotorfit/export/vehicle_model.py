@@ -322,8 +322,8 @@ def _list_notes(
     notes: list[str] = []
     if vehicle.imu_position is None:
         notes.append(
-            "positions are from the IMU (or the tracked point), as [airframe] does not say where "
-            "it sits; the rotors' height above it is the declared one"
+            "positions are counted from the IMU (of motion capture: from the tracked point), as "
+            "[airframe] gives no imu position; rotor heights are as declared"
         )
     mean = [
         str(i + 1)
