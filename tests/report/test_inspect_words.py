@@ -57,7 +57,8 @@ def said(thrust=THRUST, axis=YAW, *, commanded=False):
         (
             replace(THRUST, agree=False, width=0.15),
             "can be found, but two estimates differ: by changes of thrust kt is 10.8 +- 3.9 % "
-            "lower than by the weight; drag in climb and descent may be the cause",
+            "lower than by the weight (seen in thrust alone; identify weighs the turns, too); drag "
+            "in climb and descent may be the cause",
         ),
         (
             replace(THRUST, width=0.3, law_full=0.25),

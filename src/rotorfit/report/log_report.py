@@ -282,7 +282,8 @@ def _thrust_message(found: Prospects) -> str:
     joined = "because" if thrust.prospect == "not" else "but"
     return (
         f"thrust changes by {change:.0f} %: {verdict}, {joined} two estimates differ: by changes "
-        f"of thrust {compare_with_weight(thrust.ratio)}; {why}"
+        f"of thrust {compare_with_weight(thrust.ratio)} (seen in thrust alone; identify weighs the "
+        f"turns, too); {why}"
     )
 
 
