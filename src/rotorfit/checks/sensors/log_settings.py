@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
+from rotorfit.checks.verdicts.judge import WEAK
 from rotorfit.findings import Finding, note
+from rotorfit.fit.intervals.numbers import NO_EXCITATION
 from rotorfit.flight.flight_checks import ENOUGH_RATE, LEAST_RATE
 from rotorfit.logs.firmware import (
     FIRMWARE,
@@ -42,6 +46,12 @@ USE_SPEED: Final = (
     'use the rotor speed that the log has: write speed = "measured" under [motors] '
     "(or --speed measured)"
 )
+SPEED_OR_LAW: Final = (
+    "log the rotor speed, or measure the motors' law and lag and give them under [motors]"
+)
+"""What shows more where commands explain quick turns and not a pilot's: another flight does not."""
+CLEAR: Final = WEAK / 1.96
+"""Formal deviation of an inertia over its value, up to which quick turns follow the commands."""
 BY_SPEED: Final = ("kt", "kd", "Jr", "Ixx", "Iyy", "Izz", "motor_lag", "motor_delay")
 
 
@@ -58,9 +68,14 @@ def slow_log(fit: Fit) -> Iterator[Finding]:
 
 
 def unlogged_speed(fit: Fit) -> Iterator[Finding]:
-    """Name the settings with which the log has the rotors' speed, where the firmware has any."""
+    """Name the settings with which the log has the rotors' speed, or what stands for it.
+
+    Where the firmware has no setting for it, that is asked for only if commands fail to explain the
+    turns that a pilot flies.
+    """
+    hidden = SPEED_OR_LAW if _has_unexplained_turns(fit) else None
     for flight in _commanded_flights(fit):
-        step = log_with_speed(flight.log, flight.prepared)
+        step = log_with_speed(flight.log, flight.prepared) or hidden
         if step is not None:
             yield note(NO_ROTOR_SPEED, "", numbers=BY_SPEED, next_step=step)
             return
@@ -117,6 +132,19 @@ def _commanded_flights(fit: Fit) -> list[LoadedFlight]:
 
 def _fitted_flights(fit: Fit) -> list[LoadedFlight]:
     return [flight for c in fit.dataset.configurations for flight in c.flights]
+
+
+def _has_unexplained_turns(fit: Fit) -> bool:
+    """Return whether the motors explain quick turns about x and y, and none in the pilot's band."""
+    ratios = [
+        rho
+        for key, rho in fit.numbers.excitation.items()
+        if key.partition("@")[0] in ("roll", "pitch")
+    ]
+    found = fit.estimate.estimate
+    inertia = np.array([name.partition("@")[0] in ("Ixx", "Iyy") for name in found.names])
+    clear = found.std[inertia] < CLEAR * np.abs(found.values[inertia])
+    return max(ratios, default=np.inf) <= NO_EXCITATION and bool(clear.any())
 
 
 def _list_settings(log: FlightLog, lacks: frozenset[Lack]) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 
 from rotorfit.checks.sensors.log_settings import (
+    SPEED_OR_LAW,
     faster_log,
     log_with_speed,
     slow_words,
@@ -182,6 +183,11 @@ class Prospects:
     useless_because: str | None = None
     bandwidths: Mapping[Sensor, Bandwidth] = field(default_factory=dict[Sensor, Bandwidth])
 
+    @property
+    def explains_quick_turns_only(self) -> bool:
+        """Whether commands confirm a layout, but explain no turn in the pilot's band."""
+        return self.commanded and not self.thrust.followed and self.motors is not None
+
 
 def foreseen_step(log: FlightLog, prepared: PreparedFlight, found: Prospects) -> NextStep:
     """Choose what to do after a flight that is not identified yet, as after an identification."""
@@ -198,6 +204,8 @@ def foreseen_step(log: FlightLog, prepared: PreparedFlight, found: Prospects) ->
     with_speed = log_with_speed(log, prepared) if found.commanded else None
     if with_speed is not None:
         return NextStep(kind="log", action=with_speed)
+    if found.explains_quick_turns_only:
+        return NextStep(kind="log", action=SPEED_OR_LAW)
     return NextStep(kind="fly", action=FLOWN[lacking[0]])
 
 
