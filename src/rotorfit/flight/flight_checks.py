@@ -143,6 +143,8 @@ IN_STEPS: Final = 0.5
 """Share of the changes of commands in as many rows as a source has samples, from which they are
 steps, and no lines were drawn."""
 
+OTHER_MOTOR_DATA: Final = "other-motor-data"
+"""Kind of the refusal of a log with commands in place of measured speeds, or the other way."""
 LEAST_WHOLE = 2.0
 """Length of the longest stretch of flight without a gap, below which many gaps are refused [s]."""
 MOST_TORN = 3.0
@@ -173,7 +175,9 @@ def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -
 def refuse_missing_motors(log: FlightLog, motor_name: str, rotor_count: int) -> None:
     """Raise an error if the log has no motor channel, or one of other rotors."""
     if motor_name not in log.channels:
-        raise LogError(_no_motors(log, motor_name, ", ".join(log.channels) or "none"))
+        message = _no_motors(log, motor_name, ", ".join(log.channels) or "none")
+        has_other = bool({"rotor_speed", "command"} & log.channels.keys())
+        raise LogError(message).about(kind=OTHER_MOTOR_DATA if has_other else LogError.kind)
     columns = log.channels[motor_name].values.shape[1]
     if columns != rotor_count:
         raise LogError(

@@ -1,5 +1,6 @@
 """Validation: errors near zero where the numbers are right, larger where not, on unseen flights."""
 
+import csv
 import dataclasses
 import hashlib
 import json
@@ -297,6 +298,21 @@ def test_a_flight_that_cannot_be_used_is_named_once(folder, result):
         validate_file(result, folder / "A2.csv", configuration="A", start=0.0, end=0.02)
     assert str(refused.value).startswith("A2.csv: ")
     assert str(refused.value).count("A2.csv") == 1
+
+
+def test_motor_data_of_the_other_kind_are_named_with_what_to_do(folder, result, tmp_path):
+    names, *rows = csv.reader((folder / "A2.csv").read_text().splitlines())
+    first = names.index("command_1")
+    with (tmp_path / "other.csv").open("w", newline="") as table:
+        writer = csv.writer(table)
+        writer.writerow([name.replace("command_", "rotor_") for name in names])
+        for row in rows:
+            speeds = [1600.0 * float(cell) for cell in row[first:]]
+            writer.writerow([*row[:first], *speeds])
+    with pytest.raises(LogError, match="measured rotor speeds alone, and the result is of") as no:
+        validate_file(result, tmp_path / "other.csv", configuration="A")
+    assert "identify the first flights anew with --speed measured" in str(no.value)
+    assert "[motors]" not in str(no.value)
 
 
 def test_a_table_is_read_by_the_columns_of_the_result(folder, result, tmp_path):

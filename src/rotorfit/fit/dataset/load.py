@@ -39,6 +39,7 @@ from rotorfit.fit.experiment.declared_vehicle import (
 )
 from rotorfit.fit.reduction.frequency_bands import EDGES
 from rotorfit.flight.decimate import as_recorded, decimated
+from rotorfit.flight.flight_checks import OTHER_MOTOR_DATA
 from rotorfit.flight.imu_tilt import levelled
 from rotorfit.flight.motors.battery_sag import BatterySag, battery_sag
 from rotorfit.flight.motors.command_response import (
@@ -345,7 +346,7 @@ def load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         name = Path(entry.file).name
         if name in str(error):
             raise
-        raise type(error)(f"{name}: {error}") from error
+        raise type(error)(f"{name}: {error}").about(kind=error.finding.kind) from error
 
 
 def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
@@ -453,7 +454,7 @@ def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLo
         raise ExperimentError(
             f"the log commands rotor speeds ({log.channels['rotor_speed'].source}), and [motors] "
             "has a law from command to speed: leave law out"
-        )
+        ).about(kind=OTHER_MOTOR_DATA)
     channels = dict(log.channels)
     channels["command"] = channels.pop("rotor_speed")
     return dataclasses.replace(log, channels=channels), True

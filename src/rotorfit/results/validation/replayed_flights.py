@@ -23,6 +23,7 @@ from rotorfit.results.validation.validate import (
     compare_wrenches,
     fitted_flights,
     fitted_response,
+    load_other_flight,
     signals_of_terms,
     with_air_of,
 )
@@ -101,7 +102,7 @@ def _load_flights(
         if report is not None:
             report(f"replaying {Path(entry.file).name}")
         yield (
-            load_flight(entry, experiment)
+            load_other_flight(entry, experiment)
             if entries
             else _load_unchanged(result, experiment, entry)
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rotorfit.errors import ExperimentError, FlightError
+from rotorfit.errors import ExperimentError, FlightError, LogError, RotorfitError
 from rotorfit.fit.dataset.load import load_flight, velocity_known, with_hover_inflow
 from rotorfit.fit.dataset.through_air import through_air
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
@@ -21,6 +21,7 @@ from rotorfit.fit.experiment.experiment import (
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.fit.reduction.reduce import LowPass, filtered_signals
+from rotorfit.flight.flight_checks import OTHER_MOTOR_DATA
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.logs.flight_log import AIRLESS_ROTORS, DRAGLESS_ROTORS
 from rotorfit.model.regressor import Regressor, regressor
@@ -121,9 +122,25 @@ def _load_unseen(
     entry: FlightEntry, experiment: Experiment, result: IdentificationResult
 ) -> LoadedFlight:
     """Load a flight; refuse it where the fit has used it."""
-    used = load_flight(entry, experiment)
+    used = load_other_flight(entry, experiment)
     refuse_fitted(used, result)
     return used
+
+
+def load_other_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
+    """Load a flight that is not the result's own, with motor data of the result's kind."""
+    try:
+        return load_flight(entry, experiment)
+    except RotorfitError as error:
+        if error.finding.kind != OTHER_MOTOR_DATA:
+            raise
+        measured = experiment.motors.speed == "measured"
+        own, has = ("measured rotor speeds", "motor commands")[:: 1 if measured else -1]
+        speed = "commanded" if measured else "measured"
+        raise LogError(
+            f"{Path(entry.file).name}: the log has {has} alone, and the result is of {own}: give "
+            f"a flight with {own}, or identify the first flights anew with --speed {speed}"
+        ) from error
 
 
 def refuse_fitted(used: LoadedFlight, result: IdentificationResult) -> None:
