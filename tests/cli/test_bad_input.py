@@ -284,7 +284,7 @@ def test_no_toml(message, here):
 
 def test_binary_garbage(message, here):
     (here / "experiment.toml").write_bytes(b"\xff\xfe\0\x80garbage\xff")
-    assert "cannot be read as text" in message("identify", "experiment.toml")
+    assert "is not text in UTF-8" in message("identify", "experiment.toml")
 
 
 # -- the output ----------------------------------------------------------------------------------

@@ -37,13 +37,20 @@ if TYPE_CHECKING:
     from rotorfit.results.validation.wrench_comparison import WrenchComparison
 
 TARGETS: Final = get_args(AnyTargetName)
+OTHER_NAMES: Final[dict[str, AnyTargetName]] = {
+    "sdf": "gazebo", "mjcf": "mujoco", "xml": "mujoco", "csv": "table",
+    "pybullet": "gym-pybullet-drones",
+    "sih": "px4-sih", "sitl": "ardupilot-sitl", "isaac": "isaac-lab", "isaacsim": "isaac-lab",
+}  # fmt: skip
+"""Targets by the names of their files and programs, to whose letters another one is nearer."""
 
 
 def target_named(name: str) -> str:
     """Return the name of a target; refuse an unknown one with the nearest."""
     if name in TARGETS:
         return name
-    near = get_close_matches(name, TARGETS, n=1, cutoff=0.5)
+    meant = OTHER_NAMES.get(name.lower())
+    near = [meant] if meant else get_close_matches(name, TARGETS, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]}? " if near else ""
     raise typer.BadParameter(f"no target {name!r}; {hint}targets: {', '.join(TARGETS)}")
 

@@ -44,6 +44,9 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
 """Commands in the order of ``--help``: module and function, and an example."""
 OTHER_WORDS: Final = {"--weight": "--mass", "--frame": "--airframe", "--out": "--output"}
 """Options under names that people try, which are none of ours."""
+EXTRA: Final = re.compile(r"unexpected extra argument.*\((\S+)\)$")
+NO_NUMBER: Final = re.compile(r"Input should be a valid (?:number|integer), unable to parse.*")
+"""What the parser says of more words than a command takes, and of text in place of a number."""
 ALIKE: Final = 0.7
 """Share of letters in common from which an option may be meant [-]: half a word, such as ``--out``,
 has 0.77, and other words of the same first letters, as ``--weight`` and ``--why``, up to 0.62."""
@@ -73,6 +76,10 @@ class Command(TyperCommand):
             unknown: str | None = getattr(error, "option_name", None)
             if unknown is not None and hasattr(error, "possibilities"):
                 vars(error)["possibilities"] = self._list_near_options(ctx, unknown)
+            extra = EXTRA.search(str(vars(error).get("message", "")))
+            options = [name for p in self.get_params(ctx) for name in p.opts]
+            if extra is not None and "--airframe" in options:
+                vars(error)["message"] = f"{extra.string}: {_place_words(extra[1])}"
             raise
 
     def _list_near_options(self, ctx: Any, given: str) -> list[str]:
@@ -91,6 +98,13 @@ class Program(TyperGroup):
         """Write options, then commands."""
         _write_parameters(self, ctx, formatter)
         self.format_commands(ctx, formatter)
+
+
+def _place_words(extra: str) -> str:
+    """Explain where a file that stands alone on the command line belongs."""
+    if extra.endswith(".toml"):
+        return f"did you mean --airframe {extra}?"
+    return "one log at a time; several flights go into an experiment file (.toml)"
 
 
 def _argument_usage(argument: Any) -> str:
@@ -119,6 +133,7 @@ def _write_parameters(command: TyperCommand | TyperGroup, ctx: Any, formatter: A
 def _with_nearest(message: str) -> str:
     """Append the nearest valid choice to the refusal of a choice."""
     message = message.removeprefix("Value error, ")
+    message = NO_NUMBER.sub("expected a number alone, without a unit", message)
     found = re.match(r"'(.*)' is not one of (.*?)\.?$", message)
     choices = re.findall(r"'([^']*)'", found[2]) if found else []
     near = get_close_matches(found[1], choices, n=1, cutoff=0.5) if found else []

@@ -230,6 +230,13 @@ def refuse_output_files(
 ) -> None:
     """Raise if files, by the options that name them, cannot be written or are the same one."""
     paths = [path for path in files.values() if path is not None]
+    page = files.get("--report")
+    if page is not None and page.suffix.lower() not in ("", ".html", ".htm"):
+        raise typer.BadParameter(
+            f"a report is a web page: name it {page.with_suffix('.html').name}, and print that to "
+            f"{page.suffix[1:]} where it is needed",
+            param_hint="--report",
+        )
     sources = list(inputs)
     for path in paths:
         refuse_output_file(path, inputs=sources, force=force)

@@ -203,6 +203,11 @@ def test_wrong_settings_are_refused(tmp_path, key, words):
         ),
         ('layout = "hexa-x"\narm = 1\norder = "betaflight"', "or list the rotors with position"),
         (f'{LAYOUT}\norder = "pix4"', "should be 'px4', 'ardupilot', 'betaflight', 'crazyflie' or"),
+        (
+            f"{LAYOUT}\nmass = 0.4",
+            "airframe.mass: mass belongs to another table: [[configuration]]",
+        ),
+        (f"{LAYOUT}\nlag = 0.02", "lag belongs to another table: write it under [motors]"),
         (f'{LAYOUT}\norder = "mine"', "(it is 'mine'); of any other order, list rotors = [ {"),
         (f'{LAYOUT}\naxes = "NED"', "axes: should be 'FLU' or 'FRD' (it is 'NED')"),
         (f"{LAYOUT}\nimu = {{ position = [0, 0] }}", "airframe.imu.position[2] is missing"),
@@ -280,7 +285,7 @@ def test_several_problems_are_all_named(tmp_path):
     ("content", "words"),
     [
         (b"[airframe", "is not valid TOML: "),
-        (b"\xff\xfe\x00", "cannot be read as text"),
+        (b"\xff\xfe\x00", "is not text in UTF-8, as TOML is"),
         (b"", "airframe is missing; configuration is missing"),
         (b"\xef\xbb\xbfname = 3", 'name: should be text in "quotes"'),
     ],

@@ -35,6 +35,13 @@ EXPECTED: dict[str, str] = {
     "too_short": "has too few entries",
 }
 """The checker's types in the words of TOML."""
+MOTORS, AIRFRAME = ": write it under [motors]", ": write it under [airframe]"
+TABLES: dict[str, str] = {
+    "mass": ": [[configuration]] of an experiment file, or give --mass",
+    **dict.fromkeys(("speed", "law", "lag", "delay", "poles"), MOTORS),
+    **dict.fromkeys(("layout", "order", "spacing", "arm", "rotors", "imu", "axes"), AIRFRAME),
+}
+"""Where a key belongs that stands in a table without it."""
 ELSE: dict[str, str] = {
     "airframe.order": "; of any other order, list rotors = [ { position = [x, y, z], spin = 'ccw' }"
     ", ... ] as the log numbers them, in place of layout",
@@ -66,7 +73,10 @@ def _describe_problem(place: str, details: list[ErrorDetails], known: list[str])
     """Describe the problem at one place."""
     detail = details[0]
     if detail["type"] == "extra_forbidden":
-        return f"unknown key {place}{_nearest_key(str(detail['loc'][-1]), known)}"
+        key = str(detail["loc"][-1])
+        if key in TABLES:
+            return f"{place}: {key} belongs to another table{TABLES[key]}"
+        return f"unknown key {place}{_nearest_key(key, known)}"
     if detail["type"] == "missing":
         return f"{place} is missing"
     given = detail["input"]

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 MOST_VALUES: Final = 20_000
 """Most values in one file; each that is wrong would be reported, at a kilobyte or two."""
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
+CURLY: Final = frozenset("\u2018\u2019\u201c\u201d")
+"""Quotes that word processors write for straight ones."""
 WIDEST: Final = 88
 """Widest list on one line [characters]."""
 
@@ -104,14 +106,18 @@ def read_toml(path: Path) -> dict[str, Any]:
         ) from None
     except IsADirectoryError:
         raise ExperimentError(f"{path} is a folder; give the TOML file in it") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        why = f"{path} is not text in UTF-8, as TOML is: save it anew with that encoding"
+        raise ExperimentError(_other_kind(path) or why) from error
+    except OSError as error:
         why = f"{path} cannot be read as text ({error}); expected TOML"
         raise ExperimentError(_other_kind(path) or why) from error
     try:
         tables = tomllib.loads(text)
     # Besides its own errors, tomllib gives a number of 4300 digits or deep nesting to Python.
     except (ValueError, RecursionError) as error:
-        why = f"{path} is not valid TOML: {error}"
+        curly = "; write straight quotes instead of curly ones" if CURLY & set(text) else ""
+        why = f"{path} is not valid TOML: {error}{curly}"
         raise ExperimentError(_other_kind(path) or why) from error
     refuse_too_many_values(tables, path)
     return tables
