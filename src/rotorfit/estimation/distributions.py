@@ -30,7 +30,9 @@ def student_tail(t: Any, degrees: Any) -> Any:
 
     nu: Float[np.ndarray, "..."] = np.asarray(degrees, dtype=float)
     finite = np.where(np.isinf(nu), 1.0, nu)
-    return np.where(np.isinf(nu), special.ndtr(-t), special.stdtr(finite, -t))[()]
+    normal: Float[np.ndarray, "..."] = np.asarray(special.ndtr(-t), dtype=float)
+    tail: Float[np.ndarray, "..."] = np.asarray(special.stdtr(finite, -t), dtype=float)
+    return np.where(np.isinf(nu), normal, tail)[()]
 
 
 def student_density(t: Any, degrees: float | int) -> Any:

@@ -88,7 +88,8 @@ def reweighted(
         if np.all(np.abs(phi - before) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))):
             break
     A, _ = _weighted_equations(J, y, variance, information)
-    svd = scaled_singular(np.linalg.qr(A, mode="r"), names)  # of few rows, and as singular
+    few: Float[np.ndarray, "r f"] = np.asarray(np.linalg.qr(A, mode="r"))  # and as singular
+    svd = scaled_singular(few, names)
     scores = (residual[:, None] @ J)[:, 0] / variance[:, None]
     return BandedFit(
         estimate=Estimate(

@@ -142,7 +142,7 @@ class FlightData:
     )
 
     def of_motion(self, name: str, made_of: tuple[object, ...], make: Callable[[], T]) -> T:
-        """Return what follows from the body's motion alone, made once for all motor timings.
+        """Return a value that the body's motion alone decides, made once for all motor timings.
 
         `name`: under which it is kept. `made_of`: all that it depends on, compared by identity.
         """
