@@ -9,7 +9,9 @@ those of the rotors behind a low-pass H and a delay,
 .. math:: y(f) = H(f; f_c) e^{-2 \pi i f \tau} \sum_j \beta_j x_j(f) + \sum_k \gamma_k x_k(f)
 
 with the noise of each band by what is left of it. The likelihood of shapes and cut-offs, against
-none at all, says whether there is a filter, and where: f_c is where its gain is .71. Roll and pitch
+none at all, says whether there is a filter, and where: f_c is where its gain is .71. The
+accelerometer's noise passes the filter as well, and is judged by the same shapes and cut-offs
+(`noise_rolloff.py`): it shows filters above the frequencies of what is flown. Roll and pitch
 are of one gyro, and have one filter. Yaw shows none: the torque of propellers lags by itself.
 """
 
@@ -20,6 +22,7 @@ from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
 
+from rotorfit.fit.reduction.noise_rolloff import judge_noise
 from rotorfit.flight.on_board import first_order, second_order
 from rotorfit.model.signals import central_average
 
@@ -59,6 +62,8 @@ EDGES: Final = np.array([0.5, 1.0, 2.0, 3.0, 4.5, 7.0, 10.0, 14.0, 19.0, 25.0, 3
 LEAST_GAIN: Final = 20.0
 """Gain of log-likelihood for which a low-pass is taken to be there: flights without one gain 0 to
 16 (CineRat, Betaflight, PX4's simulator, Crazyflie), those behind one at 4 to 20 Hz 27 to 8500."""
+SOME: Final = slice(1, None, 3)
+"""Cut-offs that are tried first."""
 MAY_GAIN: Final = 0.5
 """Share of that gain for which all cut-offs are tried: of every third the best gains .9 of the best
 of all or more, where that gains anything."""
@@ -135,7 +140,10 @@ def bandwidths(data: FlightData, vehicle: Vehicle, *, top: float) -> dict[Sensor
     found: dict[Sensor, Bandwidth] = {}
     for sensor, names in CHANNELS.items():
         own = [channels[name] for name in names]
-        one = measured_bandwidth(frequency, own) if len(own[0].y) >= FEWEST_WINDOWS else None
+        if len(own[0].y) < FEWEST_WINDOWS:
+            continue
+        noise = judge_noise(data, vehicle, SHAPES, CUTOFFS, top=top) if sensor == "accel" else None
+        one = measured_bandwidth(frequency, own, noise)
         if one is not None:
             found[sensor] = one
     return found
@@ -217,40 +225,62 @@ def _keep_values(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 
 
 def measured_bandwidth(
-    frequency: Float[np.ndarray, " l"], channels: Sequence[Channel]
+    frequency: Float[np.ndarray, " l"],
+    channels: Sequence[Channel],
+    noise: Mapping[str, Float[np.ndarray, " c"]] | None = None,
 ) -> Bandwidth | None:
-    """Find the low-pass common to the channels of a sensor; None if the flight shows none."""
+    """Find the low-pass common to the channels of a sensor; None if the flight shows none.
+
+    `noise`: gain of log-likelihood of the noise, by shape and cut-off.
+    """
     none = _by_lowpass(frequency, channels, np.ones((1, len(frequency)), complex)).max()
-    if not _may_be_filtered(frequency, channels, none):
+    if not _may_be_filtered(frequency, channels, none, noise):
         return None
-    best: Bandwidth | None = None
+    every: dict[str, Float[np.ndarray, "c d"]] = {}
     for name, shape in SHAPES.items():
         gains = np.array([shape(frequency / cutoff) for cutoff in CUTOFFS])
-        every = _by_lowpass(frequency, channels, gains)
-        over = every.max(axis=1) - none
-        i = int(np.argmax(over))
-        if best is None or over[i] > best.gain:
-            # Half of 3.84, the 95 % quantile of chi^2 with one degree of freedom (Wilks).
-            near = CUTOFFS[over > over[i] - 1.92]
-            best = Bandwidth(
-                shape=name,
-                cutoff=float(CUTOFFS[i]),
-                interval=(float(near[0]) / STEP, float(near[-1]) * STEP),
-                delay=float(DELAYS[int(np.argmax(every[i]))]),
-                gain=float(over[i]),
-            )
-    assert best is not None
-    shown = best.gain > LEAST_GAIN and best.interval[1] < CUTOFFS[-1]
-    return best if shown else None
+        every[name] = _by_lowpass(frequency, channels, gains) - none
+        if noise is not None:
+            every[name] += noise[name][:, None]
+    best = max(every, key=lambda name: float(every[name].max()))
+    i, late = np.unravel_index(np.argmax(every[best]), every[best].shape)
+    near = _mark_near_best(every[best].max(axis=1))
+    if noise is not None:
+        # An autopilot that works against gusts turns the motion, but not the noise: where the
+        # two differ, the interval has both. Neighbouring bands share peaks: two count as one.
+        near = near | _mark_near_best(0.5 * np.max(list(noise.values()), axis=0))
+    cutoffs = CUTOFFS[near]
+    found = Bandwidth(
+        shape=best,
+        cutoff=float(CUTOFFS[i]),
+        interval=(float(cutoffs[0]) / STEP, float(cutoffs[-1]) * STEP),
+        delay=float(DELAYS[late]),
+        gain=float(every[best][i, late]),
+    )
+    return found if found.gain > LEAST_GAIN and found.interval[1] < CUTOFFS[-1] else None
+
+
+def _mark_near_best(likelihood: Float[np.ndarray, " c"]) -> Bool[np.ndarray, " c"]:
+    """Mark the cut-offs in the 95 % interval."""
+    # Half of 3.84, the 95 % quantile of chi^2 with one degree of freedom (Wilks).
+    return likelihood > likelihood.max() - 1.92
 
 
 def _may_be_filtered(
-    frequency: Float[np.ndarray, " l"], channels: Sequence[Channel], none: float
+    frequency: Float[np.ndarray, " l"],
+    channels: Sequence[Channel],
+    none: float,
+    noise: Mapping[str, Float[np.ndarray, " c"]] | None,
 ) -> bool:
     """Return whether one of few low-passes gains enough that the search among all is worth it."""
-    gains = [shape(frequency / cutoff) for shape in SHAPES.values() for cutoff in CUTOFFS[1::3]]
-    few = _by_lowpass(frequency, channels, np.array(gains)).max()
-    return float(few) - none > MAY_GAIN * LEAST_GAIN
+    most = -np.inf
+    for name, shape in SHAPES.items():
+        gains = np.array([shape(frequency / cutoff) for cutoff in CUTOFFS[SOME]])
+        gained = _by_lowpass(frequency, channels, gains).max(axis=1) - none
+        if noise is not None:
+            gained = gained + noise[name][SOME]
+        most = max(most, float(gained.max()))
+    return most > MAY_GAIN * LEAST_GAIN
 
 
 def _by_lowpass(
