@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.fast_worlds import draw_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt, sosfiltfilt
@@ -14,7 +15,7 @@ from rotorfit.fit.reduction.bandwidth import LEAST_FOLLOWED, Bandwidth, bandwidt
 from rotorfit.flight.flight_data import Segment
 from rotorfit.flight.prepare import prepare
 from rotorfit.logs.read import read_log
-from rotorfit.simulation import write_flight_table
+from rotorfit.simulation import simulate_flight, write_flight_table
 
 RATE = 200.0
 SECONDS = 40.0
@@ -100,6 +101,17 @@ def test_a_filtered_gyro_shows_its_bandwidth(cutoff, shape, seed):
     found = bandwidths(replace(data, angular_acceleration=turns), vehicle, top=40.0)
     assert set(found) == {"gyro"}
     assert found["gyro"].cutoff == pytest.approx(cutoff, rel=0.2)
+
+
+@pytest.mark.parametrize("index", [5, 10])
+def test_rotors_that_answer_the_noise_of_the_gyro_show_no_filter(index, tmp_path):
+    """At speed what they do is coherent with the noise, late, and smaller the slower it is."""
+    world = draw_world(1128, index, seconds=25.0)
+    flight = simulate_flight(world.truth, world.vehicle, world.scenario, seed=index)
+    table = tmp_path / "flight.csv"
+    write_flight_table(flight, table, channels=("gyro", "accel", "rotor_speed", "velocity"))
+    data = prepare(read_log(table), rotor_count=4, arm=world.vehicle.arm).data
+    assert "gyro" not in bandwidths(data, world.vehicle, top=40.0)
 
 
 @settings(max_examples=25, deadline=None)

@@ -81,6 +81,13 @@ less, from where its loop has a gain of 1."""
 SHAPE_ERROR: Final = 0.03
 """Share of the motion by which a filter may differ from its shape: far above the cut-off, where
 hardly any motion is left, noise-free lines would decide by the shape of the tail alone."""
+FEEDBACK: Final = 1.5
+"""Error of a band's gain and phase, over the share of the motion that rotors do not explain: at
+.15 of it the phase was .13 to .26 off (2 to 3 Hz, random fast worlds), by the rotors' answer to
+gusts and by lines below, whose lateness the window brings with them."""
+LEAST_SURE: Final = 12.0
+"""Gain of log-likelihood for which a gyro is filtered, with the error that `FEEDBACK` leaves: 48
+gyros of random fast worlds without a filter gain 0 to 9."""
 FIRST_BANDS: Final = 3
 """Bands by which the motion without a filter is estimated."""
 PASSES: Final = 5
@@ -257,7 +264,23 @@ def measured_bandwidth(
         delay=float(DELAYS[late]),
         gain=float(every[best][i, late]),
     )
-    return found if found.gain > LEAST_GAIN and found.interval[1] < CUTOFFS[-1] else None
+    shown = found.gain > LEAST_GAIN and found.interval[1] < CUTOFFS[-1]
+    if shown and noise is None:
+        shown = _is_no_answer(frequency, channels, SHAPES[best])
+    return found if shown else None
+
+
+def _is_no_answer(
+    frequency: Float[np.ndarray, " l"], channels: Sequence[Channel], shape: Shape
+) -> bool:
+    """Return whether a filter is still shown where bands err as the rotors' answer to gusts makes.
+
+    Where a sensor has no noise of its own to show its filter, that answer looks like one.
+    """
+    gains = np.array([shape(frequency / cutoff) for cutoff in CUTOFFS])
+    none = np.ones((1, len(frequency)), complex)
+    gained = _by_lowpass(frequency, channels, gains, careful=True).max()
+    return bool(gained - _by_lowpass(frequency, channels, none, careful=True).max() > LEAST_SURE)
 
 
 def _mark_near_best(likelihood: Float[np.ndarray, " c"]) -> Bool[np.ndarray, " c"]:
@@ -287,25 +310,34 @@ def _by_lowpass(
     frequency: Float[np.ndarray, " l"],
     channels: Sequence[Channel],
     gains: Complex[np.ndarray, "c l"],
+    *,
+    careful: bool = False,
 ) -> Float[np.ndarray, "c d"]:
-    """Compute the log-likelihood of all channels, by low-pass and delay."""
+    """Compute the log-likelihood of all channels, by low-pass and delay.
+
+    `careful`: each band counts as its own error leaves it, by `FEEDBACK`.
+    """
     # A delay has to be free beside the low-pass: errors of the motors' time look like the phase of
     # one.
     late = np.exp(-2j * np.pi * DELAYS[:, None] * frequency)
     H = (gains[:, None] * late).reshape(-1, len(frequency))
-    every = [_likelihoods_of_gains(frequency, one, H) for one in channels]
+    every = [_likelihoods_of_gains(frequency, one, H, careful=careful) for one in channels]
     return np.sum(every, axis=0).reshape(len(gains), len(DELAYS))
 
 
 def _likelihoods_of_gains(
-    frequency: Float[np.ndarray, " l"], channel: Channel, H: Complex[np.ndarray, "t l"]
+    frequency: Float[np.ndarray, " l"],
+    channel: Channel,
+    H: Complex[np.ndarray, "t l"],
+    *,
+    careful: bool,
 ) -> Float[np.ndarray, " t"]:
     """Compute the log-likelihood of a channel behind each gain."""
     y, x, made = channel
     k, place = x.shape[2], np.digitize(frequency, EDGES)
     band = (place[:, None] == np.unique(place)).astype(float)
     lines = band.sum(axis=0) * len(y) / OWN
-    lines = lines * _mark_shown_bands(y, x, band)
+    lines = _count_lines(y, x, band, lines, careful=careful)
     if not lines.any():
         return np.zeros(len(H))
     size = np.sqrt((np.abs(x) ** 2).sum(axis=(0, 1)))
@@ -326,10 +358,15 @@ def _likelihoods_of_gains(
     return _profile_variances(A, c, yy, lines, least=SHAPE_ERROR**2 * gain * unfiltered)
 
 
-def _mark_shown_bands(
-    y: Complex[np.ndarray, "w l"], x: Complex[np.ndarray, "w l k"], band: Float[np.ndarray, "l b"]
-) -> Bool[np.ndarray, " b"]:
-    """Mark the bands in which the rotors make the motion, or are seen to make none.
+def _count_lines(
+    y: Complex[np.ndarray, "w l"],
+    x: Complex[np.ndarray, "w l k"],
+    band: Float[np.ndarray, "l b"],
+    lines: Float[np.ndarray, " b"],
+    *,
+    careful: bool,
+) -> Float[np.ndarray, " b"]:
+    """Count the lines of bands in which the rotors make the motion, or are seen to make none.
 
     What else makes the channel (air, damping) is taken off it, as the lowest bands show it.
     """
@@ -342,11 +379,33 @@ def _mark_shown_bands(
     felt: Float[np.ndarray, " m"] = np.concatenate([np.real(channel), np.imag(channel)])
     share = np.asarray(np.linalg.lstsq(X, felt)[0], dtype=float) / size
     own, made = y - x[:, :, 1:] @ share[1:], x[:, :, 0]
-    coherent = _measure_coherence(own, made, band) >= LEAST_COHERENCE
-    power, expected = ((np.abs(one) ** 2).sum(axis=0) @ band for one in (own, share[0] * made))
+    power, driven = ((np.abs(one) ** 2).sum(axis=0) @ band for one in (own, made))
+    coherence = _measure_coherence(own, made, band)
+    coherent = _mark_falling(coherence, power, driven)
+    expected = share[0] ** 2 * driven
     silent = (power < MOST_SILENT * expected) & np.logical_or.accumulate(coherent)
-    shown: Bool[np.ndarray, " b"] = coherent | silent
-    return shown
+    if careful:
+        error = FEEDBACK**2 * coherence * (1.0 - coherence)
+        lines = np.where(coherent, lines / (1.0 + 2.0 * lines * error), lines)
+    return lines * (coherent | silent)
+
+
+def _mark_falling(
+    coherence: Float[np.ndarray, " b"],
+    power: Float[np.ndarray, " b"],
+    driven: Float[np.ndarray, " b"],
+) -> Bool[np.ndarray, " b"]:
+    """Mark the coherent bands whose motion is no larger for its rotors than in the lowest one.
+
+    A low-pass has no more gain above. Where rotors answer gusts or the noise of the gyro, the
+    channel moves more for what they do the quicker it is, and they follow it, coherent and late.
+    `power`, `driven`: of the channel and of its cause.
+    """
+    coherent: Bool[np.ndarray, " b"] = coherence >= LEAST_COHERENCE
+    if not coherent.any():
+        return coherent
+    made, lowest = coherence * power, int(np.argmax(coherent))
+    return coherent & (LEAST_COHERENCE * made * driven[lowest] <= made[lowest] * driven)
 
 
 def _measure_coherence(
