@@ -21,7 +21,9 @@ from rotorfit.logs.motor_law import (
 )
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, ValidatorFunctionWrapHandler
+    from collections.abc import Callable
+
+    from pydantic import GetCoreSchemaHandler
     from pydantic_core import CoreSchema
 
 Share = Annotated[Finite, Field(ge=0, le=1)]
@@ -152,7 +154,7 @@ class LawSchema:
     def __get_pydantic_core_schema__(_: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Validate what is no law by `LawTable`: its places are those that messages name."""
 
-        def convert(given: Any, validate: ValidatorFunctionWrapHandler) -> MotorLaw:
+        def convert(given: Any, validate: Callable[[Any], LawTable]) -> MotorLaw:
             return given if isinstance(given, MotorLaw) else _convert_to_law(validate(given))
 
         return core_schema.no_info_wrap_validator_function(

@@ -37,14 +37,18 @@ if TYPE_CHECKING:
     Shape = Callable[[Float[np.ndarray, " l"]], Complex[np.ndarray, " l"]]
     """Gain of a low-pass by frequency over its cut-off."""
 
-SHAPES: Final[Mapping[str, Shape]] = {
+ON_BOARD: Final[Mapping[str, Shape]] = {
     "first order": first_order,
     "second order": second_order,
+}
+"""Low-passes on board: PT1, Butterworth."""
+SHAPES: Final[Mapping[str, Shape]] = {
+    **ON_BOARD,
     "smoothed": lambda u: np.exp(-0.5 * np.log(2.0) * u**2).astype(complex),
     "smoothed both ways": lambda u: (1.0 / (1.0 + (np.sqrt(2.0) - 1.0) * u**4)).astype(complex),
     "smoothed sharply": lambda u: ((1.0 + u**8) ** -0.5).astype(complex),
 }
-"""Low-passes on board (PT1, Butterworth), and smoothing without delay (of motion capture)."""
+"""Low-passes on board, and smoothing without delay (of motion capture)."""
 CUTOFFS: Final = np.geomspace(1.0, 60.0, 40)
 """Cut-offs that are tried [Hz]."""
 STEP: Final = float(np.sqrt(CUTOFFS[1] / CUTOFFS[0]))
@@ -265,7 +269,7 @@ def measured_bandwidth(
         gain=float(every[best][i, late]),
     )
     shown = found.gain > LEAST_GAIN and found.interval[1] < CUTOFFS[-1]
-    if shown and noise is None:
+    if shown and noise is None and best in ON_BOARD:
         shown = _is_no_answer(frequency, channels, SHAPES[best])
     return found if shown else None
 
@@ -275,7 +279,8 @@ def _is_no_answer(
 ) -> bool:
     """Return whether a filter is still shown where bands err as the rotors' answer to gusts makes.
 
-    Where a sensor has no noise of its own to show its filter, that answer looks like one.
+    Where a sensor has no noise of its own to show its filter, that answer is late as behind one on
+    board; smoothing is not late.
     """
     gains = np.array([shape(frequency / cutoff) for cutoff in CUTOFFS])
     none = np.ones((1, len(frequency)), complex)
