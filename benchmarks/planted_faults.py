@@ -150,10 +150,13 @@ ROOMS: Final[dict[str, Room]] = {
             "tests/fit/test_signal_slopes.py",
         ),
         scaled=(
-            'np.tensordot(<<by>>, self.slope_lifts, axes=1)',"FEW_ROWS = <<28>>", "borrowed = <<0.5>> * (same"),
+            "np.tensordot(<<by>>, self.slope_lifts, axes=1)",
+            "FEW_ROWS = <<28>>",
+            "shares[1, :-1] = <<0.5>> * same",
+        ),
         changed=(
-            ("total[here] += borrowed", "total[here] += 0.0 * borrowed"),
-            ("0.5 * (same & few[here])", "0.5 * few[here]"),
+            ("total[1:] += before", "total[1:] += 0.0 * before"),
+            ("shares[0, 1:], shares[1, :-1] = 0.5 * same", "shares[0, 1:], shares[1, :-1] = 0.5"),
         ),
     ),
     "estimation/feedback.py": Room(

@@ -173,14 +173,14 @@ def thinned_sums(
     padded = np.zeros(parts * step)
     padded[: len(weights)] = weights
     rows = (count + parts - 1) * step
-    whole = np.zeros((max(rows, len(values)), values.shape[1]))
-    whole[: len(values)] = values
-    # Steps of the samples times steps of the weights, of which those that meet are summed.
-    blocks = np.ascontiguousarray(whole[:rows].reshape(-1, step, values.shape[1]).swapaxes(1, 2))
-    products = blocks @ padded.reshape(parts, step).T
-    sums = np.zeros((count, values.shape[1]))
-    for part in range(parts if count else 0):
-        sums += products[part : part + count, :, part]
+    sums, own = np.zeros((count, values.shape[1])), np.zeros(max(rows, len(values)))
+    # One column after the other: of a long log the products would fill the memory.
+    for column in range(values.shape[1] if count else 0):
+        own[: len(values)] = values[:, column]
+        # Steps of the samples times steps of the weights, of which those that meet are summed.
+        products = own[:rows].reshape(-1, step) @ padded.reshape(parts, step).T
+        for part in range(parts):
+            sums[:, column] += products[part : part + count, part]
     return sums
 
 

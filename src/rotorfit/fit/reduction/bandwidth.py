@@ -270,11 +270,11 @@ def measured_bandwidth(
     )
     shown = found.gain > LEAST_GAIN and found.interval[1] < CUTOFFS[-1]
     if shown and noise is None and best in ON_BOARD:
-        shown = _is_no_answer(frequency, channels, SHAPES[best])
+        shown = _exceeds_response_to_gusts(frequency, channels, SHAPES[best])
     return found if shown else None
 
 
-def _is_no_answer(
+def _exceeds_response_to_gusts(
     frequency: Float[np.ndarray, " l"], channels: Sequence[Channel], shape: Shape
 ) -> bool:
     """Return whether a filter is still shown where bands err as the rotors' answer to gusts makes.
