@@ -23,7 +23,7 @@ from rotorfit.estimation.distributions import normal_density, student_density, s
 from rotorfit.fit.dataset.weight_balance import grouped
 from rotorfit.fit.reduction.reduce import split_segment
 from rotorfit.flight.filters import first_order_recursion
-from rotorfit.flight.kinematics import rotated, running_product, small_turns
+from rotorfit.flight.kinematics import rotated, rotation_matrices, running_product, small_turns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -178,7 +178,7 @@ def _normal_equations(
     assert data.velocity is not None
     v = data.velocity[rows] + np.cross(true, lever)
     C = running_product(small_turns(_turn_steps(true) * step))
-    axes = np.stack([rotated(C, np.broadcast_to(e, w.shape)) for e in np.eye(3)])
+    axes = rotation_matrices(C).transpose(2, 0, 1)
     force, moved = rotated(C, f), rotated(C, v)
     turned = [-_integrate_turns(a * x[:, None]) * step for a, x in zip(axes, w.T, strict=True)]
     turned += [-_integrate_turns(a) * step for a in axes]
