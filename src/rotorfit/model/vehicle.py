@@ -77,7 +77,7 @@ class Rotor:
             )
 
 
-# Without slots: what follows from the fields is computed once, as thousands of times it is asked.
+# Without slots: the arrays are made once, because a fit asks for them thousands of times.
 @dataclass(frozen=True, kw_only=True)
 class Vehicle:
     """The geometry that is known before the flight, body axes FLU.
