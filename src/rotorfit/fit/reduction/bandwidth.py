@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 import numpy as np
 
 from rotorfit.fit.reduction.noise_rolloff import judge_noise
+from rotorfit.fit.reduction.windows import WINDOW, transform_rows, window_starts
 from rotorfit.flight.on_board import first_order, second_order
 from rotorfit.model.signals import central_average
 
@@ -55,8 +56,6 @@ STEP: Final = float(np.sqrt(CUTOFFS[1] / CUTOFFS[0]))
 """Half of a step between them, as a factor."""
 DELAYS: Final = np.arange(-0.012, 0.0281, 0.004)
 """Delays that are tried [s]: half of a step turns 15 Hz by a fifth of a radian."""
-WINDOW: Final = 2.0
-"""Length of a window, each overlapping the next by half [s]."""
 OWN: Final = 1.5
 """Windows that share half of their rows with the next, for each that would be its own."""
 LOWEST: Final = 0.5
@@ -187,19 +186,6 @@ def channel_lines(
     return frequency[inside], channels
 
 
-def transform_rows(
-    rows: Float[np.ndarray, "n k"], window: Float[np.ndarray, "n 1"]
-) -> Complex[np.ndarray, "l k"]:
-    """Transform the rows of a window, without their mean."""
-    return np.fft.rfft((rows - rows.mean(axis=0)) * window, axis=0)
-
-
-def window_starts(data: FlightData, rows: int) -> Iterator[int]:
-    """Yield the first rows of windows that overlap by half, in every segment."""
-    for segment in data.segments:
-        yield from range(segment.start, segment.stop - rows + 1, rows // 2)
-
-
 def _causes_of_channels(
     data: FlightData, vehicle: Vehicle
 ) -> Iterator[tuple[str, tuple[Float[np.ndarray, " n"], list[Float[np.ndarray, " n"]], int]]]:
@@ -244,13 +230,12 @@ def measured_bandwidth(
 
     `noise`: gain of log-likelihood of the noise, by shape and cut-off.
     """
-    none = _by_lowpass(frequency, channels, np.ones((1, len(frequency)), complex)).max()
+    none = _by_lowpass(frequency, channels, _no_filter(frequency)).max()
     if not _may_be_filtered(frequency, channels, none, noise):
         return None
     every: dict[str, Float[np.ndarray, "c d"]] = {}
     for name, shape in SHAPES.items():
-        gains = np.array([shape(frequency / cutoff) for cutoff in CUTOFFS])
-        every[name] = _by_lowpass(frequency, channels, gains) - none
+        every[name] = _by_lowpass(frequency, channels, _gains_of(shape, frequency)) - none
         if noise is not None:
             every[name] += noise[name][:, None]
     best = max(every, key=lambda name: float(every[name].max()))
@@ -282,10 +267,22 @@ def _exceeds_response_to_gusts(
     Where a sensor has no noise of its own to show its filter, that answer is late as behind one on
     board; smoothing is not late.
     """
-    gains = np.array([shape(frequency / cutoff) for cutoff in CUTOFFS])
-    none = np.ones((1, len(frequency)), complex)
-    gained = _by_lowpass(frequency, channels, gains, careful=True).max()
-    return bool(gained - _by_lowpass(frequency, channels, none, careful=True).max() > LEAST_SURE)
+    filtered, none = (
+        _by_lowpass(frequency, channels, gains, careful=True).max()
+        for gains in (_gains_of(shape, frequency), _no_filter(frequency))
+    )
+    return bool(filtered - none > LEAST_SURE)
+
+
+def _gains_of(
+    shape: Shape, frequency: Float[np.ndarray, " l"], cutoffs: Float[np.ndarray, " c"] = CUTOFFS
+) -> Complex[np.ndarray, "c l"]:
+    """Return the gain of a low-pass at each cut-off."""
+    return np.array([shape(frequency / cutoff) for cutoff in cutoffs])
+
+
+def _no_filter(frequency: Float[np.ndarray, " l"]) -> Complex[np.ndarray, "1 l"]:
+    return np.ones((1, len(frequency)), dtype=complex)
 
 
 def _mark_near_best(likelihood: Float[np.ndarray, " c"]) -> Bool[np.ndarray, " c"]:
@@ -303,7 +300,7 @@ def _may_be_filtered(
     """Return whether one of few low-passes gains enough that the search among all is worth it."""
     most = -np.inf
     for name, shape in SHAPES.items():
-        gains = np.array([shape(frequency / cutoff) for cutoff in CUTOFFS[SOME]])
+        gains = _gains_of(shape, frequency, CUTOFFS[SOME])
         gained = _by_lowpass(frequency, channels, gains).max(axis=1) - none
         if noise is not None:
             gained = gained + noise[name][SOME]

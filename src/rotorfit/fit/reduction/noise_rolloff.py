@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from rotorfit.fit.reduction.windows import WINDOW, transform_rows, window_starts
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
@@ -53,8 +55,6 @@ NYQUIST_SHARE: Final = 0.9
 """Share of half the sample rate, up to which a filter of the log's own rate can have a cut-off."""
 UPDATES: Final = 60
 """Updates of the coefficients."""
-WINDOW: Final = 2.0
-"""Length of a window, each overlapping the next by half [s]."""
 TINY: Final = float(np.finfo(float).tiny)
 
 
@@ -119,14 +119,12 @@ def measure_noise_spectrum(
     thrust = data.rotor_speed**2 @ vehicle.axes
     signals = np.column_stack([data.specific_force, thrust[:, 2], data.angular_acceleration])
     window = np.hanning(rows)[:, None]
-    parts = [
-        signals[start : start + rows]
-        for segment in data.segments
-        for start in range(segment.start, segment.stop - rows + 1, rows // 2)
+    every = [
+        transform_rows(signals[start : start + rows], window) for start in window_starts(data, rows)
     ]
-    if not parts:
+    if not every:
         return None
-    lines = np.array([np.fft.rfft((part - part.mean(axis=0)) * window, axis=0) for part in parts])
+    lines = np.array(every)
     bands = list(_split_thirds_of_octaves(np.fft.rfftfreq(rows, 1.0 / data.sample_rate), top))
     if len(bands) < FEWEST_BANDS:
         return None

@@ -24,8 +24,8 @@ from rotorfit.estimation.banded_problem import solved
 from rotorfit.estimation.distributions import student_quantile
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.joint.joint_problem import theta_of
-from rotorfit.fit.reduction.bandwidth import transform_rows, window_starts
 from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
+from rotorfit.fit.reduction.windows import WINDOW, transform_rows, window_starts
 from rotorfit.fit.timing.timing_faults import lowpass_of
 from rotorfit.model.signals import signal_matrix
 
@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
 LOWEST: Final = 1.0
 """Frequency below which the air responds with a phase of its own [Hz]."""
-WINDOW: Final = 2.0
-"""Length of one window, each overlapping the next by half: about a manoeuvre [s]."""
 FED_BACK: Final = 0.6
 """Deviation of the share of the unexplained that goes with the rotors, because the autopilot
 responds: over all bands and axes of 13 real flights, of autopilots' and of simulated ones."""
