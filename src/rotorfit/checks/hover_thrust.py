@@ -330,16 +330,14 @@ def _yaw_trim(configured: ConfigurationData, vehicle: Vehicle) -> float:
 
 
 def _yaw_shift_without_mean(fit: Fit, c: JointConfiguration) -> Evidence | None:
-    """Measure the shift of k_d / Izz without the means, as a share; None if there are none.
-
-    In one step of the joint fit, which allows for the autopilot's response: the yaw row alone calls
-    37 to 46 % too little of short flights a torque. The limit is its interval, or chance.
-    """
+    """Measure the shift of k_d / Izz without the means, as a share; None if there are none."""
     mean = np.concatenate([factors.band for factors in fit.estimate.problem.factors])[:, 0] == 0.0
     name = f"kd_over_Izz@{c.name}"
     value, half = fit.numbers.number(name)
     if not mean.any() or mean.all() or value == 0.0 or not np.isfinite(half):
         return None
+    # In one step of the joint fit, which allows for the autopilot's response: the yaw row alone
+    # calls 37 to 46 % too little of short flights a torque.
     estimate, shift = fit.estimate.estimate, shift_without(fit.estimate, mean)
     [slopes] = slopes_of_numbers(
         [name], estimate.values, estimate.std, fit.estimate.problem.map, fit.configurations
@@ -350,6 +348,7 @@ def _yaw_shift_without_mean(fit: Fit, c: JointConfiguration) -> Evidence | None:
         name=f"yaw_shift_without_mean@{c.name}",
         value=moved,
         interval=(moved - 1.96 * std, moved + 1.96 * std),
+        # The interval of k_d / Izz, or chance.
         limit=max(half / abs(value), unlikely_deviations() * std),
     )
 

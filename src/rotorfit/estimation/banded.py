@@ -181,17 +181,12 @@ def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> floa
 def _settled_with_noise(
     problem: BandedProblem, state: Evaluated, close: float
 ) -> tuple[Evaluated, int]:
-    """Iterate to where the regressors' known noise adds no bias; count the steps.
-
-    Noise n of the regressors makes J^T e differ from zero at the truth by its own product
-    n_b dG N G^T; the corrected score takes that off (errors in variables with known N). The
-    likelihood itself, with a variance free in every block, would rather have no response at all
-    than a noisy one: calm flights beside a lively one would win. So every step must lower the
-    squares over the variances of the last point, without the regressors' share.
-    """
+    """Iterate to where the regressors' known noise adds no bias; count the steps."""
     sizes: list[float] = []
     leaps = Leaps()
     for iteration in range(1, MOST_ITERATIONS + 1):
+        # Noise n of the regressors makes J^T e differ from zero at the truth by its own product n_b
+        # dG N G^T; the corrected score takes that off (errors in variables with known N).
         equations = corrected_equations(problem, state)
         root = corrected_root(equations)
         step: Float[np.ndarray, " f"] = root @ (root.T @ equations.score)
@@ -203,6 +198,9 @@ def _settled_with_noise(
         if trial is not None and _is_no_worse(trial, state):
             state = trial
             continue
+        # The likelihood itself, with a variance free in every block, would rather have no response
+        # at all than a noisy one: calm flights beside a lively one would win. So every step must
+        # lower the squares over the variances of the last point, without the regressors' share.
         before = state.over(state.variance)
         for fraction in STEP_FRACTIONS:
             trial = evaluated_or_none(problem, state.phi + fraction * step)
@@ -215,10 +213,8 @@ def _settled_with_noise(
 
 
 def _is_no_worse(trial: Evaluated, state: Evaluated) -> bool:
-    """Return whether a leap loses next to nothing of the likelihood, or of the corrected squares.
-
-    With noise among the regressors the end of the iteration is the maximum of neither.
-    """
+    """Return whether a leap loses next to nothing of the likelihood or the corrected squares."""
+    # With noise among the regressors the end of the iteration is the maximum of neither.
     squares = trial.over(state.variance) - state.over(state.variance)
     return min(trial.cost - state.cost, squares) <= MOST_LOSS
 
@@ -416,12 +412,10 @@ def shift_without(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Shift:
 
 
 def _scatter_of_influences(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:
-    """Estimate the covariance from the scatter within a group of blocks (jackknife).
-
-    About their mean: the difference between the groups is the shift, not chance.
-    """
+    """Estimate the covariance from the scatter within a group of blocks (jackknife)."""
     if len(influence) < 2:
         return influence.T @ influence
+    # About their mean: the difference between the groups is the shift, not chance.
     return scatter_covariance(influence)
 
 

@@ -297,15 +297,13 @@ def triangular_factors(
 def _cholesky_factors(
     gram: Float[np.ndarray, "b z z"],
 ) -> tuple[Float[np.ndarray, "b z z"], Bool[np.ndarray, " b"]]:
-    """Factor unit-diagonal Gram matrices, and mark the factors that rounding leaves valid.
-
-    A singular one fails all that are factored with it: then each half is factored by itself.
-    """
+    """Factor unit-diagonal Gram matrices, and mark the factors that rounding leaves valid."""
     try:
         lower = np.linalg.cholesky(gram)
     except np.linalg.LinAlgError:
         if len(gram) == 1:
             return np.zeros_like(gram), np.zeros(1, dtype=bool)
+        # A singular one fails all that are factored with it: then each half is factored by itself.
         halves = [_cholesky_factors(half) for half in np.array_split(gram, 2)]
         return np.concatenate([R for R, _ in halves]), np.concatenate([own for _, own in halves])
     accurate = np.einsum("bii->bi", lower).min(axis=1) > SMALLEST_PIVOT

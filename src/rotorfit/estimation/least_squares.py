@@ -94,18 +94,16 @@ def total(problem: LinearProblem) -> Estimate:
 def _refine_solution(
     Wt: Float[np.ndarray, "m g"], svd: ScaledSingular, chi: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, " f"]:
-    r"""Refine a solution by the digits that columns of very different size have cost.
-
-    In SI units the columns differ by 1e7, and the singular vector is off by some 1e-7. The solution
-    obeys :math:`(A^T A - \sigma^2 1) \chi = -A^T y` for :math:`W_t = [A\ y]` and its smallest
-    singular value; solved with scaled columns, and :math:`\sigma^2` from the Rayleigh quotient.
-    """
+    """Refine a solution by the digits that columns of very different size have cost."""
     A, y = Wt[:, :-1], Wt[:, -1]
     # In the coordinates V^T D chi of the scaled columns A = U S V^T D.
     backward = (svd.Vt / svd.lengths).T
     right = -svd.s * (svd.U.T @ y)
     for _ in range(2):
         residual = A @ chi + y
+        # In SI units the columns differ by 1e7, and the singular vector is off by some 1e-7. The
+        # solution obeys (A^T A - sigma^2 1) chi = -A^T y for Wt = [A y] and its smallest singular
+        # value; sigma^2 is the Rayleigh quotient.
         square = float(residual @ residual) / (1.0 + float(chi @ chi))
         shifted = np.diag(svd.s**2) - square * (backward.T @ backward)
         chi = backward @ np.linalg.solve(shifted, right)

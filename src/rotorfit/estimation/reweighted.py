@@ -154,11 +154,7 @@ def _weighted_solution(
     variance: Float[np.ndarray, " b"],
     information: Float[np.ndarray, " f"],
 ) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "f f"]]:
-    """Return the solution and its covariance for given band variances.
-
-    By the QR factor of the stacked, weighted, column-scaled equations: exact simulations keep their
-    digits.
-    """
+    """Return the solution and its covariance for given band variances."""
     import scipy.linalg  # slow to import
 
     f = J.shape[2]
@@ -166,6 +162,7 @@ def _weighted_solution(
     lengths = np.linalg.norm(A, axis=0)
     if (lengths == 0).any():
         raise EstimationError("the flight does not move a parameter of this equation at all")
+    # QR of the equations, not their normal equations: exact simulations keep their digits.
     Q, R = scipy.linalg.qr(A / lengths, mode="economic")
     inverse = scipy.linalg.solve_triangular(R, np.eye(f)) / lengths[:, None]
     return inverse @ (Q.T @ b), inverse @ inverse.T

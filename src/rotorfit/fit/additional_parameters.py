@@ -90,11 +90,9 @@ def _additional_covariance(
     configurations: Sequence[JointConfiguration],
     chosen: Float[np.ndarray, "a f"],
 ) -> Float[np.ndarray, "a a"]:
-    """Compute the covariance of some parameters, by chance and by what is assumed.
-
-    Along the axes of the fit's own covariance: what one direction scatters must not widen another,
-    of which the flights have a thousand times more information.
-    """
+    """Compute the covariance of some parameters, by chance and by what is assumed."""
+    # Along the axes of the fit's own covariance: what one direction scatters must not widen
+    # another, of which the flights have a thousand times more information.
     strength, Q = np.linalg.eigh(formal_covariance(fit, chosen))
     axes = Q.T @ chosen
     shown = random_half_width(fit, axes, np.diag(strength)) / 1.96
@@ -108,16 +106,14 @@ def _additional_covariance(
 
 
 def _effective_blocks(influence: Float[np.ndarray, "b a"]) -> float:
-    """Count the effective blocks of some parameters: as many equal blocks would scatter as much.
-
-    Satterthwaite's (sum v)^2 / sum v^2 of their shares v of the variance. The squared size of an
-    influence is v times a chi-square of as many degrees as there are parameters, n, whose mean
-    square is (1 + 2 / n) n^2 v^2.
-    """
+    """Count the effective blocks of some parameters: as many equal blocks would scatter as much."""
     if not np.isfinite(influence).all():
         raise EstimationError("the flights do not determine the additional parameters")
     whole = np.linalg.pinv(influence.T @ influence, hermitian=True, rcond=1e-12)
     shares = np.einsum("bi,ij,bj->b", influence, whole, influence)
+    # Satterthwaite's (sum v)^2 / sum v^2 of their shares v of the variance. The squared size of an
+    # influence is v times a chi-square of as many degrees as there are parameters, n, whose mean
+    # square is (1 + 2 / n) n^2 v^2.
     count = (1.0 + 2.0 / influence.shape[1]) * float(shares.sum() ** 2 / (shares @ shares))
     return float(np.clip(count, FEWEST_BLOCKS, max(len(influence), FEWEST_BLOCKS)))
 

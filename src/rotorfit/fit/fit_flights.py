@@ -74,18 +74,16 @@ def _twice_rms(shift: Shift, groups: Sequence[Sequence[TimedDataset]]) -> Float[
 
 
 def _other_timings(dataset: TimedDataset) -> list[list[TimedDataset]]:
-    """Return the flights at other timings, in groups that are independent of each other.
-
-    The motors off both ways, by half a sample or by a deviation of what the flights show of lag
-    plus delay; lag taken for delay, by a deviation of the split.
-    """
+    """Return the flights at other timings, in groups that are independent of each other."""
     found = dataset.motor_timing
     if found is None:
         return []
     half = 0.5 / dataset.configurations[0].flights[0].recorded.sample_rate
+    # Half a sample, or a deviation of what the flights show of lag plus delay.
     step, at = max(half, found.total_std), found.response
     groups = [[dataset.at(replace(at, delay=at.delay + move)) for move in (-step, step)]]
     if found.lag_std is not None and found.delay_std is not None:
+        # Lag taken for delay, by a deviation of the split.
         lag, delay = at.lag + found.lag_std, at.delay - found.lag_std
         groups.append([dataset.at(replace(at, lag=lag, delay=delay))])
     return groups
@@ -164,10 +162,7 @@ def fit_flights(
 def _fit_with_most_terms(
     dataset: TimedDataset, wanted: Sequence[str] | None, begin: Mapping[str, float] | None
 ) -> tuple[BandedEstimate, list[JointConfiguration], tuple[str, ...], tuple[Finding, ...]]:
-    """Fit with all default terms, or the most of them with which the fit settles.
-
-    Terms that the user asks for are kept, and a fit that does not settle with them is refused.
-    """
+    """Fit with all default terms, or the most of them with which the fit settles."""
     if wanted is not None:
         return *joint_fit(dataset, terms=wanted, begin=begin), tuple(wanted), ()
     usual = [term.name for term in DEFAULT if term.stands_in(dataset.model.layout)]
@@ -177,6 +172,8 @@ def _fit_with_most_terms(
         try:
             estimate, joint = joint_fit(dataset, terms=terms, begin=begin)
         except UnsettledError:
+            # Terms that the user asks for are kept above, and a fit that does not settle is
+            # refused.
             if count == len(DROPPED):
                 raise
             continue
@@ -231,11 +228,9 @@ TOLERANCE_TERMS: Final[Mapping[str, Callable[[Fit, float], IntervalTerm]]] = {
 
 
 def _by_other_bands(fit: Fit) -> IntervalTerm:
-    """Return the term by the limit between informative bands and the others.
-
-    One band near that limit may have the information of a flight; many flights scatter by it.
-    """
+    """Return the term by the limit between informative bands and the others."""
     half = np.zeros(len(fit.numbers.names))
+    # One band near that limit may have the information of a flight; many flights scatter by it.
     if max(len(flights_of(c.factors)) for c in fit.configurations) < ENOUGH_FLIGHTS:
         shifts = [shift_of(fit, fit.dataset, least_ratio=r) for r in OTHER_RATIOS]
         half = 2.0 * np.sqrt(np.mean(np.square(shifts), axis=0))

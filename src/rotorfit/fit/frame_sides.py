@@ -264,21 +264,16 @@ def _frame_sides(fit: Fit) -> FrameSides | None:
 
 
 def _std_of_sides(fit: Fit, found: Additional) -> float:
-    """Return the deviation of s; as large as its gain of likelihood leaves it, where that is more.
-
-    Far off, where the likelihood is flat, its slopes there say nothing of what was declared.
-    """
+    """Return the deviation of s, at least as large as its gain of likelihood leaves it."""
+    # Far off the likelihood is flat, and its slopes there say nothing of what was declared.
     gain = max(found.estimate.log_likelihood - fit.estimate.log_likelihood, 0.0)
     return max(float(found.std[0]), abs(float(found.values[0])) / float(np.sqrt(2.0 * gain + 1.0)))
 
 
 def _std_by_gusts(fit: Fit, found: Additional) -> float:
-    """Return the deviation of s by gusts where an axis is hardly flown; infinite if not at all.
-
-    Each axis may be as far off as its moment of inertia; s has half the difference of the two.
-    Wrong sides leave motion unexplained that is no gust: the sides that were found count as well.
-    """
+    """Return the deviation of s by gusts where an axis is hardly flown; infinite if not at all."""
     by_weight = (weighed_excitation(e, fit.configurations) for e in (fit.estimate, found.estimate))
+    # Wrong sides leave motion unexplained that is no gust: the sides that were found count, too.
     lively = [fit.numbers.excitation, *by_weight]
     rho = {
         axis: max(by[key] for by in lively for key in by if key.startswith(axis))
@@ -287,6 +282,7 @@ def _std_by_gusts(fit: Fit, found: Additional) -> float:
     if min(rho.values()) < NO_EXCITATION:
         return np.inf
     off = [inertia_bias(1.0, one) for one in rho.values() if one < LEAST_EXCITATION]
+    # Each axis may be as far off as its moment of inertia; s has half the difference of the two.
     return 0.5 * float(np.linalg.norm(off)) / 1.96
 
 
@@ -307,11 +303,7 @@ def sides_block(vehicle: Vehicle, layout: SignalLayout) -> Block:
 
 
 def _slopes_by_sides(fit: Fit, found: Additional) -> Float[np.ndarray, " q"]:
-    """Return by how much each number moves with s, all others following.
-
-    Moments of roll and pitch at least in proportion to their own arm: the coupling that holds them
-    near the declared sides may hold less well far off.
-    """
+    """Return by how much each number moves with s, all others following."""
     names, estimate, mapped = fit.numbers.names, found.estimate.estimate, found.estimate.problem.map
     covariance = estimate.covariance
     moved = covariance[:, -1] / covariance[-1, -1]
@@ -320,6 +312,8 @@ def _slopes_by_sides(fit: Fit, found: Additional) -> Float[np.ndarray, " q"]:
     )
     slopes = np.abs(by_parameters @ moved)
     bases = [name.partition("@")[0] for name in names]
+    # Moments of roll and pitch at least in proportion to their own arm: the coupling that holds
+    # them near the declared sides may hold less well far off.
     by_arm = np.array([base in BY_ARM for base in bases])
     return np.maximum(slopes, by_arm * np.abs(fit.numbers.values))
 

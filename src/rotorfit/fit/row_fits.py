@@ -248,18 +248,16 @@ def _moment_map(model: Regressor, row: str, own_rotors: tuple[str, ...] = ()) ->
 def _without_dead(
     mapped: ParameterMap, model: Regressor, weights: Float[np.ndarray, " j"]
 ) -> ParameterMap:
-    """Remove the parameters that these rows do not determine from the map.
-
-    Either they do not stand in them at all, or, with tilted rotors, they stand where another one
-    stands already: drag torque along a tilted axis is a thrust torque of another size, as is the
-    torque of twisted arms. Thrust stays in the roll and pitch rows, drag in the yaw row.
-    """
+    """Remove the parameters that these rows do not determine from the map."""
     used = np.flatnonzero(weights)
     columns = np.einsum("pjz,pf->fjz", model.tensor[:, used], mapped.matrix[0])
     flat = dict(zip(mapped.names, columns.reshape(len(columns), -1), strict=True))
     for name, column in flat.items():
         if not column.any():
             mapped = mapped.without(name)
+    # With tilted rotors one parameter may stand where another one stands: drag torque along a
+    # tilted axis is a thrust torque of another size, as is the torque of twisted arms. Thrust stays
+    # in the roll and pitch rows, drag in the yaw row.
     weaker = "kt" if weights[5] else "kd"
     for one, other, less in (("kt", "kd", weaker), ("kd", "kt_twist", "kt_twist")):
         if {one, other} <= set(mapped.names) and _is_parallel(flat[one], flat[other]):
@@ -276,14 +274,12 @@ def _rotor_names(model: Regressor) -> tuple[str, ...]:
 
 
 def _rotor_made(model: Regressor, first: Mapping[str, BandedFit]) -> dict[str, Regressor]:
-    """Predict the other axes' angular accelerations in each row's model by the rotors.
-
-    The three moment rows of the first pass, B z = 0 with unit diagonal, are solved for the
-    angular accelerations; the solution G z is put in their place, but for the row's own.
-    """
+    """Predict the other axes' angular accelerations in each row's model by the rotors."""
     names = ("dwx", "dwy", "dwz")
     columns = [model.layout.index(name) for name in names]
     B = np.array([_fitted_row(model, row, first[row]) for row in ROWS[1:]])
+    # The three moment rows of the first pass, B z = 0 with unit diagonal, solved for the angular
+    # accelerations.
     G = -np.linalg.solve(B[:, columns], B)
     G[:, columns] = 0.0
     made: dict[str, Regressor] = {}
@@ -406,17 +402,15 @@ def _inertia_about_com(p: dict[str, float], kt: float) -> dict[str, float]:
 def _com_and_rotor_center(
     p: dict[str, float], vehicle: Vehicle, mass: float
 ) -> tuple[Float[np.ndarray, " 3"], dict[str, float]]:
-    """Compute the CoM from the origin, and the rotor centre where it is not the origin.
-
-    The moment rows see the rotor centre over the CoM, the force rows the CoM from the
-    accelerometer. With a known IMU position both are measured from the same origin, and the
-    moment rows, which see the trim, are the sharper; else the IMU is the origin.
-    """
+    """Compute the CoM from the origin, and the rotor centre where it is not the origin."""
     over_com = (
         p.get("pitch.kt_rotor_center_x", 0.0) / p["pitch.kt"],
         p.get("roll.kt_rotor_center_y", 0.0) / p["roll.kt"],
     )
     force = np.array([p["force.msx"], p["force.msy"], p["force.msz"]]) / mass
+    # The moment rows see the rotor centre over the CoM, the force rows the CoM from the
+    # accelerometer. With a known IMU position both are measured from the same origin, and the
+    # moment rows, which see the trim, are the sharper; else the IMU is the origin.
     if vehicle.imu_position is None:
         return force, {
             "rotor_center_x": float(force[0]) + over_com[0],

@@ -175,11 +175,9 @@ def _stretch_features(motion: Motion, thrust: Float[np.ndarray, " m"], start: in
 def _bound_differences(
     push: Float[np.ndarray, " m"], spin: Float[np.ndarray, " m"], arm: float
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Bound the difference between force and thrust in flight, along z and sideways [m/s^2].
-
-    Climb and descent change the thrust of a rotor by a third, drag pushes sideways while the
-    rotors work, and rotation adds force at an accelerometer off the centre.
-    """
+    """Bound the difference between force and thrust in flight, along z and sideways [m/s^2]."""
+    # Rotation adds force at an accelerometer off the centre; climb and descent change the thrust of
+    # a rotor by a third, and drag pushes sideways while the rotors work.
     common = 0.3 * GRAVITY + 0.5 * arm * spin
     above, below = np.maximum(push - GRAVITY, 0.0), np.maximum(GRAVITY - push, 0.0)
     up = common + 0.3 * above + 0.15 * below
@@ -216,15 +214,13 @@ def _without_ground(
 
 
 def _count_standing(features: _Features, rows: slice) -> int:
-    """Count the rows, from the first on, in which the vehicle still stands.
-
-    While motors spool up on the ground, the ground carries the rest of the weight and nothing
-    turns. What follows a throw or a bump turns at once.
-    """
+    """Count the rows, from the first on, in which the vehicle still stands."""
     rates, upward = features.rates[rows], features.upward[rows]
     for piece in pieces(len(rates)):
         turned = rates[piece] - rates[0]
         still = np.abs(turned).max(axis=1) < 0.05
+        # While motors spool up on the ground, the ground carries the rest of the weight and nothing
+        # turns. What follows a throw or a bump turns at once.
         carried = upward[piece] > 0.04 * GRAVITY
         flying = np.flatnonzero(~(still & carried))
         if len(flying):
@@ -235,10 +231,7 @@ def _count_standing(features: _Features, rows: slice) -> int:
 def _refuse_grounded(
     motion: Motion, thrust: Float[np.ndarray, " n"], found: list[tuple[int, int]]
 ) -> None:
-    """Raise if the vehicle is on the ground or in a hand with its motors running.
-
-    Whatever flies has motors that work against each other, and an acceleration that follows them.
-    """
+    """Raise if the vehicle is on the ground or in a hand with its motors running."""
     rows = np.concatenate([np.arange(a, b) for a, b in found])
     block = max(whole_samples(motion.sample_rate / LOOK_CUTOFF), 1)
     az = block_means(motion.specific_force[rows, 2:], block)[:, 0]
@@ -247,6 +240,7 @@ def _refuse_grounded(
     rates = block_means(motion.angular_velocity[rows], block)
     turning = float(rates.std(axis=0).max())
     # A battery that sags makes commands grow while the thrust stays.
+    # Whatever flies has motors that work against each other, and an acceleration that follows them.
     quick, response = (take_drift_out(x, round(DRIFT * LOOK_CUTOFF)) for x in (push, az))
     change = float(quick.std() / push.mean())
     steering = float((speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1e-12)).max())
@@ -354,11 +348,9 @@ def _log_angular_acceleration(
 
 
 def _level_cuts(level: Float[np.ndarray, "m k"], shortest: int) -> list[int]:
-    """Cut where levels change: the least squares about each part's means, and a price for each.
-
-    A shortest part that differs by the ratio is worth it. By optimal partitioning (Jackson et al.,
-    IEEE Signal Processing Letters 12(2), 2005).
-    """
+    """Cut where levels change: the least squares about each part's means, and a price for each."""
+    # A shortest part that differs by the ratio is worth the price. Optimal partitioning: Jackson et
+    # al., IEEE Signal Processing Letters 12(2), 2005.
     m, price = len(level), shortest * np.log(ACTIVITY_RATIO) ** 2
     centred = level - level.mean(axis=0)
     sums = np.concatenate([np.zeros((1, level.shape[1])), np.cumsum(centred, axis=0)])

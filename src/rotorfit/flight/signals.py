@@ -309,10 +309,8 @@ def smooth_motors(
 
 
 def _lag_signal(speed: Float[np.ndarray, "n N"], step: float) -> Float[np.ndarray, "n N"]:
-    """Filter a smooth signal by a lag; `step` is the sample period over the time constant.
-
-    Exact for what is linear between samples, where a held command would come half a sample later.
-    """
+    """Filter a smooth signal by a lag; `step` is the sample period over the time constant."""
+    # Exact for what is linear between samples, where a held command would come half a sample later.
     a = float(np.exp(-step))
     mean = (1.0 - a) / step
     forcing = (1.0 - mean) * speed

@@ -161,11 +161,7 @@ def compare_spins(fit: Fit) -> Fit:
 
 
 def _find_likeliest_spins(fit: Fit, suspects: Sequence[Pattern]) -> LikelierSpins | None:
-    """Find the suspected spins that gain most over the declared ones, and hold; None if no such.
-
-    With them all others of as many rotors that gain as much: of two on one axis at one speed no
-    flight shows which it is.
-    """
+    """Find the suspected spins that gain most over the declared ones, and hold; None if no such."""
     declared = np.ones(len(fit.dataset.vehicle.rotors))
     # Fitted the same way: every fit selects its bands anew.
     as_declared = _fitted_with(fit, declared) if suspects else None
@@ -184,6 +180,8 @@ def _find_likeliest_spins(fit: Fit, suspects: Sequence[Pattern]) -> LikelierSpin
     for gain, pattern, found in sorted(likelier, key=lambda one: -one[0]):
         drags = _drags_or_none(found.estimate, found.configurations)
         if drags is not None and drags.speaks_for(declared, pattern):
+            # Of two rotors on one axis at one speed no flight shows which it is: all others of as
+            # many rotors that gain as much are named, too.
             twins = tuple(
                 other
                 for least, other, _ in likelier
@@ -246,11 +244,7 @@ def other_patterns(rotors: int) -> list[Pattern]:
 
 
 def _suspected_patterns(fit: Fit, drags: RotorDrags | None) -> list[Pattern]:
-    """List patterns that may be the right one, each once, the likeliest first.
-
-    Those that leave less of yaw by itself, and those that single drags do not speak against; every
-    one of one or two rotors where the declared spins do not hold.
-    """
+    """List patterns that may be the right one, each once, the likeliest first."""
     vehicle = fit.dataset.vehicle
     bands = fit.dataset.yaw_bands()
     suspects, others = smaller_yaw_residuals(vehicle, bands)[::-1], []
@@ -258,6 +252,8 @@ def _suspected_patterns(fit: Fit, drags: RotorDrags | None) -> list[Pattern]:
         others = sorted(other_patterns(len(vehicle.rotors)), key=drags.against)
         declared = np.ones(len(vehicle.rotors))
         if drags.holds(declared):
+            # Where the declared spins hold, only patterns that single drags do not speak against;
+            # else every one of one or two rotors.
             least = drags.against(declared) + SUSPECTED
             others = [p for p in others[:FEW] if drags.against(p) < least]
         others = plausible_patterns(vehicle, bands, others)

@@ -179,16 +179,14 @@ def _per_row(
 
 
 def _residual_power(yaw: _Yaw, weight: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]:
-    """Compute the residual power of each block, without the part that varies with all thrust.
-
-    Thrust acts on a centre of mass that is off the centre, and on motors that lean.
-    """
+    """Compute the residual power of each block, without the part that varies with all thrust."""
     root = np.sqrt(weight)[:, None]
     shape = yaw.drives.shape
     columns = np.concatenate([yaw.drives, yaw.target[:, :, None]], axis=2) * root[:, :, None]
     columns = columns.reshape(-1, shape[2] + 1)
     thrust = (yaw.thrust * root).reshape(-1)
     size = float(thrust @ thrust)
+    # Thrust acts on a centre of mass that is off the centre, and on motors that lean.
     if size > 0.0:
         columns = columns - np.outer(thrust, thrust @ columns / size)
     length = np.maximum(np.linalg.norm(columns[:, :-1], axis=0), _TINY)

@@ -132,17 +132,16 @@ def _by_gusts(
     batches: Sequence[Int[np.ndarray, " _"]],
     step: float,
 ) -> float:
-    """Estimate what gusts, or noise, make of the slope by the heights that are their own.
-
-    A force f that no thrust balances makes a height whose mean product with f is less than nothing:
-    minus the mean square of the velocity. Batches of the rest in another order are such a force.
-    """
+    """Estimate what gusts, or noise, make of the slope by the heights that are their own."""
     # Seeded: one log has one interval.
     rng = np.random.default_rng(0)
     line, height = A[:, :2], A[:, -1]
     height = height - A[:, :-1] @ np.linalg.lstsq(A[:, :-1], height)[0]
     power = [0.0]
     for _ in range(ORDERS):
+        # A force f that no thrust balances makes a height whose mean product with f is less than
+        # nothing: minus the mean square of the velocity. Batches of the rest in another order are
+        # such a force.
         order = rng.permutation(len(batches)).tolist()
         gained = np.cumsum(np.concatenate([rest[batches[i]] for i in order])) * step
         gained = gained - line @ np.linalg.lstsq(line, gained)[0]
@@ -266,11 +265,9 @@ def vertical_acceleration(motion: VerticalMotion, bias: Measured, velocity_std: 
 
 
 def _felt_velocity(motion: VerticalMotion) -> Float[np.ndarray, " n"]:
-    """Integrate the vertical velocity that the accelerometer feels [m/s].
-
-    About a straight line, which a bias makes of it.
-    """
+    """Integrate the vertical velocity that the accelerometer feels [m/s]."""
     velocity = np.cumsum(motion.read - motion.read.mean()) * motion.step
+    # A bias of the accelerometer makes a straight line of the velocity.
     time = np.linspace(-1.0, 1.0, len(velocity))
     line: Float[np.ndarray, " n"] = time * float(time @ velocity) / float(time @ time)
     return velocity - velocity.mean() - line
@@ -359,11 +356,7 @@ def vertical_motions(
 def _project_on_vertical(
     axes: Turning, flight: FlightData, push: Float[np.ndarray, "n 3"], piece: Sequence[int]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Project what is read, the push and the velocity of some windows on the vertical.
-
-    It is where the mean force of each points, without what the velocity gains sideways: over ten
-    seconds such a gain of 3 m/s leans the mean force by .03 rad and makes it .05 % too long.
-    """
+    """Project what is read, the push and the velocity of some windows on the vertical."""
     carried = flight.of_motion(
         f"carried axes, windows {piece[0]} to {piece[-1]}",
         (axes, flight.specific_force, flight.any_velocity),
@@ -372,6 +365,9 @@ def _project_on_vertical(
     pushed = (carried.turns @ _in_groups(axes, push, piece)[:, :, None])[:, :, 0]
     weights = _bell_weights(len(pushed))
     scale = np.linalg.norm(weights @ carried.read) / np.linalg.norm(weights @ pushed)
+    # The vertical is where the mean force of each points, without what the velocity gains sideways:
+    # over ten seconds such a gain of 3 m/s leans the mean force by .03 rad and makes it .05 % too
+    # long.
     up = weights @ (carried.read - carried.gained)
     along = weights @ (scale * pushed - carried.gained)
     up, along = up / np.linalg.norm(up), along / np.linalg.norm(along)

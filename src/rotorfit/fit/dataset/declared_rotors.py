@@ -165,11 +165,9 @@ def _explained_share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) ->
 def _signed_shares(
     products: Float[np.ndarray, "c c"], drives: Float[np.ndarray, "*v 4 c"]
 ) -> Float[np.ndarray, "*v"]:
-    """Return the share of each signal that its drives with coefficients of one sign explain.
-
-    What varies with the total thrust is left out: it acts on a CoM that is off the centre.
-    """
+    """Return the share of each signal that its drives with coefficients of one sign explain."""
     Q = drives @ products @ np.swapaxes(drives, -1, -2)
+    # What varies with the total thrust is left out: it acts on a CoM that is off the centre.
     size = Q[..., 0, 0, None, None]
     level = np.where(size > 0.0, size, 1.0)
     rest = Q[..., 1:, 1:] - (size > 0.0) * Q[..., 1:, :1] * Q[..., :1, 1:] / level
@@ -237,13 +235,11 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
 
 
 def _is_sure(best: Response, declared: Response, R: np.ndarray, vehicle: Vehicle) -> bool:
-    """Return whether another declaration may be taken for right before the fit.
-
-    Where it changes yaw alone, yaw must follow the drag of the declared rotors reversed whatever
-    roll and pitch torques do to it: by products of inertia or tilted motors they turn about z, and
-    an autopilot that holds yaw opposes that by drag of either sign.
-    """
+    """Return whether another declaration may be taken for right before the fit."""
     others = np.abs(best.shares - declared.shares)[:2]
+    # Where it changes yaw alone, yaw must follow the drag of the declared rotors reversed whatever
+    # roll and pitch torques do to it: by products of inertia or tilted motors they turn about z,
+    # and an autopilot that holds yaw opposes that by drag of either sign.
     return bool(others.max() > ALIKE) or yaw_by_drag(R, vehicle) < -CLEAR
 
 
@@ -319,14 +315,12 @@ def _describe_lean(flight: LoadedFlight) -> str:
 def _others_tried(
     products: Float[np.ndarray, "c c"], vehicle: Vehicle, declared: Response
 ) -> tuple[Float[np.ndarray, "o 3"], tuple[str, ...]]:
-    """Return the response of other declarations, in words, too.
-
-    For another pattern of spins the spin-up cannot be tried: where drag alone explains half of
-    what is explained with it, that is not held against it.
-    """
+    """Return the response of other declarations, in words, too."""
     drives, same_pattern, words = _other_drives(vehicle)
     shares = _signed_shares(products, drives)
     yaw = shares[:, 2]
+    # For another pattern of spins the spin-up cannot be tried: where drag alone explains half of
+    # what is explained with it, that is not held against it.
     excused = ~same_pattern & ~(yaw < 0.5 * declared.yaw)
     shares[:, 2] = np.where(excused, np.maximum(yaw, declared.yaw), yaw)
     return shares, words

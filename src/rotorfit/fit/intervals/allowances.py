@@ -230,11 +230,7 @@ def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfigu
 
 
 def _stretch_factors(numbers: Numbers) -> Float[np.ndarray, " q"]:
-    """Compute the factor of each half-width that makes it hold the inverse of the scale, too.
-
-    The yaw equation has the products of inertia in proportion to I_zz. Where its scale has no
-    upper end, I_zz is at most I_xx + I_yy, as of every body.
-    """
+    """Compute the factor of each half-width that makes it hold the inverse of the scale, too."""
     half = numbers.half_width
     stretch = np.ones(len(half))
     for i, name in enumerate(numbers.names):
@@ -244,6 +240,8 @@ def _stretch_factors(numbers: Numbers) -> Float[np.ndarray, " q"]:
         # J_r and the rotors' drag may be near zero; their scale is that of k_d.
         at = numbers.index(f"Izz_com@{owner}" if owner else "kd")
         stretch[i] = scale_stretch(float(numbers.values[at]), float(half[at]))
+        # The yaw equation has the products of inertia in proportion to I_zz. Where its scale has no
+        # upper end, I_zz is at most I_xx + I_yy, as of every body.
         if base in YAW_PRODUCTS and not np.isfinite(stretch[i]):
             Ixx, Iyy, Izz = (abs(numbers.number(f"{n}_com@{owner}")[0]) for n in INERTIA[:3])
             stretch[i] = max((Ixx + Iyy) / max(Izz, np.finfo(float).tiny), 1.0)

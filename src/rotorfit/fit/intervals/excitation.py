@@ -105,13 +105,11 @@ def _block_weights(
 def _of_flights(
     rho: Float[np.ndarray, "f 3"], information: Float[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, " 3"]:
-    """Combine the excitation of flights, axis by axis.
-
-    Each flight pulls the estimate by its own 1 / (1 + rho), with the weight of its information: a
-    calm one beside a lively one does little harm. Where none has any, all count alike.
-    """
+    """Combine the excitation of flights, axis by axis."""
     if len(rho) == 1:
         return rho[0]
+    # Each flight pulls the estimate by its own 1 / (1 + rho), with the weight of its information: a
+    # calm one beside a lively one does little harm. Where none has any, all count alike.
     weight = np.where(information.any(axis=0), information, 1.0)
     bias = weight / (1.0 + rho)
     return weight.sum(axis=0) / bias.sum(axis=0) - 1.0

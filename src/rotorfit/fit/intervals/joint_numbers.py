@@ -271,17 +271,15 @@ def _shares_of_variance(
 def _between_flights(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, " q"]:
-    """Compute the half-width by the influence of whole flights; zeros for one or two flights.
-
-    Real flights differ by more than any one of them can know. As the jackknife over blocks, with a
-    flight for a block (the cluster-robust variance, and its few degrees of freedom).
-    """
+    """Compute the half-width by the influence of whole flights; zeros for one or two flights."""
     variance, degrees = np.zeros(len(jacobian)), np.inf
     first = 0
     for factors in fit.problem.factors:
         source = factors.recording
         own = fit.influence[first : first + len(source)]
         first += len(source)
+        # Real flights differ by more than any one of them can know. As the jackknife over blocks,
+        # with a flight for a block (the cluster-robust variance, and its few degrees of freedom).
         influences = (
             np.array([own[source == k].sum(axis=0) for k in np.unique(source)]) @ jacobian.T
         )

@@ -105,10 +105,7 @@ def _flight_scores(
     Float[np.ndarray, "m f e"],
     Float[np.ndarray, "f f"],
 ]:
-    """Compute each flight's information, score, and its slope by the response; and the prior.
-
-    Scaled by all flights' information on each parameter alone.
-    """
+    """Compute each flight's information, score, and its slope by the response; and the prior."""
     problem, feedback = fit.problem, fit.problem.feedback
     assert feedback is not None
     added = feedback_scores(
@@ -121,6 +118,7 @@ def _flight_scores(
     ]
     H, s, _ = part_equations(fit, flights)
     G = np.array([added[flight].sum(axis=0).T for flight in flights])
+    # Scaled by all flights' information on each parameter alone.
     size = parameter_scale(H.sum(axis=0) + prior)
     square = np.outer(size, size)
     return H / square, s / size, G / size[:, None], prior / square

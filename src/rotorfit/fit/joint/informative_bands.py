@@ -141,12 +141,10 @@ def with_counted_bands(
 
 
 def _yawed_flights(factors: Factors, flown: Bool[np.ndarray, " b"]) -> Bool[np.ndarray, " b"]:
-    """Mark the blocks of the flights that yaw anywhere; all where none does.
-
-    The means of a flight that does not yaw hold a steady push, and no more of k_d than that.
-    """
+    """Mark the blocks of the flights that yaw anywhere; all where none does."""
     yawed = np.zeros((len(factors), 1), dtype=bool)
     for own in flights_of(factors):
+        # The means of a flight that does not yaw hold a steady push, and no more of k_d than that.
         yawed[own] = flown[own].any()
     return or_every(yawed)[:, 0]
 
@@ -154,14 +152,12 @@ def _yawed_flights(factors: Factors, flown: Bool[np.ndarray, " b"]) -> Bool[np.n
 def _followed_thrust(
     configuration: JointConfiguration, error: Float[np.ndarray, "b m"]
 ) -> Bool[np.ndarray, " b"]:
-    """Return in which blocks the vehicle accelerates upwards as the model says, at any gain.
-
-    At any, since changes of commands without a law make less or more thrust than the mean.
-    """
+    """Return in which blocks the vehicle accelerates upwards as the model says, at any gain."""
     factors = configuration.factors
     measured = np.zeros_like(error)
     own = factors.R[:, :, configuration.model.layout.index("az")]
     measured[:, : own.shape[1]] = own
+    # At any gain: changes of commands without a law make less or more thrust than the mean.
     return followed_bands(factors, measured, measured - error)
 
 

@@ -131,10 +131,7 @@ def _shared_moves(used: Sequence[Term]) -> list[Term]:
 def _term_entries(
     term: Term, c: int, configuration: JointConfiguration, shared: Collection[str]
 ) -> tuple[Free, Products]:
-    """Return a term's parameters with the entries of theta of one configuration that they move.
-
-    What is times a parameter that is not among the `shared` ones of this model is no part of it.
-    """
+    """Return a term's parameters with the entries of theta of one configuration that they move."""
     at = "" if term.owner == "shared" else f"@{configuration.name}"
     free: Free = {f"{name}{at}": {} for name in term.parameters}
     products: Products = {}
@@ -146,6 +143,8 @@ def _term_entries(
             free[own][c, move.entry] = configuration.mass * move.factor
         else:
             other = _free_name(move, configuration)
+            # What is times a parameter that is not among the `shared` ones of this model is no part
+            # of it.
             if "@" not in other and other not in shared:
                 continue
             products.setdefault((c, move.entry), []).append((move.factor, other, own))

@@ -107,11 +107,9 @@ def at_values(
 def _likeliest_start(
     problem: BandedProblem, configurations: Sequence[JointConfiguration], starts: Sequence[RowFits]
 ) -> Float[np.ndarray, " f"]:
-    """Select the better of two starts: every row from all flights, or from its liveliest one.
-
-    Flights in which an axis is calm bias its row fit towards no response at all, and an iteration
-    that begins there may end there.
-    """
+    """Select the better of two starts: every row from all flights, or from its liveliest one."""
+    # Flights in which an axis is calm bias its row fit towards no response at all, and an iteration
+    # that begins there may end there.
     lively = [liveliest_rows(c, rows) for c, rows in zip(configurations, starts, strict=True)]
     options = [joint_start(problem.map, configurations, rows) for rows in (starts, lively)]
     return max(options, key=lambda start: log_likelihood(problem, start))
@@ -309,14 +307,11 @@ def lateness(
 def _mixed_rotors(
     configuration: JointConfiguration, turn: Float[np.ndarray, " b"]
 ) -> Complex[np.ndarray, "b e u"]:
-    """Return how an autopilot moves the rotors to roll, pitch, yaw and climb.
-
-    As the arms, the spins, and all alike: by a unit of squared speed, and the spin-up (of axes
-    along z) that goes with it.
-    """
+    """Return how an autopilot moves the rotors to roll, pitch, yaw and climb."""
     vehicle = configuration.vehicle
     torque = np.cross(vehicle.positions, vehicle.axes)[:, :2].T
     alike = np.ones(len(vehicle.rotors))
+    # As the arms, the spins, and all alike, by a unit of squared speed.
     mixer = np.vstack([torque - torque.mean(axis=1, keepdims=True), vehicle.spins, alike])
     squares = np.repeat(mixer[None].astype(complex), len(turn), axis=0)
     speed = (mixer * vehicle.spins / (2.0 * rotor_speeds(configuration))).sum(axis=1)

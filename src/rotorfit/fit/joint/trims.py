@@ -106,16 +106,15 @@ def with_trims(
 
 
 def _scaled_trims(theta_names: Sequence[str], mass: float) -> list[tuple[int, int, int, float]]:
-    """Return (trim, entry, other entry, factor): what a trim adds to an entry, times the other.
-
-    A body that is moved as it is has more inertia about the origin (Steiner), by the product of
-    the trim and where it was; the trim's own square, some ten micrometres squared, is left out.
-    """
+    """Return (trim, entry, other entry, factor): what a trim adds to an entry, times the other."""
     place = list(theta_names).index
     air = [(OWN.index("air"), place(name), place(name), 1.0) for name in AIR]
     steiner: list[tuple[int, int, int, float]] = []
     for j, moved in enumerate(np.eye(3)[: len(MOVED)]):
         for name, other in zip(("msx", "msy", "msz"), np.eye(3), strict=True):
+            # A body that is moved as it is has more inertia about the origin (Steiner), by the
+            # product of the trim and where it was; the trim's own square, some ten micrometres
+            # squared, is left out.
             both = _unit_steiner(moved + other) - _unit_steiner(moved) - _unit_steiner(other)
             steiner += [
                 (j, place(element), place(name), float(factor) / mass)

@@ -200,10 +200,7 @@ def _voltage_changes(recording: Recording) -> bool:
 
 
 def _fit_roughly(prepared: PreparedRecording) -> FormFit:
-    """Fit the most general form, with voltage and a lag for each way where the flights ask for it.
-
-    Lags that differ bend the response as a curve does: the form is compared with them in place.
-    """
+    """Fit the most general form, with voltage and a lag for each way if the flights ask for it."""
     recording = prepared.fine
     rotors, flights = len(recording.rotors), int(recording.flight.max()) + 1
     general = Layout(
@@ -216,6 +213,7 @@ def _fit_roughly(prepared: PreparedRecording) -> FormFit:
         rough = _select_likeliest(
             [_refit_layout(prepared, layout, rough, scale) for layout in layouts]
         )
+    # Lags that differ bend the response as a curve does: the form is compared with them in place.
     return _two_way(prepared, rough, scale)
 
 
@@ -254,15 +252,13 @@ def _is_far(fit: FormFit, best: FormFit) -> bool:
 def _shift_by_noise(
     prepared: PreparedRecording, logged: Recording, made: Between, fit: FormFit, scale: float
 ) -> Float[np.ndarray, " p"]:
-    """Measure how noise of the commands moves a fit: by the same noise once more.
-
-    What is as strong at the top of their spectrum as below is either in the commands alone (their
-    rounding; what a faster loop did between two of the log), or the motors follow it, too. (Cook
-    and Stefanski, J. of the American Statistical Association 89, 1994.)
-    """
+    """Measure how noise of the commands moves a fit: by the same noise once more."""
     noise = _command_noise(logged)
     if not noise > 0.0:
         return np.zeros(len(fit.values))
+    # What is as strong at the top of their spectrum as below is either in the commands alone (their
+    # rounding; what a faster loop did between two of the log), or the motors follow it, too.
+    # Cook and Stefanski, J. of the American Statistical Association 89, 1994.
     more = noise * np.random.default_rng(0).standard_normal(len(logged.command))
     moved = [fit.values]
     for sign in (1.0, -1.0):
@@ -274,10 +270,8 @@ def _shift_by_noise(
 
 
 def _slow_shift(recording: Recording, fit: FormFit) -> Float[np.ndarray, " p"]:
-    """Compute by how much a fit moves that looks at what is slow alone.
-
-    Between its commands a log does not say what a loop commanded; what is slow does not ask.
-    """
+    """Compute by how much a fit moves that looks at what is slow alone."""
+    # Between its commands a log does not say what a loop commanded; what is slow does not ask.
     rows = round(1.0 / (SLOW * float(np.median(np.diff(recording.time)))))
     window = np.hanning(rows + 2)
     slopes = np.array([_moving_sums(row, window) for row in fit.slopes])
@@ -333,8 +327,6 @@ def _select_likeliest(fits: Sequence[FormFit]) -> FormFit:
 
 
 def _log_likelihood_gain(fit: FormFit, other: FormFit) -> float:
-    """Compute the log-likelihood of one fit over another's, on unseen blocks.
-
-    Each block counts as one observation: within it residuals are correlated.
-    """
+    """Compute the log-likelihood of one fit over another's, on unseen blocks."""
+    # Each block counts as one observation: within it residuals are correlated.
     return len(fit.held_out) * float(np.log(fit.error / other.error))

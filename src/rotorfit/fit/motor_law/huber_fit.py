@@ -141,18 +141,16 @@ def _evaluate_point(
     x: Float[np.ndarray, " p"],
     limit: float,
 ) -> _Point:
-    """Predict, and sum the equations of Newton's step under Huber's loss.
-
-    The loss is r^2 up to the limit c and 2 c |r| - c^2 beyond, where it has a slope, but no
-    curvature. Far from the minimum, where many are beyond, they count by their weights c / |r|: the
-    few others may not determine a step.
-    """
+    """Predict, and sum the equations of Newton's step under Huber's loss."""
     predicted, slopes = predict(x)
     residuals = measured - predicted
     information = slopes @ slopes.T
     off = np.abs(residuals)
     beyond = np.flatnonzero(off > limit)
     if len(beyond):
+        # Beyond the limit c the loss is 2 c |r| - c^2, with a slope, but no curvature. Far from the
+        # minimum, where many are beyond, they count by their weights c / |r|: the few others may
+        # not determine a step.
         steep = slopes[:, beyond]
         if len(beyond) > FEW_BEYOND * len(measured):
             steep = steep * np.sqrt(1.0 - limit / off[beyond])
@@ -177,12 +175,10 @@ def _expected_gain(now: _Point, step: Float[np.ndarray, " p"]) -> float:
 
 
 def _bounded_step(now: _Point, bounds: Bounds, damping: float) -> Float[np.ndarray, " p"]:
-    """Solve for a step within the bounds; where one stops a parameter, solve the others again.
-
-    A leap ends half way to a bound that is far: at a bound, a form may lose what tells its
-    parameters apart.
-    """
+    """Solve for a step within the bounds; where one stops a parameter, solve the others again."""
     low, high = bounds[0] - now.x, bounds[1] - now.x
+    # A leap ends half way to a bound that is far: at a bound, a form may lose what tells its
+    # parameters apart.
     least = AT_BOUND * (high - low)
     low, high = np.where(-low > least, 0.5, 1.0) * low, np.where(high > least, 0.5, 1.0) * high
     step = np.zeros(len(now.x))
@@ -216,11 +212,9 @@ def _scatter_deviations(
     block: Int[np.ndarray, " m"],
     limit: float,
 ) -> Float[np.ndarray, " p"]:
-    """Estimate standard deviations from the scatter of the blocks' scores.
-
-    Liang and Zeger, Biometrika 73(1), 1986.
-    """
+    """Estimate standard deviations from the scatter of the blocks' scores."""
     pulling = np.clip(measured - now.predicted, -limit, limit)
+    # Liang and Zeger, Biometrika 73(1), 1986.
     scores = np.array([np.bincount(block, slope * pulling) for slope in now.slopes])
     return np.linalg.norm(_solve_damped(now.information, scores, 0.0), axis=1)
 

@@ -262,11 +262,9 @@ def measured_bandwidth(
 def _exceeds_response_to_gusts(
     frequency: Float[np.ndarray, " l"], channels: Sequence[Channel], shape: Shape
 ) -> bool:
-    """Return whether a filter is still shown where bands err as the rotors' answer to gusts makes.
-
-    Where a sensor has no noise of its own to show its filter, that answer is late as behind one on
-    board; smoothing is not late.
-    """
+    """Return whether a filter is shown even if bands err by the rotors' answer to gusts."""
+    # Where a sensor has no noise of its own to show its filter, that answer is late as behind one
+    # on board; smoothing is not late.
     filtered, none = (
         _by_lowpass(frequency, channels, gains, careful=True).max()
         for gains in (_gains_of(shape, frequency), _no_filter(frequency))
@@ -368,10 +366,7 @@ def _count_lines(
     *,
     careful: bool,
 ) -> Float[np.ndarray, " b"]:
-    """Count the lines of bands in which the rotors make the motion, or are seen to make none.
-
-    What else makes the channel (air, damping) is taken off it, as the lowest bands show it.
-    """
+    """Count the lines of bands in which the rotors make the motion, or are seen to make none."""
     # Any filter leaves the lowest bands as they are: there the shares of air and damping are true.
     low = band[:, :FIRST_BANDS].any(axis=1)
     causes: Complex[np.ndarray, "n k"] = x[:, low].reshape(-1, x.shape[2])
@@ -380,6 +375,7 @@ def _count_lines(
     X: Float[np.ndarray, "m k"] = np.concatenate([np.real(causes), np.imag(causes)]) / size
     felt: Float[np.ndarray, " m"] = np.concatenate([np.real(channel), np.imag(channel)])
     share = np.asarray(np.linalg.lstsq(X, felt)[0], dtype=float) / size
+    # What else makes the channel (air, damping) is taken off it, as the lowest bands show it.
     own, made = y - x[:, :, 1:] @ share[1:], x[:, :, 0]
     power, driven = ((np.abs(one) ** 2).sum(axis=0) @ band for one in (own, made))
     coherence = _measure_coherence(own, made, band)

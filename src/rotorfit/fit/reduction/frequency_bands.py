@@ -103,13 +103,11 @@ def or_every(marked: Bool[np.ndarray, "b k"]) -> Bool[np.ndarray, "b k"]:
 
 
 def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
-    """Yield the blocks of a flight near the same frequency, wide blocks separately.
-
-    The ten lines of a short stretch reach far: about 5 Hz, they hold the pilot's motion at 1 Hz.
-    """
+    """Yield the blocks of a flight near the same frequency, wide blocks separately."""
     middle: Float[np.ndarray, " b"] = factors.band.mean(axis=1)
     place = np.digitize(middle, EDGES)
     width = np.diff(EDGES, append=np.inf)[place - 1]
+    # The ten lines of a short stretch reach far: about 5 Hz, they hold the pilot's motion at 1 Hz.
     place = np.where(np.ptp(factors.band, axis=1) > WIDE * width, -place, place)
     for number in np.unique(factors.recording):
         own = factors.recording == number

@@ -418,10 +418,7 @@ def _edges_of(bands: Sequence[tuple[int, int]], resolution: float) -> Float[np.n
 
 
 def _with_slopes(factors: Factors, layout: SignalLayout) -> Factors:
-    """Separate the slopes from factors of signals and slopes side by side.
-
-    The first rows are those of the signals; each slope has the column of its signal.
-    """
+    """Separate the slopes from factors of signals and slopes side by side."""
     z, rotors = len(layout), rotor_columns(layout, sloped=True)
     count = (factors.R.shape[2] - z) // len(rotors)
     if not count:
@@ -430,6 +427,7 @@ def _with_slopes(factors: Factors, layout: SignalLayout) -> Factors:
     for t in range(count):
         first = z + t * len(rotors)
         rows[:, t][:, :, rotors] = factors.R[:, :, first : first + len(rotors)]
+    # The first rows are those of the signals; each slope has the column of its signal.
     return replace(factors, R=factors.R[:, :z, :z], slopes=rows)
 
 

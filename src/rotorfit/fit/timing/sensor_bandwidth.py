@@ -54,11 +54,10 @@ def flight_reach(flight: LoadedFlight) -> Float[np.ndarray, " 6"]:
 
 
 def _known_reach(filters: Sequence[Filter]) -> float:
-    """Return up to which frequency the accelerometer has the gyro's filters, as the rotors do.
-
-    Those of its own are taken off where they left enough of it (`on_board.with_filters`).
-    """
+    """Return up to which frequency the accelerometer has the gyro's filters, as the rotors do."""
     accel, gyro = (response_of(filters, name, GRID) for name in ("accel", "gyro"))
+    # The accelerometer's own filters are taken off where they left enough of it
+    # (`on_board.with_filters`).
     if any(one.channel == "accel" for one in filters):
         unlike = np.flatnonzero(np.abs(accel / gyro) * MOST_RESTORED < 1.0)
     else:

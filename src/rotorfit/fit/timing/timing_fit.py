@@ -277,10 +277,7 @@ def settled_fit(
 def _search_along_lines(
     made: TimedDataset, terms: tuple[str, ...], fit: BandedEstimate, rounds: Iterator[int]
 ) -> tuple[TimedDataset, BandedEstimate]:
-    """Fit on along the lines of flights until a fit moves no time by more than a deviation.
-
-    Of motors without lag the fit would lose the motion: it is the last one before.
-    """
+    """Fit on along the lines of flights until a fit moves no time by more than a deviation."""
     dataset = made
     last: TimingRound | None = None
     while True:
@@ -295,6 +292,7 @@ def _search_along_lines(
             return dataset, fit
         moved = _move_times(free, accelerated_move(own, last, longest=LONGEST_MOVE))
         dataset, last = made.moved_along_lines(moved), own
+        # Of motors without lag the fit would lose the motion: it is the last one before.
         if _loses_the_motion(dataset):
             return dataset, fit
         begin = free.without_times(fit.estimate.by_name)
@@ -318,14 +316,12 @@ def _loses_the_motion(dataset: TimedDataset) -> bool:
 def _timing_without_lag(
     begun: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
 ) -> MotorTiming | None:
-    """Fit the delay of motors without lag, as simulators have them.
-
-    Of a lag below `LEAST_LAG` the slope is that of a delay, and the two run away from each other.
-    """
+    """Fit the delay of motors without lag, as simulators have them."""
     free = begun.free_timing
     assert free is not None
     total = free.at.mean_lag + free.at.delay
     begin = free.without_times(fit.estimate.by_name)
+    # The slope by a lag below `LEAST_LAG` is that of a delay, and the two run away from each other.
     start = begun.at(MotorResponse(lag=0.0, delay=total), ("motor_delay",))
     first, _ = joint_fit(start, terms=terms, begin=begin)
     found = _settled_timing(start, first, ("motor_delay",), terms)

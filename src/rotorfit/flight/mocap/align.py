@@ -195,10 +195,7 @@ class _Start:
 
 
 def _rank_offsets(body: _Rates, marker: _Rates) -> list[float]:
-    """Rank the offsets at which the sizes of the rates correlate best.
-
-    Over the overlap alone, from `SHORTEST_OVERLAP` or half of the shorter recording on.
-    """
+    """Rank the offsets at which the sizes of the rates correlate best."""
 
     def over_lags(
         x: Float[np.ndarray, " n"], y: Float[np.ndarray, " m"]
@@ -211,6 +208,7 @@ def _rank_offsets(body: _Rates, marker: _Rates) -> list[float]:
     energy = np.maximum(over_lags(x * x, here), 0.0) * np.maximum(over_lags(there, y * y), 0.0)
     floor = 1e-6 * float((x @ x) * (y @ y))
     score = over_lags(x, y) / np.sqrt(np.maximum(energy, floor))
+    # Over the overlap alone, where that is long enough.
     shortest = max(SHORTEST_OVERLAP / body.step, 0.5 * min(there.sum(), here.sum()))
     score = np.where(overlap >= shortest - 0.5, score, -1.0)
     found: list[float] = []

@@ -118,16 +118,14 @@ def tracked(log: FlightLog) -> Tracked:
 def _mark_jumps(
     time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n 7"]
 ) -> Bool[np.ndarray, " n"]:
-    """Mark frames that lie off the line of their neighbours, far beyond noise and flight.
-
-    The neighbours of a jump, seen from it, lie off too, and go with it.
-    """
+    """Mark frames that lie off the line of their neighbours, far beyond noise and flight."""
     period = float(np.median(np.diff(time)))
     off = np.zeros((len(values), 2))
     across = (time[2:] - time[:-2])[:, None]
     share = (time[1:-1] - time[:-2])[:, None] / across
     for k, x in enumerate((values[:, :3], 2.0 * continuous_quaternions(values[:, 3:]))):
         middle = x[:-2] + share * (x[2:] - x[:-2])
+        # The neighbours of a jump, seen from it, lie off too, and go with it.
         off[1:-1, k] = 2.0 * np.abs(x[1:-1] - middle).max(axis=1)
     noise = JUMP_DEVIATIONS * 1.4826 * np.median(off, axis=0)
     far = (off > np.maximum(np.array(JUMP) * period**2, noise)) & (off > 0)
@@ -191,12 +189,7 @@ def restamped(time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 
 
 def _count_lost_frames(time: Float[np.ndarray, " n"], period: float) -> Float[np.ndarray, " m"]:
-    """Count the frames lost in each step.
-
-    A single stamp that is late makes a long step and a short one, with nothing lost: a loss
-    shifts all that follows. So the frames before a long step and those after it each say, in
-    their median, when the one after it was due.
-    """
+    """Count the frames lost in each step."""
     steps = np.diff(time)
     lost = np.maximum(np.round(steps / period) - 1.0, 0.0)
     long = np.flatnonzero(lost > 0)
@@ -205,6 +198,9 @@ def _count_lost_frames(time: Float[np.ndarray, " n"], period: float) -> Float[np
         stop = min(i + 1 + NEIGHBOURS, len(time) if k + 1 == len(long) else int(long[k + 1]) + 1)
         if i + 1 - first < FEWEST_NEIGHBOURS or stop - i - 1 < FEWEST_NEIGHBOURS:
             continue
+        # A single stamp that is late makes a long step and a short one, with nothing lost: a loss
+        # shifts all that follows. So the frames before a long step and those after it each say, in
+        # their median, when the one after it was due.
         before = np.median(time[first : i + 1] + period * np.arange(i + 1 - first, 0, -1))
         after = np.median(time[i + 1 : stop] - period * np.arange(stop - i - 1))
         lost[i] = max(round(float(after - before) / period), 0)

@@ -260,10 +260,7 @@ def _join_motion(parts: list[BodyMotion]) -> BodyMotion:
 def _on_frames(
     own: UniformChannels, clock: CameraClock, cutoff: float
 ) -> tuple[Float[np.ndarray, "n N"], Bool[np.ndarray, " n"]]:
-    """Interpolate the motor channel at the frames, and mark where it has data.
-
-    Low-passed on its own clock, so that what is faster than the cameras does not fold back.
-    """
+    """Interpolate the motor channel at the frames, and mark where it has data."""
     motors, rate = own.values["motor"], own.sample_rate
     edge = JITTER_STEPS / rate
     values = np.zeros((len(clock.time), motors.shape[1]))
@@ -273,6 +270,7 @@ def _on_frames(
             continue
         # Where both begin at one instant, rounding must not decide whether the frame counts.
         inside = (clock.time >= own.time[a] - edge) & (clock.time <= own.time[b - 1] + edge)
+        # On its own clock, so that what is faster than the cameras does not fold back.
         smooth_speed = low_pass(motors[a:b], rate, min(cutoff, 0.45 * rate))
         values[inside] = spline_at(smooth_speed, (clock.time[inside] - own.time[a]) * rate)[0]
         there |= inside
@@ -294,14 +292,11 @@ def _list_gaps(
 
 
 def _collect_flight_data(frames: _Frames, resolution: float | None) -> FlightData:
-    """Collect all runs as FlightData, without segments and rotor columns yet.
-
-    The resolution is that of measured rotor speed; None for commands, which are free of noise.
-    The derivatives are those of splines and belong to the instant of their sample (``"exact"``).
-    """
+    """Collect all runs as FlightData, without segments and rotor columns yet."""
     motion = frames.motion
     # White noise of the same density, where the low-pass lets it through.
     thinned = np.sqrt(frames.rate / frames.motor_rate)
+    # Commands, without a resolution, are free of noise.
     std = 0.0 if resolution is None else max(resolution / 12.0**0.5, frames.motor_std)
     return FlightData(
         sample_rate=frames.rate,
@@ -311,6 +306,7 @@ def _collect_flight_data(frames: _Frames, resolution: float | None) -> FlightDat
         angular_acceleration=motion.angular_acceleration,
         rotor_speed=frames.motors,
         rotor_acceleration=frames.motors,
+        # The derivatives are those of splines and belong to the instant of their sample.
         differentiation="exact",
         segments=(),
         rotor_speed_std=float(std * thinned),

@@ -95,14 +95,12 @@ def battery_sag(
 def _summed_response(
     time: Float[np.ndarray, " b"], drop: Float[np.ndarray, " b"], load: Float[np.ndarray, " b"]
 ) -> tuple[float, float]:
-    """Fit a drop to the load of the last blocks, and return the sum of its factors with deviation.
-
-    What the charge takes steadily, a parabola over time, is no sag.
-    """
+    """Fit a drop to the load of the last blocks; return the sum of its factors and its std."""
     n = len(load)
     # Before the first block the load is taken for the mean of the first ones.
     past = [np.concatenate([np.full(k, load[:PAST].mean()), load[: n - k]]) for k in range(PAST)]
     since = (time - time[0]) / np.ptp(time)
+    # What the charge takes steadily, a parabola over time, is no sag.
     trend = np.stack([np.ones(n), since, since**2], axis=1)
     columns = np.column_stack([*past, trend])
     inverse = np.linalg.pinv(columns)

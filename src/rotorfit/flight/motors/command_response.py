@@ -146,13 +146,12 @@ def _known_values(
 def _fresh_speeds(
     time: Float[np.ndarray, " n"], speed: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Despike speeds, and drop repetitions of slow telemetry.
-
-    Not those of speeds in coarse steps: a rounded speed is half a step ahead where it changes.
-    """
+    """Despike speeds, and drop repetitions of slow telemetry."""
     if len(time) < 2:
         return time, speed
     new = np.concatenate([[True], np.diff(speed) != 0.0])
+    # Speeds in coarse steps repeat without being old: a rounded one is half a step ahead where it
+    # changes.
     if float(new.mean()) < FRESH and not _is_rounded(np.abs(np.diff(speed[new]))):
         time, speed = time[new], speed[new]
     values, _ = hampel(speed[:, None])

@@ -77,12 +77,9 @@ def following_speed(
 
 
 def _delay_of_mean(one: float, several: float, lag: float) -> float:
-    r"""Compute how much later than its own time a mean of several commands takes effect [s].
-
-    Behind a lag :math:`\tau` what was commanded during a time T counts with :math:`e^{t/\tau}`,
-    so that its middle is :math:`T/2 \coth(T/2\tau) - \tau` later than half of T: of `several`
-    together, and of each one.
-    """
+    """Compute how much later than its own time a mean of several commands takes effect [s]."""
+    # Behind a lag tau what was commanded during a time T counts with exp(t / tau): its middle is
+    # T/2 coth(T / 2 tau) - tau later than half of T.
     together, each = (0.5 * held / np.tanh(0.5 * held / lag) for held in (several, one))
     return float(together - each)
 

@@ -266,15 +266,13 @@ def _assign_speeds(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
 
 
 def _stuck_share(pair: TelemetryPair, i: int) -> float:
-    """Compute the share of time for which a speed is lost: constant though its command moves, or 0.
-
-    Telemetry that is lost for moments reads 0 for less than a run of constant values; a rotor at
-    no less than half of its usual command turns.
-    """
+    """Compute the share of time for which a speed is lost: 0, or constant unlike its command."""
     speed, command = pair.speed[:, i], pair.command[:, i]
     usual = float(command[pair.used].std())
     same = np.concatenate([np.diff(speed) == 0.0, [False]]) & pair.used
     least = whole_samples(LONGEST_CONSTANT * pair.rate)
+    # Telemetry that is lost for moments reads 0 for less than a run of constant values; a rotor at
+    # no less than half of its usual command turns.
     lost = pair.used & (speed == 0.0) & (command > 0.5 * float(np.median(command[pair.used])))
     for a, b in true_runs(same):
         if b - a > least and command[a:b].std() > max(0.3 * usual, 1e-3):
@@ -283,11 +281,7 @@ def _stuck_share(pair: TelemetryPair, i: int) -> float:
 
 
 def _speed_ratios(pair: TelemetryPair, shift: int) -> dict[int, tuple[float, float]]:
-    """Estimate each rotor's speed over the others' at the same command, with its deviation.
-
-    One law of a constant and a slope for all, each rotor with a factor of its own (median 1). The
-    deviation is that of the means of seconds.
-    """
+    """Estimate each rotor's speed over the others' at the same command, with its deviation."""
     if len(pair.live) < 3:
         return {}
     step = whole_samples(pair.rate)
@@ -302,6 +296,7 @@ def _speed_ratios(pair: TelemetryPair, shift: int) -> dict[int, tuple[float, flo
         return {}
     weight = np.where(known, 1.0, 0.0)
     for _ in range(ROUNDS):
+        # One law of a constant and a slope for all, each rotor with a factor of its own (median 1).
         rows = weight.ravel()[:, None] * np.stack([np.ones(command.size), command.ravel()], axis=1)
         scaled = weight * np.where(known, speed, 0.0) / factor
         law = np.asarray(np.linalg.lstsq(rows, scaled.ravel(), rcond=None)[0], float)
@@ -317,6 +312,7 @@ def _speed_ratios(pair: TelemetryPair, shift: int) -> dict[int, tuple[float, flo
         off = np.abs(shares / factor - 1.0)
         least = max(float(np.nanmedian(off)), 1e-6)
         weight = np.where(known, 1.0 / np.sqrt(np.maximum(np.nan_to_num(off), least)), 0.0)
+    # The deviation of the means of seconds.
     spread = np.nanstd(shares, axis=0) / np.sqrt(np.maximum(known.sum(axis=0), 1))
     return {
         int(i): (float(value), float(std))

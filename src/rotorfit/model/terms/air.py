@@ -109,17 +109,14 @@ def inflow_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[n
 def _air_through_rotors(
     flight: FlightData, rows: slice, vehicle: Vehicle
 ) -> tuple[Float[np.ndarray, "n N"], Float[np.ndarray, " n"]]:
-    """Return the air through each rotor beyond that of hover, and the rotors' mean share of it.
-
-    The share is by how much the induced velocity is above that of hover [m/s]: zero where the mass,
-    and so the velocity of hover, is not known.
-    """
+    """Return the air through each rotor beyond that of hover, and the rotors' mean share of it."""
     hover = flight.hover_inflow
 
     def make() -> tuple[Float[np.ndarray, "n N"], Float[np.ndarray, " n"]]:
         moving, n = rotor_velocities(flight, flight.velocity, rows, vehicle), vehicle.axes
         along = (moving * n).sum(axis=2)
         if hover is None:
+            # Without the mass the velocity of hover is not known, and no share of it either.
             return along, np.zeros(len(along))
         across = np.sqrt(((moving - along[:, :, None] * n) ** 2).sum(axis=2))
         gained = induced_velocity(across, along, hover) - hover
