@@ -302,10 +302,7 @@ def _refuse_units(result: IdentificationResult, assumed: Mapping[str, float]) ->
 
 
 def _side_of_file(path: Path, owner: str, assumed: Mapping[str, float]) -> _Side:
-    """Load another result's parameters, of the same configuration or of its only one.
-
-    The assumed numbers are used only where it lacks some.
-    """
+    """Load another result's parameters, of the same configuration or of its only one."""
     from rotorfit.results.result import owner_of
     from rotorfit.results.sound_result import load_sound
 
@@ -316,6 +313,7 @@ def _side_of_file(path: Path, owner: str, assumed: Mapping[str, float]) -> _Side
         try:
             return _collect_side(other, configuration, {})
         except OutputError:
+            # The assumed numbers are used only where the other result lacks some.
             return _collect_side(other, configuration, assumed)
     except RotorfitError as error:
         raise OutputError(f"{path.name}: {error}") from error

@@ -139,10 +139,7 @@ def _list_logs(paths: list[Path]) -> tuple[list[InspectedLog], list[RotorfitErro
 
 
 def _logs_in(path: Path) -> list[Path]:
-    """List the logs of a folder that is no recording itself; a file stays what it is.
-
-    A folder without a log stays, too, to be refused by its name.
-    """
+    """List the logs of a folder that is no recording itself; a file stays what it is."""
     from rotorfit.logs.read import format_of
 
     if not path.is_dir() or format_of(path) is not None:
@@ -150,6 +147,7 @@ def _logs_in(path: Path) -> list[Path]:
     found = [(p, format_of(p)) for p in sorted(path.iterdir()) if not p.name.startswith(".")]
     # Nearly any text may be a table: by its name alone it is a log.
     logs = [p for p, f in found if f and (f.certain or p.suffix.lower() in f.suffixes)]
+    # A folder without a log stays, to be refused by its name.
     return logs or [path]
 
 

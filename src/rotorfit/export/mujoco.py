@@ -249,13 +249,11 @@ def _simulated_vehicle(model: VehicleModel) -> tuple[Truth, Vehicle]:
 
 
 def _trim_autopilot(model: VehicleModel, pilot: Autopilot) -> Memory:
-    """Set the autopilot's integrators to the trim of hover.
-
-    Its mixer, made for equal rotors, is asked for what makes the rotors as they are give the
-    weight, and its torque about the origin.
-    """
+    """Set the autopilot's integrators to the trim of hover."""
     _, vehicle = _simulated_vehicle(model)
     kt = np.array([rotor.kt for rotor in model.rotors])
+    # The mixer, made for equal rotors, is asked for what makes the rotors as they are give the
+    # weight, and its torque about the origin.
     given = allocation(vehicle, kt=kt, kd=model.kd)[2:] @ pilot.mixer
     weight = model.mass * GRAVITY
     needed = np.array([weight, weight * model.com[1], -weight * model.com[0], 0.0])

@@ -357,13 +357,11 @@ def _is_seated(model: VehicleModel, seats: Seats) -> bool:
 
 
 def _brake_coefficients(model: VehicleModel) -> list[float]:
-    """Collect the drag along x, y, z near hover [N s/m]: of the frame, and of its rotors.
-
-    S, the sum of their speeds, times `rotor_drag` across their axes; along them half of `inflow`,
-    as a slow climb at u takes v_i down by u / 2 (momentum theory).
-    """
+    """Collect the drag along x, y, z near hover [N s/m]: of the frame, and of its rotors."""
     S = model.hover_speed * len(model.rotors)
     across, along = (model.air.get(name, 0.0) * S for name in ("rotor_drag", "inflow"))
+    # Along the axes half of `inflow`, as a slow climb at u takes v_i down by u / 2 (momentum
+    # theory).
     of_rotors = (across, across, 0.5 * along)
     return [model.air.get(n, 0.0) + more for n, more in zip(DRAG_NAMES, of_rotors, strict=True)]
 

@@ -264,14 +264,12 @@ _SHOWN: Final = (
 def _place_rotors(
     vehicle: Vehicle, numbers: Mapping[str, Number | Missing]
 ) -> tuple[ExportedRotor, ...]:
-    """Place the rotors; where the origin is the IMU, moved together to the centre found.
-
-    A rotor declared at p sits at p + rotor_center from the IMU (`model.regressor.rotor_center`:
-    torque (p + t) x thrust). Along z, without effect on upright thrust, it is as declared.
-    """
+    """Place the rotors; where the origin is the IMU, moved together to the centre found."""
     kt = numbers.get("kt")
     mean = kt.value if isinstance(kt, Number) else float("nan")
     shift = np.zeros(3)
+    # A rotor declared at p sits at p + rotor_center from the IMU (`model.regressor.rotor_center`:
+    # torque (p + t) x thrust). Along z, without effect on upright thrust, it is as declared.
     if vehicle.imu_position is None:
         for i, name in enumerate(("rotor_center_x", "rotor_center_y")):
             center = numbers.get(name)

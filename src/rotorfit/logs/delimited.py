@@ -79,11 +79,9 @@ def open_delimited(data: Content) -> DelimitedText:
 
 
 def _after_settings(text: Content) -> int:
-    """Find where the table begins behind the settings that Blackbox Explorer writes above it.
-
-    There each line has a name and a value, up to the row of names of the table.
-    """
+    """Find where the table begins behind the settings that Blackbox Explorer writes above it."""
     head = bytes(text[:_SETTINGS_BYTES])
+    # Each line of settings has a name and a value, up to the row of names of the table.
     found = re.search(rb'\n"?loopIteration"?[,;\t]', head)
     return 0 if found is None else found.start() + 1
 
@@ -232,10 +230,7 @@ def _fast_piece(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarra
 
 
 def _gaps_in_even_rows(table: DelimitedText) -> Int[np.ndarray, " g"] | None:
-    """Return the ends of the empty cells, counted from the rows; None if the rows are uneven.
-
-    numpy.loadtxt looks only at the columns it is asked for, and knows no empty cells.
-    """
+    """Return the ends of the empty cells, counted from the rows; None if the rows are uneven."""
     text = np.frombuffer(table.text, np.uint8)[table.start :]
     is_end = text == ord(_NEWLINE)
     separators = np.flatnonzero(is_end | (text == ord(table.delimiter or " ")))
@@ -243,6 +238,7 @@ def _gaps_in_even_rows(table: DelimitedText) -> Int[np.ndarray, " g"] | None:
         separators = np.append(separators, len(text))
     columns = len(table.names)
     ends = separators[columns - 1 :: columns]
+    # numpy.loadtxt looks only at the columns it is asked for, and knows no empty cells.
     if len(separators) % columns or np.count_nonzero(is_end) != len(ends[ends < len(text)]):
         return None
     if not is_end[ends[ends < len(text)]].all():

@@ -70,14 +70,12 @@ def motors_found(
 
 
 def _used_columns(one: Candidate, numbers: Numbers) -> tuple[list[str], str]:
-    """Select the columns of motors: those with numbers, without outputs that never move.
-
-    Outputs that stand still are left out only where the others are as many as a multirotor has: a
-    motor that stands still is one of these.
-    """
+    """Select the columns of motors: those with numbers, without outputs that never move."""
     names = [name for _, name in sorted(one.by_index.items())]
     held = [n for n in names if n in numbers and np.isfinite(numbers[n]).any()]
     moving = [n for n in held if float(np.nanmax(numbers[n])) > float(np.nanmin(numbers[n]))]
+    # Outputs that stand still are left out only where the others are as many as a multirotor has: a
+    # motor that stands still is one of these.
     kept = moving if len(moving) in MOTOR_COUNTS[1:] else held
     words = (
         "" if len(kept) == len(names) else f"; {len(names) - len(kept)} that never move left out"

@@ -86,14 +86,12 @@ def _read_by_format(path: Path, chosen: ReadOptions) -> FlightLog:
 
 
 def _without_zero_volts(log: FlightLog) -> FlightLog:
-    """Mark samples of the battery's voltage that were not measured; drop a channel of such alone.
-
-    Before the first measurement, and where none is connected, autopilots log 0 V.
-    """
+    """Mark samples of the voltage that were not measured; drop a channel of such alone."""
     battery = log.channels.get("battery")
     if battery is None or not (battery.values <= 0.0).any():
         return log
     channels = dict(log.channels)
+    # Before the first measurement, and where none is connected, autopilots log 0 V.
     volts = np.where(battery.values > 0.0, battery.values, np.nan)
     if np.isfinite(volts).any():
         channels["battery"] = replace(battery, values=volts)

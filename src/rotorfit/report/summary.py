@@ -322,10 +322,7 @@ def _body_lines(
 
 
 def _from_rotors(result: IdentificationResult, com: Derived) -> Derived | None:
-    """Return a coordinate of the centre of mass from the rotors' centre, which a pilot balances.
-
-    Both are known far less well from the IMU than from one another; None if one is not known.
-    """
+    """Return a coordinate of the centre of mass from the rotors' centre, which a pilot balances."""
     axis, owner = com.name[-1], com.configuration
     center = next(
         (p for p in result.parameters if p.full_name == f"rotor_center_{axis}@{owner}"), None
@@ -338,6 +335,7 @@ def _from_rotors(result: IdentificationResult, com: Derived) -> Derived | None:
         return None
     i, j = map(names.index, pair)
     own = result.covariance
+    # Both are known far less well from the IMU than from one another.
     correlation = float(own[i, j] / sqrt(own[i, i] * own[j, j]))
     variance = com.std**2 + center.std**2 - 2.0 * correlation * com.std * center.std
     value, half = com.value - center.value, 1.96 * sqrt(max(variance, 0.0))

@@ -293,11 +293,7 @@ def log_metadata(declared: MotorsEntry, dataset: TimedDataset) -> tuple[Finding,
 
 
 def _yaw_of_sitl(flight: LoadedFlight) -> str:
-    """Explain by how much SITL's yaw torque changes more than one proportional to squared speed.
-
-    With thrust T = (1 - f) c + f c^2 of a command c, and torque proportional to c T, the torque
-    changes with T by c + T / T', where the mean is c.
-    """
+    """Explain by how much SITL's yaw torque changes more than one proportional to squared speed."""
     logged, used = flight.log.motors, flight.motors.law
     if logged is None or used is None or not isinstance(logged.law.curve, SquareRootCurve):
         return ""
@@ -305,6 +301,8 @@ def _yaw_of_sitl(flight: LoadedFlight) -> str:
     full = used.full_speed
     thrust = float((flight.prepared.motor_channel**2).mean()) / full**2
     c, f = curve.command(thrust), curve.factor
+    # With thrust T = (1 - f) c + f c^2 of a command c, and torque proportional to c T, the torque
+    # changes with T by c + T / T', where the mean is c.
     more = 1.0 + thrust / (c * (1.0 - f + 2.0 * f * c))
     return (
         f"its yaw torque changes {more:.2f} times as much as a torque proportional to thrust "

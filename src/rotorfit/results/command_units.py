@@ -165,12 +165,10 @@ def _hover_speed(tables: ResultTables, owner: str) -> Range | None:
 
 
 def _without_law(hover: Range, law: MotorLaw | None) -> Range:
-    """Take the law's share out of the uncertainty of the speed in hover.
-
-    The command in hover does not hang on it: another speed there goes with the same command.
-    """
+    """Take the law's share out of the uncertainty of the speed in hover."""
     if law is None:
         return hover
+    # The command in hover does not hang on the law: another speed there goes with the same command.
     by_law = 1.96 * hover_share(law, hover[0], law.speed_std)
     return hover[0], sqrt(max(hover[1] ** 2 - by_law**2, (SURE_SHARE * by_law) ** 2))
 
@@ -210,11 +208,7 @@ def _max_thrust(tables: ResultTables, full: Range | None) -> Derived:
 
 
 def _motor_imbalance(tables: ResultTables) -> Derived:
-    """Return the largest thrust coefficient less the smallest, over the mean.
-
-    Of equal motors chance alone makes it larger than zero: half of the interval is that of the
-    difference, and one that reaches to zero says that none is seen.
-    """
+    """Return the largest thrust coefficient less the smallest, over the mean."""
     rotors = list(_rotor_values(tables))
     if len(rotors) < 2:
         reasons = [p.reason for p in tables.parameters if p.name.startswith("kt_") and p.reason]
@@ -224,6 +218,8 @@ def _motor_imbalance(tables: ResultTables) -> Derived:
     ends = [tables.covariance_names.index(name) for name in (strong, weak)]
     C = tables.covariance[np.ix_(ends, ends)]
     std = sqrt(max(float(C[0, 0] + C[1, 1] - 2.0 * C[0, 1]), 0.0)) / mean
+    # Of equal motors chance alone makes the number larger than zero: half of the interval is that
+    # of the difference, and one that reaches to zero says that none is seen.
     half = 1.96 * std
     found = flight_number("motor_imbalance", None, (most - least) / mean, half, scale=SEEN_IN_TRIM)
     source = "the thrust coefficients of two rotors together"

@@ -205,12 +205,10 @@ def _make_machine(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Machin
 
 
 def _cut_stretches(truth: Truth, *, period: float, physics_rate: float) -> tuple[_Stretch, ...]:
-    """Cut the time between two samples where the delayed command arrives.
-
-    A step of the integration must not run across that instant: the rotor acceleration jumps.
-    """
+    """Cut the time between two samples where the delayed command arrives."""
     whole, arrival = divmod(round(truth.motor_delay / period, 9), 1)
     stretches: list[_Stretch] = []
+    # A step of the integration must not run across that instant: the rotor acceleration jumps.
     for begin, end, age in ((0.0, arrival, int(whole) + 1), (arrival, 1.0, int(whole))):
         if end > begin:
             steps = ceil((end - begin) * period * physics_rate - 1e-9)
@@ -267,10 +265,8 @@ def _is_standing(
     reference: Reference,
     grounded: bool,
 ) -> bool:
-    """State whether the vehicle stands: until thrust exceeds weight, and after touching down.
-
-    A vehicle in flight falls through the ground; only one that lands meets it.
-    """
+    """State whether the vehicle stands: until thrust exceeds weight, and after touching down."""
+    # A vehicle in flight falls through the ground; only one that lands meets it.
     if not grounded:
         return reference.landing > 0 and state[12] <= 0
     up = rotation((state[3], state[4], state[5], state[6]))[2]
@@ -309,8 +305,6 @@ def _compute_motions(
     """Compute a and dw at the samples, and the wrench that acts beside that of the rotors.
 
     `of_rotors`: at rest in the air.
-
-    The ground holds a body at rest: its wrench makes up for the weight and for the rotors.
     """
     wx, wy, wz, qw, qx, qy, qz, vx, vy, vz, _, _, _ = recorded.state.T
     w, R = (wx, wy, wz), rotation((qw, qx, qy, qz))
@@ -323,6 +317,7 @@ def _compute_motions(
     a, dw = map(np.column_stack, accelerations(body, list((of_rotors + external).T), w))
     rest = GRAVITY * np.column_stack(R[2])
     needed = np.hstack([body.mass * rest, np.cross(body.first_moments, rest)])
+    # The ground holds a body at rest: its wrench makes up for the weight and for the rotors.
     held = needed - of_rotors[:, :6]
     stands = recorded.grounded[:, None]
     return (

@@ -268,10 +268,7 @@ def _estimated_velocity(
 def _mocap_frames(
     flight: SimulatedFlight, sensors: Sensors
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p 3"], Rotation]:
-    """Find the times at which motion capture frames are logged, and the exact pose they show.
-
-    Before the flight begins, its first pose.
-    """
+    """Find the times at which motion capture frames are logged, and the exact pose they show."""
     if sensors.pose_rate == 0 and sensors.pose_delay == 0:
         return flight.time, flight.position, flight.rotation_body_to_world
     last = float(flight.time[-1])
@@ -283,6 +280,7 @@ def _mocap_frames(
     from scipy.interpolate import make_interp_spline
 
     spline = make_interp_spline(flight.time, pose, k=5)
+    # Before the flight begins, its first pose.
     seen = spline(np.clip(time - sensors.pose_delay, 0.0, last))
     return time, seen[:, :3], from_wxyz(seen[:, 3:])
 

@@ -305,11 +305,7 @@ def _credible_frames(
 def _intra_in_line(
     table: Table, rows: Int[np.ndarray, " m"], events: tuple[Event, ...]
 ) -> Bool[np.ndarray, " m"]:
-    """Select which I frames continue the accepted ones before them.
-
-    One that does not is accepted all the same if logging was resumed in between, or if it agrees
-    with the I frame after it although that does not continue the accepted ones either.
-    """
+    """Select which I frames continue the accepted ones before them."""
     # Views give out one Python integer at a time, lists would hold them all.
     time = table.column("time")[rows].data
     iteration = table.column("loopIteration")[rows].data
@@ -324,6 +320,9 @@ def _intra_in_line(
     accepted, last = np.zeros(len(rows), bool), -1
     for i in range(len(rows)):
         fits = last < 0 or continues(last, i) or resumes[i] > resumes[last]
+        # A frame that does not continue is accepted all the same if logging was resumed in between,
+        # or if it agrees with the I frame after it although that does not continue the accepted
+        # ones either.
         if fits or (i + 1 < len(rows) and continues(i, i + 1) and not continues(last, i + 1)):
             accepted[i], last = True, i
     return accepted

@@ -288,16 +288,14 @@ def _read_position(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel |
 
 
 def _read_attitude(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Read the attitude of the autopilot, body FLU to world north-west-up.
-
-    INDIflight's quat turns FRD into north-east-down. Half a turn about x on both sides gives the
-    quaternion here, (w, x, -y, -z): its rates agree with the gyro, and gravity with down.
-    """
+    """Read the attitude of the autopilot, body FLU to world north-west-up."""
     field = _find_vector(log, ("quat", "imuQuaternion"), 4)
     if field is None:
         return ""
     if field[0] != "quat" or not _is_indiflight(log):
         return f"the axes of field {field[0]} are known for INDIflight only"
+    # INDIflight's quat turns FRD into north-east-down. Half a turn about x on both sides gives (w,
+    # x, -y, -z): its rates agree with the gyro, and gravity with down.
     raw = field[1] * np.array([1, 1, -1, -1])
     norm = np.linalg.norm(raw, axis=1, keepdims=True)
     values = np.where(norm > 0, raw / np.maximum(norm, 1), np.nan)

@@ -144,15 +144,14 @@ def filters(log: FlightLog) -> list[Filter]:
 def _harmonic_notches(
     logged: Mapping[str, str], name: str, harmonics: tuple[int, ...], *, passed: bool
 ) -> Iterator[Filter]:
-    """Yield the notches at a frequency and its multiples, as many octaves above as below.
-
-    AP_HarmonicNotch: the bandwidth is a share of the middle, `NotchFilter::calculate_A_and_Q`.
-    """
+    """Yield the notches at a frequency and its multiples, as many octaves above as below."""
     for first in fixed_notch(logged, f"{name}_FREQ", f"{name}_BW", passed=passed):
         assert first.middle is not None
         for times in harmonics:
             middle, low = times * first.middle, times * first.low
             if low > 0.0:
+                # As many octaves above as below: AP_HarmonicNotch,
+                # `NotchFilter::calculate_A_and_Q`.
                 yield replace(first, middle=middle, low=low, high=middle**2 / low)
 
 

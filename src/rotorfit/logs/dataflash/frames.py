@@ -337,11 +337,7 @@ def _by_best_curve(
     outputs: Channel,
     curve: ThrustCurve,
 ) -> tuple[Float[np.ndarray, "m N"], float] | None:
-    """Compute outputs for relative thrusts, and how far they are from those logged.
-
-    By the curve of the parameters, unless the outputs show that the firmware flew with another
-    MOT_THST_EXPO: then the parameter was changed after the flight.
-    """
+    """Compute outputs for relative thrusts, and how far they are from those logged."""
     stated = _to_outputs(time, curve.share(thrust), outputs, curve)
     if stated is None or stated[1] <= ROUNDED:
         return stated
@@ -358,6 +354,7 @@ def _by_best_curve(
         options={"xatol": 0.005},
     )
     other = with_expo(float(best.x))
+    # Outputs that show another MOT_THST_EXPO: the parameter was changed after the flight.
     return other if other[1] < CLEARLY * stated[1] else stated
 
 
@@ -367,19 +364,17 @@ def _to_outputs(
     outputs: Channel,
     curve: ThrustCurve,
 ) -> tuple[Float[np.ndarray, "m N"], float] | None:
-    """Compute outputs for the shares, and how far they are from those logged.
-
-    The slow factor between them (battery voltage, density of the air) is a running median. While
-    the motors idle, the outputs that were logged are held. None: too few to check by.
-    """
+    """Compute outputs for the shares, and how far they are from those logged."""
     width = curve.spin_max - curve.spin_min
     flying = outputs.values.mean(axis=1) > curve.spin_min + IDLE
+    # Too few to check by.
     if int(flying.sum()) < FEWEST_CHECKS or len(time) < 2:
         return None
     at = outputs.time[flying]
     logged = (outputs.values[flying] - curve.spin_min) / width
     mixed = np.column_stack([np.interp(at, time, share[:, k]) for k in range(share.shape[1])])
     ratio = logged.mean(axis=1) / np.maximum(mixed.mean(axis=1), 1e-3)
+    # The slow factor between them (battery voltage, density of the air) is a running median.
     around = sliding_window_view(np.pad(ratio, SMOOTHED // 2, mode="edge"), SMOOTHED)
     factor: Float[np.ndarray, " f"] = np.median(around, axis=1)
     difference = float(np.median(np.abs(mixed * factor[:, None] - logged))) * width
@@ -387,6 +382,7 @@ def _to_outputs(
         curve.spin_min + width * share * np.interp(time, at, factor)[:, None], 0.0, 1.0
     )
     last = np.clip(np.searchsorted(outputs.time, time, side="right") - 1, 0, None)
+    # While the motors idle, the outputs that were logged are held.
     idle = ~flying[last]
     values[idle] = outputs.values[last[idle]]
     return values, difference

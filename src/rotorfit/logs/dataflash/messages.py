@@ -118,10 +118,7 @@ def _decode_text(data: bytes) -> str:
 
 
 def _lay_out_fields(letters: str, labels: tuple[str, ...], length: int) -> dict[str, Field]:
-    """Lay out the fields of a message; empty if the letters do not add up to its length.
-
-    Long lists of labels are cut off at 64 bytes: then only the first fields have a name.
-    """
+    """Lay out the fields of a message; empty if the letters do not add up to its length."""
     if any(letter not in LETTERS for letter in letters):
         return {}
     places: list[Field] = []
@@ -131,6 +128,7 @@ def _lay_out_fields(letters: str, labels: tuple[str, ...], length: int) -> dict[
         offset += places[-1].dtype.itemsize
     if offset != length:
         return {}
+    # Long lists of labels are cut off at 64 bytes: then only the first fields have a name.
     return dict(zip(labels, places, strict=False))
 
 

@@ -243,14 +243,12 @@ def _esc_order(numbers: list[int], outputs: tuple[int, ...]) -> tuple[list[int],
 def _common_clock(
     series: list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]],
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m N"]]:
-    """Return several series on the clock of the one with most samples, linear between.
-
-    ESCs are logged one right after the other; where they come in rounds, nothing is moved.
-    """
+    """Return several series on the clock of the one with most samples, linear between."""
     base = max(series, key=lambda one: len(one[0]))[0]
     columns_: list[Float[np.ndarray, " m"]] = []
     step = float(np.median(np.diff(base)))
     for time, values in series:
+        # ESCs are logged one right after the other; where they come in rounds, nothing is moved.
         if len(time) == len(base) and float(np.abs(time - base).max()) < 0.2 * step:
             columns_.append(values)
             continue

@@ -88,13 +88,10 @@ LEAST_MOVED: Final = 0.05
 def _flight_log(
     path: Path, sha256: str, also: Container[str], *, lines: list[bytes] | None
 ) -> tuple[FlightLog, Messages]:
-    """Make the log of the messages in a file, and keep those of some names.
-
-    The file is gone through twice: what the other IMUs recorded would fill most of the memory.
-    `lines`: the messages of a log in text form; None of a binary one.
-    """
+    """Make the log of a file's messages, in `lines` if it is text, and keep those of some names."""
     settings, texts, choice = _read_settings(lines or read_blocks(path, (0.0, 0.4)))
     names = frozenset((*NAMES, *choice.names))
+    # The file is gone through twice: what the other IMUs recorded would fill most of the memory.
     blocks = lines or read_blocks(path, (0.4, 0.6))
     messages = find_messages(blocks, wanted=_wanted_fields(choice, names))
     kept = messages.only(also)
@@ -268,14 +265,12 @@ def _has_moved(command: Channel | None) -> bool:
 
 
 def _describe_arming(messages: Messages, *, moved: bool) -> tuple[list[str], list[Finding]]:
-    """State when the vehicle was armed, and doubt a log in which it never was.
-
-    Logs begin while arming, and may miss its record: motors that were driven were armed.
-    """
+    """State when the vehicle was armed, and doubt a log in which it never was."""
     found = parameters.arming(messages)
     if found is None:
         return [], []
     time, states = found
+    # Logs begin while arming, and may miss its record: motors that were driven were armed.
     if not any(states) and moved:
         return [
             f"armed before the log begins, disarmed at {time[0]:.1f} s of the autopilot's clock"
@@ -293,13 +288,11 @@ def _describe_arming(messages: Messages, *, moved: bool) -> tuple[list[str], lis
 
 
 def _find_appended(messages: Messages, names: Container[str]) -> list[Finding]:
-    """Find a clock that begins again: a second log stands behind the first.
-
-    Their times overlap, so that one of them is left out.
-    """
+    """Find a clock that begins again: a second log stands behind the first."""
     present = {form.name for form in messages.formats if form.name in names}
     for name in sorted(present):
         time = time_of(messages, name)
+        # The times of two logs overlap, so that one of them is left out.
         back = np.flatnonzero(np.diff(time) < -LEAST_RESTART)
         left = int(np.count_nonzero(~possible_in_order(time)))
         # One number that is damaged goes back, too, but leaves out hardly anything.

@@ -102,10 +102,7 @@ def _refuse_other_settings(settings: dict[str, str], unit: str) -> None:
 
 
 def _columns_of_bodies(rows: list[list[str]]) -> dict[str, list[int]]:
-    """Find the columns W X Y Z and X Y Z of each rigid body.
-
-    Columns whose type is another one, such as the markers of a body, are passed over.
-    """
+    """Find the columns W X Y Z and X Y Z of each rigid body."""
     kinds = next((row for row in rows[1:-1] if "Rigid Body" in row), None)
     if kinds is None:
         return {}
@@ -114,6 +111,7 @@ def _columns_of_bodies(rows: list[list[str]]) -> dict[str, list[int]]:
     width = min(len(kinds), len(names), len(what), len(axes))
     for column in range(2, width):
         place = _AXES.get((what[column], axes[column]))
+        # Columns whose type is another one, such as the markers of a body, are passed over.
         if kinds[column] == "Rigid Body" and place is not None:
             if place in found.setdefault(names[column], {}):
                 raise LogError(f"two rigid bodies are named {names[column]!r}: rename one")
@@ -128,11 +126,10 @@ def _columns_of_bodies(rows: list[list[str]]) -> dict[str, list[int]]:
 
 
 def _upright_body(pose: Float[np.ndarray, "n 7"], metre: float) -> Body:
-    """Return a body in a world with z up: a quarter turn about x on both ends.
-
-    With C the turn, positions become C p and rotations C R C^T: the same angle, the axis turned.
-    """
+    """Return a body in a world with z up: a quarter turn about x on both ends."""
     with np.errstate(over="ignore"):
+        # With C the turn, positions become C p and rotations C R C^T: the same angle, the axis
+        # turned.
         position = finite(metre * _y_up_to_z_up(pose[:, 4:]))
     attitude = np.concatenate([pose[:, :1], _y_up_to_z_up(pose[:, 1:4])], axis=1)
     return Body(position=position, attitude_wxyz=unit_or_nan(attitude))

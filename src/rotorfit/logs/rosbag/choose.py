@@ -251,13 +251,11 @@ def chosen(
 def _without_aims(
     found: Mapping[str, list[Candidate]], taken: Mapping[str, Candidate]
 ) -> tuple[dict[str, list[Candidate]], list[str]]:
-    """Select the candidates without set-points of what is measured, and notes on these.
-
-    What an autopilot was asked for is no motion. Motors may be known by what was asked of them
-    alone, and a topic that the user names is taken.
-    """
+    """Select the candidates without set-points of what is measured, and notes on these."""
     kept, notes = dict(found), list[str]()
     for name in MEASURED:
+        # Motors may be known by what was asked of them alone, and a topic that the user names is
+        # taken.
         if name in taken or name not in found:
             continue
         aims = [option.topic for option in found[name] if is_aim(option)]

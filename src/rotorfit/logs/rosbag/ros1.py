@@ -64,10 +64,7 @@ def scan_ros1(file: Source, wanted: Wanted, tally: Tally) -> Messages:
 
 
 def _walk_records(file: Source, end: int) -> Iterator[tuple[Header, int]]:
-    """Yield header and length of each record, with the file at its data.
-
-    A header that is damaged, in a record whose lengths are not, has no fields.
-    """
+    """Yield header and length of each record, with the file at its data."""
     while (start := file.tell()) < end:
         size = decoded(read_uint32, file)
         if size > _LARGEST_HEADER:
@@ -79,7 +76,7 @@ def _walk_records(file: Source, end: int) -> Iterator[tuple[Header, int]]:
         try:
             header = decoded(Header.read, file)
         except DamageError:
-            header = Header()
+            header = Header()  # its lengths are sound: the record is passed over
         file.seek(data)
         yield header, length
         file.seek(data + length)

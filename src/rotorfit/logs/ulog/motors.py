@@ -146,11 +146,7 @@ def _places_of_motors(scan: Scan, topic: Topic, turns: Bool[np.ndarray, " e"]) -
 def _on_one_clock(
     topic: Topic, escs: np.ndarray, rpm: Float[np.ndarray, "n N"], places: list[int]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m N"], str]:
-    """Return speeds at common times, without repetitions, and a note of what was done.
-
-    With telemetry by wire the ESCs report one after the other, and a message repeats what is not
-    new: then each motor's own reports are joined by lines, nowhere over a hole.
-    """
+    """Return speeds at common times, without repetitions, and a note of what was done."""
     published = topic.time
     if "timestamp" not in (escs.dtype.names or ()):
         return published, rpm, ""
@@ -166,6 +162,8 @@ def _on_one_clock(
     # By the median they come at once.
     if 2 * prompt > rpm.size and is_new.all():
         return published, rpm, ""
+    # With telemetry by wire the ESCs report one after the other, and a message repeats what is not
+    # new: then each motor's own reports are joined by lines, nowhere over a hole.
     time = published[is_new]
     joined = [
         _join_reports(time, 1e-6 * _of_esc(escs, "timestamp", place)[is_new], rpm[is_new, i])
@@ -236,11 +234,7 @@ def thrust_curve(scan: Scan) -> float:
 
 
 def _from_thrusts(scan: Scan, topic: Topic) -> Motors:
-    """Return actuator_motors, thrusts that PX4 turns into commands before it sends them.
-
-    By its parameter f = THR_MDL_FAC it takes relative thrust to be f u^2 + (1 - f) u, u being the
-    fraction of the output range; the log has the thrust, so u is its positive root.
-    """
+    """Return actuator_motors, thrusts that PX4 turns into commands before it sends them."""
     width, kept = topic.lengths["control"], int(topic.rows.dtype["control"].shape[0])
     parts = pieces(len(topic.rows))
     used = np.zeros(width, dtype=bool)
@@ -259,6 +253,8 @@ def _from_thrusts(scan: Scan, topic: Topic) -> Motors:
         thrust[:, :kept] = topic.column("control", part)[:, :count]
         wrong = (thrust < -1e-6) | (thrust > 1.0 + 1e-6)
         stopped = np.isnan(thrust)
+        # PX4 takes relative thrust to be f u^2 + (1 - f) u, with f = THR_MDL_FAC and u the fraction
+        # of the output range; the log has the thrust, so u is its positive root.
         fraction = _fraction_of(np.clip(np.where(stopped | wrong, 0.0, thrust), 0.0, 1.0), factor)
         values[part] = np.where(wrong, np.nan, fraction)
         wrong_rows += int(wrong.any(axis=1).sum())
@@ -372,14 +368,12 @@ def _main_outputs(scan: Scan) -> _Outputs:
 
 
 def _are_pulses(values: Float[np.ndarray, "n N"]) -> bool:
-    """Return whether outputs are pulse widths although DSHOT_CONFIG is set.
-
-    The outputs of an IO processor know no DShot. All motors then idle at one pulse width, where
-    DShot stands still at 0.
-    """
+    """Return whether outputs are pulse widths although DSHOT_CONFIG is set."""
     sent = np.where(values > 0.0, values, np.nan)
     with np.errstate(invalid="ignore"):
         least = np.fmin.reduce(sent, axis=0)
+    # The outputs of an IO processor know no DShot. All motors then idle at one pulse width, where
+    # DShot stands still at 0.
     return bool(np.isfinite(least).all() and least.min() >= LEAST_PULSE and np.ptp(least) == 0.0)
 
 
@@ -417,16 +411,14 @@ def _used_outputs(scan: Scan) -> int:
 
 
 def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
-    """Find the instance whose motor outputs move most against one another.
-
-    Several drivers publish their own; auxiliary outputs that are switched on and off together
-    move far, but all alike.
-    """
+    """Find the instance whose motor outputs move most against one another."""
     moved: list[tuple[float, float, int, Topic]] = []
     for topic in scan.all("actuator_outputs"):
         values = topic.vector("output", 1 + max(wiring.places))
         if values is not None and len(topic.rows) > 1:
             chosen = np.nan_to_num(values[:, list(wiring.places)])
+            # Several drivers publish their own; auxiliary outputs that are switched on and off
+            # together move far, but all alike.
             between = float((chosen - chosen.mean(axis=1, keepdims=True)).std(axis=0).sum())
             span = float(np.ptp(chosen, axis=0).sum())
             moved.append((round(between, 6), span, -topic.instance, topic))

@@ -73,14 +73,12 @@ def _used_set_points(
     set_points: Float[np.ndarray, "m 3"],
     time: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n 3"]:
-    """Compute the set points that the controller used: those of the run before.
-
-    Between those logged they are interpolated: the logger loses many (a third, at 250 Hz).
-    """
+    """Compute the set points that the controller used: those of the run before."""
     finite = np.isfinite(set_points).all(axis=1)
     if finite.sum() < 2:
         return np.full((len(time), 3), np.nan)
     at = time - float(np.median(np.diff(time)))
+    # Between those logged they are interpolated: the logger loses many (a third, at 250 Hz).
     columns = [np.interp(at, published[finite], set_points[finite, i]) for i in range(3)]
     return np.stack(columns, axis=1)
 
@@ -169,14 +167,12 @@ def _read_with_scan(path: Path, also: Mapping[str, tuple[str, ...]]) -> tuple[Fl
 def _read_channels(
     path: Path, also: Mapping[str, tuple[str, ...]]
 ) -> tuple[dict[str, Channel], list[str], Scan, Scan]:
-    """Return channels in the order of `CHANNELS`, words, what is left, and the topics of `also`.
-
-    Every topic is let go of when its channel is made: all of both would fill the memory.
-    """
+    """Return channels in the order of `CHANNELS`, words, what is left, and the topics of `also`."""
     fields = {name: (*WANTED.get(name, ()), *labels) for name, labels in also.items()}
     scan = scan_file(path, {**WANTED, **fields})
     kept = scan.only(also)
     speed = motors.find_rotor_speed(scan, simulated=bool(vehicle.simulator_of(scan)))
+    # Every topic is let go of when its channel is made: all of both would fill the memory.
     scan = scan.without(motors.SPEED_TOPICS)
     found = sensors.find_imu(scan, raw=lambda: scan_file(path, sensors.FIFO_TOPICS))
     scan = scan.without(sensors.IMU_TOPICS)

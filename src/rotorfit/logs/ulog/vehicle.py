@@ -156,17 +156,16 @@ def geometry_notes(scan: Scan) -> tuple[str, ...]:
 
 
 def _is_template(scan: Scan, sites: tuple[RotorSite, ...]) -> bool:
-    """Return whether the geometry was left as it is delivered.
-
-    The log names a default where a parameter differs from it: where none of the airframe's is
-    named for the places of the rotors, they are the airframe's own. That of a generic airframe is
-    no vehicle's. All at +-1, or on a circle of 1, is a table of directions, not of metres.
-    """
+    """Return whether the geometry was left as it is delivered."""
     places = [site.position[:2] for site in sites]
+    # All at +-1, or on a circle of 1: a table of directions, not of metres.
     if all(abs(abs(value) - 1.0) < 1e-6 for place in places for value in place):
         return True
     if all(abs(math.hypot(*place) - 1.0) < ON_CIRCLE for place in places):
         return True
+    # The log names a default where a parameter differs from it: where none of the airframe's is
+    # named for the places of the rotors, they are the airframe's own. That of a generic airframe is
+    # no vehicle's.
     names = [f"CA_ROTOR{i}_P{axis}" for i in range(len(sites)) for axis in "XY"]
     untouched = scan.knows_defaults and not any(n in scan.airframe_defaults for n in names)
     return untouched and int(scan.number("SYS_AUTOSTART") or 0) in GENERIC

@@ -320,10 +320,7 @@ def _select_owner(result: IdentificationResult, configuration: str | None) -> st
 
 
 def _known_values(result: IdentificationResult, owner: str) -> dict[str, float]:
-    """Return the values of a configuration; what was removed as unessential counts as zero.
-
-    Where mass and rotors are is that of a replay: both judge the same vehicle.
-    """
+    """Return the values of a configuration; what was removed as unessential counts as zero."""
     known: dict[str, float] = {}
     for p in result.parameters:
         if p.configuration not in (None, owner):
@@ -332,6 +329,7 @@ def _known_values(result: IdentificationResult, owner: str) -> dict[str, float]:
         if value is not None:
             known[p.name] = value
     known.setdefault("mass", 1.0)
+    # As in a replay: both judge the same vehicle.
     places = places_of(result, owner)
     centre = {name: places[name] for name in ROTOR_CENTER if name in places}
     return {f"ms{a}": known["mass"] * places[f"com_{a}"] for a in "xy"} | centre | known

@@ -206,10 +206,8 @@ def arducopter(log: ControllerLog, axis: int) -> RateController:
 
 
 def _px4_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
-    """Read low-pass and fixed notches of the gyro; those that follow the rotors are in the log.
-
-    Their delay, that is: `controller_response` measures what these filters leave of it.
-    """
+    """Read low-pass and fixed notches of the gyro; those that follow the rotors are in the log."""
+    # Their delay, that is: `controller_response` measures what these filters leave of it.
     found = _low_pass(log, "IMU_GYRO_CUTOFF")
     for name in ("IMU_GYRO_NF0", "IMU_GYRO_NF1"):
         at, width = (log.parameters.get(f"{name}_{what}", 0.0) for what in ("FRQ", "BW"))
@@ -219,11 +217,7 @@ def _px4_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
 
 
 def _arducopter_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
-    """Read low-pass and harmonic notches, fixed or by the throttle of hover, of the gyro.
-
-    HarmonicNotchFilter.cpp, NotchFilter.cpp: A = 10^(-ATT / 40) leaves A^2 in the middle, and all
-    harmonics have one quality. Those that follow a measured speed are treated as PX4's are.
-    """
+    """Read low-pass and harmonic notches, fixed or by the throttle of hover, of the gyro."""
     found = _low_pass(log, "INS_GYRO_FILTER")
     for name in NOTCHES:
         mode = log.parameters.get(f"{name}_MODE", 0.0)
@@ -231,12 +225,15 @@ def _arducopter_filters(log: ControllerLog) -> tuple[GyroFilter, ...]:
             log.parameters.get(f"{name}_{what}", 0.0) for what in ("FREQ", "BW", "ATT", "HMNCS")
         )
         on = log.parameters.get(f"{name}_ENABLE", 0.0) > 0.0 and 0.0 < 0.5 * width < at
+        # Those that follow a measured speed are treated as PX4's are.
         if not on or mode not in (FIXED, BY_THROTTLE):
             continue
         reference = log.parameters.get(f"{name}_REF", 0.0)
         if mode == BY_THROTTLE and reference > 0.0:
             hover = log.parameters.get("MOT_THST_HOVER", reference)
             at *= max(log.parameters.get(f"{name}_FM_RAT", 1.0), (hover / reference) ** 0.5)
+        # HarmonicNotchFilter.cpp, NotchFilter.cpp: A = 10^(-ATT / 40) leaves A^2 in the middle, and
+        # all harmonics have one quality.
         octaves = 2.0 * float(np.log2(at / (at - 0.5 * width)))
         quality = 2.0 ** (0.5 * octaves) / (2.0**octaves - 1.0)
         found += tuple(

@@ -244,14 +244,12 @@ def judge_flight(
 
 
 def _withhold_jointly(axes: Sequence[AxisLoop]) -> tuple[AxisLoop, ...]:
-    """Withhold the margins of an axis, too, where the other one contradicts the result.
-
-    Both rest on one vehicle with one lag and delay: where that is another one, an axis with a
-    slow loop may agree by chance.
-    """
+    """Withhold the margins of an axis, too, where the other one contradicts the result."""
     out: list[AxisLoop] = []
     for i, one in enumerate(axes):
         others = [axes[k].axis for k in PROVED_AXES if k != i and axes[k].contradicts]
+        # Both rest on one vehicle with one lag and delay: where that is another one, an axis with a
+        # slow loop may agree by chance.
         if i in PROVED_AXES and others and not one.doubts:
             words = (
                 f"{others[0]} contradicts the result, which is of one vehicle: its lag and delay "

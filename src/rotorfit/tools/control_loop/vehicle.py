@@ -114,10 +114,8 @@ def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResul
 
 
 def _between_ends(commands: Float[np.ndarray, "n N"]) -> Bool[np.ndarray, " n"]:
-    """Find the rows in which no motor is at an end of the range that was flown.
-
-    A motor's limit is met again and again; without one this leaves out a row or two.
-    """
+    """Find the rows in which no motor is at an end of the range that was flown."""
+    # A motor's limit is met again and again; without one this leaves out a row or two.
     return ((commands > commands.min()) & (commands < commands.max())).all(axis=1)
 
 
@@ -129,10 +127,8 @@ def _longest_flight(flying: np.ndarray) -> tuple[int, int]:
 
 
 def _measure_mixing(flight: Flown) -> Float[np.ndarray, "5 N"]:
-    """Measure each rotor's squared speed by the three outputs, the mean square, and a constant.
-
-    Where no motor is at an end of its range: there it follows the output no more.
-    """
+    """Measure each rotor's squared speed by the three outputs, the mean square, and a constant."""
+    # At an end of its range a motor follows the output no more.
     output, squares = flight.log.output[flight.free], flight.squares[flight.free]
     columns = np.column_stack([output, squares.mean(axis=1), np.ones(len(output))])
     found, *_ = np.linalg.lstsq(columns, squares, rcond=None)

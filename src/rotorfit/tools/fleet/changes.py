@@ -208,14 +208,13 @@ def _list_scatters(
     group: Int[np.ndarray, " n"],
     wide: bool,
 ) -> tuple[Float[np.ndarray, "s n"], Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
-    """List the variances of the values for every scatter, the logarithm of its prior, its share.
-
-    The prior is flat in the standard deviation, whether it adds to the stated ones or scales them.
-    """
+    """List the variances of the values for every scatter, the logarithm of its prior, its share."""
     away = values - np.array([np.median(values[group == g]) for g in group])
     stated = float(np.median(variance))
     unit = np.sqrt(float(np.mean(away**2)) + stated) or 1.0
     total = variance + (unit * SCATTERS[:, None]) ** 2
+    # The prior is flat in the standard deviation, whether it adds to the stated ones or scales
+    # them.
     log_weight, share = np.log(unit * SCATTERS), np.ones(len(SCATTERS))
     if wide and stated > 0.0:
         total = np.concatenate([SHARES[:, None] ** 2 * variance, total])
@@ -338,11 +337,7 @@ def _best_pair(
 def _shape_statistics(
     one: _Series, variance: Float[np.ndarray, " n"], rows: Sequence[int]
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k n"], Float[np.ndarray, " k"]]:
-    """Return each shape's statistic beside the level and the changes in `rows`.
-
-    The statistic is Z = U y / std, with unit directions U free of what is there already; last the
-    root of the shape's information. All are zero for a shape of which nothing is left.
-    """
+    """Return each shape's statistic beside the level and the changes in `rows`."""
     root = 1.0 / np.sqrt(variance)
     known = np.vstack([np.ones(len(root)), one.shapes.values[list(rows)]])
     Q = np.linalg.qr((known * root).T)[0]
@@ -351,6 +346,7 @@ def _shape_statistics(
     U = U - (U @ Q) @ Q.T
     length = np.linalg.norm(U, axis=1)
     seen = length > 1e-6 * whole
+    # Z = U y / std, with unit directions U free of what is there already.
     U = np.where(seen[:, None], U / np.where(seen, length, 1.0)[:, None], 0.0)
     return U @ (root * (one.values - np.median(one.values))), U, np.where(seen, length, 0.0)
 

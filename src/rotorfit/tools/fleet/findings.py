@@ -319,11 +319,9 @@ def _outlier_finding(statistics: FleetStatistics, vehicle: int) -> list[VehicleF
 
 
 def _outlier_evidence(number: NumberStatistics, place: int) -> Evidence:
-    """Return the difference from the other vehicles' mean, with its interval.
-
-    The spread between vehicles decides whether one is an outlier; it does not blur by how much.
-    """
+    """Return the difference from the other vehicles' mean, with its interval."""
     size, std = float(number.difference[place]), float(number.difference_std[place])
+    # The spread between vehicles decides whether one is an outlier; it does not blur by how much.
     half = NORMAL_95 * float(np.hypot(number.level_std[place], number.mean_std))
     half = half if np.isfinite(half) else NORMAL_95 * std
     return Evidence(name=_full_name(number), value=size, interval=(size - half, size + half))

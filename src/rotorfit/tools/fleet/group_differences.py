@@ -172,18 +172,14 @@ def _benjamini_hochberg(p: Float[np.ndarray, " k"], rate: float) -> Bool[np.ndar
 
 
 def _set_aside(y: Float[np.ndarray, " g"], v: Float[np.ndarray, " g"]) -> Bool[np.ndarray, " g"]:
-    """Select groups so far from the others that they must not widen the spread of those.
-
-    One after the other is taken out, the farthest first; the last that is far even among those
-    left, however many sets of as many there are, is set aside with all before it: two outliers
-    hide one another no more (Rosner).
-    """
+    """Select groups so far from the others that they must not widen the spread of those."""
     away, taken = np.zeros(len(y), dtype=bool), np.zeros(len(y), dtype=bool)
     for _ in range(max(min(int(MOST_OUTLYING * len(y)), len(y) - LEAST_GROUPS), 0)):
         _, _, p = _compared_with_others(y, v, ~taken)
         p = np.where(taken, np.inf, p)
         farthest = int(np.argmin(p))
         taken[farthest] = True
+        # However many sets of as many there are (Rosner): two outliers hide one another no more.
         if p[farthest] * comb(len(y), int(taken.sum())) <= SET_ASIDE:
             away = taken.copy()
     return away

@@ -200,16 +200,13 @@ def _measured_number(value: float, std: float) -> Number:
 def _comparable_covariance(
     result: IdentificationResult, numbers: Mapping[str, Number]
 ) -> tuple[tuple[str, ...], Float[np.ndarray, "c c"]]:
-    """Select the numbers that can be compared, and compute their covariance.
-
-    Correlations are propagated from those of the parameters; numbers that are measured by
-    themselves are independent of the others.
-    """
+    """Select the numbers that can be compared, and compute their covariance."""
     names = _comparable_names(numbers)
     std = np.array([numbers[name][1] for name in names])
     R = np.eye(len(names))
     propagated, correlation = _propagated_correlation(result, numbers)
     at = [(i, propagated.index(name)) for i, name in enumerate(names) if name in propagated]
+    # Numbers that are measured by themselves are independent of the others.
     for i, k in at:
         for j, m in at:
             R[i, j] = 1.0 if i == j else correlation[k, m]

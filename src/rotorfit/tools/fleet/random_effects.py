@@ -170,14 +170,13 @@ def _find_mode(
     start: Float[np.ndarray, " d"],
     free: Bool[np.ndarray, " d"],
 ) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, "f f"]]:
-    """Find the most likely logarithms, and a root of the covariance of those that are free.
-
-    A prior flat in each standard deviation is its product in the logarithm: none is zero then.
-    """
+    """Find the most likely logarithms, and a root of the covariance of those that are free."""
 
     def posterior(x: Float[np.ndarray, " f"]) -> float:
         whole = start.copy()
         whole[free] = x
+        # A prior flat in each standard deviation is its product in the logarithm: none is zero
+        # then.
         return 0.5 * cost(whole) - float(x.sum())
 
     if not free.any():

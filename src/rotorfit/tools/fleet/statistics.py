@@ -279,13 +279,12 @@ def _deviations_of(covariance: Float[np.ndarray, "g p p"], k: int) -> Float[np.n
 def _among_flights(
     level: Float[np.ndarray, " g"], data: Repeated, k: int
 ) -> Float[np.ndarray, " g"]:
-    """Return the levels, or the nearest of the vehicle's flights where one lies beyond them all.
-
-    A mean cannot; the end of a ramp can, and a mean of several numbers with correlated errors.
-    """
+    """Return the levels, or the nearest of the vehicle's flights where one lies beyond them all."""
     low, high = np.full((2, data.groups), np.nan)
     np.fmin.at(low, data.group, data.values[:, k])
     np.fmax.at(high, data.group, data.values[:, k])
+    # A mean cannot lie beyond; the end of a ramp can, and a mean of several numbers with correlated
+    # errors.
     return np.clip(level, low, high)
 
 

@@ -153,17 +153,15 @@ def new_share(values: Float[np.ndarray, "n k"]) -> float:
 
 
 def _share_fine(first: Float[np.ndarray, "n k"], moves: Bool[np.ndarray, " n"]) -> float:
-    """Estimate the share of samples that change, where chance would hardly repeat any.
-
-    A column of steps of m times its resolution repeats by chance once in about 1 + m samples, and
-    all of them together once in the product.
-    """
+    """Estimate the share of samples that change, where chance would hardly repeat any."""
     steps = np.abs(first)
     finest: Float[np.ndarray, " k"] = np.where(steps > 0, steps, np.inf).min(axis=0)
     usual = np.array(
         [float(np.median(column[column > 0])) if column.any() else 0.0 for column in steps.T]
     )
     alive = np.isfinite(finest)
+    # A column of steps of m times its resolution repeats by chance once in about 1 + m samples, and
+    # all of them together once in the product.
     random_repeats = float(np.prod(1.0 / (1.0 + usual[alive] / finest[alive])))
     intervals = np.diff(np.flatnonzero(moves))
     intervals = intervals[intervals <= LONGEST_REPEAT]
@@ -175,10 +173,7 @@ def _share_fine(first: Float[np.ndarray, "n k"], moves: Bool[np.ndarray, " n"]) 
 
 
 def _share_of_corners(bent: Bool[np.ndarray, " b"], moves: Bool[np.ndarray, " m"]) -> float:
-    """Estimate the share of samples at the corners of straight lines, where there are lines.
-
-    A corner between two samples bends the line at both: a run of bends holds a corner for each two.
-    """
+    """Estimate the share of samples at the corners of straight lines, where there are lines."""
     straight = ~bent & moves[1:] & moves[:-1]
     if straight.sum() < LEAST_STRAIGHT * max(int(moves.sum()), 1):
         return 1.0
@@ -187,6 +182,8 @@ def _share_of_corners(bent: Bool[np.ndarray, " b"], moves: Bool[np.ndarray, " m"
         return 1.0  # a line here or there, as of a motor that is run up, and motion of its own
     corners = np.zeros(len(moves), dtype=bool)
     for a, b in runs:
+        # A corner between two samples bends the line at both: a run of bends holds a corner for
+        # each two.
         corners[1 + a : 1 + b : 2] = True
     return _share_at_even_intervals(corners)
 
@@ -194,13 +191,11 @@ def _share_of_corners(bent: Bool[np.ndarray, " b"], moves: Bool[np.ndarray, " m"
 def _find_bends(
     first: Float[np.ndarray, "n k"], size: Float[np.ndarray, " k"]
 ) -> Bool[np.ndarray, " m"]:
-    """Find where a line through the samples bends; everywhere, where they are too coarse.
-
-    Samples up to `size` were written with seven to nine digits.
-    """
+    """Find where a line through the samples bends; everywhere, where they are too coarse."""
     steps = np.abs(first)
     finest = np.where(steps > 0, steps, np.inf).min(axis=0)
     usual = np.median(steps, axis=0)
+    # Samples up to `size` were written with seven to nine digits.
     rounding = np.maximum(1e-6 * usual, 2.5e-7 * size)
     fine = np.isfinite(finest) & (usual > 20.0 * finest) & (usual > 100.0 * rounding)
     if not fine.any():
@@ -211,15 +206,13 @@ def _find_bends(
 
 
 def _share_at_even_intervals(fresh: Bool[np.ndarray, " n"]) -> float:
-    """Estimate the share of fresh samples where they come evenly, else 1.
-
-    By chance the intervals would have the variance (1 - p) / p^2 of a geometric distribution.
-    """
+    """Estimate the share of fresh samples where they come evenly, else 1."""
     intervals = np.diff(np.flatnonzero(fresh))
     intervals = intervals[intervals <= LONGEST_REPEAT]
     if len(intervals) < FEWEST_TO_JUDGE:
         return 1.0
     p = 1.0 / float(intervals.mean())
+    # By chance the intervals would have the variance (1 - p) / p^2 of a geometric distribution.
     even = float(intervals.var()) < EVEN * (1.0 - p) / p**2
     return p if even and p < LEAST_REPEATED else 1.0
 

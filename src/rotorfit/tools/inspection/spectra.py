@@ -275,10 +275,7 @@ def _name_harmonic(
     step: float,
     sample_rate: float,
 ) -> Peak:
-    """Name the harmonic of a peak that stands while a rotor turns so fast, and only then.
-
-    A log slower than twice a vibration's frequency folds it down: those are looked for, too.
-    """
+    """Name the harmonic of a peak that stands while a rotor turns so fast, and only then."""
     if rotors is None:
         return Peak(frequency=at, rise=rise)
     for harmonic in HARMONICS:
@@ -286,6 +283,7 @@ def _name_harmonic(
         if not near.any():
             continue
         turning = harmonic * float(np.median(rotors.mean[near]))
+        # A log slower than twice a vibration's frequency folds it down: those are looked for, too.
         folded = turning > 0.5 * sample_rate
         if folded and harmonic not in FOLDED:
             continue
@@ -315,12 +313,10 @@ def _near_harmonic(
 
 
 def _goes_with(power: Float[np.ndarray, " b"], near: Bool[np.ndarray, " b"], *, sure: bool) -> bool:
-    """Return whether a peak stands in the blocks where it should, and not in the others.
-
-    In a steady hover there are no others; that is enough unless it is to be `sure`.
-    """
+    """Return whether a peak stands in the blocks where it should, and not in the others."""
     if min(int(near.sum()), int((~near).sum())) >= FEWEST_COMPARED:
         return bool(np.median(power[near]) > STRONGER * np.median(power[~near]))
+    # In a steady hover there are no others; that is enough unless it is to be `sure`.
     return not sure and bool(near.mean() > 0.5)
 
 

@@ -378,16 +378,14 @@ def unaided_advice(number: JudgedNumber) -> str:
 def _current_width(
     number: JudgedNumber, problem: Problem, numbers: Numbers, known: Knowledge
 ) -> tuple[float, float]:
-    """Return half of a number's interval now over its size, infinite for none, and that size.
-
-    The size is in units of the plan, which are not those of a result per command without a law.
-    """
+    """Return half of a number's interval now over its size, infinite for none, and that size."""
     bare = problem.configurations[0]
     entry = _trusted_entry(known.result, number.name, known.configuration)
     found = 0.0 if entry is None or entry.value is None else entry.value
     half = inf if entry is None or entry.std is None else 1.96 * entry.std
     planned = abs(numbers.number(number.full_name)[0])
     if number.name in SHARED and found:
+        # A result per command without a law has other units than the plan.
         found, half = planned, half * planned / abs(found)
     scale = number_scale(numbers, number.full_name, mass=bare.mass, vehicle=bare.vehicle)
     size = max(planned, abs(found), scale)

@@ -165,10 +165,8 @@ def _lacking_numbers(result: IdentificationResult) -> list[JudgedNumber]:
 
 
 def _all_lacking(result: IdentificationResult) -> list[JudgedNumber]:
-    """List the numbers of all configurations that are not known well, each once.
-
-    Those that a simulator does not have are none.
-    """
+    """List the numbers of all configurations that are not known well, each once."""
+    # Numbers that a simulator does not have lack nothing.
     absent = [one for one in result.findings if one.kind == NOT_SIMULATED]
     found = [
         number
@@ -204,13 +202,11 @@ def _before_flying(
 
 
 def _not_by_flying(lacking: Sequence[JudgedNumber]) -> NextStep | None:
-    """Name the largest contribution where it is one that no flight shrinks, of most numbers.
-
-    It is over half of the squared interval: without all the rest, seven tenths would be left.
-    """
+    """Name the largest contribution where it is one that no flight shrinks, of most numbers."""
     groups: dict[str, list[JudgedNumber]] = {}
     for number in lacking:
         line = number.largest
+        # Over half of the squared interval: without all the rest, seven tenths would be left.
         if line is not None and line.share > MOST_OF_IT and line.remedy in UNFLOWN:
             groups.setdefault(line.name, []).append(number)
     held = sum(len(numbers) for numbers in groups.values())
