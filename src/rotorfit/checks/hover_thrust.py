@@ -229,13 +229,11 @@ do not show it: on random worlds those that are wrong are thousands of times as 
 
 
 def missing_constant_wrench(fit: Fit) -> Iterator[Finding]:
-    """Check that the estimate does not move when the mean of every stretch is left out.
-
-    A constant force or torque that the model does not have (tilted motors, a tilted IMU, wind) acts
-    there and nowhere else.
-    """
+    """Check that the estimate does not move when the mean of every stretch is left out."""
     estimate = fit.estimate
     bands = np.concatenate([factors.band for factors in estimate.problem.factors])
+    # A constant force or torque that the model does not have (tilted motors, a tilted IMU, wind)
+    # acts there and nowhere else.
     mean = bands[:, 0] == 0.0
     if not mean.any():
         return
@@ -263,16 +261,14 @@ def missing_constant_wrench(fit: Fit) -> Iterator[Finding]:
 
 
 def steady_yaw_torque(fit: Fit) -> Iterator[Finding]:
-    """Check whether the rotors hold a steady yaw torque that the model lacks.
-
-    Without the term ``twist`` motors tilted by two tenths of a degree are enough to spoil k_d. Two
-    signs: rotors of one direction carry more than those of the other, or yaw, fitted without the
-    mean of every stretch, responds to the rotors otherwise than in the whole fit.
-    """
+    """Check whether the rotors hold a steady yaw torque that the model lacks."""
     sentences: list[str] = []
     evidence: list[Evidence] = []
     numbers = fit.numbers
     for configured, c in zip(fit.dataset.configurations, fit.configurations, strict=True):
+        # Without the term `twist` motors tilted by two tenths of a degree are enough to spoil k_d.
+        # Two signs: rotors of one direction carry more than those of the other, or yaw, fitted
+        # without the mean of every stretch, responds to the rotors otherwise than in the whole fit.
         trim, shift = _yaw_trim(configured, c.vehicle), _yaw_shift_without_mean(fit, c)
         evidence.append(Evidence(name=f"yaw_trim@{c.name}", value=trim))
         evidence += [] if shift is None else [shift]

@@ -107,14 +107,10 @@ def possible_sentence(moment: SecondMoment, configuration: str) -> str | None:
 
 
 def impossible_inertia(fit: Fit) -> Iterator[Finding]:
-    """Check that every body can exist, and withhold an inertia that no body has.
-
-    What the yaw equation gives, k_d / I_zz and J_r / I_zz, is sound whatever the other moments are,
-    and stays; I_zz, k_d and J_r depend on one scale, which the impossible body disproves for all
-    configurations. A moment that a step has withheld disproves no body.
-    """
+    """Check that every body can exist, and withhold an inertia that no body has."""
     parameters = joint_parameters(fit)
     for name in (c.name for c in fit.configurations):
+        # A moment that a step has withheld disproves no body.
         if fit.withheld & {f"{axis}@{name}" for axis in ("Ixx", "Iyy", "Izz")}:
             continue
         negative = negative_moment(fit.numbers, name, parameters)
@@ -122,20 +118,21 @@ def impossible_inertia(fit: Fit) -> Iterator[Finding]:
             yield negative
             continue
         moment = smallest_second_moment(fit.numbers, name)
+        # What the yaw equation gives, k_d / I_zz and J_r / I_zz, is sound whatever the other
+        # moments are, and stays; I_zz, k_d and J_r depend on one scale, which the impossible body
+        # disproves for all configurations.
         yield body_finding(moment, name, parameters, fit.numbers.names)
 
 
 def negative_moment(
     numbers: Numbers, configuration: str, parameters: Sequence[Parameter]
 ) -> Finding | None:
-    """Withhold the inertia of a body of which a reported moment's whole interval is negative.
-
-    No flight of rotors that are declared rightly is 2 deviations below nothing: the vehicle turns
-    against the torque of the declared ones.
-    """
+    """Withhold the inertia of a body of which a reported moment's whole interval is negative."""
     reported = {p.full_name for p in parameters if p.value is not None}
     for axis, motion in (("Ixx", "rolls"), ("Iyy", "pitches"), ("Izz", "yaws")):
         value, half = numbers.number(f"{axis}_com@{configuration}")
+        # No flight of rotors that are declared rightly is 2 deviations below nothing: the vehicle
+        # turns against the torque of the declared ones.
         if not value + half < 0.0 or f"{axis}@{configuration}" not in reported:
             continue
         ends = (value - half, value + half)

@@ -249,10 +249,7 @@ def outside_rotors(configuration: JointConfiguration, numbers: Numbers) -> str |
 
 
 def surest_gyration(configuration: JointConfiguration, numbers: Numbers) -> float | None:
-    """Estimate the radius of gyration over the arm, at the end of its interval nearest to usual.
-
-    Of roll and pitch the one nearer to them; None if neither has a finite interval.
-    """
+    """Estimate the radius of gyration over the arm, at its end nearest to usual; None if open."""
     ratios: list[float] = []
     for name in ("Ixx_com", "Iyy_com"):
         interval = numbers.interval(f"{name}@{configuration.name}")
@@ -260,6 +257,7 @@ def surest_gyration(configuration: JointConfiguration, numbers: Numbers) -> floa
             return None
         ends = np.sqrt(np.maximum(interval, 0.0) / configuration.mass)
         ratios.append(float(np.clip(USUAL, *(ends / configuration.vehicle.arm))))
+    # Of roll and pitch the one nearer to usual.
     return min(ratios, key=lambda ratio: abs(np.log(max(ratio, _TINY) / USUAL)))
 
 

@@ -313,11 +313,9 @@ def _sums_of_others(parts: Float[np.ndarray, "p ..."]) -> Float[np.ndarray, "p .
 
 
 def parameter_scale(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, " f"]:
-    """Take the root of each parameter's own information, to scale a matrix to order one.
-
-    Less than nothing may be left of a parameter that the flight does not move, after what the noise
-    of its signals makes up: that is as little, and 1 stands for nothing at all.
-    """
+    """Take the root of each parameter's own information, to scale a matrix to order one."""
+    # Less than nothing may be left of a parameter that the flight does not move, after what the
+    # noise of its signals makes up: that is as little.
     size = np.sqrt(np.abs(np.diagonal(information)))
     return np.where(size > 0.0, size, 1.0)
 
@@ -358,14 +356,11 @@ def square_root(squares: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
 
 
 def response_sensitivity(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:
-    """Compute the parameters' step by the controller's uncertain response, error by error.
-
-    By so much an estimate is off where the controller does not respond to that error, or twice as
-    much as assumed.
-    """
+    """Compute the parameters' step by the controller's uncertain response, error by error."""
     problem, phi = fit.problem, fit.estimate.values
     if problem.feedback is None:
         return np.zeros((0, len(phi)))
+    # Where the controller does not respond to that error, or twice as much as assumed.
     uncertain = problem.feedback.uncertain_part()
     equations = feedback_scores(problem, uncertain, solutions(problem, phi)).sum(axis=0)
     return equations @ fit.estimate.covariance

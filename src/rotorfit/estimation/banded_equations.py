@@ -72,10 +72,9 @@ class Evaluated(State):
     rest: float
 
     def over(self, variance: Float[np.ndarray, "b k"]) -> float:
-        """Sum the squares over given variances, and the rest.
-
-        Half its slope is the corrected score, in every block, so that a step along that lowers it.
-        """
+        """Sum the squares over given variances, and the rest."""
+        # Half its slope is the corrected score, in every block, so that a step along that lowers
+        # it.
         return float((self.squares / variance).sum()) + self.rest
 
 

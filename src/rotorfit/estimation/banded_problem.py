@@ -107,13 +107,11 @@ class BandedProblem:
 
     @cached_property
     def moved(self) -> list[Int[np.ndarray, "_ _"]]:
-        """The free parameters that move each part of each configuration, in their order.
-
-        As many for all parts of one: others, which move nothing there, fill up.
-        """
+        """The free parameters that move each part of each configuration, in their order."""
         moves = self.map.moves.copy()
         moves[:, self.places] = True
         each = [moves[own] for own in self.thetas]
+        # As many for all parts of one: others, which move nothing there, fill up.
         return [np.argsort(~m, axis=1, kind="stable")[:, : m.sum(axis=1).max()] for m in each]
 
     @cached_property

@@ -57,14 +57,12 @@ def damped_step(
 def scaled_directions(
     information: Float[np.ndarray, "f f"],
 ) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "f f"], Float[np.ndarray, " f"]]:
-    """Return eigenvalues and -vectors of an information with its columns scaled, and their lengths.
-
-    Eigenvalues that are only rounding are as large as that may be.
-    """
+    """Return eigenvalues and -vectors of a column-scaled information, and the columns' lengths."""
     # Parameters have units of their own (kt is 1e-7, a mass 1): unscaled, the small eigenvalues
     # would be rounding.
     lengths = np.sqrt(np.diagonal(information))
     strength, V = np.linalg.eigh(information / np.outer(lengths, lengths))
+    # Below this share eigenvalues are only rounding.
     return np.maximum(strength, SMALLEST_SHARE * strength[-1]), V, lengths
 
 

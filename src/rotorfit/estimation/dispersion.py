@@ -102,17 +102,15 @@ def dispersions(
 
 
 def alike(found: Sequence[Dispersion]) -> list[Dispersion]:
-    """Draw dispersions to their mean, as far as they differ by no more than chance.
-
-    The logarithm of a mean square of f degrees of freedom has the variance trigamma(f / 2). One
-    that shows nothing is known as the others are alike.
-    """
+    """Draw dispersions to their mean, as far as they differ by no more than chance."""
     from scipy import special  # slow to import
 
     ratio, degrees = np.array([(one.ratio, one.degrees) for one in found]).T
     shown = (degrees > 0.0) & (ratio > 0.0)
     if len(found) < 2 or not shown.any():
         return list(found)
+    # The logarithm of a mean square of f degrees of freedom has the variance trigamma(f / 2). One
+    # that shows nothing is known as the others are alike.
     half = 0.5 * degrees[shown]
     logarithm, chance = np.zeros(len(found)), np.full(len(found), np.inf)
     # The logarithm of chi^2_f / f has the mean digamma(f / 2) - log(f / 2), below zero: taken off,
@@ -125,10 +123,8 @@ def alike(found: Sequence[Dispersion]) -> list[Dispersion]:
 
 
 def degrees_of(variance: float, *, least: float = float(np.finfo(float).eps)) -> float:
-    """Return the degrees of freedom f of a variance, by the variance of its logarithm.
-
-    That is trigamma(f / 2), about 2 / f + 2 / f^2. `least`: under it, it is no smaller.
-    """
+    """Return the degrees of freedom of a variance by that of its logarithm, over `least`."""
+    # The solution of variance = trigamma(f / 2), about 2 / f + 2 / f^2.
     return float((1.0 + np.sqrt(1.0 + 2.0 * variance)) / max(variance, least))
 
 

@@ -75,15 +75,13 @@ def equation_rows(
     parameter_map: tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p f"]],
     weights: Float[np.ndarray, " j"],
 ) -> Float[np.ndarray, "b m g"]:
-    """Reduce the equations [d/d phi | constant] of each block to j z rows.
-
-    An orthogonal transform of the block's dense rows padded with zeros: same singular values,
-    same solutions. Column g = f + 1 is the known part.
-    """
+    """Reduce the equations [d/d phi | constant] of each block to j z rows."""
     constant, matrix = parameter_map
     columns = np.concatenate([matrix, constant[:, None]], axis=1)
     used = np.flatnonzero(weights)
     B = np.einsum("pjz,pg->jzg", tensor[:, used], columns) * weights[used, None, None]
+    # An orthogonal transform of the block's dense rows padded with zeros: same singular values,
+    # same solutions.
     stacked = R @ B.transpose(1, 0, 2).reshape(R.shape[2], -1)
     return stacked.reshape(len(R), R.shape[1] * len(used), columns.shape[1])
 

@@ -159,16 +159,14 @@ class Factors:
 
 
 def of_even_rows(parts: Sequence[Factors]) -> tuple[Factors, ...]:
-    """Pad blocks with zero rows to the same number of rows.
-
-    Slopes of few samples need fewer rows than others.
-    """
+    """Pad blocks with zero rows to the same number of rows."""
     most = max((0 if f.slopes is None else f.slopes.shape[2] for f in parts), default=0)
 
     def even(factors: Factors) -> Factors:
         if factors.slopes is None or factors.slopes.shape[2] == most:
             return factors
         below = ((0, 0), (0, 0), (0, most - factors.slopes.shape[2]), (0, 0))
+        # Slopes of few samples need fewer rows than others.
         return replace(factors, slopes=np.pad(factors.slopes, below))
 
     return tuple(even(factors) for factors in parts)
@@ -217,12 +215,10 @@ def flights_of(factors: Factors) -> list[Bool[np.ndarray, " b"]]:
 def borrowed_mean_square(
     power: Float[np.ndarray, "b *k"], factors: Factors, part: slice = EVERY_BLOCK
 ) -> Float[np.ndarray, "b *k"]:
-    """Average each block's squares, with half of its neighbours' where rows are few.
-
-    A band of two lines that happens to fit well must not get all the weight. `power`: of the blocks
-    of that part.
-    """
+    """Average each block's squares, with half of its neighbours' where rows are few."""
     rows = borrowed_rows(factors, part).reshape(-1, *[1] * (power.ndim - 1))
+    # A band of two lines that happens to fit well must not get all the weight. `power`: of the
+    # blocks of that part.
     return _with_neighbours(power, factors, part) / rows
 
 
@@ -270,11 +266,7 @@ def time_block_factors(Z: Float[np.ndarray, "n z"], *, block_rows: int) -> Facto
 def triangular_factors(
     blocks: Float[np.ndarray, "b m z"] | Sequence[Float[np.ndarray, "_ z"]],
 ) -> Float[np.ndarray, "b z z"]:
-    """Compute the upper triangular R of each block, with a non-negative diagonal.
-
-    Cholesky of the column-scaled Gram matrix where that is accurate, else Householder QR. Blocks
-    may have different numbers of rows.
-    """
+    """Compute the upper triangular R of each block, with a non-negative diagonal."""
     with np.errstate(over="ignore", invalid="ignore"):  # found below, and said
         gram = np.array([rows.T @ rows for rows in blocks])
     many = np.array([len(rows) >= rows.shape[1] for rows in blocks])
@@ -285,6 +277,8 @@ def triangular_factors(
     safe = np.where(scale > 0, scale, 1.0)
     gram /= safe[:, :, None] * safe[:, None, :]
     R, accurate = np.zeros_like(gram), np.zeros(len(gram), dtype=bool)
+    # Cholesky of the column-scaled Gram matrix where that is accurate, else Householder QR; blocks
+    # may have different numbers of rows.
     R[many], accurate[many] = _cholesky_factors(gram[many])
     R *= safe[:, None, :]
     lengths = np.array([len(rows) for rows in blocks])

@@ -30,18 +30,16 @@ if TYPE_CHECKING:
 
 
 def ordinary(problem: LinearProblem) -> Estimate:
-    r"""Return :math:`\arg\min_\phi \sum_j w_j^2 |B_j(\theta(\phi)) Z^T|^2`.
-
-    Solved by singular values of the column-scaled equations, so that the units of the parameters do
-    not matter. The covariance takes weighted errors as independent, of equal variance.
-    """
+    r"""Return :math:`\arg\min_\phi \sum_j w_j^2 |B_j(\theta(\phi)) Z^T|^2`."""
     rows = problem_rows(problem)
     f = len(problem.map.names)
     A, y = rows[:, :f], -rows[:, f]
+    # Columns are scaled, so that the units of the parameters do not matter.
     svd = scaled_singular(A, problem.map.names)
     refuse_free_direction(svd, problem.map.names)
     phi = (svd.Vt.T @ ((svd.U.T @ y) / svd.s)) / svd.lengths
     residual = y - A @ phi
+    # Weighted errors are taken as independent, of equal variance.
     variance = float(residual @ residual) / max(problem.rows - f, 1)
     return Estimate(
         names=problem.map.names,
@@ -61,11 +59,7 @@ class EssentialEstimate:
 
 
 def total(problem: LinearProblem) -> Estimate:
-    """Solve by total least squares (Six et al. 2020, eq. 14-22).
-
-    The right singular vector of the smallest singular value of [d/d phi | constant], divided by
-    its last entry. In the units it is given: total least squares is not invariant to them.
-    """
+    """Solve by total least squares (Six et al. 2020, eq. 14-22)."""
     Wt = problem_rows(problem)
     names = problem.map.names
     if Wt.shape[0] < Wt.shape[1]:
@@ -76,6 +70,8 @@ def total(problem: LinearProblem) -> Estimate:
     svd = scaled_singular(Wt[:, :-1], names)
     refuse_free_direction(svd, names)
     U, s, Vt = np.linalg.svd(Wt, full_matrices=False)
+    # The right singular vector of the smallest singular value, divided by its last entry. In the
+    # units as given: total least squares is not invariant to them.
     v = Vt[-1]
     if abs(v[-1]) < 1e-12:
         raise EstimationError(
@@ -154,12 +150,10 @@ def component_weights(problem: LinearProblem, estimate: Estimate) -> Float[np.nd
 
 
 def weighted_total(problem: LinearProblem) -> tuple[Estimate, LinearProblem]:
-    """Return the solution with component weights from one unweighted pass, and its problem.
-
-    The paper does not say by which estimator. Ordinary least squares: unweighted total least
-    squares has two nearly equal smallest singular values and may fall into the yaw rows' own.
-    """
+    """Return the solution with component weights from one unweighted pass, and its problem."""
     flat = dataclasses.replace(problem, weights=(problem.weights != 0).astype(float))
+    # The paper does not say by which estimator. Ordinary least squares: unweighted total least
+    # squares has two nearly equal smallest singular values and may fall into the yaw rows' own.
     weights = component_weights(problem, ordinary(flat))
     weighted = dataclasses.replace(problem, weights=weights)
     return total(weighted), weighted

@@ -89,10 +89,8 @@ def combine_scales(first: Measured, second: Measured) -> Measured:
 
 
 def scale_deviations(first: Measured, second: Measured) -> float:
-    """Compute how many deviations two measurements of one scale differ by, in logarithms.
-
-    Of a second one that is not positive, in proportion to the first.
-    """
+    """Compute how many deviations two measurements of one scale differ by, in logarithms."""
+    # Of a second one that is not positive, in proportion to the first.
     if not second.value > 0.0:
         return (first.value - second.value) / float(np.hypot(first.std, second.std))
     difference = abs(float(np.log(second.value / first.value)))

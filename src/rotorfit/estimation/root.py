@@ -16,12 +16,7 @@ MOST_STEPS: Final = 200
 
 
 def root_between(function: Callable[[float], float], low: float, high: float) -> float:
-    """Find a zero of a continuous function between two points where its signs differ.
-
-    By the regula falsi with the Illinois rule (Dowell and Jarratt, BIT 11, 1971), which converges
-    faster than linearly; with a halving of the interval at every third step, which bounds it.
-    Raises `ValueError` where the signs are the same.
-    """
+    """Find a zero of a continuous function between two points where its signs differ."""
     a, b, at_a, at_b = low, high, function(low), function(high)
     if at_a == 0.0:
         return a
@@ -32,6 +27,8 @@ def root_between(function: Callable[[float], float], low: float, high: float) ->
     for step in range(MOST_STEPS):
         if at_b == 0.0 or abs(b - a) <= width:
             return b
+        # Regula falsi with the Illinois rule (Dowell and Jarratt, BIT 11, 1971), which converges
+        # faster than linearly; a halving at every third step bounds it.
         c = 0.5 * (a + b) if step % 3 == 2 or at_a == at_b else b - at_b * (b - a) / (at_b - at_a)
         at_c = function(c)
         if (at_c < 0.0) != (at_b < 0.0):

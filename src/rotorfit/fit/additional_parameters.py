@@ -119,10 +119,8 @@ def _effective_blocks(influence: Float[np.ndarray, "b a"]) -> float:
 
 
 def log_likelihood_loss(square: float, blocks: float, dimensions: int = 1) -> float:
-    """Compute the log-likelihood that a squared distance costs.
-
-    Of Student's t: where few blocks show the covariance, a large distance costs little.
-    """
+    """Compute the log-likelihood that a squared distance costs."""
+    # Of Student's t: where few blocks show the covariance, a large distance costs little.
     return 0.5 * (blocks + dimensions) * float(np.log1p(max(square, 0.0) / blocks))
 
 
@@ -132,10 +130,8 @@ def inside(square: float, blocks: float, dimensions: int) -> bool:
 
 
 def gained(one: BandedEstimate, other: BandedEstimate) -> float:
-    """Compute the gain of log-likelihood of another fit of the same blocks.
-
-    Over the errors that count in either, each with the variance that it has there.
-    """
+    """Compute the gain of log-likelihood of another fit of the same blocks."""
+    # Over the errors that count in either, each with the variance that it has there.
     counts = np.isfinite(one.variance) | np.isfinite(other.variance)
     rows = np.concatenate([factors.rows for factors in one.problem.factors])[:, None]
     floors = np.repeat(one.problem.floors, [len(f) for f in one.problem.factors], axis=0)

@@ -50,14 +50,7 @@ class AbsentCoupling:
 
 
 def drop_absent_coupling(fit: Fit) -> Fit:
-    """Fit without gyroscopic terms where the flights show none, and withhold the scale of yaw.
-
-    In ArduPilot's simulator an I_zz that no multirotor has decides alone: its own frames have no
-    coupling, and what another error of the model gains by one (a wrong expo, say) has no limit.
-
-    Wrong sides of the frame hide them, too: where a fit with others is likelier, and finds the
-    I_zz of a multirotor, they are there. (Other sides alone can always make a ball of a body.)
-    """
+    """Fit without gyroscopic terms where the flights show none, and withhold the scale of yaw."""
     dataset, estimate = fit.dataset, fit.estimate
     if not _has_suspicious_yaw_inertia(fit):
         return fit
@@ -74,6 +67,10 @@ def drop_absent_coupling(fit: Fit) -> Fit:
     except EstimationError:
         return fit
     gain = uncoupled.estimate.log_likelihood - estimate.log_likelihood
+    # In ArduPilot's simulator an I_zz that no multirotor has decides alone: its own frames have no
+    # coupling, and what another error of the model gains by one (a wrong expo, say) has no limit.
+    # Wrong sides of the frame hide them, too: where a fit with others is likelier, and finds the
+    # I_zz of a multirotor, they are there. (Other sides alone can always make a ball of a body.)
     if not simulated and (gain < LEAST_GAIN or _hidden_by_sides(fit, uncoupled)):
         return fit
     least = None if simulated else LEAST_GAIN

@@ -204,13 +204,11 @@ def allow_for_settings(fit: Fit) -> Fit:
 
 
 def mounting_term(fit: Fit, std: float) -> IntervalTerm:
-    """Return the term by a declared deviation of the IMU's angles about each axis [rad].
-
-    A fit takes the three angles for known to `MOUNTING_STD` about zero: that is in its prior term.
-    Where the mounting is known less well, the prior should be centred elsewhere: an error d of its
-    centre moves the numbers by S d, so that the variance beyond that of the prior adds
-    S S^T (std^2 - MOUNTING_STD^2). Flights that show the mounting leave S small.
-    """
+    """Return the term by a declared deviation of the IMU's angles about each axis [rad]."""
+    # A fit takes the three angles for known to `MOUNTING_STD` about zero: that is in its prior
+    # term. Where the mounting is known less well, the prior should be centred elsewhere: an error d
+    # of its centre moves the numbers by S d, so that the variance beyond that of the prior adds S
+    # S^T (std^2 - MOUNTING_STD^2). Flights that show the mounting leave S small.
     beyond = float(np.sqrt(max(std**2 - MOUNTING_STD**2, 0.0)))
     names = [n for n in IMU_MOUNTING.names if n in fit.estimate.estimate.names and beyond > 0.0]
     shifts = [

@@ -163,16 +163,13 @@ def allow_for_sides(fit: Fit) -> Fit:
 
 
 def frame_sides(fit: Fit) -> FrameSides | None:
-    """Estimate the sides of the frame; None if it has no two sides.
-
-    Without gyroscopic terms, or where they are not determined, the flights tell nothing of them.
-    With sides that are far off a fit may lose yaw, and with it what shows the sides: so where the
-    estimate leaves the neighbourhood of the declared ones open, it is repeated from where it ends
-    and from as far as it is open, and the likeliest of these fits says what the sides are.
-    """
+    """Estimate the sides of the frame; None if it has no two sides."""
     first = _frame_sides(fit)
     if first is None:
         return first
+    # With sides that are far off a fit may lose yaw, and with it what shows the sides: so where the
+    # estimate leaves the neighbourhood of the declared ones open, it is repeated from where it ends
+    # and from as far as it is open, and the likeliest of these fits says what the sides are.
     moved = _find_likeliest_sides(fit, first)
     again = None if moved is None else _frame_sides(moved[1])
     if moved is None or again is None or not np.isfinite(again.std):

@@ -68,12 +68,7 @@ def fit_by_noise(fit: Fit, wanted: Sequence[str] | None) -> Fit:
 
 
 def allow_for_noise_levels(fit: Fit) -> Fit:
-    """Append the shift of the numbers with the rows' weights, beyond the shift by chance.
-
-    Both weightings are right where the errors are as the fit takes them: their estimates then
-    differ by no more than the difference of their variances allows (Hausman, Econometrica 46(6),
-    1978). What the model lacks moves one from the other by more.
-    """
+    """Append the shift of the numbers with the rows' weights, beyond the shift by chance."""
     even = _with_even_noise(fit)
     if even is None:
         return fit
@@ -86,6 +81,9 @@ def allow_for_noise_levels(fit: Fit) -> Fit:
     known = np.isfinite(own.half_width) & np.isfinite(other.half_width)
     lost = other.half_width[known] ** 2 - own.half_width[known] ** 2
     moved = np.abs(own.values - other.values)[known]
+    # Both weightings are right where the errors are as the fit takes them: their estimates then
+    # differ by no more than the difference of their variances allows (Hausman, Econometrica 46(6),
+    # 1978). What the model lacks moves one from the other by more.
     half[known] = np.maximum(moved - np.sqrt(np.maximum(lost, 0.0)), 0.0)
     return fit.with_terms(
         IntervalTerm(

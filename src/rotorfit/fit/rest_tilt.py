@@ -57,14 +57,12 @@ def _up_in_imu(tilt: ImuTilt) -> Float[np.ndarray, " 3"]:
 
 
 def rest_denies_tilt(flights: Sequence[FlightData], tilt: ImuTilt) -> ImuTilt | None:
-    """Return the reading at rest nearest to a tilt, where it is nearer to none.
-
-    The ground and the feet lean a vehicle as likely one way as another (seven sound logs stand 0.3
-    to 2.1 degrees from what they fly, an eighth 8.8), so that the nearer of the two is the likelier
-    one. None where rest confirms the tilt, or no flight has a rest on its feet.
-    """
+    """Return the reading at rest nearest to a tilt, where it is nearer to none."""
     rests = [rest for data in flights for rest in tilts_at_rest(data)]
     nearest = min(rests, key=lambda rest: angle_between(rest, tilt), default=None)
+    # The ground and the feet lean a vehicle as likely one way as another (seven sound logs stand
+    # 0.3 to 2.1 degrees from what they fly, an eighth 8.8), so that the nearer of the two is the
+    # likelier one.
     if nearest is None or angle_between(nearest, tilt) <= nearest.angle:
         return None
     return nearest

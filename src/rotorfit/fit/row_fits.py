@@ -141,11 +141,10 @@ def angular_log_likelihood(
 ) -> float:
     """Compute the log-likelihood of the three angular accelerations, to compare delays.
 
-    Of the first pass: the second changes what is small, and costs as much again.
-
     `factors`, `model`, `mass`: as for `fit_rows`. `counted`: which blocks count for each of them.
     """
     return sum(
+        # Of the first pass: the second changes what is small, and costs as much again.
         _fit_row(factors.select(own), model, row, mass).log_likelihood
         for row, own in zip(ROWS[1:], counted.T, strict=True)
     )

@@ -96,11 +96,7 @@ class _Features:
 
 
 def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
-    """Find start and stop (exclusive) of every airborne stretch; raise an error if there is none.
-
-    Touches shorter than 0.15 s that look like a gust or a motor step are bridged; harder and
-    longer ones are cut out. Standing with motors that already push is not flight.
-    """
+    """Find start and stop (exclusive) of every airborne stretch; raise `FlightError` if none."""
     thrust = motion.thrust
     c = thrust_to_force(motion, thrust)
     shortest = max(whole_samples(SHORTEST_FLIGHT * motion.sample_rate), 3)
@@ -108,7 +104,10 @@ def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
     for start, stop in motion.stretches:
         if stop - start >= shortest:
             features = _stretch_features(motion, c * thrust[start:stop], start)
+            # Touches shorter than 0.15 s that look like a gust or a motor step are bridged; harder
+            # and longer ones are cut out.
             explained = true_runs(_bridge_violations(features.excess, motion.sample_rate))
+            # Standing with motors that already push is not flight.
             runs = [_without_ground(features, run, motion.sample_rate) for run in explained]
             found += [(start + a, start + b) for a, b in runs if b - a >= shortest]
     if not found:
@@ -122,15 +121,13 @@ def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
 
 
 def fast_rows(motion: Motion, thrust: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Mark the samples that push at least half as hard as the hardest three seconds.
-
-    A short flight in a long log must not be outvoted by the motors idling before it.
-    """
+    """Mark the samples that push at least half as hard as the hardest three seconds."""
     window = max(min(whole_samples(3.0 * motion.sample_rate), len(thrust) // 4), 1)
     # Gaps of the log have no thrust to compare.
     inside = np.zeros(len(thrust), dtype=bool)
     for start, stop in motion.stretches:
         inside[start:stop] = True
+    # A short flight in a long log must not be outvoted by the motors idling before it.
     level = running_mean(np.where(inside, thrust, 0.0), window)
     return inside & (thrust > 0.5 * level.max())
 
@@ -313,23 +310,22 @@ def rest_rows(motion: Motion, airborne: list[tuple[int, int]]) -> Bool[np.ndarra
 def phase_edges(
     angular_velocity: Float[np.ndarray, "n 3"], sample_rate: float
 ) -> list[tuple[int, int]]:
-    """Cut a stretch into phases of one character: start and stop of each.
-
-    Noise differs between them, and a short lively phase must not drown in a long calm one. Two
-    levels show the character, logarithms of the angular acceleration's rms over 0.3 s: that of the
-    motion, under 20 Hz, and that of vibration and noise above. The cuts are those with which both
-    are nearest to constant in each phase: they lie where a manoeuvre begins and ends.
-    """
+    """Cut a stretch into phases of one character: start and stop of each."""
     n = len(angular_velocity)
     if n < 2 * max(whole_samples(SHORTEST_PHASE * sample_rate), 1):
         return [(0, n)]
     stride = max(whole_samples(LEVEL_STEP * sample_rate), 1)
     rates = smooth(angular_velocity, sample_rate, MOTION_CUTOFF)
     parts = [rates, angular_velocity - rates]
+    # Noise differs between phases, and a short lively one must not drown in a long calm one. Two
+    # levels show the character, logarithms of the angular acceleration's rms over 0.3 s: that of
+    # the motion, under 20 Hz, and that of vibration and noise above.
     level = np.column_stack(
         [_log_angular_acceleration(part, sample_rate, stride) for part in parts]
     )
     shortest = int(np.ceil(SHORTEST_PHASE * sample_rate / stride))
+    # The cuts are those with which both are nearest to constant in each phase: they lie where a
+    # manoeuvre begins and ends.
     cuts = _drop_alike_cuts(level, _level_cuts(level, max(shortest, 1)))
     return list(pairwise([0, *(stride * cut for cut in cuts), n]))
 
@@ -410,16 +406,14 @@ Rows = tuple[int, int]
 def ground_contact(
     motion: Motion, flights: list[Rows], *, stretches: tuple[Rows, ...] | None = None
 ) -> list[Rows]:
-    """Find the rows (stop exclusive) in which the vehicle stands on the ground.
-
-    Calm for a second at little thrust, and yet carried: little against the thrust of the flights
-    or, where they hold only the ground, against the weight by the lift in all `stretches`.
-    """
+    """Find the rows (stop exclusive) in which the vehicle stands on the ground."""
     piece, short = (whole_samples(t * motion.sample_rate) for t in (PIECE, SHORT))
     squares = motion.thrust
     rows = np.concatenate([np.arange(a, b) for a, b in flights])
     flown = float(np.percentile(squares[rows], FLYING_PERCENTILE))
     lift = thrust_to_force(replace(motion, stretches=stretches or motion.stretches), squares)
+    # Little against the thrust of the flights or, where they hold only the ground, against the
+    # weight by the lift in all `stretches`.
     little = LITTLE_THRUST * max(flown, GRAVITY / lift if lift > 0.0 else 0.0)
     found: list[Rows] = []
     for first, stop in flights:

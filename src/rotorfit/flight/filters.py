@@ -185,10 +185,8 @@ def thinned_sums(
 
 
 def fast_length(least: int) -> int:
-    """Return the smallest length from `least` on that has no prime factor over 5.
-
-    As `scipy.fft.next_fast_len`, which takes longer to import than a short flight to transform.
-    """
+    """Return the smallest length from `least` on that has no prime factor over 5."""
+    # As `scipy.fft.next_fast_len`, which takes longer to import than a short flight to transform.
     best = 1 << (least - 1).bit_length()
     five = 1
     while five < best:

@@ -308,11 +308,9 @@ def refuse_idle_motors(motion: Motion) -> None:
 
 
 def refuse_interpolated_speeds(speed: Float[np.ndarray, "n N"], sample_rate: float) -> None:
-    """Raise an error if lines were drawn between measured rotor speeds that came too slowly.
-
-    Lines pass by the peaks: at a third of the source's rate a third of the motion is missing.
-    """
+    """Raise an error if lines were drawn between measured rotor speeds that came too slowly."""
     rate = source_rate(speed, sample_rate)
+    # Lines pass by the peaks: at a third of the source's rate a third of the motion is missing.
     if rate is None or rate >= SLOWEST_MOTORS:
         return
     raise FlightError(
@@ -326,12 +324,10 @@ def refuse_interpolated_speeds(speed: Float[np.ndarray, "n N"], sample_rate: flo
 def refuse_interpolated_commands(
     command: Float[np.ndarray, "n N"], sample_rate: float, motor_rate: float
 ) -> None:
-    """Raise an error if a recorder drew lines between commands; `motor_rate`: of its rows [Hz].
-
-    Where the rows themselves come so slowly, the lines are those of `on_one_clock`; commands in
-    steps may be what the motors were told.
-    """
+    """Raise an error if a recorder drew lines between commands; `motor_rate`: of its rows [Hz]."""
     rate = source_rate(command, sample_rate)
+    # Where the rows themselves come so slowly, the lines are those of `on_one_clock`; commands in
+    # steps may be what the motors were told.
     if rate is None or rate >= SLOWEST_MOTORS or motor_rate < 2.0 * rate:
         return
     if _in_steps(command, samples=rate / sample_rate):

@@ -108,12 +108,10 @@ class BodyMotion:
 
 
 def continuous_quaternions(attitude_wxyz: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
-    """Normalise quaternions, and choose each sign nearest to the one before.
-
-    q and -q are the same attitude, and motion capture changes between them at will; a difference
-    over such a change would be a turn at enormous speed.
-    """
+    """Normalise quaternions, and choose each sign nearest to the one before."""
     q = attitude_wxyz / np.linalg.norm(attitude_wxyz, axis=1, keepdims=True)
+    # q and -q are the same attitude, and motion capture changes between them at will; a difference
+    # over such a change would be a turn at enormous speed.
     turned = np.einsum("ni,ni->n", q[1:], q[:-1]) < 0
     signs = np.concatenate([[1.0], np.where(turned, -1.0, 1.0)]).cumprod()
     return q * signs[:, None]

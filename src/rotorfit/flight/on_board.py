@@ -52,11 +52,7 @@ def response_of(
 
 
 def filter_response(one: Filter, frequency: Float[np.ndarray, " f"]) -> Complex[np.ndarray, " f"]:
-    """Compute the response of an analog filter.
-
-    Low-passes lose 3 dB at their cut-off: of n first orders in a row each has its own cut-off
-    higher by 1 / sqrt(2^(1/n) - 1) (Betaflight, common/filter.c). Notches lose 3 dB at their edges.
-    """
+    """Compute the response of an analog filter."""
     if one.kind == "notch":
         assert one.middle is not None
         u = frequency / one.middle
@@ -66,6 +62,8 @@ def filter_response(one: Filter, frequency: Float[np.ndarray, " f"]) -> Complex[
     if one.shape == "butterworth":
         return second_order(u)
     order = ORDERS[one.shape or "pt1"]
+    # Low-passes lose 3 dB at their cut-off: of n first orders in a row each has its own cut-off
+    # higher by 1 / sqrt(2^(1/n) - 1) (Betaflight, common/filter.c).
     return first_order(u * np.sqrt(2.0 ** (1.0 / order) - 1.0)) ** order
 
 
@@ -112,15 +110,13 @@ def with_filters(
 def restoring_response(
     filters: Sequence[Filter], frequency: Float[np.ndarray, " f"]
 ) -> Complex[np.ndarray, " f"]:
-    """Compute the response that gives the accelerometer the gyro's filters in place of its own.
-
-    The rotors pass the gyro's. To pass them through the accelerometer's instead would weigh the
-    same: the likelihood of a band does not depend on the gain that both sides have. Beyond
-    `MOST_RESTORED` the noise would be all that is left, and the response falls.
-    """
+    """Compute the response that gives the accelerometer the gyro's filters in place of its own."""
     gyro, accel = (response_of(filters, name, frequency) for name in ("gyro", "accel"))
     ratio = accel / gyro
     left = np.abs(ratio)
+    # To pass the rotors through the accelerometer's filters instead would weigh the same: the
+    # likelihood of a band does not depend on the gain that both sides have. Beyond `MOST_RESTORED`
+    # the noise would be all that is left, and the response falls.
     lost = left * MOST_RESTORED < 1.0
     return np.conj(ratio) / np.where(lost, MOST_RESTORED**-2, left**2)
 

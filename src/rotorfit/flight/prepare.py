@@ -411,11 +411,9 @@ def _collect_motion(
 
 
 def with_likely_lag(motion: Motion, motors: MotorModel) -> Motion:
-    """Lag commands as the force suggests, where no lag was given; for the search of flight only.
-
-    A command that leads the force by 80 ms looks like contact in every flip.
-    """
+    """Lag commands as the force suggests, where no lag was given; for the search of flight only."""
     if motors.speed == "measured" or motors.lag > 0:
+        # A command that leads the force by 80 ms looks like contact in every flip.
         return motion
     tried = [
         dataclasses.replace(

@@ -175,10 +175,8 @@ def open_law(widths: Mapping[str, float], reach: float) -> Iterator[Finding]:
 
 
 def law_decides(reach: float, width: float) -> bool:
-    """Test whether what the law leaves open is the larger part of a half-width, both as shares.
-
-    Or makes a number weak by itself, however it is flown.
-    """
+    """Test whether what the law leaves open is the larger part of a half-width, both as shares."""
+    # Or the law makes the number weak by itself, however it is flown.
     return reach > WEAK or reach**2 > 0.5 * width**2
 
 

@@ -68,11 +68,9 @@ def slow_log(fit: Fit) -> Iterator[Finding]:
 
 
 def unlogged_speed(fit: Fit) -> Iterator[Finding]:
-    """Name the settings with which the log has the rotors' speed, or what stands for it.
-
-    Where the firmware has no setting for it, that is asked for only if commands fail to explain the
-    turns that a pilot flies.
-    """
+    """Name the settings with which the log has the rotors' speed, or what stands for it."""
+    # Where the firmware has no setting for it, that is asked for only if commands fail to explain
+    # the turns that a pilot flies.
     hidden = SPEED_OR_LAW if _has_unexplained_turns(fit) else None
     for flight in _commanded_flights(fit):
         step = log_with_speed(flight.log, flight.prepared) or hidden
@@ -112,10 +110,9 @@ def slow_words(prepared: PreparedFlight) -> str:
 
 
 def log_with_speed(log: FlightLog, prepared: PreparedFlight) -> str | None:
-    """State how to log the rotors' speed; None if the firmware has no setting for it.
-
-    A log that has it already asks for nothing but to use it; one that is slow is made faster, too.
-    """
+    """State how to log the rotors' speed; None if the firmware has no setting for it."""
+    # A log that has it already asks for nothing but to use it; one that is slow is made faster,
+    # too.
     if "rotor_speed" in log.channels:
         return USE_SPEED
     slow = prepared.slowest_rate < ENOUGH_RATE

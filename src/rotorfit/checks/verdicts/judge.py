@@ -272,10 +272,8 @@ def body_reason(
 
 
 def body_advice(name: str, verdict: Verdict, twin: Parameter) -> str | None:
-    """State what to do for a number about the CoM: as for its twin, else by its motion.
-
-    What was simulated for the vehicle is kept with the twin, whatever the twin's own verdict.
-    """
+    """State what to do for a number about the CoM: as for its twin, else by its motion."""
+    # What was simulated for the vehicle is kept with the twin, whatever the twin's own verdict.
     return ADVICE[motion_for(name)] if _is_own(verdict, twin) else twin.advice
 
 

@@ -99,10 +99,7 @@ def smaller_yaw_residuals(declared: Vehicle, bands: Sequence[Factors]) -> list[P
 def plausible_patterns(
     declared: Vehicle, bands: Sequence[Factors], patterns: Sequence[Pattern]
 ) -> list[Pattern]:
-    """Keep the spins with which the residual of yaw by itself is not far larger than as declared.
-
-    None where nobody yaws: the residual is the same with all.
-    """
+    """Keep the spins that leave not far more of yaw by itself than the declared ones."""
     plain = _fit_configurations(declared, bands)
     kept: list[Pattern] = []
     for pattern in patterns:
@@ -110,6 +107,7 @@ def plausible_patterns(
         excited = any(
             (one.excited | two.excited).any() for one, two in zip(plain, other, strict=True)
         )
+        # Where nobody yaws the residual is the same with all.
         if excited and _pattern_gain(plain, other) > -HOPELESS:
             kept.append(pattern)
     return kept

@@ -282,16 +282,13 @@ def _velocity_deviation(motion: VerticalMotion) -> float:
 
 
 def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
-    """Estimate the mean force over mass that is no thrust, and its standard deviation [m/s^2].
-
-    What goes with the vertical velocity (drag, inflow) is taken off, and is the mean where that
-    velocity is logged; of the rest the batches of the stretch show the scatter. A force that
-    grows with height is open by what it makes of a usual height.
-    """
+    """Estimate the mean force over mass that is no thrust, and its standard deviation [m/s^2]."""
     weights, known = motion.weights, motion.velocity is not None
     left, velocity = _unexplained_force(motion), _vertical_velocity(motion)
     swing = velocity - float(weights @ velocity)
     power = float(weights @ swing**2)
+    # What goes with the vertical velocity (drag, inflow) is taken off, and is the mean where that
+    # velocity is logged; of the rest the batches of the stretch show the scatter.
     brake = -float(weights @ (left * swing)) / power if power > 0.0 else 0.0
     count = int(np.clip(motion.seconds / SHORTEST_BATCH, 2, MOST_BATCHES))
     rest = weights * (left + brake * swing)
@@ -301,17 +298,16 @@ def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
     std = few * float(np.sqrt(variance_of_sum(batches) * count / (count - 1)))
     mean = brake * float(weights @ velocity) if known else 0.0
     found = height_force_of(motion)
+    # A force that grows with height is open by what it makes of a usual height.
     by_height = 0.0 if found is None else found.mean_std
     return mean, float(np.linalg.norm([std, LINEAR * mean, by_height]))
 
 
 def variance_of_sum(batches: Float[np.ndarray, " b"]) -> float:
-    """Estimate the variance of a sum of batches that may go on as they began (Geyer 1992).
-
-    A wall or the ground pushes for several of them: covariances at growing distances count for as
-    long as they are positive.
-    """
+    """Estimate the variance of a sum of batches that may go on as they began (Geyer 1992)."""
     every = np.correlate(batches, batches, mode="full")[len(batches) - 1 :]
+    # A wall or the ground pushes for several of them: covariances at growing distances count for as
+    # long as they are positive.
     ends = np.flatnonzero(every <= 0.0)
     last = int(ends[0]) if len(ends) else len(every)
     return float(every[0] + 2.0 * every[1:last].sum()) if last else 0.0

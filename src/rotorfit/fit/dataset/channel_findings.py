@@ -166,11 +166,9 @@ def lost_speed_sentence(rotor: RotorTelemetry) -> str:
 
 
 def blame_telemetry(error: FlightError, seen: Telemetry | None) -> FlightError:
-    """Return the error with the lost or wrong speeds as its cause, where the telemetry has some.
-
-    A rotor that reads zero in the air looks like a vehicle whose acceleration does not follow its
-    rotors.
-    """
+    """Return the error with the lost or wrong speeds as its cause, where the telemetry has some."""
+    # A rotor that reads zero in the air looks like a vehicle whose acceleration does not follow its
+    # rotors.
     if seen is None or not any(one.state in CONTRADICTED for one in seen.rotors):
         return error
     sentences = "; ".join(seen.doubts)

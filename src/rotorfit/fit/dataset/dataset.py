@@ -122,15 +122,13 @@ class Dataset:
         return self.motors.lag, self.motors.lag_std
 
     def lag_std(self, lag: float, std: float) -> float:
-        """Return the deviation of a lag that flights have found to a deviation so large [s].
-
-        That of before the flight at most. Where a declared lag contradicts it, one of the two is
-        wrong by what nobody has allowed for: both by as much as they differ (Birge 1932).
-        """
+        """Return the deviation of a lag that flights have found to a deviation so large [s]."""
         mean, before = self.lag_prior
         if self.motors.lag is None:
             return min(std, before)
         difference = abs(lag - mean)
+        # Where a declared lag contradicts it, one of the two is wrong by what nobody has allowed
+        # for: both by as much as they differ (Birge 1932).
         return min(std, max(before, difference)) * max(difference / math.hypot(std, before), 1.0)
 
 

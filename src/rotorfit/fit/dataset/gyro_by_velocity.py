@@ -96,12 +96,10 @@ class GyroScale:
         return float(np.sum(self._posterior_of_axis(axis)[1]))
 
     def draws(self) -> Float[np.ndarray, "n 3"]:
-        """Draw scales of the three axes from the posterior; that of a sound gyro is none.
-
-        What sound ones differ by is among the assumptions, whether a log has a velocity or not.
-        """
+        """Draw scales of the three axes from the posterior; that of a sound gyro is none."""
         rng = np.random.default_rng(0)
         off = (self._posterior_of_axis(axis)[1] for axis in range(3))
+        # What sound ones differ by is among the assumptions, whether a log has a velocity or not.
         weights = [part + (1.0 - float(np.sum(part))) * (_GRID == 0.0) for part in off]
         return np.column_stack([rng.choice(_GRID, DRAWS, p=weight) for weight in weights])
 

@@ -70,11 +70,7 @@ REFUSED: tuple[State, ...] = ("dead", "swapped", "apart", "unlike")
 
 
 def refuse_wrong_speeds(flights: Sequence[LoadedFlight], vehicle: Vehicle) -> None:
-    """Raise an error if measured speeds contradict the commands that made them, as `inspect` says.
-
-    A rotor that turns at another ratio may be another propeller: with a group of its own it has a
-    thrust coefficient of its own, and is accepted.
-    """
+    """Raise an error if measured speeds contradict their commands, as `inspect` says."""
     for flight in flights:
         if flight.telemetry is None:
             continue
@@ -82,6 +78,8 @@ def refuse_wrong_speeds(flights: Sequence[LoadedFlight], vehicle: Vehicle) -> No
         if wrong:
             words = "; ".join(flight.telemetry.doubts)
             remedy = ""
+            # A rotor that turns at another ratio may be another propeller: with a group of its own
+            # it has a thrust coefficient of its own, and is accepted.
             if all(r.state == "unlike" for r in wrong):
                 remedy = (
                     "; correct its poles, or, where it really is another one, give it a group of "
@@ -221,10 +219,8 @@ def _load_configuration(
 def with_hover_inflow(
     flight: LoadedFlight, mass: float | Literal["unknown"], vehicle: Vehicle
 ) -> LoadedFlight:
-    """Return a flight with the air's velocity through its rotors in hover, where it was weighed.
-
-    Some simulators have no induced velocity.
-    """
+    """Return a flight with the air's velocity through its rotors in hover, where it was weighed."""
+    # Some simulators have no induced velocity.
     if mass == "unknown" or flight.log.simulator in DRAGLESS_ROTORS:
         return flight
     prepared = flight.prepared
@@ -270,14 +266,12 @@ def _terms_considered(
 def velocity_wanted(
     terms: Sequence[str] | None, configurations: Sequence[ConfigurationData]
 ) -> bool:
-    """Return whether the model needs the body's velocity: chosen, or known and not decided yet.
-
-    Known of one flight is enough for terms that nobody asked for: it may need them.
-    """
+    """Return whether the model needs the body's velocity: chosen, or known and not decided yet."""
     asked = [term.name for term in terms_named(terms or ()) if term.needs == "velocity"]
     flights = [f for c in configurations for f in c.flights]
     unknown = [f for f in flights if not velocity_known([f])]
     if not unknown or not asked:
+        # Known of one flight is enough for terms that nobody asked for: it may need them.
         return bool(asked) or (terms is None and len(unknown) < len(flights))
     names = ", ".join(Path(flight.entry.file).name for flight in unknown)
     raise ExperimentError(

@@ -46,17 +46,15 @@ def refuse_turned(factors: Factors, vehicle: Vehicle) -> None:
 
 
 def std_of_turn(factors: Factors, vehicle: Vehicle) -> float:
-    """Compute the standard deviation of the angle of `turn_about_z` [rad].
-
-    By the residual of each block, whose rows count as independent: gusts are strong in some bands
-    and phases, weak in others (White, Econometrica 48, 1980).
-    """
+    """Compute the standard deviation of the angle of `turn_about_z` [rad]."""
     import scipy.linalg  # slow to import
 
     blocks = select_response_band(factors)
     torque, turned = cross_signals(blocks.total, blocks.total, vehicle)
     inverse: Float[np.ndarray, "2 2"] = scipy.linalg.pinvh(torque.T @ torque)
     response = inverse @ torque.T @ turned
+    # By the residual of each block, whose rows count as independent: gusts are strong in some bands
+    # and phases, weak in others (White, Econometrica 48, 1980).
     covariance = np.zeros((2, 2, 2))
     for R, rows in zip(blocks.R, blocks.rows, strict=True):
         own, acceleration = cross_signals(R, blocks.total, vehicle)
@@ -74,12 +72,7 @@ def std_of_turn(factors: Factors, vehicle: Vehicle) -> float:
 def turn_about_z(
     R: Float[np.ndarray, "r z"], vehicle: Vehicle
 ) -> tuple[float, tuple[float, float]]:
-    """Estimate the least angle [rad] by which the IMU is turned about z against the rotors.
-
-    The response of roll and pitch to the rotors' torques is a turn times a symmetric matrix,
-    the inverse inertia (polar decomposition); and the shares of roll and pitch that it explains.
-    `R`: factor of the signals.
-    """
+    """Estimate the least turn of the IMU about z [rad], and the shares of roll and pitch in it."""
     import scipy.linalg  # slow to import
 
     torque, turned = cross_signals(R, R, vehicle)
@@ -88,6 +81,7 @@ def turn_about_z(
     total = np.maximum((turned**2).sum(axis=0), np.finfo(float).tiny)
     roll, pitch = (1.0 - left / total).tolist()
     # A vector reads turned back in axes that are turned.
+    # The response is a turn times a symmetric matrix, the inverse inertia (polar decomposition).
     angle = np.arctan2(response[1, 0] - response[0, 1], response[0, 0] + response[1, 1])
     # Each torque by itself turns its response as far; of an axis that nobody flies only one does.
     alone = np.arctan2([-response[0, 1], response[1, 0]], np.diagonal(response))

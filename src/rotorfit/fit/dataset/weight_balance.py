@@ -109,11 +109,7 @@ def held_up(axes: Turning, force: Float[np.ndarray, "n 3"]) -> Held | None:
 
 
 def hovering(data: FlightData) -> FlightData:
-    """Select the pieces of a flight in which it hovers, more or less.
-
-    In throws, dives and crashes the velocity changes by more than `VELOCITY_CHANGE`, and what the
-    accelerometer reads on average is no gravity. Pieces are of the shortest window.
-    """
+    """Select the pieces of a flight in which it hovers, more or less."""
     squares: Float[np.ndarray, " n"] = np.einsum("nr,nr->n", data.rotor_speed, data.rotor_speed)
     usual = float(np.median(squares[data.used_rows])) if data.segments else 0.0
     low, high = HOVER_THRUST
@@ -121,6 +117,8 @@ def hovering(data: FlightData) -> FlightData:
     for segment in data.segments:
         for piece in split_segment(segment, SHORTEST_WINDOW * data.sample_rate):
             own = squares[piece.start : piece.stop]
+            # In throws, dives and crashes the velocity changes by more than `VELOCITY_CHANGE`, and
+            # what the accelerometer reads on average is no gravity.
             if float(((own < low * usual) | (own > high * usual)).mean()) > MOST_OUTSIDE:
                 continue
             follows = bool(calm) and calm[-1].stop == piece.start

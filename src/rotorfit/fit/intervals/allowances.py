@@ -143,9 +143,6 @@ def inertia_uncertainty(
 ) -> Numbers:
     """Append what an inertia that is not identifiable adds to the numbers on the scale of yaw.
 
-    What yaw does to roll is in proportion to I_zz less I_yy: where nobody pitches, an I_yy that
-    gusts bias moves I_zz with it, as far as the two go together in the fit.
-
     `std`: deviations of the fit, of every number.
     """
     squares = np.zeros(len(std))
@@ -157,6 +154,8 @@ def inertia_uncertainty(
             if rho is None or rho > LEAST_EXCITATION or not std[own] > 0.0:
                 continue
             bias = inertia_bias(float(numbers.values[own]), rho)
+            # What yaw does to roll is in proportion to I_zz less I_yy: where nobody pitches, an
+            # I_yy that gusts bias moves I_zz with it, as far as the two go together in the fit.
             slopes = numbers.correlation[own, scaled] * std[scaled] / std[own]
             squares[scaled] += (slopes * bias) ** 2
     return numbers.with_terms(
@@ -173,10 +172,6 @@ def air_uncertainty(
 ) -> Numbers:
     """Append what terms of the air leave open that have not the whole form of their effects.
 
-    Flights of one vehicle at speed differ in such a coefficient by more than chance. What a fit
-    with the coefficient off by that share would give moves the other numbers as far as they go
-    together with it; in slow flights, which hardly show it, by next to nothing.
-
     `std`: deviations of the fit, of every number.
     """
     added = configurations[0].model.layout.added
@@ -184,10 +179,14 @@ def air_uncertainty(
     for term in TERMS:
         if not {*term.with_velocity, *term.signals} & {*added}:
             continue
+        # Flights of one vehicle at speed differ in such a coefficient by more than chance.
         for name in (n for n, info in term.parameters.items() if info.form_error):
             if name not in numbers.names or not std[numbers.index(name)] > 0.0:
                 continue
             own = numbers.index(name)
+            # What a fit with the coefficient off by that share would give moves the other numbers
+            # as far as they go together with it; in slow flights, which hardly show it, by next to
+            # nothing.
             off = term.parameters[name].form_error * abs(float(numbers.values[own]))
             squares += (1.96 * numbers.correlation[own] * std / std[own] * off) ** 2
     return numbers.with_terms(
@@ -200,16 +199,13 @@ def air_uncertainty(
 
 
 def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfiguration]) -> Numbers:
-    """Append what too little roll and pitch adds to the numbers on the scale of yaw.
-
-    The height of the centre of mass, and the scale of the yaw equation, which a known payload gives
-    as well.
-    """
+    """Append what too little roll and pitch adds to the numbers on the scale of yaw."""
     weighed = any(c.payload_of is not None for c in configurations)
     linked = np.zeros(len(numbers.names))
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
         link = numbers.link(owner if base in HEIGHTS and not weighed else None)
+        # A known payload gives the scale of the yaw equation as well.
         depends = base in HEIGHTS or (numbers.on_yaw_scale(name) and not weighed)
         if depends and not link > LEAST_EXCITATION:
             linked[i] = link_allowance(float(numbers.values[i]), link)

@@ -37,10 +37,8 @@ def excitation(
 def weighed_excitation(
     fit: BandedEstimate, configurations: Sequence[JointConfiguration]
 ) -> dict[str, float]:
-    """Compute the mean excitation of single blocks, each for as long as it is.
-
-    A short lively phase of a long calm flight is what tells of the vehicle.
-    """
+    """Compute the mean excitation of single blocks, each for as long as it is."""
+    # A short lively phase of a long calm flight is what tells of the vehicle.
     return _excitation_ratios(fit, configurations, lambda factors: np.arange(len(factors)))
 
 
@@ -75,14 +73,12 @@ def flown_ratio(
     configuration: JointConfiguration,
     power: tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 3"]],
 ) -> Float[np.ndarray, " 3"]:
-    """Return explained over residual power in the bands that are flown, wherever they are.
-
-    They alone count for an axis that has any. In fast flight the rotors balance the air in the
-    pilot's band, and turn the vehicle above it; an autopilot that works against gusts makes a ratio
-    of one to three there (`LEAST_RATIO`), and no band of it is flown. Where the model does not know
-    the air, zero: a pilot's motion is below.
-    """
+    """Return explained over residual power in the bands that are flown, wherever they are."""
     flown = configuration.with_response
+    # In fast flight the rotors balance the air in the pilot's band, and turn the vehicle above it;
+    # an autopilot that works against gusts makes a ratio of one to three there (`LEAST_RATIO`), and
+    # no band of it is flown. Where the model does not know the air, zero: a pilot's motion is
+    # below.
     if flown is None or DRAG_OF_ROTORS not in configuration.model.layout.added:
         return np.zeros(3)
     moving = flown & (configuration.factors.band[:, :1] > 0.0)

@@ -28,12 +28,7 @@ if TYPE_CHECKING:
 def frame_drag_shifts(
     fit: BandedEstimate, configurations: Sequence[JointConfiguration]
 ) -> Float[np.ndarray, "s f"]:
-    """Return shifts of the free parameters by the drag of the frame along each axis.
-
-    By its root mean square after the flights, which ask for as much; the air brakes and never
-    drives, so that none is left where they ask for less than none. No shifts where the model has
-    that drag, or none of the rotors by forces.
-    """
+    """Return shifts of the free parameters by the frame's rms drag by axis; none if it is known."""
     layout, free = configurations[0].model.layout, len(fit.estimate.names)
     known = {name.partition("@")[0] for name in fit.estimate.names}
     if DRAG_OF_ROTORS not in layout.added or not DRAG.stands_in(layout) or {*DRAG_NAMES} & known:
@@ -44,6 +39,8 @@ def frame_drag_shifts(
     H = equations.information
     by_drag = -np.linalg.solve(H[:free, :free], H[:free, free:])
     covariance = np.linalg.inv(H[free:, free:] + H[free:, :free] @ by_drag)
+    # The flights ask for as much; the air brakes and never drives, so that none is left where they
+    # ask for less than none.
     size = rms_above_zero(equations.step[free:], np.sqrt(np.diagonal(covariance)))
     shifts: Float[np.ndarray, "s f"] = (by_drag * size).T
     return shifts
@@ -72,12 +69,10 @@ def _with_frame_drag(fit: BandedEstimate, first: JointConfiguration) -> BandedEs
 def rms_above_zero(
     mean: Float[np.ndarray, " d"], std: Float[np.ndarray, " d"]
 ) -> Float[np.ndarray, " d"]:
-    """Compute the root mean square of normal variables that are known to be positive.
-
-    E[x^2] = m^2 + s^2 + m s phi(a) / (1 - Phi(a)), a = -m / s (truncated normal distribution).
-    """
+    """Compute the root mean square of normal variables that are known to be positive."""
     from scipy.special import log_ndtr  # slow to import
 
     lowest = -mean / std
     hazard = np.exp(-0.5 * lowest**2 - 0.5 * np.log(2.0 * np.pi) - log_ndtr(-lowest))
+    # E[x^2] = m^2 + s^2 + m s phi(a) / (1 - Phi(a)), a = -m / s (truncated normal distribution).
     return np.sqrt(np.maximum(mean**2 + std**2 + mean * std * hazard, 0.0))

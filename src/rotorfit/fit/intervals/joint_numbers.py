@@ -168,15 +168,13 @@ def random_terms(
 ) -> tuple[IntervalTerm, IntervalTerm]:
     """Return the terms by chance, and by what was known before.
 
-    By chance: formal, or by the scatter of blocks, phases and flights. The four estimate one and
-    the same error: the largest counts.
-
     `fit`: of all flights. `jacobian`: of the numbers by the free parameters. `formal`:
     `formal_covariance` of the numbers.
     """
     blocks, free = len(fit.influence), free_blocks(fit)
     before = prior_variance(fit, jacobian, formal)
     by_flights = np.diagonal(formal) - before
+    # The four estimate one and the same error: the largest counts.
     shown = (
         float(student_quantile(0.975, free)) * np.sqrt(by_flights * blocks / free),
         half_width_between_blocks(fit, jacobian, by_flights),
@@ -313,20 +311,19 @@ def timing_shifts(fit: BandedEstimate, timing: FreeTiming | None) -> list[Float[
 def half_width_between_phases(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, " q"]:
-    """Compute the half-width by the scatter of the flights' phases, all bands of a phase together.
-
-    What a phase has to itself (the wind in its propellers, say) is common to its bands, so that
-    their scatter does not show it. Each phase moves the estimate by p, and without it the estimate
-    moves by d; p is too small where a phase has most of the information, and d too large: the
-    variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2), d being no
-    more than a few times p: without the one informative phase nothing is identifiable.
-    """
+    """Compute the half-width by the scatter of the flights' phases, their bands together."""
     parts = _mark_parts(fit, "segment")
     if len(parts) < FEWEST_PHASES:
         return np.zeros(len(jacobian))
     influences = np.array([fit.influence[own].sum(axis=0) for own in parts]) @ jacobian.T
     moves = steps_without(fit, parts) @ jacobian.T
     with np.errstate(divide="ignore", invalid="ignore"):
+        # What a phase has to itself (the wind in its propellers, say) is common to its bands, so
+        # that their scatter does not show it. Each phase moves the estimate by p, and without it
+        # the estimate moves by d; p is too small where a phase has most of the information, and d
+        # too large: the variance is the sum of p d (the jackknife's and the sandwich's geometric
+        # mean, HC2), d being no more than a few times p: without the one informative phase nothing
+        # is identifiable.
         leverage = np.clip(np.nan_to_num(np.abs(moves / influences), nan=1.0), 1.0, MOST_LEVERAGE)
     return 1.96 * np.sqrt((leverage * influences**2).sum(axis=0))
 
@@ -421,11 +418,9 @@ def rotation_by_vector(vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 
 def turned_moments(
     moments: Mapping[str, float], R: Float[np.ndarray, "3 3"], configuration: JointConfiguration
 ) -> dict[str, float]:
-    """Turn a body's moments about the IMU from its axes into those of the rotors.
-
-    A known payload stands in the axes of the rotors already.
-    """
+    """Turn a body's moments about the IMU from its axes into those of the rotors."""
     payload = configuration.payload if configuration.payload_of is not None else ()
+    # A known payload stands in the axes of the rotors already.
     added = added_moments(payload)
     body = {name: value - added.get(name, 0.0) for name, value in moments.items()}
     mass = configuration.mass - sum(item.mass for item in payload)

@@ -158,14 +158,12 @@ def twist_shift(com: tuple[float, float]) -> float:
 
 
 def scale_stretch(value: float, half_width: float) -> float:
-    """Compute the factor by which a half-width holds the inverse of the number, too.
-
-    Small terms fix the scale of the yaw equation where it multiplies the rotors, its inverse where
-    it divides the other torques. So +-r of the inverse is as good as +-r of the scale: from
-    1 / (1 + r) to 1 / (1 - r), which is r / (1 - r^2) to either side of its middle. The two agree
-    where they are narrow; where the interval reaches zero, the scale has no upper end.
-    """
+    """Compute the factor by which a half-width holds the inverse of the number, too."""
     relative = half_width / abs(value) if value else float("inf")
+    # Small terms fix the scale of the yaw equation where it multiplies the rotors, its inverse
+    # where it divides the other torques. So +-r of the inverse is as good as +-r of the scale: from
+    # 1 / (1 + r) to 1 / (1 - r), which is r / (1 - r^2) to either side of its middle. The two agree
+    # where they are narrow; where the interval reaches zero, the scale has no upper end.
     return 1.0 / (1.0 - relative**2) if relative < 1.0 else float("inf")
 
 

@@ -60,13 +60,11 @@ _TINY: Final = float(np.finfo(float).tiny)
 
 
 def select_slow_bands(configuration: JointConfiguration) -> JointConfiguration:
-    """Count turns in the pilot's band alone, each axis of the flights that move it.
-
-    A flight in which an axis is calm holds the autopilot's response to gusts, which would bias the
-    first fit of that axis; where no flight moves it, all count.
-    """
+    """Count turns in the pilot's band alone, each axis of the flights that move it."""
     c = configuration
     counted = np.ones((len(c.factors), len(NOISY)), dtype=bool)
+    # A flight in which an axis is calm holds the autopilot's response to gusts, which would bias
+    # the first fit of that axis; where no flight moves it, all count.
     turned = turned_flights(c.factors, c.model, mass=c.mass)
     counted[:, list(TURNS)] = slow_bands(c.factors) & or_every(turned)
     return replace(c, counted=within_reach(counted, c))
@@ -177,15 +175,13 @@ class Pushes:
 
 
 def pushes(configuration: JointConfiguration, error: Float[np.ndarray, "b m 6"]) -> list[Pushes]:
-    """Return the pushes on roll, pitch and yaw, of the blocks that count.
-
-    Of an axis that is flown in no band none: it shows nothing, and would bias k_t.
-    """
+    """Return the pushes on roll, pitch and yaw, of the blocks that count."""
     counted, with_response = configuration.counted, configuration.with_response
     assert counted is not None and with_response is not None
     found: list[Pushes] = []
     for axis, turn in enumerate(TURNS):
         own = counted[:, turn] & (configuration.factors.band[:, 0] > 0.0)
+        # Of an axis that is flown in no band none: it shows nothing, and would bias k_t.
         own &= bool(with_response[:, axis].any())
         X, y = error[own][:, :, list(FORCES)], error[own][:, :, turn]
         found.append(
@@ -204,9 +200,6 @@ def error_correlation(
 ) -> Float[np.ndarray, "6 6"]:
     """Return how much of the errors of the turns comes with those of the forces.
 
-    By regression, each block with the variance of what is left. Known before the flight: pushes are
-    within the vehicle (`joint_problem.PUSHED_STD`).
-
     `flights`: their pushes. `vehicle`: for its size.
     """
     shares, std = np.zeros((len(NOISY), len(NOISY))), error_correlation_std(vehicle)
@@ -223,6 +216,7 @@ def error_correlation(
             left = power - np.einsum("bp,p->b", 2.0 * shared - squares @ own, own)
             weight = rows / np.maximum(left, _TINY)
             known: Float[np.ndarray, "p p"] = np.eye(len(FORCES)) / std**2
+            # Known before the flight: pushes are within the vehicle (`joint_problem.PUSHED_STD`).
             information: Float[np.ndarray, "p p"] = np.tensordot(weight, squares, axes=1) + known
             asked: Float[np.ndarray, " p"] = weight @ shared
             own = np.asarray(np.linalg.solve(information, asked))

@@ -144,13 +144,11 @@ def _fit_from(
 
 
 def refuse_collapse(at: Mapping[str, float], joint: Sequence[JointConfiguration]) -> None:
-    """Refuse a fit whose body shrinks to nothing, as where the rotors explain no turn at all.
-
-    The equations of the turns are homogeneous: what an autopilot answers of pure noise then
-    outweighs what holds up their scale.
-    """
+    """Refuse a fit whose body shrinks to nothing, as where the rotors explain no turn at all."""
     for c in joint:
         least = SMALLEST_BODY * c.mass * c.vehicle.arm**2
+        # The equations of the turns are homogeneous: what an autopilot answers of pure noise then
+        # outweighs what holds up their scale.
         if any(abs(at.get(f"{name}@{c.name}", np.inf)) < least for name in INERTIA[:3]):
             raise UnsettledError(
                 f"{c.name}: the rotors explain nothing of how the vehicle rolls and pitches, so "

@@ -150,16 +150,15 @@ def scatters(
 ) -> dict[int, Scatter]:
     """Estimate the scatter of the flights of each configuration.
 
-    A prior wider than that would leave what all flights share more open than they do. One step of
-    expectation maximisation (Dempster, Laird and Rubin, J. Royal Statistical Society B 39, 1977),
-    from what the trims differ by and what is open of that.
-
     `estimate`: with trims for each flight that is not alone. `owners`: whose flight each is, in
     order. `moments`: mass times arm of each flight [kg m].
     """
     found: dict[int, Scatter] = {}
     for c in set(owners):
         own = [k for k, owner in enumerate(owners) if owner == c]
+        # A prior wider than the scatter would leave what all flights share more open than they do.
+        # One step of expectation maximisation (Dempster, Laird and Rubin, J. Royal Statistical
+        # Society B 39, 1977), from what the trims differ by and what is open of that.
         if len(own) > 1:
             variance = float(np.mean([_trim_variance(estimate, moment, own) for moment in MOVED]))
             moved = float(np.sqrt(variance)) / moments[own[0]]

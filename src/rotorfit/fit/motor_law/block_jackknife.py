@@ -89,21 +89,18 @@ def sum_blocks(
 
 
 def jackknife(sums: BlockSums) -> Jackknife:
-    r"""Compute the jackknife of a least-squares fit (slopes J, residuals e) over blocks of rows.
-
-    With G = J'J and, of one block, G_b and s_b = J_b' e_b, the fit to all other blocks is off by
-    :math:`d_b = -(G - G_b)^{-1} s_b`, to first order, and the residuals of the block under that
-    fit are :math:`e_b - J_b d_b`. The scatter of the former is the estimator CR3 of the
-    covariance, which holds for any correlation within a block, and errs to the wide side where
-    blocks are few or unlike (Bell and McCaffrey, Survey Methodology 28(2), 2002; MacKinnon,
-    Nielsen and Webb, J. of Applied Econometrics 38(5), 2023).
-    """
+    """Compute the jackknife of a least-squares fit (slopes J, residuals e) over blocks of rows."""
     G = sums.information.sum(axis=0)
     size = np.sqrt(np.diagonal(G))
     unit = np.where(size > 0.0, size, 1.0)
     G_b, scores = sums.information / np.outer(unit, unit), sums.score / unit
     rest: Float[np.ndarray, "B p p"] = G / np.outer(unit, unit) - G_b
     # Without a block a parameter may be unknown: the pseudo-inverse leaves it where it is.
+    # By G = J'J and, of one block, G_b and s_b = J_b' e_b, d_b = -(G - G_b)^-1 s_b to first order,
+    # and the residuals of the block under that fit are e_b - J_b d_b. The scatter of the shifts is
+    # the estimator CR3, which holds for any correlation within a block, and errs to the wide side
+    # where blocks are few or unlike (Bell and McCaffrey, Survey Methodology 28(2), 2002; MacKinnon,
+    # Nielsen and Webb, J. of Applied Econometrics 38(5), 2023).
     without = np.asarray(np.linalg.pinv(rest, hermitian=True, rcond=1e-10), dtype=float)
     shifts: Float[np.ndarray, "B p"] = -(without @ scores[:, :, None])[:, :, 0]
     # |e_b - J_b d_b|^2 = |e_b|^2 - 2 s_b d_b + d_b G_b d_b.
@@ -115,16 +112,14 @@ def jackknife(sums: BlockSums) -> Jackknife:
 def blocks_of(
     flight: Int[np.ndarray, " m"], time: Float[np.ndarray, " m"], seconds: float
 ) -> Int[np.ndarray, " m"]:
-    """Assign the rows to equal blocks of each flight's time; a short rest joins the last.
-
-    Blocks of twice the length hold two whole ones each, so that their sums add up.
-    """
+    """Assign the rows to equal blocks of each flight's time; a short rest joins the last."""
     block = np.zeros(len(time), dtype=int)
     first = 0
     for k in range(int(flight.max()) + 1):
         rows = flight == k
         since: Float[np.ndarray, " k"] = time[rows] - float(time[rows].min())
         last = max(round(float(since.max()) / seconds) - 1, 0)
+        # Blocks of twice the length hold two whole ones each, so that their sums add up.
         number: Int[np.ndarray, " k"] = np.minimum((since / seconds).astype(int), last)
         found = np.searchsorted(np.unique(number), number)
         block[rows] = first + found
@@ -133,8 +128,6 @@ def blocks_of(
 
 
 def widest(jackknives: Sequence[Jackknife], gradient: Float[np.ndarray, " p"]) -> float:
-    """Return the largest half-width over several lengths of blocks.
-
-    Correlation that outlasts a block shows as more scatter between longer ones.
-    """
+    """Return the largest half-width over several lengths of blocks."""
+    # Correlation that outlasts a block shows as more scatter between longer ones.
     return max((one.half_width(gradient) for one in jackknives), default=float("inf"))

@@ -183,12 +183,11 @@ def search_first(prepared: PreparedRecording, layout: Layout) -> FormFit:
 
 
 def search_form(prepared: PreparedRecording, layout: Layout, fit: FormFit, scale: float) -> FormFit:
-    """Search from where another fit ended; speeds beyond some of `scale` [rad/s] count less.
-
-    All speeds will shift the values that the search finds about as they shifted those of that fit.
-    """
+    """Search from where another fit ended; speeds beyond some of `scale` [rad/s] count less."""
     command = prepared.coarse.command
     begin = _convert_values(fit.layout, fit.searched, layout, command)
+    # All speeds will shift the values that the search finds about as they shifted those of that
+    # fit.
     shift = _convert_values(fit.layout, fit.values, layout, command) - begin
     found = _search_layout(prepared, layout, begin, scale)
     return replace(found, values=np.clip(found.values + shift, *_parameter_bounds(layout)))

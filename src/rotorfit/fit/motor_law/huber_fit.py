@@ -88,12 +88,7 @@ def fit_huber(
     limit: float = np.inf,
     close: float = CLOSE,
 ) -> HuberFit:
-    """Fit parameters within bounds; residuals beyond `limit` count less (Huber).
-
-    The fit ends when the step that is left moves no parameter by `close` standard deviations, as
-    errors that are correlated within a `block` of measurements make them. That step is made by the
-    slopes, without another prediction: what is then left is of second order in it.
-    """
+    """Fit parameters within bounds; residuals beyond `limit` count less (Huber)."""
     damping = LEAST_DAMPING
     now = _evaluate_point(predict, measured, np.clip(begin, *bounds), limit)
     for _ in range(MOST_STEPS):
@@ -101,6 +96,10 @@ def fit_huber(
         if now.cost <= EXACT * float(measured @ measured):
             return _finish_fit(now, measured, step, limit)
         is_near = _expected_gain(now, step) < NEAR * now.cost
+        # The fit ends when the step that is left moves no parameter by `close` standard deviations,
+        # as errors that are correlated within a `block` of measurements make them. That step is
+        # made by the slopes, without another prediction: what is then left is of second order in
+        # it.
         if (
             is_near
             and (np.abs(step) <= close * _scatter_deviations(now, measured, block, limit)).all()

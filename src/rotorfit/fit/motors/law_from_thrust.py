@@ -206,10 +206,8 @@ class LawFromThrust:
 
     @property
     def settled(self) -> bool:
-        """Whether a fit with this exponent shows nothing new.
-
-        A law that is given stands until a deviation speaks against it.
-        """
+        """Whether a fit with this exponent shows nothing new."""
+        # A law that is given stands until a deviation speaks against it.
         near = NEAR if self.from_flight else 1.0
         return abs(self.step) < max(near * self.exponent.std, LEAST * self.exponent.value)
 
@@ -249,25 +247,20 @@ def find_law(fit: Fit) -> LawFromThrust | None:
 
 
 def heaviest_hover(dataset: TimedDataset, *, mass_known: bool) -> float:
-    """Return the rms speed of the configuration that hovers on most thrust.
-
-    The weight gives the thrust of each, so that the law is open from the largest one on. Without
-    known masses it is the speed of all flights together.
-    """
+    """Return the rms speed of the configuration that hovers on most thrust."""
     flights = [
         [retimed(flight.prepared, dataset.timing) for flight in configured.flights]
         for configured in dataset.configurations
     ]
     if mass_known:
+        # The weight gives the thrust of each, so that the law is open from the largest one on.
         return max(rms_speed(own) for own in flights if own)
     return rms_speed([one for own in flights for one in own])
 
 
 def anchor_of(law: MotorLaw, hover: float) -> float:
-    """Return the speed of a law that stands whatever its slope.
-
-    That of full command of relative speeds, as k_t is thrust at full command; else the usual one.
-    """
+    """Return the speed of a law that stands whatever its slope."""
+    # Full command of relative speeds, as k_t is thrust at full command.
     return 1.0 if law.is_relative else law.usual_speed or hover
 
 

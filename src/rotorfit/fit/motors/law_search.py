@@ -26,15 +26,13 @@ MOST_LAWS: Final = 6
 
 
 def fit_with_law(fit: Fit, wanted: Sequence[str] | None) -> Fit:
-    """Fit with the law that the flight shows, until a fit shows the law it is made with.
-
-    Laws are tried with the terms and the rows' noise levels of the first fit, which hardly depend
-    on the law; both are found again with the law at the end.
-    """
+    """Fit with the law that the flight shows, until a fit shows the law it is made with."""
     law, fits = find_law(fit), 0
     if law is None:
         return fit
     dataset, terms = fit.dataset, fit.terms
+    # Laws are tried with the terms and the rows' noise levels of the first fit, which hardly depend
+    # on the law; both are found again with the law at the end.
     while not law.settled and fits < MOST_LAWS:
         tried, near = law, fit.dataset.motor_timing
         timed = time_motors(

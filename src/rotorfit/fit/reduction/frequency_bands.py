@@ -90,10 +90,9 @@ def followed_bands(
 
 
 def counted_bands(factors: Factors, flown: Bool[np.ndarray, "b k"]) -> Bool[np.ndarray, "b k"]:
-    """Mark blocks that count: those flown, and all of an axis that is nowhere flown.
-
-    And the band with the mean: trim does not depend on who steers, and holds the centre of mass.
-    """
+    """Mark blocks that count: those flown, and all of an axis that is nowhere flown."""
+    # The band with the mean counts always: trim does not depend on who steers, and holds the centre
+    # of mass.
     return or_every(flown) | (factors.band[:, 0] == 0.0)[:, None]
 
 

@@ -123,13 +123,11 @@ class MotorTiming:
 
     @property
     def without_biases(self) -> dict[str, float] | None:
-        """Where its fit ended, without the accelerometer's biases.
-
-        A wrong law, or tilted axes, end in a bias of some m/s^2. A fit with the right ones that
-        begins there stays there, with thrust and inertia a third too small.
-        """
+        """Where its fit ended, without the accelerometer's biases."""
         if self.reached is None:
             return None
+        # A wrong law, or tilted axes, end in a bias of some m/s^2. A fit with the right ones that
+        # begins there stays there, with thrust and inertia a third too small.
         return {n: value for n, value in self.reached.items() if not n.startswith("accel_bias")}
 
     def frees(self, names: Sequence[str]) -> bool:

@@ -87,16 +87,15 @@ def time_factors(
     lowpass: LowPass | None = None,
     block_seconds: float = 1.0,
 ) -> Factors:
-    """Reduce a flight to one factor per `block_seconds`, for estimators of the time domain.
-
-    The low-pass acts equally on every signal, which leaves the equations between them exact.
-    """
+    """Reduce a flight to one factor per `block_seconds`, for estimators of the time domain."""
     step = 1 if lowpass is None else lowpass.step(flight.sample_rate)
     block_rows = max(round(block_seconds * flight.sample_rate / step), 1)
     parts: list[Factors] = []
     for segment in flight.segments:
         blocks = [
             time_block_factors(Z, block_rows=block_rows)
+            # The low-pass acts equally on every signal, which leaves the equations between them
+            # exact.
             for Z in _filtered_chunks(flight, vehicle, segment, (lowpass, block_rows * step))
         ]
         joined = stack_factors(blocks)
@@ -253,11 +252,9 @@ def factors_of_lines(stretches: Sequence[BandLines], layout: SignalLayout) -> Fa
 def body_lines(
     flight: FlightData, *, plan: BandPlan, added: Sequence[AddedSignals] = ()
 ) -> tuple[Lines, ...]:
-    """Transform the signals that the rotors have no part in, stretch by stretch.
-
-    They stay where lag and delay of the motors are tried: of a log at 1 kHz the lines that are used
-    are a sixteenth of the samples.
-    """
+    """Transform the signals that the rotors have no part in, stretch by stretch."""
+    # They stay where lag and delay of the motors are tried: of a log at 1 kHz the lines that are
+    # used are a sixteenth of the samples.
     return tuple(
         _transform_signals(
             body_signals(flight, stretch.start, stretch.stop, added=added),
@@ -329,12 +326,7 @@ def rotor_noise(
     *,
     added: Sequence[AddedSignals] = (),
 ) -> Float[np.ndarray, "b z"] | None:
-    """Propagate white noise of the rotor speeds to each signal, per row of a band.
-
-    Speeds squared carry 2 O times the noise through the [1 4 1]/6 average, spin accelerations the
-    noise through the central difference; a row is the real or the imaginary part of a line and
-    holds half of its variance. None where the rotor speeds carry no noise.
-    """
+    """Propagate white noise of the rotor speeds to each signal, per row of a band; None without."""
     if flight.rotor_speed_std <= 0:
         return None
     layout = signal_layout(vehicle, added)
@@ -346,6 +338,7 @@ def rotor_noise(
         average = ((4.0 + 2.0 * np.cos(turn)) / 6.0) ** 2
         difference = np.sin(turn) * flight.sample_rate
     passed = np.abs(response_of(flight.filters, "gyro", band.mean(axis=1))) ** 2
+    # A row is the real or the imaginary part of a line and holds half of its variance.
     half = 0.5 * flight.rotor_speed_std**2 * passed
     for i, square in enumerate(_mean_squares(flight, stretch)):
         # d(O^2) = 2 O dO.
@@ -432,14 +425,12 @@ def _with_slopes(factors: Factors, layout: SignalLayout) -> Factors:
 
 
 def line_rows(lines: Complex[np.ndarray, "l z"], first: int, last: int) -> Float[np.ndarray, "m z"]:
-    """Stack real and imaginary parts of lines as rows that carry the same noise.
-
-    The mean is real, and its one row would have the variance of two.
-    """
+    """Stack real and imaginary parts of lines as rows that carry the same noise."""
     real = np.real(lines[first:last])
     imaginary = np.imag(lines[first:last])
     if first > 0:
         return np.concatenate([real, imaginary])
+    # The mean is real, and its one row would have the variance of two.
     return np.concatenate([real[:1] / np.sqrt(2.0), real[1:], imaginary[1:]])
 
 

@@ -108,15 +108,13 @@ def velocity_term(numbers: Numbers, dataset: Dataset) -> IntervalTerm:
 
 
 def vertical_partner(numbers: Numbers, name: str, *, rotors: int) -> float:
-    """Compute the share of a coefficient that may be the other one's: drag along z and inflow.
-
-    Both are a force against climb; only what they do to roll and pitch, where damping of the frame
-    does the same, separates them.
-    """
+    """Compute the share of a coefficient that may be the other one's: drag along z and inflow."""
     base, _, owner = name.partition("@")
     values = dict(zip(numbers.names, numbers.values.tolist(), strict=True))
     at = next((n.partition("@")[2] for n in values if n.startswith("drag_z@")), "")
     speeds = abs(values.get(f"hover_speed@{owner or at}", np.nan)) * rotors
+    # Both are a force against climb; only what they do to roll and pitch, where damping of the
+    # frame does the same, separates them.
     if base == "drag_z" and "inflow" in values:
         return abs(values["inflow"]) * speeds
     if base == "inflow" and at:

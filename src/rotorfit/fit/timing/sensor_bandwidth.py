@@ -40,15 +40,15 @@ def measure_bandwidths(dataset: TimedDataset) -> TimedDataset:
 
 
 def flight_reach(flight: LoadedFlight) -> Float[np.ndarray, " 6"]:
-    """Return up to which frequency each acceleration of a flight follows the model [Hz].
-
-    The timing of the motors is that of the gyro: its delay is in it, and the accelerometer's not.
-    """
+    """Return up to which frequency each acceleration of a flight follows the model [Hz]."""
     reach = np.full(6, np.inf)
     reach[PLACES["accel"]] = _known_reach(flight.prepared.data.filters)
     for sensor, found in flight.bandwidths.items():
         reach[PLACES[sensor]] = np.minimum(
-            reach[PLACES[sensor]], found.follows(GRID, in_phase=sensor == "accel")
+            # The timing of the motors is that of the gyro: its delay is in it, the accelerometer's
+            # is not.
+            reach[PLACES[sensor]],
+            found.follows(GRID, in_phase=sensor == "accel"),
         )
     return reach
 

@@ -18,14 +18,12 @@ in ArduPilot's simulator (11 ms at 20 Hz, motors without lag) give a lag of 5.1 
 
 
 def hold_fault(dataset: Dataset) -> float:
-    """Estimate the deviation of a delay by not knowing how long a command held [s].
-
-    It holds until the next one of the log or, where the log keeps only some of a faster loop's
-    commands, is over sooner: up to half a sample of the log later on the whole.
-    """
+    """Estimate the deviation of a delay by not knowing how long a command held [s]."""
     if dataset.motors.speed == "measured":
         return 0.0
     rates = [f.prepared.motor_rate for c in dataset.configurations for f in c.flights]
+    # A command holds until the next one of the log or, where the log keeps only some of a faster
+    # loop's commands, is over sooner: up to half a sample of the log later on the whole.
     return HOLD_FAULT / min(rates)
 
 

@@ -143,16 +143,14 @@ def _coarse_delay(dataset: TimedDataset) -> MotorResponse | None:
 
 
 def pilot_band_costs(dataset: TimedDataset, trials: Sequence[MotorResponse]) -> list[float]:
-    """Compute minus the log-likelihood of the turns in the pilot's band at each timing.
-
-    Each axis of the flights that move it at any of the timings: at a wrong one a quick turn no
-    longer follows the rotors.
-    """
+    """Compute minus the log-likelihood of the turns in the pilot's band at each timing."""
     bands = [dataset.bands(response, top=PILOT_BAND[1]) for response in trials]
     total = np.zeros(len(trials))
     for configured, own in zip(dataset.configurations, zip(*bands, strict=True), strict=True):
         mass = configured.mass
         turned = [turned_flights(f, dataset.model, mass=mass) for f in own]
+        # Each axis of the flights that move it at any of the timings: at a wrong one a quick turn
+        # no longer follows the rotors.
         counted = slow_bands(own[0]) & or_every(np.logical_or.reduce(turned))
         total -= [angular_log_likelihood(f, dataset.model, mass=mass, counted=counted) for f in own]
     return total.tolist()

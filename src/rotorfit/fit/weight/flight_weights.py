@@ -63,26 +63,22 @@ def best_share(flights: Sequence[FlightWeight]) -> float:
 
 
 def limit_by_weight(kt: Measured, weight: Measured, flights: Sequence[FlightWeight]) -> Measured:
-    """Limit the deviation of k_t to what the best of several flights allows by its weight.
-
-    Changes of thrust that differ from the weight by chance widen k_t of one flight, as either of
-    the two may be wrong (Birge 1932). Several flights weigh the vehicle as many times, and agree.
-    """
+    """Limit the deviation of k_t to what the best of several flights allows by its weight."""
     if len(flights) < 2:
         return kt
+    # Changes of thrust that differ from the weight by chance widen k_t of one flight, as either of
+    # the two may be wrong (Birge 1932). Several flights weigh the vehicle as many times, and agree.
     widest = max(weight.share, best_share(flights))
     return replace(kt, std=min(kt.std, widest * kt.value))
 
 
 def limit_shared_error(numbers: Numbers, widest: float) -> Numbers:
-    """Limit what all flights lack alike, so that k_t is no wider than in the best of them.
-
-    It is in each of them, too. `widest`: relative half-width of the best flight's k_t.
-    """
+    """Limit what all flights lack alike, so that k_t is no wider than in the best of them."""
     at = numbers.index("kt")
     value, half = numbers.number("kt")
     shared = next((t.half_width[at] for t in numbers.terms if t.name == SHARED), 0.0)
     others = half**2 - shared**2
+    # It is in the best flight, too.
     most = float(np.sqrt(max((widest * value) ** 2 - others, 0.0)))
     if shared <= most:
         return numbers

@@ -201,11 +201,7 @@ def _weights_by_flight(
 
 
 def kt_from_changes(fit: Fit) -> Measured | None:
-    """Estimate k_t with the accelerometer's bias free, so that the mean thrust does not count.
-
-    None where it is not identifiable so. Inflow and an altitude hold act on thrust alone, so that
-    its own blocks, and not the scatter of turns, say how certain changes of thrust are.
-    """
+    """Estimate k_t by changes of thrust, the accelerometer's bias being free; None if open."""
     from rotorfit.fit.fit import refit
 
     names = [n for n in fit.estimate.estimate.names if n.startswith("accel_bias_z@")]
@@ -215,6 +211,8 @@ def kt_from_changes(fit: Fit) -> Measured | None:
     except UnsettledError:
         return None
     value, std = kt_of(free.numbers)
+    # Inflow and an altitude hold act on thrust alone, so that its own blocks, and not the scatter
+    # of turns, say how certain changes of thrust are.
     std = max(std, half_width_of_parameter(free.estimate, "kt") / 1.96)
     return Measured(value=value, std=float(np.hypot(std, CHANGES_STD * value)))
 

@@ -133,10 +133,7 @@ def _mark_jumps(
 
 
 def camera_clock(time: Float[np.ndarray, " n"]) -> CameraClock:
-    """Estimate the regular clock behind recorded times of frames; raise for a network's times.
-
-    The mean rate is taken from all runs without loss; each run keeps its own start.
-    """
+    """Estimate the regular clock behind recorded times of frames; raise for a network's times."""
     time = restamped(time)
     steps = np.diff(time)
     period = float(np.median(steps))
@@ -160,6 +157,7 @@ def camera_clock(time: Float[np.ndarray, " n"]) -> CameraClock:
     period = above / below
     regular = np.array(time, dtype=float)
     for n, (a, b) in zip(centred, runs, strict=True):
+        # The mean rate is that of all runs without loss; each run keeps its own start.
         regular[a:b] = time[a:b].mean() + period * n
     error = np.concatenate([(time[a:b] - regular[a:b]) / period for a, b in runs])
     jitter = float(np.sqrt((error @ error) / len(error)))
@@ -172,16 +170,14 @@ def camera_clock(time: Float[np.ndarray, " n"]) -> CameraClock:
 
 
 def restamped(time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Move single stamps that miss their frame to where they belong.
-
-    A stamp may be late by most of a period while the frame is not; where that is rare, the
-    neighbours say when it was due.
-    """
+    """Move single stamps that miss their frame to where they belong."""
     steps = np.diff(time)
     period = float(np.median(steps))
     number = np.concatenate([[0.0], np.cumsum(1.0 + _count_lost_frames(time, period))])
     off = time - period * number
     due = local_medians(off, NEIGHBOURS, np.arange(len(off)))
+    # A stamp may be late by most of a period while the frame is not; where that is rare, the
+    # neighbours say when it was due.
     stray = np.abs(off - due) > STRAY * period
     if not 0.0 < float(stray.mean()) <= IRREGULAR_SHARE:
         return time

@@ -263,11 +263,7 @@ def motor_limits(command: Channel, spans: Sequence[tuple[float, float]]) -> Moto
 def at_ends(
     values: Float[np.ndarray, "n N"],
 ) -> tuple[Bool[np.ndarray, "n N"], Bool[np.ndarray, "n N"]]:
-    """Mark the commands at the lowest and at the highest value of all motors, where it is a limit.
-
-    One at which they pile up: a command that merely turns round there passes through what is beside
-    it, too.
-    """
+    """Mark the commands at the lowest and the highest value of all motors, where it is a limit."""
     reach = float(np.ptp(values))
     steps = np.abs(np.diff(values, axis=0))
     step = float(steps.min(initial=reach, where=steps > AT * reach))
@@ -276,6 +272,8 @@ def at_ends(
         away = np.abs(values - end)
         at = away <= 0.5 * min(step, ALONGSIDE * reach)
         alongside = ~at & (away <= max(ALONGSIDE * reach, ALONGSIDE_STEPS * step))
+        # One at which they pile up: a command that merely turns round there passes through what is
+        # beside it, too.
         piled = reach > 0.0 and np.count_nonzero(at) > max(np.count_nonzero(alongside), 1)
         ends.append(at if piled else np.zeros_like(at))
     return ends[0], ends[1]

@@ -102,13 +102,7 @@ def first_order_lag(
 def two_way_lag(
     held: Float[np.ndarray, "n N"], sample_rate: float, *, up: float, down: float
 ) -> Float[np.ndarray, "n N"]:
-    """Filter held commands with one time constant for rising speed and another for falling.
-
-    A driven rotor is pushed up by the motor and, without active braking, falls by its own drag.
-    The recursion is one of two linear ones at every sample. Which one is guessed, the whole
-    record solved, the guess corrected: Newton's iteration on a piecewise linear equation, which
-    ends after a few rounds.
-    """
+    """Filter held commands with one time constant for rising speed and another for falling."""
     if len(held) > LONG and held.shape[1] > 1:
         # One rotor after the other: the rounds need several copies of what they act on.
         each = np.empty(held.shape)
@@ -116,6 +110,10 @@ def two_way_lag(
             each[:, k] = two_way_lag(held[:, k : k + 1], sample_rate, up=up, down=down)[:, 0]
         return each
     keep_up, keep_down = remaining_share(sample_rate, up), remaining_share(sample_rate, down)
+    # A driven rotor is pushed up by the motor and, without active braking, falls by its own drag:
+    # the recursion is one of two linear ones at every sample. Which one is guessed, the whole
+    # record solved, the guess corrected: Newton's iteration on a piecewise linear equation, which
+    # ends after a few rounds.
     speed = first_order_lag(held, sample_rate, 0.5 * (up + down))
     rising = held > speed
     for _ in range(MOST_ROUNDS):
@@ -160,16 +158,13 @@ def follow_shares(
 def shift_time(
     values: Float[np.ndarray, "n N"], sample_rate: float, delay: float, *, slope: bool = False
 ) -> Float[np.ndarray, "n N"]:
-    """Interpolate values as they were `delay` seconds before each sample; or their slope by it.
-
-    By the polynomial through the ten nearest samples. A straight line between two would average
-    their noise away at half a sample, and a search for the delay would take that for a good fit.
-    The first and the last value are held.
-    """
+    """Interpolate values as they were `delay` seconds before each sample; or their slope by it."""
     if delay == 0 and not slope:
         return values
     whole = int(np.floor(delay * sample_rate))
     part = delay * sample_rate - whole
+    # A straight line between two samples would average their noise away at half a sample, and a
+    # search for the delay would take that for a good fit.
     nodes = np.arange(-4, 6)
     weights = _slope_weights(part, nodes) * sample_rate if slope else _lagrange_weights(part, nodes)
     n = len(values)
@@ -213,16 +208,14 @@ def _lagrange_polynomials(nodes: tuple[int, ...]) -> Float[np.ndarray, "k d"]:
 def white_noise_std(
     values: Float[np.ndarray, "n N"], stretches: Sequence[tuple[int, int]]
 ) -> float:
-    """Estimate the standard deviation of the white noise in measured rotor speeds [rad/s].
-
-    A rotor cannot follow the fastest changes that a log can hold: what is left of its spectrum
-    close to the Nyquist frequency is error of measurement. The median over that tenth of the
-    spectrum, so that a single line of vibration does not count.
-    """
+    """Estimate the standard deviation of the white noise in measured rotor speeds [rad/s]."""
     levels: list[float] = []
     for start, stop in stretches:
         if stop - start < NOISE_ROWS:
             continue
+        # A rotor cannot follow the fastest changes that a log can hold: what is left of its
+        # spectrum close to the Nyquist frequency is error of measurement. The median over that
+        # tenth of the spectrum, so that a single line of vibration does not count.
         top = _mean_spectrum(values[start:stop])[-NOISE_ROWS // 20 :]
         levels.append(0.5 * float(np.median(top)))  # one-sided density, half a cycle a sample
     return float(np.sqrt(np.median(levels))) if levels else 0.0
@@ -400,14 +393,12 @@ def dead_zone(law: MotorLaw) -> float:
 
 
 def betaflight_linear(law: MotorLaw) -> ThrustCurve:
-    """Fit the factor by which Betaflight's ``thrust_linear`` makes thrust linear, 0 to 1.5.
-
-    Betaflight moves each motor's output x to x (1 + c (1 - x)^2), c being thrust_linear / 100
-    (src/main/flight/pid.c, pidApplyThrustLinearization): the c for which thrust between idle and
-    full is nearest to a straight line.
-    """
+    """Fit the factor by which Betaflight's ``thrust_linear`` makes thrust linear, 0 to 1.5."""
     # From the best of a few, as Newton's steps end in the nearest minimum.
     tried = np.linspace(*LINEAR_RANGE, 7)
+    # Betaflight moves each motor's output x to x (1 + c (1 - x)^2), c being thrust_linear / 100
+    # (src/main/flight/pid.c, pidApplyThrustLinearization): the c for which thrust between idle and
+    # full is nearest to a straight line.
     c = float(tried[np.argmin(np.mean(bends_of_thrust(law, tried) ** 2, axis=1))])
     for _ in range(NEWTON_STEPS):
         below, here, above = np.mean(bends_of_thrust(law, c + NEARBY) ** 2, axis=1).tolist()
