@@ -61,16 +61,10 @@ IMU_PLACE_UNUSED: Final = (
 class Identified:
     """A result, and what it was made of.
 
-    Attributes
-    ----------
-    experiment
-        As declared, completed by the logs and the flights.
-    dataset
-        The flights as they were fitted, their samples too.
-    fit
-        The joint fit; None of estimators that fit no joint likelihood.
-    result
-        As `identify` returns it.
+    - `experiment`: as declared, completed by the logs and the flights.
+    - `dataset`: the flights as they were fitted, their samples too.
+    - `fit`: the joint fit; None of estimators that fit no joint likelihood.
+    - `result`: as `identify` returns it.
     """
 
     experiment: Experiment
@@ -232,7 +226,6 @@ def _describe_units(findings: Sequence[Finding], experiment: Experiment) -> tupl
 
 
 def _issue_warnings(flights: Sequence[FlightRecord]) -> None:
-    """Issue the warnings of every flight."""
     for record in flights:
         for sentence in record.warnings:
             warnings.warn(f"{Path(record.file).name}: {sentence}", FlightWarning, stacklevel=3)

@@ -118,7 +118,6 @@ def airframe_text(
 
 
 def _remaining_lines(speed: str) -> list[str]:
-    """Return the lines behind the rotors."""
     return [
         "# imu = { position = [0.0, 0.0, 0.0] }  # of the flight controller, forward, left, up [m]",
         "",

@@ -259,7 +259,6 @@ def _put_into(text: str, written: _Written) -> Patched | None:
 
 
 def _changes_text(found: Patched) -> str:
-    """Write the changed lines as a diff."""
     lines = [
         f"  {sign}{line}"
         for old, new in found.changed

@@ -123,7 +123,10 @@ def alike(found: Sequence[Dispersion]) -> list[Dispersion]:
 
 
 def degrees_of(variance: float, *, least: float = float(np.finfo(float).eps)) -> float:
-    """Return the degrees of freedom of a variance by that of its logarithm, over `least`."""
+    """Return the degrees of freedom of a variance, by the variance of its logarithm.
+
+    `least`: variance of the logarithm below which it counts as no smaller.
+    """
     # The solution of variance = trigamma(f / 2), about 2 / f + 2 / f^2.
     return float((1.0 + np.sqrt(1.0 + 2.0 * variance)) / max(variance, least))
 

@@ -132,7 +132,6 @@ class Factors:
 
     @cached_property
     def _signals_with_slopes(self) -> Int[np.ndarray, " s"]:
-        """Which signals have a slope."""
         assert self.slopes is not None
         return np.flatnonzero(self.slopes.any(axis=(0, 1, 2)))
 

@@ -16,7 +16,10 @@ MOST_STEPS: Final = 200
 
 
 def root_between(function: Callable[[float], float], low: float, high: float) -> float:
-    """Find a zero of a continuous function between two points where its signs differ."""
+    """Find a zero of a continuous function between two points where its signs differ.
+
+    Raises `ValueError` where the signs are the same.
+    """
     a, b, at_a, at_b = low, high, function(low), function(high)
     if at_a == 0.0:
         return a

@@ -291,7 +291,6 @@ def _thruster_table(found: Variants) -> dict[str, Any]:
 
 
 def _ends_of_draws(values: np.ndarray) -> tuple[float, float]:
-    """Compute the ends between which 95 % of the draws are."""
     low, high = np.quantile(values, [0.025, 0.975])
     return float(low), float(high)
 

@@ -120,7 +120,6 @@ def _full_speed(result: IdentificationResult, law: MotorLaw | None, speed: Speed
 
 
 def _experiment_of(result: IdentificationResult) -> Experiment:
-    """Rebuild the experiment from a result's settings."""
     try:
         return experiment_of_settings(result.settings)
     except (ExperimentError, AttributeError, KeyError, TypeError, ValueError) as error:

@@ -255,7 +255,6 @@ def _order_recording(data: Content, records: Records, event: Event) -> tuple[_Re
 
 
 def _make_channels(recording: _Recording) -> dict[str, _Found]:
-    """Make the channels that the variables allow."""
     makers: dict[str, Callable[[_Recording], _Found | None]] = {
         "gyro": _read_gyro,
         "accel": _read_accel,

@@ -267,7 +267,6 @@ class FlightLog:
 
 
 def _column_names(name: str, channel: Channel) -> list[str]:
-    """Name a channel's columns as the flight table does."""
     count = channel.values.shape[1]
     if count == 1:
         return [name]

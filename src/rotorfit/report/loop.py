@@ -203,7 +203,6 @@ def _margin_table(title: str, rows: Sequence[tuple[str, LoopMeasures]], width: i
 
 
 def _with_ends(measure: Measure, digits: int, factor: float = 1.0) -> str:
-    """Write a number with the ends of its interval."""
     if not math.isfinite(measure.value):
         return "none"
     value, low, high = (

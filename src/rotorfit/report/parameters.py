@@ -406,6 +406,5 @@ def _latex_unit(unit: str) -> str:
 
 
 def _escape_latex(words: str) -> str:
-    """Escape a name for LaTeX."""
     special = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
     return "".join(special.get(c, f"\\{c}" if c in "&%$#_{}" else c) for c in words)

@@ -90,16 +90,10 @@ class Line:
 class Summary:
     """A result in ten lines, by what they are of, with doubts, next step, counts of verdicts.
 
-    Attributes
-    ----------
-    doubts
-        Which numbers may be outside their intervals, and why.
-    notes
-        Other objections of checks, in short.
-    more
-        How many other doubts and notes there are.
-    counts
-        Verdict, how many parameters have it, what it means.
+    - `doubts`: which numbers may be outside their intervals, and why.
+    - `notes`: other objections of checks, in short.
+    - `more`: how many other doubts and notes there are.
+    - `counts`: verdict, how many parameters have it, what it means.
     """
 
     groups: tuple[tuple[str, tuple[Line, ...]], ...]

@@ -61,7 +61,6 @@ def used_flights(result: IdentificationResult) -> tuple[UsedFlightView, ...]:
 
 
 def _group_cuts(flight: FlightRecord, shades: dict[str, int]) -> tuple[Cut, ...]:
-    """Group the cuts by reason."""
     by_reason: dict[str, list[tuple[float, float]]] = {}
     for start, end, reason in flight.cuts:
         by_reason.setdefault(reason, []).append((start, end))

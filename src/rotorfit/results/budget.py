@@ -35,16 +35,11 @@ UNKNOWN_KIND: Final = TermKind(remedy="none", action="unknown to this version of
 class BudgetLine:
     """One contribution to an interval.
 
-    Attributes
-    ----------
-    name, half_width, source
-        As of the interval term; the half-width in the unit of the number.
-    share
-        Of the squared half-width of the number [-]; the shares of all lines add up to 1.
-    remedy
-        What shrinks it: ``fly``, ``measure``, ``declare``, ``log``, ``repair`` or ``none``.
-    action
-        What to do for that.
+    - `name`, `half_width`, `source`: as of the interval term; the half-width in the unit of the
+      number.
+    - `share`: of the squared half-width of the number [-]; the shares of all lines add up to 1.
+    - `remedy`: what shrinks it: ``fly``, ``measure``, ``declare``, ``log``, ``repair`` or ``none``.
+    - `action`: what to do for that.
     """
 
     name: str
@@ -59,14 +54,10 @@ class BudgetLine:
 class Budget:
     """What makes up the interval of one number, the largest contribution first.
 
-    Attributes
-    ----------
-    name, configuration, unit, value, verdict, reason, advice
-        Of the number, as in the result.
-    half_width
-        Half of the 95 % interval; None without an interval.
-    lines
-        The contributions; empty without an interval, and of results of older versions.
+    - `name`, `configuration`, `unit`, `value`, `verdict`, `reason`, `advice`: of the number, as in
+      the result.
+    - `half_width`: half of the 95 % interval; None without an interval.
+    - `lines`: the contributions; empty without an interval, and of results of older versions.
     """
 
     name: str

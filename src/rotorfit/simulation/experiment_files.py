@@ -149,7 +149,6 @@ def runs(where: Bool[np.ndarray, " n"]) -> tuple[Segment, ...]:
 
 
 def _logged_values(flight: SimulatedFlight, channel: LoggedChannel) -> Float[np.ndarray, "n k"]:
-    """Return the measured values of a channel."""
     match channel:
         case "gyro":
             return flight.gyro

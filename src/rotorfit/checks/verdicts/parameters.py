@@ -292,7 +292,6 @@ def _tabulate_parameter(
     judged: Mapping[str, Judgement],
     entries: Sequence[ConfigurationEntry],
 ) -> Parameter:
-    """Tabulate one parameter with its verdict."""
     base, _, owner = name.partition("@")
     entry = next((e for e in entries if e.name == owner), entries[0])
     shown = number_parameter(name, numbers, judged[name], owner=owner or None, entry=entry)

@@ -108,7 +108,6 @@ def _refuse_falling(table: tuple[tuple[float, float], ...]) -> None:
 
 
 def _convert_to_law(table: LawTable) -> MotorLaw:
-    """Convert a table to its law."""
     voltage = None if table.voltage is None else VoltageFactor(**table.voltage.model_dump())
     known = table.model_dump(exclude={*CURVES, "voltage"})
     return MotorLaw(curve=_curve_of(table), voltage=voltage, **known)

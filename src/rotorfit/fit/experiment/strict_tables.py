@@ -70,7 +70,6 @@ def _is_echo(detail: ErrorDetails) -> bool:
 
 
 def _describe_problem(place: str, details: list[ErrorDetails], known: list[str]) -> str:
-    """Describe the problem at one place."""
     detail = details[0]
     if detail["type"] == "extra_forbidden":
         key = str(detail["loc"][-1])

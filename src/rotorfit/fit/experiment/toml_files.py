@@ -143,7 +143,6 @@ def _other_kind(path: Path) -> str | None:
 
 
 def _count_values(tables: Mapping[str, Any]) -> int:
-    """Count the values at any depth."""
     count, left = 0, list[Any](tables.values())
     while left:
         value = left.pop()

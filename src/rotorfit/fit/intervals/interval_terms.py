@@ -132,14 +132,9 @@ class IntervalTerm:
 class NumberTerm:
     """One contribution to the 95 % interval of one number.
 
-    Attributes
-    ----------
-    name
-        Of the contribution: ``noise``, ``motor lag``, ``arm lengths`` ...
-    half_width
-        In the unit of the number.
-    source
-        What measured it: the scatter of blocks, a declared tolerance ...
+    - `name`: of the contribution: ``noise``, ``motor lag``, ``arm lengths`` ...
+    - `half_width`: in the unit of the number.
+    - `source`: what measured it: the scatter of blocks, a declared tolerance ...
     """
 
     name: str

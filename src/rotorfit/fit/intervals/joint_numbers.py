@@ -130,7 +130,6 @@ def _frame_drag_term(
     configurations: Sequence[JointConfiguration],
     jacobian: Float[np.ndarray, "q f"],
 ) -> IntervalTerm:
-    """Return the term of the drag of a frame that the model lacks."""
     shifts = frame_drag_shifts(fit, configurations) @ jacobian.T
     return IntervalTerm(
         name="drag of the frame",

@@ -129,7 +129,6 @@ def recording_of(flights: Sequence[Sequence[MeasuredResponse]]) -> Recording | N
 
 
 def _mark_fitted_speeds(response: MeasuredResponse) -> Bool[np.ndarray, " m"]:
-    """Mark the speeds of a stretch that are fitted."""
     time = response.speed_time
     step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     stride = max(int(1.0 / (FASTEST * step)), 1) if step > 0.0 else 1

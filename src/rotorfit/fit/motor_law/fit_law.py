@@ -191,7 +191,6 @@ def _with_voltage(prepared: PreparedRecording, best: FormFit, scale: float) -> F
 def _refit_layout(
     prepared: PreparedRecording, layout: Layout, fit: FormFit, scale: float
 ) -> FormFit:
-    """Fit another layout from where a fit ended."""
     return finish_form(prepared, search_form(prepared, layout, fit, scale), scale)
 
 
@@ -299,7 +298,6 @@ def _command_noise(logged: Recording) -> float:
 
 
 def _drop_standing_rotors(recording: Recording) -> Recording:
-    """Drop the speeds of rotors that stand."""
     if not len(recording.speed):
         return recording
     used = recording.speed > STOPPED * float(np.median(recording.speed))

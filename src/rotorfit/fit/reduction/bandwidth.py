@@ -332,7 +332,6 @@ def _likelihoods_of_gains(
     *,
     careful: bool,
 ) -> Float[np.ndarray, " t"]:
-    """Compute the log-likelihood of a channel behind each gain."""
     y, x, made = channel
     k, place = x.shape[2], np.digitize(frequency, EDGES)
     band = (place[:, None] == np.unique(place)).astype(float)

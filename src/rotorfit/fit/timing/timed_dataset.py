@@ -202,7 +202,6 @@ class TimedDataset(Dataset):
 
 
 def _factors_of_flights(flights: Sequence[Sequence[BandLines]], layout: SignalLayout) -> Factors:
-    """Factor the lines of all flights of a configuration."""
     return stack_recordings([factors_of_lines(lines, layout) for lines in flights])
 
 

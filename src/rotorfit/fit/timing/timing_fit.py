@@ -441,7 +441,6 @@ def timing_with_deviations(
 def _std_of_combinations(
     fit: BandedEstimate, combinations: Mapping[str, Float[np.ndarray, " f"]]
 ) -> dict[str, float]:
-    """Compute the deviations of combinations of parameters."""
     rows = np.array(list(combinations.values()))
     chance = random_half_width(fit, rows, formal_covariance(fit, rows))
     by_response = np.abs(response_sensitivity(fit) @ rows.T).sum(axis=0)

@@ -107,7 +107,6 @@ def _coarse_search(dataset: TimedDataset, unknown: Collection[str]) -> MotorResp
 
 
 def _has_turns(dataset: Dataset) -> bool:
-    """Return whether any flight turns at all."""
     flights = [flight for c in dataset.configurations for flight in c.flights]
     return any(bool(f.prepared.data.angular_acceleration.any()) for f in flights)
 

@@ -76,12 +76,8 @@ DOUBTED = 2.58
 class Balance:
     """k_t from changes of thrust and k_t from the weight.
 
-    Attributes
-    ----------
-    changes
-        By changes of thrust; None if they are not informative.
-    weight
-        By what carries the weight.
+    - `changes`: by changes of thrust; None if they are not informative.
+    - `weight`: by what carries the weight.
     """
 
     changes: Measured | None

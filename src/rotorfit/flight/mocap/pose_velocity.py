@@ -107,7 +107,6 @@ def _bridge_losses(
 def _interpolate_between(
     at: Float[np.ndarray, " m"], time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, "m k"]:
-    """Interpolate values at other times."""
     result = np.empty((len(at), values.shape[1]))
     for k in range(values.shape[1]):
         result[:, k] = np.interp(at, time, values[:, k])

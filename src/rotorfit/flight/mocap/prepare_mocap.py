@@ -92,22 +92,13 @@ SLOWEST = 60.0
 class _Frames:
     """Pose and motors on the clock of the cameras, low-passed.
 
-    Attributes
-    ----------
-    rate, cutoff
-        Frames per second, and of the low-pass [Hz].
-    time
-        The frames that are kept [s]; the steps over gaps are longer.
-    motion
-        The motion by the pose.
-    motors
-        Recorded motor channel.
-    runs
-        Start and stop of the runs without gaps.
-    motor_rate, motor_std
-        True rate of the motor channel [Hz], and its white noise.
-    gaps
-        Start and end [s] of what is missing, and of which channel.
+    - `rate`, `cutoff`: frames per second, and of the low-pass [Hz].
+    - `time`: the frames that are kept [s]; the steps over gaps are longer.
+    - `motion`: the motion by the pose.
+    - `motors`: recorded motor channel.
+    - `runs`: start and stop of the runs without gaps.
+    - `motor_rate`, `motor_std`: true rate of the motor channel [Hz], and its white noise.
+    - `gaps`: start and end [s] of what is missing, and of which channel.
     """
 
     rate: float

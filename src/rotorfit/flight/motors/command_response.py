@@ -193,7 +193,6 @@ def _gap_free_responses(
     volts: tuple[Float[np.ndarray, " v"], Float[np.ndarray, " v"]] | None,
     span: Span,
 ) -> Iterator[MeasuredResponse]:
-    """Yield the stretches of a span in which the commands have no gap."""
     time, command = commands
     if len(time) < 2:
         return

@@ -180,7 +180,6 @@ def shift_time(
 
 
 def _lagrange_weights(part: float, nodes: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """Return Lagrange's weights of the nodes at a place between them."""
     powers = part ** np.arange(len(nodes))
     weights: Float[np.ndarray, " k"] = _lagrange_polynomials(tuple(nodes.tolist())) @ powers
     return weights

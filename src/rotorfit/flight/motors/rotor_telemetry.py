@@ -204,7 +204,6 @@ def _rotor_state(
 
 
 def _band_pass(values: Float[np.ndarray, "n k"], rate: float) -> Float[np.ndarray, "n k"]:
-    """Band-pass the values to the band that is compared."""
     low, high = BAND
     slow = values - smooth(values, rate, low)
     return smooth(slow, rate, high) if high < 0.4 * rate else slow

@@ -234,7 +234,6 @@ def _read_window(
 
 
 def _join_parts(parts: list[_Written], letters: str, kept: Header) -> _Written:
-    """Join the frames of all parts of the log."""
     if not parts:
         none, width = np.zeros(0, np.int32), len(kept.frames[letters[0]].names)
         no = np.zeros(0, bool)

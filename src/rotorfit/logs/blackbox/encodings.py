@@ -383,7 +383,6 @@ def _decode_stretches(
 
 
 def _columns_of_predictor(definition: FrameDefinition, predictor: Predictor) -> list[int]:
-    """Find the fields with a predictor."""
     return [i for i, p in enumerate(definition.predictors) if p == predictor]
 
 

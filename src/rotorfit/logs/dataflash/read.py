@@ -321,7 +321,6 @@ def _describe_shuffled(messages: Messages, names: Container[str]) -> list[str]:
 
 
 def _warn_of_changes(settings: Parameters) -> list[str]:
-    """Warn where parameters that matter were changed in flight."""
     prefixes = ("MOT_PWM", "MOT_SPIN", "MOT_THST_EXPO", "FRAME", "INS_GYRO_F", "INS_ACCEL_F")
     names = [n for n in settings.changed if n.startswith(prefixes)]
     names += [n for n in settings.changed if n.startswith("SERVO") and n.endswith("_FUNCTION")]

@@ -200,7 +200,6 @@ def _note_aims(taken: Mapping[str, Candidate]) -> list[str]:
 
 
 def _sha256_of_files(files: Sequence[Path]) -> str:
-    """Compute the SHA-256 of the files one after the other."""
     digest = hashlib.sha256()
     for file in files:
         with file.open("rb") as opened:

@@ -395,7 +395,6 @@ def _ordered_topics(reading: _Reading) -> tuple[dict[str, tuple[Topic, ...]], in
 
 
 def _array_lengths(row: Row | None) -> dict[str, int]:
-    """Return the declared lengths of the arrays in a row."""
     dtype = np.dtype([]) if row is None else row.dtype
     inner = {name: dtype[name] for name in dtype.names or ()}
     return {name: int(dtype.shape[0]) for name, dtype in inner.items() if dtype.shape}

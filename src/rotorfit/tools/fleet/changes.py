@@ -242,7 +242,6 @@ def _best_model(series: Sequence[_Series], log_weight: Float[np.ndarray, " s"]) 
 
 
 def _with_one_less(model: Model) -> list[Model]:
-    """List the models without one of the changes."""
     return [
         (*model[:g], tuple(row for row in rows if row != left), *model[g + 1 :])
         for g, rows in enumerate(model)

@@ -183,7 +183,6 @@ def _record_of_numbers(
 
 
 def _numbers_of_result(result: IdentificationResult) -> dict[str, Number]:
-    """Return every parameter and derived number of a result."""
     found: dict[str, Number] = {}
     for entry in (*result.parameters, *result.derived):
         value, std = (NAN if v is None else v for v in (entry.value, entry.std))

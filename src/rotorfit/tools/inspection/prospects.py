@@ -99,25 +99,17 @@ class Excitation:
 class Thrust:
     """The excitation of thrust, and the coefficient that carries the weight.
 
-    Attributes
-    ----------
-    change
-        Deviation of the thrust over its mean.
-    from_changes, from_weight
-        kt per kilogram by changes of thrust and by the weight; None without a long stretch.
-    agree
-        Whether the two agree within what an estimate allows.
-    ratio
-        Changes of thrust over the weight; None without a long stretch.
-    width
-        Expected half of the 95 % interval, over the value; None: unbounded.
-    followed
-        Whether the vehicle turns with the motor data at all: else commands may be no rotor speeds.
-    law_reach
-        Share by which changes of thrust, with which inertia goes, are open for the law.
-    law_full
-        Share by which the thrust at full command is open for a law that is unknown, or stated by
-        settings of the firmware.
+    - `change`: deviation of the thrust over its mean.
+    - `from_changes`, `from_weight`: kt per kilogram by changes of thrust and by the weight; None
+      without a long stretch.
+    - `agree`: whether the two agree within what an estimate allows.
+    - `ratio`: changes of thrust over the weight; None without a long stretch.
+    - `width`: expected half of the 95 % interval, over the value; None: unbounded.
+    - `followed`: whether the vehicle turns with the motor data at all: else commands may be no
+      rotor speeds.
+    - `law_reach`: share by which changes of thrust, with which inertia goes, are open for the law.
+    - `law_full`: share by which the thrust at full command is open for a law that is unknown, or
+      stated by settings of the firmware.
     """
 
     change: float
@@ -148,16 +140,11 @@ class Thrust:
 class Commands:
     """Possible faults of commands in place of speeds.
 
-    Attributes
-    ----------
-    law_known
-        Whether the log states how speed goes with the command.
-    limited
-        Share of the flight in which a command is 0 or 1.
-    lag, seen_lag
-        With which the commands explain the turns best, and by which the vehicle responds [s].
-    rate
-        Of the slowest of commands and IMU [Hz].
+    - `law_known`: whether the log states how speed goes with the command.
+    - `limited`: share of the flight in which a command is 0 or 1.
+    - `lag`, `seen_lag`: with which the commands explain the turns best, and by which the vehicle
+      responds [s].
+    - `rate`: of the slowest of commands and IMU [Hz].
     """
 
     law_known: bool

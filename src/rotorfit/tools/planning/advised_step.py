@@ -12,19 +12,12 @@ Kind = Literal["log", "declare", "fly", "done"]
 class NextStep:
     """The one thing to do next.
 
-    Attributes
-    ----------
-    kind
-        ``log``: set the log; ``declare``: mend what was declared, or the vehicle; ``fly``: a
-        manoeuvre; ``done``: nothing that a simple flight betters.
-    action
-        What to do.
-    because
-        Why this comes before any flying; None for the others.
-    gain
-        What it gives, such as ``kd from +-18 to +-6 %``; None if that is not predicted.
-    numbers
-        Names of the numbers that it is for.
+    - `kind`: ``log``: set the log; ``declare``: mend what was declared, or the vehicle; ``fly``: a
+      manoeuvre; ``done``: nothing that a simple flight betters.
+    - `action`: what to do.
+    - `because`: why this comes before any flying; None for the others.
+    - `gain`: what it gives, such as ``kd from +-18 to +-6 %``; None if that is not predicted.
+    - `numbers`: names of the numbers that it is for.
     """
 
     kind: Kind

@@ -360,7 +360,6 @@ def _sum_tables(one: Mapping[str, float], other: Mapping[str, float]) -> dict[st
 
 
 def _free_values(truth: Truth) -> dict[str, float]:
-    """Return the free parameters that are not zero."""
     values = truth.parameters()
     shared = {name: values[name] for name in ("kt", "kd", "Jr")}
     return shared | {f"{name}@{BARE}": values[name] for name in MOMENTS}
