@@ -415,14 +415,12 @@ def counted(step: str) -> Generator[Callable[[int, int], None]]:
 def paced(
     step: str, *, every: float = EVERY, clock: Clock = time.monotonic
 ) -> Generator[Callable[[int, int], None]]:
-    """Yield a function that shows how many of how many are done, how fast, and how long it takes.
-
-    The pace is until now, not until the last that was done: one may take long.
-    """
+    """Yield a function that shows how many of how many are done, how fast, and how long yet."""
     recent, left = deque([(clock(), 0)]), 0
 
     def pace() -> str:
         (first, before), (_, done) = recent[0], recent[-1]
+        # Until now, not until the last that was done: one may take long.
         rate = (done - before) / max(clock() - first, 1e-3)
         if rate <= 0.0:
             return ""

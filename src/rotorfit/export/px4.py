@@ -154,16 +154,14 @@ def _thrust_remarks(model: VehicleModel) -> list[str]:
 
 
 def write_px4_gazebo(model: VehicleModel, head: Sequence[str]) -> str:
-    """Write the outputs of PX4 in Gazebo: rotor speed in rad/s at no and at full command.
-
-    There the speed is linear in the output, whatever the vehicle's ESCs make of theirs.
-    """
+    """Write the outputs of PX4 in Gazebo: rotor speed in rad/s at no and at full command."""
     count, idle, full = len(model.rotors), _idle_speed(model), model.max_speed
     if count > SIM_CHANNELS:
         raise OutputError(
             f"{count} rotors, but PX4 has {SIM_CHANNELS} outputs to Gazebo (SIM_GZ_EC_*); fly it "
             "in MuJoCo or another simulator instead"
         )
+    # In Gazebo the speed is linear in the output, whatever the vehicle's ESCs make of theirs.
     linear = thrust_curve(MotorLaw(curve=PolynomialCurve((idle, full - idle))))
     outputs: list[Parameter] = []
     for i in range(1, count + 1):

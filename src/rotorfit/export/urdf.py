@@ -55,11 +55,7 @@ def write_urdf(model: VehicleModel, head: Sequence[str]) -> str:
 
 
 def write_gym_pybullet_drones(model: VehicleModel, head: Sequence[str]) -> str:
-    """Write the URDF of gym-pybullet-drones, which takes PyBullet's principal axes for the body's.
-
-    PyBullet 3.2.7 returns the attitude of the principal axes of the base, and the package flies by
-    it: with products of inertia a level vehicle would read as tilted. They are left out.
-    """
+    """Write the URDF of gym-pybullet-drones, which flies by PyBullet's principal axes."""
     order = _gym_order(model)
     rotors = [model.rotors[i] for i in order]
     products = ", ".join(
@@ -75,6 +71,8 @@ def write_gym_pybullet_drones(model: VehicleModel, head: Sequence[str]) -> str:
         "properties that are left out: drag, ground effect and downwash are off (0), "
         f"max_speed_kmh is {GYM_SPEED:g}",
     )
+    # PyBullet 3.2.7 returns the attitude of the principal axes of the base, and the package flies
+    # by it: with products of inertia a level vehicle would read as tilted.
     diagonal = replace(model, inertia_com=np.diag(np.diag(model.inertia_com)))
     return _robot_element(diagonal, with_notes(head, *remarks), rotors, _properties_element(model))
 

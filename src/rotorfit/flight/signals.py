@@ -103,11 +103,9 @@ def _keep_sudden(x: Float[np.ndarray, " n"], far: Bool[np.ndarray, " n"]) -> Boo
 
 
 def whole_samples(count: float) -> int:
-    """Count the whole samples in a rate times a duration.
-
-    A rate is known up to rounding, which grows with the time at which its clock begins: where the
-    count is a whole number, it must not decide about one sample more or less.
-    """
+    """Count the whole samples in a rate times a duration."""
+    # A rate is known up to rounding, which grows with the time at which its clock begins: where the
+    # count is a whole number, it must not decide about one sample more or less.
     return int(np.floor(count + SLACK))
 
 
@@ -140,14 +138,12 @@ def running_mean(
 def central_difference(
     values: Float[np.ndarray, "n k"], sample_rate: float
 ) -> Float[np.ndarray, "n k"]:
-    """Difference over two samples, per second; one-sided at both ends.
-
-    This is the mean of the derivative over the two samples it spans. Averaging the other columns
-    of an equation with [1 4 1]/6 (Simpson's rule over the same span) keeps the equation true to
-    fourth order.
-    """
+    """Difference over two samples, per second; one-sided at both ends."""
     result = np.empty_like(values)
     inner = result[1:-1]
+    # The mean of the derivative over the two samples it spans. Averaging the other columns of an
+    # equation with [1 4 1]/6 (Simpson's rule over the same span) keeps the equation true to fourth
+    # order.
     np.subtract(values[2:], values[:-2], out=inner)
     inner *= 0.5 * sample_rate
     result[0] = (values[1] - values[0]) * sample_rate
@@ -223,12 +219,7 @@ def share_at_limit(values: Float[np.ndarray, "n k"], least: float, *, repeats: i
 def at_limit(
     values: Float[np.ndarray, "n k"], least: float, *, repeats: int = 1
 ) -> Bool[np.ndarray, " n"]:
-    """Mark samples that a sensor's range cut off; sizes below `least` are no limit.
-
-    Such stand at one extreme three times in a row or more (times `repeats`, if the recorder writes
-    each sample so often), and come to it or leave it steeply. A rounded peak stands still for a
-    while, too, but a step of the resolution above its neighbours.
-    """
+    """Mark samples that a sensor's range cut off; sizes below `least` are no limit."""
     stuck = np.zeros(len(values), dtype=bool)
     for column in values.T:
         steps = np.abs(np.diff(column))
@@ -240,6 +231,10 @@ def at_limit(
                 continue
             for a, b in true_runs(np.abs(column - extreme) <= 1e-4 * abs(extreme)):
                 neighbours = steps[[k for k in (a - 1, b - 1) if 0 <= k < len(steps)]]
+                # Samples at a limit stand at one extreme three times in a row or more (times
+                # `repeats`, if the recorder writes each sample so often), and come to it or leave
+                # it steeply. A rounded peak stands still for a while, too, but a step of the
+                # resolution above its neighbours.
                 stuck[a:b] |= b - a >= LIMIT_RUN * repeats and bool((neighbours > steep).any())
     return stuck
 
@@ -251,12 +246,7 @@ ORDER = 4
 def low_pass(
     values: Float[np.ndarray, "n k"], sample_rate: float, cutoff: float
 ) -> Float[np.ndarray, "n k"]:
-    r"""Filter by a zero-phase Butterworth low-pass, forward and backward in one.
-
-    Its gain is :math:`1 / (1 + (\sqrt 2 - 1)(f/f_c)^8)`, 3 dB at the cut-off, whatever the sample
-    rate: two channels on different clocks see the same filter, which a recursive filter would not
-    give them near half their rates. The ends are continued by point reflection.
-    """
+    """Filter by a zero-phase Butterworth low-pass, forward and backward in one."""
     n = len(values)
     pad = min(n - 1, whole_samples(4.0 * sample_rate / cutoff))
     wide = np.concatenate(
@@ -270,6 +260,8 @@ def low_pass(
     size = len(wide)
     ramp = np.linspace(0.0, 1.0, size)[:, None] * (wide[-1] - wide[0])
     frequency = np.fft.rfftfreq(size, 1.0 / sample_rate)
+    # The gain is 3 dB at the cut-off, whatever the sample rate: two channels on different clocks
+    # see the same filter, which a recursive filter would not give them near half their rates.
     gain = (1.0 + (np.sqrt(2.0) - 1.0) * (frequency / cutoff) ** (2 * ORDER)) ** -1.0
     lines = np.fft.rfft(wide - ramp, axis=0) * gain[:, None]
     return (np.fft.irfft(lines, n=size, axis=0) + ramp)[pad : pad + n]

@@ -59,17 +59,14 @@ def windowed_lines(
 
 
 def prominent_peaks(level: Float[np.ndarray, " n"], least: float) -> list[tuple[int, float]]:
-    """Find local maxima, with how far each rises over the higher of the valleys beside it.
-
-    A valley reaches to the nearest higher sample on its side, or to the end. Of a flat maximum the
-    middle is taken; those that rise less than `least` are left out.
-    """
+    """Find local maxima, with how far each rises over the higher of the valleys beside it."""
     starts = np.flatnonzero(np.diff(level, prepend=np.nan) != 0.0)
     tops = level[starts]
     highest = 1 + np.flatnonzero((tops[1:-1] > tops[:-2]) & (tops[1:-1] > tops[2:]))
     found: list[tuple[int, float]] = []
     for run in highest:
         at = int(starts[run] + starts[run + 1] - 1) // 2
+        # A valley reaches to the nearest higher sample on its side, or to the end.
         higher = np.flatnonzero(level > level[at])
         place = int(np.searchsorted(higher, at))
         first = int(higher[place - 1]) if place else 0

@@ -45,14 +45,12 @@ def window_runs(uniform: UniformChannels, window: Window) -> tuple[tuple[int, in
 def window_rows(
     time: Float[np.ndarray, " n"], sample_rate: float, window: Window
 ) -> tuple[int, int]:
-    """Convert the user's start and end to first row and stop (exclusive).
-
-    A start or end upon a sample means that sample, however its time is rounded.
-    """
+    """Convert the user's start and end to first row and stop (exclusive)."""
     edges = (
         -np.inf if window[0] is None else window[0],
         np.inf if window[1] is None else window[1],
     )
+    # A start or end upon a sample means that sample, however its time is rounded.
     since_start = time - time[0] + JITTER_STEPS / sample_rate
     first, stop = (int(np.searchsorted(since_start, edge)) for edge in edges)
     return first, stop

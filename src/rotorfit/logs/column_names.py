@@ -254,12 +254,10 @@ def _kind_of_rest(
 
 
 def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candidate]:
-    """Group columns by the words of their names, those that are named by hand first.
-
-    A canonical name that is given an empty one leaves its kind out.
-    """
+    """Group columns by the words of their names, those that are named by hand first."""
     groups: dict[tuple[str, str], dict[int, str]] = {}
     units: dict[tuple[str, str], str | None] = {}
+    # A canonical name that is given an empty one leaves its kind out.
     left_out = {_place_of_name(canonical)[0] for canonical, name in named.items() if not name}
     for canonical, name in named.items():
         kind, index = _place_of_name(canonical)

@@ -167,12 +167,7 @@ def _read_name(data: Content, position: int) -> tuple[str, int]:
 
 
 def find_records(data: Content) -> Records:
-    """Find the records of a log.
-
-    Runs of one event, which nearly all logs consist of, are found by NumPy. At a number that no
-    event has, or a time that cannot follow, the search goes on at the next place from which some
-    records follow each other; the record before is dropped, since its bytes may be others'.
-    """
+    """Find the records of a log."""
     header = read_header(data)
     checksum = _checksum_matches(data)
     # An unfinished file has no CRC: its last bytes are looked at like the others.
@@ -193,6 +188,9 @@ def find_records(data: Content) -> Records:
             position += count * walk.sizes[walk.number(position)]
             last = time
             continue
+        # At a number that no event has, or a time that cannot follow, the search goes on at the
+        # next place from which some records follow each other; the record before is dropped, since
+        # its bytes may be others'.
         following = _next_place(walk, position + 1, last)
         if following is None:
             break

@@ -78,15 +78,13 @@ Content = bytes | mmap.mmap
 
 
 def open_mapped(path: Path) -> Content:
-    """Return a file as bytes that come into memory when they are looked at.
-
-    Where the system maps no files, as in a browser, they are in memory at once.
-    """
+    """Return a file as bytes that come into memory when they are looked at."""
     read_head(path, 1)  # refuses what cannot be read
     try:
         with path.open("rb") as file:
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except (OSError, ValueError):  # ValueError: emptied since
+        # Where the system maps no files, as in a browser, they are in memory at once.
         return read_bytes(path)
 
 

@@ -96,12 +96,10 @@ def asked_for(settings: Iterable[Setting], lacks: Set[Lack]) -> tuple[Setting, .
 
 
 def with_value(setting: Setting, value: str | None) -> tuple[Setting, ...]:
-    """Give a setting its value for this log; empty if the log has it already.
-
-    The number stands first in the words, where it is known.
-    """
+    """Give a setting its value for this log; empty if the log has it already."""
     if value is None:
         return ()
+    # The number stands first in the words, where it is known.
     number = value.partition(",")[0]
     exact = number if number.removeprefix("-").isdecimal() else None
     return (replace(setting, value=value, new=exact),)
@@ -120,11 +118,7 @@ def logged_integer(metadata: Mapping[str, str], name: str) -> int | None:
 
 
 def bits_set(current: int | None, bits: Mapping[int, str]) -> str | None:
-    """Return the value that sets some bits and keeps those of `current`; None if all are set.
-
-    Such as ``"917503, which adds raw IMU (bit 19)"``. Never "add so much": a bit that is set
-    already would carry over and clear others. Negative values are two's complements.
-    """
+    """Return the value that sets some bits and keeps those of `current`; None if all are set."""
     known = 0 if current is None else current
     missing = {bit: what for bit, what in sorted(bits.items()) if not known >> bit & 1}
     if not missing:
@@ -132,6 +126,8 @@ def bits_set(current: int | None, bits: Mapping[int, str]) -> str | None:
     words = ", ".join(f"{what} (bit {bit})" for bit, what in missing.items())
     if current is None:
         return f"what it is with {words} ticked, too (do not add numbers)"
+    # Never "add so much": a bit that is set already would carry over and clear others. Negative
+    # values are two's complements.
     return f"{known | sum(1 << bit for bit in missing)}, which adds {words}"
 
 

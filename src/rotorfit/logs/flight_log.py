@@ -71,15 +71,13 @@ def pieces(count: int, *, longest: int = LONG) -> list[slice]:
 
 
 def in_order(stamps: Shaped[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Select the samples to keep, so that time never goes back.
-
-    A wrong time is either too early or too late: left out are those earlier than one before, or
-    those later than one after, whichever are fewer.
-    """
+    """Select the samples to keep, so that time never goes back."""
     early = stamps < np.maximum.accumulate(stamps)
     if not early.any():
         return ~early
     late = stamps > np.minimum.accumulate(stamps[::-1])[::-1]
+    # A wrong time is either too early or too late: left out are those earlier than one before, or
+    # those later than one after, whichever are fewer.
     return ~early if np.count_nonzero(early) <= np.count_nonzero(late) else ~late
 
 

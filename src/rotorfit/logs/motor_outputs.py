@@ -26,12 +26,7 @@ _BY_CHANCE: Final = 0.25
 
 
 def motor_outputs(command: Channel, gyro: Channel, accel: Channel) -> Bool[np.ndarray, " k"] | None:
-    """Select the outputs that drive motors; None if the flight does not show it.
-
-    Thrust and angular accelerations follow each motor by itself, through the loop that flies the
-    vehicle; a servo, a gimbal or a pilot's channel moves by itself. An output is left out where
-    it explains a quarter of what each other one does, and those are as many as a multirotor has.
-    """
+    """Select the outputs that drive motors; None if the flight does not show it."""
     if command.values.shape[1] <= min(MOTOR_COUNTS) or len(command.time) < _FEWEST:
         return None
     step = float(np.median(np.diff(command.time)))
@@ -58,6 +53,10 @@ def motor_outputs(command: Channel, gyro: Channel, accel: Channel) -> Bool[np.nd
         if count == len(share) - 1 and len(share) in MOTOR_COUNTS:
             continue
         kept, others = share[order[:count]], share[order[count:]]
+        # Thrust and angular accelerations follow each motor by itself, through the loop that flies
+        # the vehicle; a servo, a gimbal or a pilot's channel moves by itself. An output is left out
+        # where it explains a quarter of what each other one does, and those are as many as a
+        # multirotor has.
         if len(others) and kept.min() > _CLEAR and others.max() < _BY_CHANCE * kept.min():
             return np.isin(np.arange(len(share)), order[:count])
     return None

@@ -178,11 +178,9 @@ def vectors_to_flu(vectors: Float[np.ndarray, "n 3"], axes: Axes) -> Float[np.nd
 def attitude_to_flu(
     attitude_wxyz: Float[np.ndarray, "n 4"], axes: Axes
 ) -> Float[np.ndarray, "n 4"]:
-    """Turn body-to-world quaternions to FLU axes and z up.
-
-    With D the half turn about x on both ends, R' = D R D: the same angle about the turned axis.
-    """
+    """Turn body-to-world quaternions to FLU axes and z up."""
     turn = np.concatenate([[1.0], _HALF_TURN_ABOUT_X])
+    # With D the half turn about x on both ends, R' = D R D: the same angle about the turned axis.
     return attitude_wxyz if axes == "FLU" else attitude_wxyz * turn
 
 

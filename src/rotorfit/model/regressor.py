@@ -101,16 +101,14 @@ def regressor(
 
 
 def imu_lever(vehicle: Vehicle, layout: SignalLayout) -> Float[np.ndarray, "z z"]:
-    """Return the map from signals with the force at the IMU to signals with it at the origin.
-
-    For an IMU at p the accelerometer reads alpha + dw x p + w x (w x p), which is linear in the
-    signals of the same sample.
-    """
+    """Return the map from signals with the force at the IMU to signals with it at the origin."""
     lever = np.eye(len(layout))
     p = vehicle.imu_position
     if p is None:
         return lever
     moved = body_first_moments(vehicle, layout)
     for component, name in zip(p, ("msx", "msy", "msz"), strict=True):
+        # For an IMU at p the accelerometer reads alpha + dw x p + w x (w x p), which is linear in
+        # the signals of the same sample.
         lever[:3] -= component * moved[name][:3]
     return lever

@@ -103,10 +103,7 @@ def verdict(loop: AxisLoop) -> str:
 
 
 def limit_words(found: LoopMeasures) -> str:
-    """State which changes of a stable loop make it oscillate: delay, higher and lower gain.
-
-    A lower gain is named where it does so after a smaller change than a higher one.
-    """
+    """State which changes of a stable loop make it oscillate: delay, higher and lower gain."""
     delay, gain, lower = found.delay, found.gain, found.lower_gain
     limits: list[str] = []
     if math.isfinite(delay.value):
@@ -114,6 +111,7 @@ def limit_words(found: LoopMeasures) -> str:
         limits.append(later)
     if math.isfinite(gain.value):
         limits.append(f"its gain {gain.value:.1f} times higher (at least {gain.low:.1f})")
+    # A lower gain is named where it does so after a smaller change than a higher one.
     if lower.value * (gain.value if math.isfinite(gain.value) else math.inf) > 1.0:
         limits.append(f"its gain fell to {lower.value:.2f} times (at most {lower.high:.2f})")
     if not limits:

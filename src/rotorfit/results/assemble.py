@@ -150,14 +150,13 @@ def _without_value(
 
 
 def mark_doubtful(tables: ResultTables) -> ResultTables:
-    """Judge the derived numbers, and mark the numbers that a finding doubts as doubtful.
-
-    Numbers for which flying is useless get the finding's next step in place of a manoeuvre.
-    """
+    """Judge the derived numbers, and mark the numbers that a finding doubts as doubtful."""
     disowning = [one for one in tables.every_finding if one.doubtful_because is not None]
     useless = [one for one in tables.findings if one.useless_because is not None]
     parameters = tuple(
-        _advised_first(_judged_again(p, disowning), useless) for p in tables.parameters
+        # Numbers for which flying is useless get the finding's next step in place of a manoeuvre.
+        _advised_first(_judged_again(p, disowning), useless)
+        for p in tables.parameters
     )
     derived = (_derived_again(d, disowning) for d in judged_derived(parameters, tables.derived))
     return dataclasses.replace(tables, parameters=parameters, derived=tuple(derived))

@@ -87,12 +87,7 @@ def joint_tables(fit: Fit, findings: Sequence[Finding] = ()) -> ResultTables:
 def joint_covariance(
     fit: Fit, known: Sequence[str], times: Sequence[Parameter]
 ) -> tuple[tuple[str, ...], Float[np.ndarray, "p p"]]:
-    """Compute the covariance of numbers and of the motors' times that were fitted with them.
-
-    The fit says how they go together. Each number keeps the deviation of its interval, and the
-    times keep theirs and that of their sum, the best known of them. Without fitted times: of the
-    numbers alone.
-    """
+    """Compute the covariance of numbers and of the motors' times that were fitted with them."""
     timing, estimate = fit.dataset.motor_timing, fit.estimate.estimate
     stated = {p.name: p.std or 0.0 for p in times}
     free = [name for name in SUMMED if name in estimate.names and name in stated]
@@ -109,6 +104,8 @@ def joint_covariance(
     spread = np.sqrt(np.diagonal(fitted)[:n])
     half = np.array([fit.numbers.number(name)[1] for name in known])
     turn = np.zeros((n + len(times), n + len(free)))
+    # Each number keeps the deviation of its interval, and the times keep theirs and that of their
+    # sum, the best known of them.
     turn[:n, :n] = np.diag(half / 1.96 / np.where(spread > 0.0, spread, 1.0))
     wanted = _of_sum(timing.total_std, [stated[name] for name in free])
     widened = np.linalg.cholesky(wanted) @ np.linalg.inv(np.linalg.cholesky(fitted[n:, n:]))

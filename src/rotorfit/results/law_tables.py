@@ -321,13 +321,11 @@ def _voltage_table(fitted: LawFromSpeeds) -> dict[str, float] | None:
 
 
 def voltage_exponent(found: tuple[float, float] | None) -> Measured:
-    """Weigh the exponent that flights tell, with half of its interval, against the usual one.
-
-    Where they differ by more than their deviations allow, that of the mean grows with it (Birge).
-    """
+    """Weigh the exponent that flights tell, with half of its interval, against the usual one."""
     if found is None:
         return USUAL_EXPONENT
     own = Measured(value=found[0], std=found[1] / 1.96)
+    # Where they differ by more than their deviations allow, that of the mean grows with it (Birge).
     return USUAL_EXPONENT.reconciled_with(own)
 
 

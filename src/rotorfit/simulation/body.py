@@ -190,15 +190,13 @@ def rigid_body(truth: Truth, vehicle: Vehicle | None = None) -> RigidBody:
 
 
 def rotor_air(truth: Truth, vehicle: Vehicle) -> RotorAir | None:
-    """Collect what the air does to moving rotors; None if it does nothing.
-
-    In hover each rotor carries its share of the weight: m g / N = 2 rho pi (D/2)^2 v_h^2.
-    """
+    """Collect what the air does to moving rotors; None if it does nothing."""
     if not (truth.rotor_drag or truth.inflow or any(truth.wake_moment)):
         return None
     hover = 0.0
     if truth.propeller > 0.0:
         disks = len(vehicle.rotors) * pi * (truth.propeller / 2.0) ** 2
+        # In hover each rotor carries its share of the weight: m g / N = 2 rho pi (D/2)^2 v_h^2.
         hover = sqrt(truth.mass * GRAVITY / (2.0 * AIR_DENSITY * disks))
     return RotorAir(
         places=tuple(rotor.position for rotor in vehicle.rotors),
@@ -456,13 +454,11 @@ def lagged(
     command: Float[np.ndarray, " N"],
     decay: Decay,
 ) -> Float[np.ndarray, "k N"]:
-    """Compute the rotor speeds after a constant command has acted for some times.
-
-    The step response of a first-order lag is exact: O(t) = u + (O(0) - u) exp(-t/lag).
-    """
+    """Compute the rotor speeds after a constant command has acted for some times."""
     away = speed - command
     rising, falling = decay
     left = rising if rising is falling else np.where(away <= 0, rising, falling)
+    # The step response of a first-order lag is exact: O(t) = u + (O(0) - u) exp(-t/lag).
     return command + left * away
 
 

@@ -134,16 +134,15 @@ def mix(autopilot: Autopilot, lift: float, torque: Vector) -> Float[np.ndarray, 
 def control(
     autopilot: Autopilot, memory: Memory, state: State, reference: Reference, *, grounded: bool
 ) -> tuple[Float[np.ndarray, " N"], Memory]:
-    """Compute the commanded rotor speeds [rad/s] at one sample, and the new memory.
-
-    On the ground the integrators rest, and the motors stand still unless the pilot spools them up.
-    """
+    """Compute the commanded rotor speeds [rad/s] at one sample, and the new memory."""
     w = (state[0], state[1], state[2])
     R = rotation((state[3], state[4], state[5], state[6]))
     roll, pitch, lift = _outer_loops(autopilot, state, R, reference)
     yaw = yaw_of(R) if grounded else memory.yaw + reference.yaw_rate * autopilot.period
     asked = _rates_asked(autopilot, state, R, (roll, pitch, yaw), reference.yaw_rate)
     torque, trim = _rate_loop(autopilot, memory, w, asked)
+    # On the ground the integrators rest, and the motors stand still unless the pilot spools them
+    # up.
     remembered = Memory(yaw, memory.trim if grounded else trim, w, asked)
     if grounded and (reference.landing or reference.throttle == 0.0):
         return np.zeros(len(autopilot.mixer)), remembered

@@ -59,11 +59,7 @@ class SimulatedVehicle(NamedTuple):
 
 
 def paper_vehicle(configuration: Literal["A", "B"]) -> SimulatedVehicle:
-    """Build the quadrotor of Six et al. 2020, Tables I and II.
-
-    Rotors 1, 2 at y = -d, +d turn counter-clockwise, 3, 4 at x = +d, -d clockwise. B is A with
-    0.125 kg on +x and 0.042 kg on -y, as far out as the moments of Table II ask for.
-    """
+    """Build the quadrotor of Six et al. 2020, Tables I and II."""
     d = PAPER_ARM
     places: tuple[tuple[tuple[float, float, float], Spin], ...] = (
         ((0.0, -d, 0.0), "ccw"),
@@ -79,6 +75,7 @@ def paper_vehicle(configuration: Literal["A", "B"]) -> SimulatedVehicle:
         kt=3.63e-6,
         kd=5.11e-8,
     )
+    # B is A with 0.125 kg on +x and 0.042 kg on -y, as far out as the moments of Table II ask for.
     if configuration == "B":
         for mass, position in PAPER_PAYLOAD:
             truth = with_payload(truth, mass=mass, position=position)

@@ -165,11 +165,7 @@ class _Walk:
 
 
 def scan_frames(data: bytes, header: Header) -> Iterator[Window]:
-    """Find all frames of one log, part by part, so that only one part is indexed at a time.
-
-    A frame is accepted if another frame, or the end of the log, follows it at once. Otherwise
-    the search goes on one byte after the letter with which it seemed to begin.
-    """
+    """Find all frames of one log, part by part, so that only one part is indexed at a time."""
     walks = {ord(k): _walk_of_definition(d, header.data_version) for k, d in header.frames.items()}
     overlap = max(MAX_EVENT_BYTES, *(walk.longest for walk in walks.values())) + 2
     size = header.stop - header.data_start
@@ -177,6 +173,8 @@ def scan_frames(data: bytes, header: Header) -> Iterator[Window]:
     ended = False
     while origin < size and not ended:
         first = header.data_start + origin
+        # A frame is accepted if another frame, or the end of the log, follows it at once; otherwise
+        # the search goes on one byte after the letter with which it seemed to begin.
         part = data[first : min(first + WINDOW + overlap, header.stop)]
         window, origin = _scan_part(part, walks, origin, stop)
         stop, ended = window.stop, window.ended

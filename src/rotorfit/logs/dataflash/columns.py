@@ -67,11 +67,7 @@ def format_named(messages: Messages, name: str) -> MessageFormat | None:
 def timed(
     messages: Messages, name: str, labels: Sequence[str]
 ) -> tuple[Float[np.ndarray, " n"], dict[str, np.ndarray]] | None:
-    """Return times [s] and numeric fields of all messages of a name, in the order of time.
-
-    Messages that were written in another order are sorted; those whose time cannot be are left
-    out. None: no message, or none with time and labels.
-    """
+    """Return times [s] and numeric fields of all messages of a name, in the order of time."""
     label = first_label(messages, name, tuple(TIMES))
     if label is None:
         return None
@@ -83,6 +79,8 @@ def timed(
     kept = possible_in_order(time)
     if kept.all():
         return time, found
+    # Messages that were written in another order are sorted; those whose time cannot be are left
+    # out.
     if is_shuffled(time):
         kept = by_time(time)
     return time[kept], {name: values[kept] for name, values in found.items()}
@@ -128,13 +126,11 @@ LEAST_LEFT: Final = 0.01
 
 
 def is_shuffled(time: Float[np.ndarray, " n"]) -> bool:
-    """Return whether messages were written out of order, by less than a new log's clock goes back.
-
-    A damaged time is rare, and a log appended behind another goes back by all its length.
-    """
+    """Return whether messages were written out of order, by less than a new log goes back."""
     good = time[(time >= 0.0) & (time < LATEST_TIME)]
     late = np.maximum.accumulate(good) - good
     count = np.count_nonzero(late > 0.0)
+    # A damaged time is rare, and a log appended behind another goes back by all its length.
     return bool(count > LEAST_LEFT * len(good) and late.max() < LEAST_RESTART)
 
 

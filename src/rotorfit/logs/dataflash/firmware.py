@@ -162,15 +162,13 @@ def lack_notes(
     *,
     wired: Wiring | None,
 ) -> list[str]:
-    """Describe what the log lacks and which setting adds it, one sentence each.
-
-    A simulator, which has no wires to ESCs (`wired` is None), measures no rotor speed.
-    """
+    """Describe what the log lacks and which setting adds it, one sentence each."""
     slow, raw = _slow_records(channels)
     current = parameters.integer("LOG_BITMASK")
     value = log_bitmask(current, slow=bool(slow), raw=raw)
     to_set = f"LOG_BITMASK = {value}"
     notes: list[str] = []
+    # A simulator has no wires to ESCs (`wired` is None), and measures no rotor speed.
     if wired is not None and "rotor_speed" not in channels:
         notes.append(_esc_advice(wired))
     if slow and not too_slow(parameters, channels):  # which is a warning, with the same cure

@@ -135,13 +135,11 @@ class Frame:
 
 
 def frame_of(parameters: Parameters, texts: list[str]) -> Frame | None:
-    """Return the frame by a log's parameters and texts; None if it is not known.
-
-    Before version 3.5 the parameter FRAME was the type, and the class was compiled in: a text
-    ``Frame: QUAD`` has it.
-    """
+    """Return the frame by a log's parameters and texts; None if it is not known."""
     kind = CLASSES.get(parameters.integer("FRAME_CLASS") or 0) or _class_of_texts(texts)
     number = parameters.integer("FRAME_TYPE")
+    # Before version 3.5 the parameter FRAME was the type, and the class was compiled in: a text
+    # ``Frame: QUAD`` has it.
     if number is None:
         number = parameters.integer("FRAME")
     if kind is None or number is None:
@@ -196,14 +194,12 @@ def _scale_frame(
 
 
 def airframe_text(frame: Frame, imu_position: tuple[float, float, float] | None) -> str:
-    """Write the ``[airframe]`` table of a frame, for people to complete and paste.
-
-    What must be measured is a text in it, where a number has to be: an experiment that was not
-    completed is refused.
-    """
+    """Write the ``[airframe]`` table of a frame, for people to complete and paste."""
     lines = ["[airframe]"]
     layout = _LAYOUTS.get((frame.kind, frame.type))
     if layout:
+        # What must be measured is a text where a number has to be: an experiment that was not
+        # completed is refused.
         lines += [f'layout = "{layout}"', 'order = "ardupilot"', 'arm = "measure it [m]"']
     else:
         lines += ["rotors = [", *_rotor_lines(frame), "]"]
@@ -394,11 +390,9 @@ def simulator_of(parameters: Parameters) -> str:
 
 
 def logged_motors(parameters: Parameters, *, battery: bool) -> LoggedMotors | None:
-    """Make the law by which the firmware linearises thrust; speed in parts of the full one.
-
-    None where the log has no MOT_THST_EXPO, MOT_SPIN_MIN and MOT_SPIN_MAX (before 3.5).
-    """
+    """Make the law by which the firmware linearises thrust; speed in parts of the full one."""
     curve = thrust_curve(parameters)
+    # The log has no MOT_THST_EXPO, MOT_SPIN_MIN and MOT_SPIN_MAX (before 3.5).
     if curve is None or curve.expo < 0.0:
         return None
     law = MotorLaw(

@@ -241,17 +241,15 @@ class _Block:
 
 
 def find_messages(blocks: Iterable[bytes], *, wanted: Wanted = ALL) -> Messages:
-    """Find the messages of a log.
-
-    Each message's length says where the next one begins. Runs of messages that follow each other
-    are found by NumPy. Where no message of a known type begins, the search goes on at the next
-    one that another one follows; a message within which that one begins is left out.
-    """
+    """Find the messages of a log."""
     walk = _Walk(wanted=wanted)
     walk.lengths[FMT_TYPE] = FMT_OF_FMT.length
     rest = b""
     for block in blocks:
         data = rest + block
+        # Each message's length says where the next one begins. Where no message of a known type
+        # begins, the search goes on at the next one that another one follows; a message within
+        # which that one begins is left out.
         rest = data[_read_block(walk, data, is_last=False) :]
     trailing = len(rest) - _read_block(walk, rest, is_last=True)
     return Messages(

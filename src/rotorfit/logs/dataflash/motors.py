@@ -94,13 +94,11 @@ def wiring(parameters: Parameters, frame: Frame | None) -> Wiring:
 
 
 def output_range(parameters: Parameters, outputs: tuple[int, ...]) -> Range:
-    """Find the PWM range of the motors.
-
-    MOT_PWM_MIN and MOT_PWM_MAX; where those are 0, firmware takes the throttle's RC3_MIN and
-    RC3_MAX. Without either, SERVOn_MIN and SERVOn_MAX of the first motor, else 1000 to 2000.
-    """
+    """Find the PWM range of the motors."""
     throttle = parameters.integer("RCMAP_THROTTLE") or 3
     first = f"SERVO{outputs[0] if outputs else 1}"
+    # Where MOT_PWM_MIN and MOT_PWM_MAX are 0, the firmware takes the throttle's RC3_MIN and
+    # RC3_MAX.
     pairs = (
         ("MOT_PWM_MIN", "MOT_PWM_MAX"),
         (f"RC{throttle}_MIN", f"RC{throttle}_MAX"),

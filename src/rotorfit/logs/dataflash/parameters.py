@@ -69,10 +69,7 @@ def texts(messages: Messages) -> list[str]:
 
 
 def arming(messages: Messages) -> tuple[Float[np.ndarray, " n"], list[bool]] | None:
-    """Return when the vehicle was armed (true) or disarmed; None if the log does not say.
-
-    Old firmware writes events without a time: those are NaN.
-    """
+    """Return when the vehicle was armed (true) or disarmed; None if the log does not say."""
     states = timed(messages, "ARM", ("ArmState",))
     if states is not None and len(states[0]):
         return states[0], [bool(state) for state in states[1]["ArmState"].tolist()]
@@ -85,6 +82,7 @@ def arming(messages: Messages) -> tuple[Float[np.ndarray, " n"], list[bool]] | N
     chosen = np.isin(ids, (ARMED_EVENT, DISARMED_EVENT))
     if not chosen.any():
         return None
+    # Old firmware writes events without a time.
     at = np.full(len(ids), np.nan) if time is None else time
     return at[chosen], [number == ARMED_EVENT for number in ids[chosen].tolist()]
 

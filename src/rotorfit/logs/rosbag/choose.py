@@ -229,14 +229,13 @@ def _motor_outputs(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, 
 def chosen(
     found: Mapping[str, list[Candidate]], asked: Mapping[str, str]
 ) -> tuple[dict[str, Candidate], list[str]]:
-    """Choose a topic for each channel, and notes on the others.
-
-    Gyro and accelerometer come from one topic, and so do position and attitude, where one has both.
-    """
+    """Choose a topic for each channel, and notes on the others."""
     taken: dict[str, Candidate] = {}
     for name, topic in asked.items():
         taken[name] = _asked_for(name, topic, found.get(name, []))
     found, aims = _without_aims(found, taken)
+    # Gyro and accelerometer come from one topic, and so do position and attitude, where one has
+    # both.
     for pair in _PAIRS:
         _take_pair(pair, found, taken)
     for name, options in found.items():
@@ -339,13 +338,11 @@ _VECTORS = ("gyro", "accel", "velocity", "reference", "position")
 
 
 def mapped_paths(topic: str, columns: Mapping[str, ColumnSpec]) -> dict[str, tuple[str, ...]]:
-    """Return the paths in a topic's messages that a map names, by canonical name.
-
-    The name of a topic may have dots; a path follows it after one.
-    """
+    """Return the paths in a topic's messages that a map names, by canonical name."""
     return {
         name: (spec.name.removeprefix(f"{topic}."),)
         for name, spec in columns.items()
+        # The name of a topic may have dots; a path follows it after one.
         if spec.name.startswith(f"{topic}.")
     }
 

@@ -350,15 +350,13 @@ def part_of(dtype: np.dtype[Any], names: Container[str]) -> np.dtype[Any]:
 
 
 def appended(kept: np.ndarray | None, rows: np.ndarray, names: Container[str] | None) -> np.ndarray:
-    """Append some fields of more rows to those that were kept, in place.
-
-    Of arrays of rows (the eight ESCs of a topic) and long ones of floats (twelve controls) only
-    what stands before the last one that ever says anything is kept: most vehicles have four.
-    """
+    """Append some fields of more rows to those that were kept, in place."""
     if names is None:
         return _append_in_place(np.empty(0, rows.dtype) if kept is None else kept, rows)
     part = np.empty(len(rows), part_of(rows.dtype, names))
     _copy_fields(rows, part)
+    # Of arrays of rows (the eight ESCs of a topic) and long ones of floats (twelve controls) only
+    # what stands before the last one that ever says anything is kept: most vehicles have four.
     wanted = np.dtype([_cut_array(part, name, kept) for name in part.dtype.names or ()])
     if kept is None or kept.dtype != wanted:
         longer = np.zeros(0 if kept is None else len(kept), wanted)

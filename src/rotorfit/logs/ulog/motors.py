@@ -444,14 +444,12 @@ def output_speeds(scan: Scan) -> tuple[float, float] | None:
 
 
 def commanded_law(scan: Scan) -> str:
-    """Write the ``law`` of the experiment file by the parameters; empty if unknown.
-
-    Outside Gazebo PX4 only assumes how thrust goes with the output.
-    """
+    """Write the ``law`` of the experiment file by the parameters; empty if unknown."""
     speeds = output_speeds(scan)
     if speeds is not None:
         low, high = speeds
         return f"law = {{ linear = [{low:.1f}, {high - low:.1f}] }}"
+    # Outside Gazebo PX4 only assumes how thrust goes with the output.
     if scan.number("THR_MDL_FAC") is None:
         return ""
     return f"law = {{ sqrt = {{ full_speed = RAD_PER_S, thr_mdl_fac = {thrust_curve(scan)!r} }} }}"

@@ -166,16 +166,13 @@ class _Reading:
         return int(data[bad[0]]) if len(bad) else len(starts)
 
     def first_fit(self, raw: UInt8[np.ndarray, " n"]) -> int | None:
-        """Find the first place where a data message of a known number and length fits.
-
-        Or where a format, a parameter or a subscription does: without those behind the damage, the
-        data behind them say nothing.
-        """
+        """Find the first place where a data message of a known number and length fits."""
         if len(raw) < 5:
             return None
         places = np.flatnonzero(raw[2:-2] == DATA)
         numbers, sizes = _uint16_at(raw, places + 3), _uint16_at(raw, places)
         fits = (sizes >= self.smallest[numbers]) & (sizes <= self.largest[numbers])
+        # Without the declarations behind the damage, the data behind them say nothing.
         found = [*places[fits][:1].tolist(), *self._first_declaration(raw.tobytes())]
         return min(found, default=None)
 

@@ -296,10 +296,7 @@ def simulator_of(scan: Scan) -> str:
 
 
 def logged_motors(scan: Scan) -> LoggedMotors | None:
-    """Find the law of simulated motors, or the one that was set by THR_MDL_FAC.
-
-    An untouched THR_MDL_FAC of 0 is no measurement, and says nothing.
-    """
+    """Find the law of simulated motors, or the one that was set by THR_MDL_FAC."""
     simulator = simulator_of(scan)
     speeds = output_speeds(scan)
     if simulator == GAZEBO and speeds is not None:
@@ -311,6 +308,7 @@ def logged_motors(scan: Scan) -> LoggedMotors | None:
         words = "SIH: thrust is proportional to the motor signal"
         return LoggedMotors(law=law, words=words, lag_on="thrust")
     factor = thrust_curve(scan)
+    # An untouched THR_MDL_FAC of 0 is no measurement, and says nothing.
     if factor > 0.0:
         law = MotorLaw(curve=SquareRootCurve(1.0, factor), stated=True)
         return LoggedMotors(law=law, words=f"THR_MDL_FAC = {factor:g}")

@@ -156,10 +156,8 @@ def induced_velocity(
 
 
 def hover_inflow(mass: float, vehicle: Vehicle) -> float:
-    """Compute the velocity of the air through the rotors' disks in hover [m/s] (momentum theory).
-
-    v_h = sqrt(m g / (2 rho A)), A the area of all disks.
-    """
+    """Compute the velocity of the air through the rotors' disks in hover [m/s]."""
+    # Momentum theory: v_h = sqrt(m g / (2 rho A)), A the area of all disks.
     return float(np.sqrt(mass * GRAVITY / (2.0 * AIR_DENSITY * vehicle.disk_area)))
 
 

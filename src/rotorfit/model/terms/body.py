@@ -101,11 +101,9 @@ def constant_wrench(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 
 
 def largest_inertia(size: Size) -> float:
-    """Return the prior deviation of moments and products of inertia [kg m^2].
-
-    Flights that hardly turn are likeliest with an endless inertia, which takes all numbers of the
-    turns with it, up to where rounding decides about k_t.
-    """
+    """Return the prior deviation of moments and products of inertia [kg m^2]."""
+    # Flights that hardly turn are likeliest with an endless inertia, which takes all numbers of the
+    # turns with it, up to where rounding decides about k_t.
     return BODY_STD * size.mass * size.arm**2
 
 

@@ -73,12 +73,10 @@ class ReplayVehicle:
 def unknown_body(
     result: IdentificationResult, owner: str, assumed: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """Supply what a replay can do without: places of a hover, and no products of inertia [SI].
-
-    A product that the flights do not show is taken as 0, as of a symmetric frame.
-    """
+    """Supply what a replay can do without: places of a hover, and no products of inertia [SI]."""
     removed = {p.name for p in result.parameters if p.verdict == "removed"}
     products = {
+        # As of a symmetric frame.
         d.name: 0.0
         for d in result.derived
         if d.configuration == owner and d.name in INERTIA_COM[3:] and d.value is None

@@ -336,10 +336,7 @@ def _known_values(result: IdentificationResult, owner: str) -> dict[str, float]:
 
 
 def fitted_response(result: IdentificationResult) -> MotorResponse | None:
-    """Return the motors' timing of the fit; a given one is in the preparation already.
-
-    Where the flights do not show the lag, it is the usual one, with which they were fitted.
-    """
+    """Return the motors' timing of the fit; a given one is in the preparation already."""
     times = {p.name: p for p in result.parameters if p.name.startswith("motor_")}
     if experiment_of_settings(result.settings).motors.speed == "measured":
         # The lag is between command and speed: measured speeds have it behind them.
@@ -347,6 +344,7 @@ def fitted_response(result: IdentificationResult) -> MotorResponse | None:
     if all(p.verdict == "given" for p in times.values()):
         return None
     at = {name: p.value for name, p in times.items() if p.value is not None}
+    # Where the flights do not show the lag, it is the usual one, with which they were fitted.
     lag = at.get("motor_lag", LAG_PRIOR[0] if "motor_lag" in times else 0.0)
     return MotorResponse(
         lag=at.get("motor_lag_up", lag),

@@ -92,10 +92,7 @@ class WrenchSpectra:
 
 
 def wrench_spectra(comparisons: Sequence[WrenchComparison]) -> WrenchSpectra | None:
-    """Estimate the spectra of flights of one vehicle; None with too few or short stretches.
-
-    Flights logged much slower than the first are left out.
-    """
+    """Estimate the spectra of flights of one vehicle; None with too few or short stretches."""
     grid = np.arange(1, round(HIGHEST * WINDOW_SECONDS) + 1) / WINDOW_SECONDS
     sums: dict[str, np.ndarray] = {name: np.zeros((4, len(grid))) for name in SHOWN}
     windows: dict[str, int] = dict.fromkeys(SHOWN, 0)
@@ -116,6 +113,7 @@ def wrench_spectra(comparisons: Sequence[WrenchComparison]) -> WrenchSpectra | N
         return None
     found = {name: _coherence_and_ratio(sums[name]) for name in enough}
     least = INDEPENDENT * min(windows[name] for name in enough)
+    # Flights logged much slower than the first are left out.
     return WrenchSpectra(
         frequency=grid,
         coherence={name: found[name][0] for name in enough},

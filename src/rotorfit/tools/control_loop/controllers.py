@@ -287,10 +287,8 @@ class ThrustCurve:
 
 
 def thrust_curve(log: ControllerLog) -> ThrustCurve | None:
-    """Read the curve by which the mixer commands motors; None if the log does not have it.
-
-    PX4: src/lib/mixer_module, THR_MDL_FAC; ArduCopter: AP_Motors_Thrust_Linearization.cpp.
-    """
+    """Read the curve by which the mixer commands motors; None if the log does not have it."""
+    # PX4: src/lib/mixer_module, THR_MDL_FAC; ArduCopter: AP_Motors_Thrust_Linearization.cpp.
     names = (
         ("THR_MDL_FAC",)
         if log.autopilot == "PX4"

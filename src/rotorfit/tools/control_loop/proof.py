@@ -101,11 +101,7 @@ class ReplayedMixer:
 
 
 def replay_mixer(flight: Flown, axis: int) -> ReplayedMixer | None:
-    """Measure the curve by which commands follow the outputs; None if the log has no curve.
-
-    Thrust u + f (u^2 - u) of a motor is linear in the outputs and the mean thrust: what of u is not
-    is - f times what of u^2 - u is not. Pieces of the flight show how well f is known.
-    """
+    """Measure the curve by which commands follow the outputs; None if the log has no curve."""
     curve = thrust_curve(flight.log)
     free = flight.free
     if curve is None or free.sum() < PIECES**2:
@@ -114,6 +110,8 @@ def replay_mixer(flight: Flown, axis: int) -> ReplayedMixer | None:
     bent = u * u - u
     mean = (u + curve.factor * bent).mean(axis=1)
     columns = np.column_stack([flight.log.output[free], mean, np.ones(len(u))])
+    # Thrust u + f (u^2 - u) of a motor is linear in the outputs and the mean thrust: what of u is
+    # not is - f times what of u^2 - u is not. Pieces of the flight show how well f is known.
     by_u, by_bent = (np.linalg.lstsq(columns, x, rcond=None)[0] for x in (u, bent))
     of_u, of_bent = u - columns @ by_u, bent - columns @ by_bent
     straight, curved = (of_u * of_bent).sum(axis=1), (of_bent * of_bent).sum(axis=1)

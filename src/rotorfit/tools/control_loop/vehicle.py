@@ -364,12 +364,10 @@ def left_of_filters(
     left: Complex[np.ndarray, " b"],
     coherence: Float[np.ndarray, " b"],
 ) -> tuple[float, float]:
-    """Fit a delay [s] and a growth with the frequency squared [s^2] to a measured response.
-
-    Noise in the first record makes its size too small by up to the coherence: half of that, give or
-    take as much.
-    """
+    """Fit a delay [s] and a growth with the frequency squared [s^2] to a measured response."""
     chance = (1.0 - coherence) / (2.0 * coherence) + LEAST_VARIANCE
+    # Noise in the first record makes its size too small by up to the coherence: half of that, give
+    # or take as much.
     bias = -0.5 * np.log(coherence)
     turn = 2.0 * np.pi * frequency / chance
     late = -(turn @ np.angle(left)) / (turn @ (2.0 * np.pi * frequency))

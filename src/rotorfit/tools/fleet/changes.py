@@ -129,10 +129,8 @@ class _Series:
         return min(MOST_CHANGES, n // LEAST_SERIES) if n >= LEAST_SERIES else 0
 
     def price(self, freedom: float) -> float:
-        """Compute the price of a change in log likelihood: higher where scatter is hardly known.
-
-        At Student's t that one of the shapes exceeds by chance as often as alarms may.
-        """
+        """Compute the price of a change in log likelihood: higher where scatter is hardly known."""
+        # At Student's t that one of the shapes exceeds by chance as often as alarms may.
         t = -student_quantile(0.5 * self.alarm / max(len(self.shapes.first), 1), freedom)
         return 0.5 * freedom * float(np.log1p(t**2 / freedom))
 

@@ -74,11 +74,9 @@ class NumberTable:
 
 
 def in_order(records: Sequence[FlightRecord]) -> list[int]:
-    """Sort the records' indices by vehicle, then by time.
-
-    By the logged time; where one log of a vehicle has none, by the names of the files, numbers in
-    them counted as numbers.
-    """
+    """Sort the records' indices by vehicle, then by time."""
+    # Where one log of a vehicle has no time, the names of the files decide, numbers in them counted
+    # as numbers.
     dated = {r.vehicle for r in records} - {r.vehicle for r in records if r.started is None}
 
     def key(i: int) -> tuple[str, float, tuple[tuple[int, int, str], ...], int]:

@@ -70,12 +70,10 @@ def additional_scatter(
     freedom: Float[np.ndarray, "*s"],
     values: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "*s"]:
-    """Solve for the variance beyond the stated ones with which chi^2 is `freedom`; at least 0.
-
-    By halving, for all sets of values at once (Paule and Mandel); the range of `values` bounds it.
-    """
+    """Solve for the variance beyond the stated ones with which chi^2 is `freedom`; at least 0."""
     low = np.zeros_like(freedom)
     high = np.full_like(freedom, 4.0 * float(np.ptp(values)) ** 2 + np.finfo(float).tiny)
+    # For all sets of values at once (Paule and Mandel); the range of `values` bounds it.
     for _ in range(HALVINGS):
         middle = np.asarray(0.5 * (low + high))
         more = chi2(middle) > freedom
@@ -139,13 +137,11 @@ def outlier_test(values: Float[np.ndarray, " g"], variance: Float[np.ndarray, " 
 
 
 def discoveries(p: Float[np.ndarray, "g k"], rate: float) -> Bool[np.ndarray, "g k"]:
-    """Select outlying groups, and the numbers in which they are, from the chances `p`.
-
-    Groups first: the tests of each are one (Simes), and of those selected a share of `rate` at most
-    is false, in the mean (Benjamini and Hochberg). Of a selected group, numbers at the same rate
-    times the share of groups that was selected (Benjamini and Bogomolov). NaN: no test.
-    """
+    """Select outlying groups, and the numbers in which they are, from the chances `p`."""
     one = np.array([_simes_chance(row) for row in p])
+    # Groups first: the tests of each are one (Simes), and of those selected a share of `rate` at
+    # most is false, in the mean (Benjamini and Hochberg). Of a selected group, numbers at the same
+    # rate times the share of groups that was selected (Benjamini and Bogomolov).
     selected = _benjamini_hochberg(one, rate)
     judged = max(int(np.isfinite(one).sum()), 1)
     inside = rate * selected.sum() / judged

@@ -113,11 +113,7 @@ class _Posterior:
 
 
 def random_effects(data: Repeated) -> RandomEffects:
-    """Estimate mean, deviations, and every group's level with and without the others.
-
-    The deviations are where the restricted likelihood times their product is largest; means and
-    covariances are averaged over what the likelihood leaves open of them.
-    """
+    """Estimate mean, deviations, and every group's level with and without the others."""
     if not data.known.any(axis=0).all():
         raise EstimationError("a number has no value in any flight: leave it out")
     center = np.nanmedian(data.values, axis=0)
@@ -129,6 +125,8 @@ def random_effects(data: Repeated) -> RandomEffects:
         changes=data.changes,
     )
     log_std, free = _search_start(unit)
+    # The deviations are where the restricted likelihood times their product is largest; means and
+    # covariances are averaged over what the likelihood leaves open of them.
     mode, root = _find_mode(lambda x: restricted_cost(unit, x), log_std, free)
     return _average_over_mode(unit, mode, root, free, center=center, scale=scale)
 

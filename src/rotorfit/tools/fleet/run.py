@@ -155,16 +155,14 @@ def read_fleet(
 
 
 def types_of(fleet: Fleet) -> tuple[FleetType, ...]:
-    """Split a fleet by airframe, and compare the flights of each type.
-
-    The chance of a false change is that of the whole fleet.
-    """
+    """Split a fleet by airframe, and compare the flights of each type."""
     airframes = sorted({flight.task.airframe for flight in fleet.cached})
     parts = [_of_airframe(fleet, airframe) for airframe in airframes]
     return tuple(
         FleetType(
             name=name,
             fleet=part,
+            # The chance of a false change is that of the whole fleet.
             statistics=fleet_statistics(part.records, alarm=ALARM / len(airframes)),
         )
         for name, part in zip(_type_names(airframes), parts, strict=True)

@@ -54,11 +54,9 @@ def tried_lags(
 
 
 def best_lag(tried: tuple[TriedLag, ...], model: Regressor) -> TriedLag | None:
-    """Select the lag that explains the turns best in the pilot's band; None at either end.
-
-    A maximum at either end is none: there the autopilot responds to gyro noise or gusts.
-    """
+    """Select the lag that explains the turns best in the pilot's band; None at either end."""
     best = max(tried, key=lambda one: turn_likelihood(one.factors, model))
+    # At either end the autopilot responds to gyro noise or gusts.
     return None if best is tried[0] or best is tried[-1] else best
 
 

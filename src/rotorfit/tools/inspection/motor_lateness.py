@@ -30,13 +30,9 @@ LEAST_EXPLAINED: Final = 0.3
 
 
 def motor_lateness(data: FlightData) -> float | None:
-    """Estimate how much later than the motors the vehicle turns [s]; None if it does not show.
-
-    The time shift at which the squared motor data explain the angular acceleration best.
-    Negative: the motor data were recorded late. Of commands it holds the motors' lag, too.
-    Only where nothing shows within a tenth of a second it is looked for further away.
-    """
+    """Estimate how much later than the motors the vehicle turns [s]; None if it does not show."""
     near = _lateness_within(data, LATEST)
+    # Only where nothing shows within a tenth of a second it is looked for further away.
     return _lateness_within(data, FARTHEST) if near is None else near
 
 

@@ -136,17 +136,14 @@ def channel_report(name: str, channel: Channel) -> ChannelReport:
 
 
 def new_share(values: Float[np.ndarray, "n k"]) -> float:
-    """Estimate the share of samples that are new, while anything changes at all.
-
-    A recorder faster than its source repeats the last sample, or draws a straight line to the
-    next. What changes at uneven intervals in steps of the resolution is only coarse; and where a
-    quantity stands still for long (motors off), 1.
-    """
+    """Estimate the share of samples that are new, while anything changes at all."""
     if len(values) < FEWEST_TO_JUDGE or np.abs(values).max() > LARGEST_VALUE:
         return 1.0
     first = np.diff(values, axis=0)
     moves = (first != 0.0).any(axis=1)
     bent = _find_bends(first, np.abs(values).max(axis=0))
+    # A recorder faster than its source repeats the last sample, or draws a straight line to the
+    # next. What changes at uneven intervals in steps of the resolution is only coarse.
     return min(
         _share_at_even_intervals(moves), _share_of_corners(bent, moves), _share_fine(first, moves)
     )

@@ -54,15 +54,13 @@ class SeenAirframe:
 
 
 def motors_in_flight(log: FlightLog) -> str | None:
-    """Name the layout and motor order that a flight confirms, as `inspect_log` does.
-
-    Only the parts of the inspection that this takes are done.
-    """
+    """Name the layout and motor order that a flight confirms, as `inspect_log` does."""
     from rotorfit.fit.reduction.frequency_bands import retimed
     from rotorfit.tools.inspection.guessed_rotors import confirmed_motors
     from rotorfit.tools.inspection.lag_search import lines_of_body
     from rotorfit.tools.inspection.motor_lateness import motor_lateness
 
+    # Only the parts of the inspection that this takes are done.
     prepared, _ = prepare_if_usable(log)
     if prepared is None:
         return None

@@ -231,11 +231,9 @@ _ROUGH: Final = {
 
 
 def knowledge_of(result: IdentificationResult, problem: Problem) -> Knowledge:
-    """Convert a result to information about a plan's free parameters.
-
-    A result per kilogram goes with a plan for one kilogram.
-    """
+    """Convert a result to information about a plan's free parameters."""
     configuration, mass = scaled_mass(result)
+    # A result per kilogram goes with a plan for one kilogram.
     if mass is not None:
         configuration, _ = result_mass(result, problem.configurations[0].mass)
     halves: dict[str, float] = {}

@@ -87,16 +87,14 @@ def asks_for_a_plan(result: IdentificationResult) -> bool:
 def advise_flights(
     result: IdentificationResult, report: Callable[[str], None] = ignore_progress
 ) -> Advice | None:
-    """Simulate what to fly for each number that a result lacks, and which manoeuvre gives most.
-
-    Every manoeuvre of a plan is simulated with the vehicle of the result: `rotorfit plan --after`
-    says the same. A result per kilogram is judged as one of one kilogram: no share depends on the
-    mass. None where no number asks for a flight, or no flight of the vehicle can be simulated.
-    """
+    """Simulate what to fly for each number that a result lacks, and which manoeuvre gives most."""
     if not any(one.is_flyable for one in _all_lacking(result)):
         return None
     try:
         report("simulating what to fly next")
+        # Every manoeuvre of a plan is simulated with the vehicle of the result: `rotorfit plan
+        # --after` says the same. A result per kilogram is judged as one of one kilogram: no share
+        # depends on the mass.
         problem = _planning_problem(result)
         pieces: dict[Manoeuvre, bound.Evidence] = {
             m: evidence(problem, data, BARE) for m, data in fly(problem, PRACTICE, BARE).items()
