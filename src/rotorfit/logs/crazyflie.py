@@ -75,6 +75,32 @@ _EULER: Final = ("stateEstimate.roll", "stateEstimate.pitch", "stateEstimate.yaw
 _AIR: Final = ("baro.pressure", "baro.temp")
 _ACCEL_Z: Final = "controller.accelz"
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Scaled:
+    """Variables that make a channel by a factor to SI; `unit`: as recorded, for its source."""
+
+    names: tuple[str, ...]
+    unit: str
+    scale: float = 1.0
+    signs: tuple[float, ...] = (1.0, 1.0, 1.0)
+    resolution: float | None = None
+
+
+# The controller's pitch is positive nose up: the firmware writes r_pitch = -gyro.y.
+_NOSE_UP: Final = (1.0, -1.0, 1.0)
+_GYROS: Final = (
+    _Scaled(names=_GYRO, unit="[deg/s]", scale=_DEGREE),
+    _Scaled(names=_CONTROLLER_GYRO, unit="[rad/s]", signs=_NOSE_UP),
+)
+_ACCELS: Final = (_Scaled(names=_ACCEL, unit="[g]", scale=STANDARD_GRAVITY),)
+_BATTERIES: Final = (
+    _Scaled(names=("pm.vbat",), unit="[V]", signs=(1.0,)),
+    _Scaled(names=("pm.vbatMV",), unit="[mV]", scale=1e-3, signs=(1.0,), resolution=1e-3),
+)
+_POSITIONS: Final = (_Scaled(names=_POSITION, unit="[m], the vehicle's own estimate"),)
+_REFERENCES: Final = (_Scaled(names=_REFERENCE, unit="[deg/s]", scale=_DEGREE, signs=_NOSE_UP),)
+
 LEGACY_MIXER: Final = np.array(
     [[1.0, -0.5, 0.5, 1.0], [1.0, -0.5, -0.5, -1.0], [1.0, 0.5, -0.5, 1.0], [1.0, 0.5, 0.5, -1.0]]
 )
@@ -256,15 +282,15 @@ def _order_recording(data: Content, records: Records, event: Event) -> tuple[_Re
 
 def _make_channels(recording: _Recording) -> dict[str, _Found]:
     makers: dict[str, Callable[[_Recording], _Found | None]] = {
-        "gyro": _read_gyro,
-        "accel": _read_accel,
+        "gyro": lambda given: _first_scaled(given, _GYROS),
+        "accel": lambda given: _first_scaled(given, _ACCELS),
         "rotor_speed": _rotor_speed,
         "command": _read_command,
-        "battery": _read_battery,
-        "position": _read_position,
+        "battery": lambda given: _first_scaled(given, _BATTERIES),
+        "position": lambda given: _first_scaled(given, _POSITIONS),
         "attitude": _read_attitude,
         "velocity": _read_velocity,
-        "reference": _read_reference,
+        "reference": lambda given: _first_scaled(given, _REFERENCES),
     }
     made = {name: maker(recording) for name, maker in makers.items()}
     return {
@@ -287,29 +313,19 @@ def _found_channel(
     return _Found(channel=channel, used=names, note=note)
 
 
-def _read_gyro(recording: _Recording) -> _Found | None:
-    """Read the angular velocity: the gyro's, else what the controller had of it."""
-    if recording.has(*_GYRO):
-        values = recording.stack(_GYRO)
-        values *= _DEGREE
-        return _found_channel(recording, _GYRO, values, f"{', '.join(_GYRO)} [deg/s]")
-    if recording.has(*_CONTROLLER_GYRO):
-        # The firmware writes r_pitch = -gyro.y: positive nose up.
-        values = recording.stack(_CONTROLLER_GYRO)
-        values *= np.array([1.0, -1.0, 1.0])
-        roll, pitch, yaw = _CONTROLLER_GYRO
-        return _found_channel(
-            recording, _CONTROLLER_GYRO, values, f"{roll}, -{pitch}, {yaw} [rad/s]"
-        )
+def _first_scaled(recording: _Recording, options: Sequence[_Scaled]) -> _Found | None:
+    """Read the first of some vectors that was recorded, in SI."""
+    for one in options:
+        if recording.has(*one.names):
+            values = recording.stack(one.names)
+            values *= np.array(one.signs)
+            values *= one.scale
+            signed = zip(one.signs, one.names, strict=True)
+            names = ", ".join(name if sign > 0.0 else f"-{name}" for sign, name in signed)
+            return _found_channel(
+                recording, one.names, values, f"{names} {one.unit}", resolution=one.resolution
+            )
     return None
-
-
-def _read_accel(recording: _Recording) -> _Found | None:
-    if not recording.has(*_ACCEL):
-        return None
-    values = recording.stack(_ACCEL)
-    values *= STANDARD_GRAVITY
-    return _found_channel(recording, _ACCEL, values, f"{', '.join(_ACCEL)} [g]")
 
 
 def _rotor_speed(recording: _Recording) -> _Found | None:
@@ -358,24 +374,6 @@ def _count_commands(
     )
 
 
-def _read_battery(recording: _Recording) -> _Found | None:
-    for name, unit, scale in (("pm.vbat", "V", 1.0), ("pm.vbatMV", "mV", 1e-3)):
-        if recording.has(name):
-            values = recording.stack((name,)) * scale
-            resolution = scale if unit == "mV" else None
-            return _found_channel(
-                recording, (name,), values, f"{name} [{unit}]", resolution=resolution
-            )
-    return None
-
-
-def _read_position(recording: _Recording) -> _Found | None:
-    if not recording.has(*_POSITION):
-        return None
-    source = f"{', '.join(_POSITION)} [m], the vehicle's own estimate"
-    return _found_channel(recording, _POSITION, recording.stack(_POSITION), source)
-
-
 def _read_attitude(recording: _Recording) -> _Found | None:
     if not recording.has(*_ATTITUDE):
         return None
@@ -403,16 +401,6 @@ def _read_velocity(recording: _Recording) -> _Found | None:
     values[known] = body_to_world.apply(recording.stack(_VELOCITY)[known], inverse=True)
     source = f"{', '.join(_VELOCITY)} [m/s] turned by {names[0]} and so on, the vehicle's estimate"
     return _found_channel(recording, (*_VELOCITY, *names), values, source)
-
-
-def _read_reference(recording: _Recording) -> _Found | None:
-    """Read the rates that the rate controllers were asked for."""
-    if not recording.has(*_REFERENCE):
-        return None
-    # Positive nose up, as all of pitch in the controller.
-    values = recording.stack(_REFERENCE) * np.array([1.0, -1.0, 1.0]) * _DEGREE
-    roll, pitch, yaw = _REFERENCE
-    return _found_channel(recording, _REFERENCE, values, f"{roll}, -{pitch}, {yaw} [deg/s]")
 
 
 def _turned_attitude(
