@@ -1,4 +1,4 @@
-r"""The response of an axis by the reference as instrumental variable, and its test.
+r"""Test the response of every axis by the reference of pilot or mission, an instrumental variable.
 
 The rotors make the angular acceleration u by the model, and y = beta u + e is measured, with beta =
 1 where the model is right. An autopilot responds to disturbances e by the rotors, so that u holds
@@ -17,10 +17,6 @@ IDIM-IV of Janot, Vandanjon and Gautier, IEEE Trans. Control Systems Technology 
 is found without the line i, or its own e would come back through it (JIVE1 of Angrist, Imbens and
 Krueger, J. Applied Econometrics 14, 1999): c_{-i} r_i = (c r_i - h_i u_i) / (1 - h_i) with h_i =
 |r_i|^2 / sum |r|^2. w is one over the mean square of e in the block.
-
-Spectral lines of a flight that an instrument needs: reference, prediction and error.
-
-Test the response of every axis by the reference of pilot or mission.
 """
 
 from __future__ import annotations

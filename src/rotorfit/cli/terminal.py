@@ -1,8 +1,6 @@
-"""Output and end of a command: printing, progress, files that may be written, refusals.
+"""What commands share: options, printing, progress, files that may be written, refusals.
 
 Progress is one line on stderr where a person is watching, else a plain line every few seconds.
-
-Options and arguments that several commands share.
 """
 
 from __future__ import annotations

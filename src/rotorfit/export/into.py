@@ -3,10 +3,8 @@
 Everything else (order, comments, separators, line ends) stays as it is; parameters that the file
 does not have are added: at its end, or in a Betaflight dump in the profile that it restores.
 
-The numbers of a Gazebo model at their places in the file, so that they change and nothing else.
-
-Rotors are matched by place and sense of rotation, not by name or number: whatever the user's model
-calls them. The model's origin may be another one than the result's; the rotors show by how much.
+Rotors of a Gazebo model are matched by place and sense of rotation, not by name or number. The
+model's origin may be another one than the result's; the rotors show by how much.
 """
 
 from __future__ import annotations

@@ -6,9 +6,7 @@ three torques in the site's frame; dyntype filterexact, dynprm the time constant
 rotor is its thrust [N], kt times its commanded speed squared; its torque is the fixed fraction
 -s kd/kt.
 
-The MuJoCo file of a result, flown by the stock autopilot: hover, and steps of attitude.
-
-What flies is the text that `rotorfit export --to mujoco` writes; what steers it is the autopilot of
+`fly_manoeuvre` flies hover and steps of attitude with that text; what steers it is the autopilot of
 the simulated flights (`simulation.controller`), tuned to the mass and inertia that it believes in:
 those of the file, or others, to see what wrong ones do.
 """

@@ -1,4 +1,4 @@
-"""Crazyflow, RotorPy and CasADi: files that Python reads.
+"""Crazyflow, RotorPy, CasADi, Isaac Lab and Pegasus: files that Python reads.
 
 Crazyflow, a section of params.toml or every world as arrays: crazyflow 0.4,
 dynamics/first_principles/params.toml and dynamics.py: thrust and torque are polynomials in RPM;
@@ -21,8 +21,6 @@ velocity of each rotor, is -w diag(k_d, k_d, k_z) v.
 CasADi: the equations are those of the model (`rotorfit.model.regressor`) about the CoM: rotor
 inertia with its gyroscopic torque and reaction included. Nothing but casadi is needed to use the
 file.
-
-NVIDIA Isaac Sim: ranges for Isaac Lab, vehicles for the Pegasus Simulator.
 
 Sources for Isaac Lab: IsaacLab, isaaclab/envs/mdp/events.py (randomize_rigid_body_mass,
 randomize_rigid_body_com, randomize_rigid_body_inertia: uniform ranges, one for all elements of an

@@ -1,7 +1,4 @@
-"""From draws of the posterior to vehicles as every target writes them.
-
-Drawn vehicles as arrays: NumPy's npz, or JSON.
-"""
+"""From draws of the posterior to vehicles as every target writes them, or to arrays of them."""
 
 from __future__ import annotations
 

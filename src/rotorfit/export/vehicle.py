@@ -1,8 +1,7 @@
 """The vehicle that every target writes (SI, body axes FLU), and whether nature has such a one.
 
-Its effectiveness is what each rotor does to the body, per squared speed and per acceleration.
-
-With thrust kt w^2 along n at r from the CoM, drag torque -s kd w^2 n and the counter-torque
+Its effectiveness is what each rotor does to the body, per squared speed and per acceleration. With
+thrust kt w^2 along n at r from the CoM, drag torque -s kd w^2 n and the counter-torque
 -s Jr dw/dt n of a rotor that is spun up (s = +1: ccw), specific force is F / m, and angular
 acceleration I^-1 tau. These are G1 and G2 of incremental nonlinear dynamic inversion (Smeur, Chu
 and de Croon, J. of Guidance, Control, and Dynamics 39(3), 2016), before a firmware's own units.

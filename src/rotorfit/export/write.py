@@ -1,10 +1,7 @@
-"""From a result to the files of other tools: the vehicle, the head, the text of a target.
+"""From a result to the files of other tools: vehicles, and wrenches over time for PlotJuggler.
 
-Wrenches and residuals of every flight of a result, as columns over time, for PlotJuggler.
-
-The flights are read again. The first line of the CSV names the columns, as PlotJuggler wants it,
-and so there is no head of comments; Parquet carries it as metadata. Names have the unit, and a
-slash for PlotJuggler's tree.
+The first line of a CSV names the columns, as PlotJuggler wants it, and so there is no head of
+comments; Parquet carries it as metadata. Names have the unit, and a slash for PlotJuggler's tree.
 """
 
 from __future__ import annotations

@@ -18,8 +18,6 @@ regressors, and its noise would pull that coefficient (first moments, products) 
 second pass puts there what the rotors make of it by the first: free of the gyro's noise. And it
 lets the rotors differ by a little, as real ones do.
 
-From the row fits to physical parameters: values, joint covariance, intervals.
-
 Half-width^2 = (larger of 1.96 formal and t scatter)^2 + (c |value| / rho)^2 + what the geometry
 leaves open. Formal: the bands' own variances; scatter: the one-step jackknife over stretches and
 bands; rho: excitation of the axis, whose lack pulls every estimate of that axis to one side, by up

@@ -5,11 +5,10 @@ and gravity g along -z: the specific force is :math:`R^{-1}(\ddot\zeta - g)`; an
 acceleration follow from the attitude's first and second derivative. Quaternions (scalar first) have
 no gimbal lock and are used throughout; the paper's Bryant angles stand in the tests, and agree.
 
-The velocity along the thrust that accelerometer and gyro feel, where no log has it.
-
-Air holds a climb back, and the rotors lose thrust in it. At w rad/s a drag of a times the mass per
-second makes a change of thrust look 1 / (1 + (a / w)^2) as strong as it is, so that k_t comes out
-too small where the velocity is not in the model. Specific force, turned by the gyro into axes that
+Where no log has a velocity, accelerometer and gyro feel the one along the thrust. Air holds a climb
+back, and the rotors lose thrust in it: at w rad/s a drag of a times the mass per second makes a
+change of thrust look 1 / (1 + (a / w)^2) as strong as it is, so that k_t comes out too small where
+the velocity is not in the model. Specific force, turned by the gyro into axes that
 do not rotate, is acceleration but for gravity and slow errors, and its integral velocity but for
 slow parts, which are taken out.
 """

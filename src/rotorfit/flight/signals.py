@@ -8,8 +8,6 @@ derivative is first turned by an attitude and then multiplied, the window no lon
 So it is undone instead: dividing the differences by those averages is what an interpolating spline
 does, and a quintic one holds to the fourth order. All columns then belong to the same instant, and
 what still acts on each of them is the one low-pass.
-
-Every so many samples of a log, behind a low-pass, for who looks at slow lines alone.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """The vehicle: where its rotors are, how they spin, and where its IMU sits.
 
-Named rotor layouts in the motor order of the common autopilots.
-
-Angles are clockwise from the front seen from above, as those autopilots' own tables give them.
-Sources: PX4 airframe reference; ArduPilot "Connect ESCs and Motors"; Betaflight "Motor
-configuration" (props in); Crazyflie 2 "Motor orientation"; Six et al. 2020, eq. 9 (paper).
+Layouts have the motor order of the common autopilots. Angles are clockwise from the front seen from
+above, as those autopilots' own tables give them. Sources: PX4 airframe reference; ArduPilot
+"Connect ESCs and Motors"; Betaflight "Motor configuration" (props in); Crazyflie 2 "Motor
+orientation"; Six et al. 2020, eq. 9 (paper).
 """
 
 from __future__ import annotations

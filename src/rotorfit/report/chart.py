@@ -43,6 +43,8 @@ LETTER: Final = 6.0
 """Mean width of a letter of a label; a browser measures it."""
 ROW: Final = 14.0
 MOST_DECADES: Final = 6
+COLUMNS: Final = 720
+"""Pairs of extremes along a curve."""
 LINE: Final = "line"
 LEAST_SECONDS: Final = 0.02
 
@@ -414,12 +416,11 @@ def path_of(
     size: tuple[float, float],
     span: tuple[float, float],
     ends: tuple[float, float] | None = None,
-    columns: int = 720,
 ) -> str:
-    """Draw a series as SVG path data of so many columns, broken at cuts; `ends` of its axis."""
+    """Draw a series as SVG path data, broken at cuts; `ends` of its axis."""
     if not len(series.time):
         return ""
-    starts = column_starts(series, columns)
+    starts = column_starts(series, COLUMNS)
     t0, t1 = ends or (float(series.time[0]), float(series.time[-1]))
     # The second extreme stands half a column on: a smooth curve must not become a staircase.
     places = series.time[np.stack([starts, middles(starts, len(series.time))], 1)]

@@ -1,7 +1,5 @@
 """Assemble the tables of a result from an estimate, its flights and its findings.
 
-What the numbers rest on: what was declared, and what logs say of vehicle and motors.
-
 Mass, the rotors' distances, the scale of their speeds, of the gyro and of the clock: thrown off by
 a factor, all numbers stay consistent; the place of the IMU is that of the centre of mass. No flight
 shows it, so that these are said beside the result.

@@ -1,7 +1,4 @@
-"""The tables of a result from the estimate row by row (``method = "ols"``).
-
-The tables of a result from the paper's procedure: its values, its sigmas, what it removed.
-"""
+"""The tables of a result from the estimate row by row, and from the paper's procedure."""
 
 from __future__ import annotations
 

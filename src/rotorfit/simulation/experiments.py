@@ -18,8 +18,6 @@ What the scenarios are:
     The quad-x as A; as B with 0.1 kg at both ends of one arm: the centre of mass stays.
 
 Each configuration flies once for the fit and once for validation, from the ground and back.
-
-Vehicles of known truth: the two of Six et al. 2020, and other rotor layouts for tests.
 """
 
 from __future__ import annotations

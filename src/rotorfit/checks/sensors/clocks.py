@@ -4,8 +4,6 @@ The thrust of all rotors together shows in the accelerometer, their differences 
 at once. Where one comes later than the other, its samples are stamped late or stand behind a
 low-pass filter; one delay of the motors cannot serve both.
 
-By how much accelerometer and gyro come after what the rotors do, each with its interval.
-
 The joint fit predicts each acceleration p from the rotors. In each band of frequencies the time
 :math:`d` by which the measured one, y, comes later is that at which
 :math:`|y - p e^{-i \omega d}|` is least. What is left there, r times p, is noise, gusts and what

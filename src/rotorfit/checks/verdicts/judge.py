@@ -1,7 +1,4 @@
-"""Judge an estimate: how well it is known, why not better, and what to fly next.
-
-A number of a result, with what the flights say of it.
-"""
+"""Judge the numbers of a result: how well each is known, why not better, and what to fly next."""
 
 from __future__ import annotations
 

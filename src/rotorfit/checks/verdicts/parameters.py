@@ -1,7 +1,4 @@
-"""Tabulate the parameters and derived numbers of a result, with verdicts.
-
-The parameters of the joint estimate, with the verdict on every number.
-"""
+"""Tabulate the parameters and derived numbers of a result, with verdicts."""
 
 from __future__ import annotations
 

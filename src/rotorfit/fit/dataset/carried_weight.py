@@ -16,12 +16,11 @@ velocity is known, its gain is taken off.
 That thrust is not always the same at one rotor speed (inflow, the ground, a wall, a battery that
 sags) the scatter of ten batches of the stretch shows (batch means).
 
-A force that grows with height: a tether that the vehicle lifts, or the ground below.
-
-At one rotor speed the thrust lifts less the higher the vehicle is. Heights are integrals of the
-vertical velocity; what their unknown constants and a bias add is a parabola, which is fitted
-beside. Few flights have such a force, so that the prior is a mixture: none, or, in `SHARE` of them,
-one of some `USUAL`. Its 95 % half-width times a usual height is what the mean thrust may lack.
+A tether that the vehicle lifts, or the ground below, makes a force that grows with height. Heights
+are integrals of the vertical velocity; what their unknown constants and a bias add is a parabola,
+which is fitted beside. Few flights have such a force, so that the prior is a mixture: none, or, in
+`SHARE` of them, one of some `USUAL`. Its 95 % half-width times a usual height is what the mean
+thrust may lack.
 """
 
 from __future__ import annotations

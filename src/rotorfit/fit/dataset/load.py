@@ -1,7 +1,4 @@
-"""Load an experiment: read its flights, put each on one clock, and refuse what contradicts it.
-
-Do the measured rotor speeds go with the commands of the same log? What inspect finds too.
-"""
+"""Load an experiment: read its flights, put each on one clock, and refuse what contradicts it."""
 
 from __future__ import annotations
 

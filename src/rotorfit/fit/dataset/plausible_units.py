@@ -10,8 +10,6 @@ larger or smaller than their arms.
 
 The speed of hovering rotors has bounds, too: their radius is a quarter of the arm at the least and
 nine tenths at the most, and the tips of what hovers make 40 to 130 m/s.
-
-What gravity shows of the accelerometer without an airframe: at rest, and over a flight.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The tables of an experiment as the types of other rooms, in FLU and SI.
-
-Vehicle, IMU, payload and motors, and how the logs are read.
-"""
+"""The declared vehicle, payload, motors and columns as the types of other rooms, FLU and SI."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Physical numbers with their intervals, of every estimator.
-
-And the sizes below which a relative error of them does not matter.
-
-How far what the rotors do not explain can bias a number, and whose motion helps.
+"""Physical numbers with their intervals, of every estimator, and how gusts can bias them.
 
 The autopilot responds to disturbances, so that rotor speeds are correlated with them, and the
 estimate of what the rotors do is biased to one side: by a share of it that goes with 1 / rho, rho

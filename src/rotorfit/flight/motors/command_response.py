@@ -1,7 +1,4 @@
-"""Motor commands and the measured speeds that follow, each rotor's on clocks of its own.
-
-How often motor commands stand at their lowest or highest value, where no loop can go further.
-"""
+"""Motor commands and the measured speeds that follow, each rotor's on clocks of its own."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""From the motor channel to rotor speed and acceleration: law, lag and delay of the motors.
-
-What autopilots ask of the law from command to rotor speed: full speed, curve of thrust.
-"""
+"""From the motor channel to rotor speed and acceleration: law, lag and delay of the motors."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """From topics to channels: which topic is taken, and its numbers in SI units and FLU axes.
 
-What each type of message gives, as `messages.toml` beside this module has it.
-
-Channels, where their numbers stand, units and axes; all without rosbags, which may not be there.
+`messages.toml` beside this module has what each type of message gives. Nothing here imports
+rosbags, which may not be there.
 """
 
 from __future__ import annotations

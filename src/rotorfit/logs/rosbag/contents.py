@@ -1,9 +1,8 @@
 """One pass through the files of a ROS recording: numbers of each topic, as rosbags decodes it.
 
-Definitions of messages: those of the file or those that are known, checked, made to stores.
-
-rosbags parses them and makes code of them. It sets no bounds: an array of a milliard of messages
-becomes as many lines of code. So what is damaged or made to hurt is kept from it here.
+rosbags parses the definitions of messages and makes code of them. It sets no bounds: an array of a
+milliard of messages becomes as many lines of code. So what is damaged or made to hurt is kept from
+it here.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Logs of PX4 (ULog); its body axes are FRD and its world is NED, turned here.
-
-The rate controller of a PX4 log: topics and parameters.
-"""
+"""Logs of PX4 (ULog); its body axes are FRD and its world is NED, turned here."""
 
 from __future__ import annotations
 

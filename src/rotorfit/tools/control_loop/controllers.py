@@ -7,8 +7,6 @@ IMU_DGYRO_CUTOFF), src/modules/mc_att_control.
 
 ArduCopter (4.3 to 4.7-dev, 90700977): libraries/AC_PID/AC_PID.cpp update_all,
 libraries/AC_AttitudeControl/AC_AttitudeControl_Multi.cpp rate_controller_run.
-
-The rate controller of one axis: its response, and the output it gives for a logged flight.
 """
 
 from __future__ import annotations

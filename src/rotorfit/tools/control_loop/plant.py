@@ -1,7 +1,4 @@
-"""The vehicle between the controller's output and the rate that it hears.
-
-Frequency responses of the filters that autopilots run.
-"""
+"""Responses between the controller's output and the rate that it hears: vehicle and filters."""
 
 from __future__ import annotations
 

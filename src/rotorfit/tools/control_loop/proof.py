@@ -4,8 +4,6 @@ The closed loop from set point r to rate y is measured with an instrument z that
 what the outer loop asked for beyond its feedback, r' + K y (K: rate asked for per angle), so that
 T = S_zy / S_zr (instrumental variables; Soderstrom and Stoica 1989). S_ry / S_rr would take the
 outer loop's response to gusts for one to the pilot.
-
-Why margins are withheld, and what they rest on, in words.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Check how a log was recorded: true rates, clocks, limits, vibration.
-
-Which settings of an autopilot make its next log a better one: what its format advises.
-"""
+"""Check how a log was recorded (true rates, clocks, limits), and advise settings for the next."""
 
 from __future__ import annotations
 

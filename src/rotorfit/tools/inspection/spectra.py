@@ -1,8 +1,7 @@
 """Spectra of gyro and accelerometer in flight, and which of their peaks the rotors make.
 
-Whether an autopilot flew a frequency sweep: ArduPilot's SystemID mode, Betaflight's chirp.
-
-While one is injected, the rate of one axis is nearly a sine whose frequency rises all the time.
+While an autopilot injects a sweep (ArduPilot's SystemID mode, Betaflight's chirp), the rate of one
+axis is nearly a sine whose frequency rises all the time.
 """
 
 from __future__ import annotations

@@ -11,8 +11,6 @@ The guesses, and what they come from:
 
 A factor of two in any of them moves the predictions in percent by much less than that.
 
-The noise that a plan assumes: sensors, gusts, and how exactly the motors are known to turn.
-
 Gusts are those under which the estimators were measured (0.1 N and 6, 6, 1.5 mN m at 3 Hz on a
 quadrotor of 1.285 kg with arms of 0.2 m), in parts of the weight and of weight times arm, so that
 they fit any size. Real flights: a 3-inch quadrotor in a hall 0.13 to 0.33 % of weight times arm in
