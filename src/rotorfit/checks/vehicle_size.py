@@ -140,6 +140,7 @@ def figure_of_merit(numbers: Numbers, radius: float) -> float | None:
     if not (kt > 0 and kd > 0 and np.isfinite(kd_half) and kd_half < kd):
         return None
     merit = float(np.sqrt(kt / (2.0 * np.pi * AIR))) * kt / (kd * radius)
+    # The figure of merit goes with k_t^1.5 / k_d.
     spread = float(np.hypot(1.5 * kt_half / kt, kd_half / kd))
     return float(np.clip(USUAL_MERIT, merit * (1.0 - min(spread, 0.9)), merit * (1.0 + spread)))
 

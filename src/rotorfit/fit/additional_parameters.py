@@ -126,6 +126,7 @@ def log_likelihood_loss(square: float, blocks: float, dimensions: int = 1) -> fl
 
 def inside(square: float, blocks: float, dimensions: int) -> bool:
     """Test whether chance explains a squared distance, at 1 %."""
+    # By Fisher's F, not by chi-square: few blocks show the covariance itself.
     return square <= dimensions * f_quantile(0.99, dimensions, blocks)
 
 

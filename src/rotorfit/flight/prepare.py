@@ -240,6 +240,7 @@ def prepared_from(
     rest = rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
     bias = _gyro_bias(uniform, rest)
     del motion, rest
+    # Rounding errors are uniform over a step: a deviation of step / sqrt(12).
     speed_std = max(step / 12.0**0.5, white_noise_std(recorded_speed, flights)) if measured else 0.0
     collected = _collect_flight_data(uniform, speed, bias)
     collected = with_filters(collected, recorded.filters, jumps=jumps)

@@ -73,6 +73,7 @@ def hampel(
         low, high = np.percentile(x, [1.0, 99.0])
         floor = max(0.4 * float(np.percentile(deviation, 95)), 1e-3 * float(high - low))
         # Few samples are far enough to need the median of the deviations around them.
+        # 1.4826 median deviations are one standard deviation of normal noise.
         far = deviation > SPIKE_THRESHOLD * 1.4826 * floor
         rows = np.flatnonzero(far)
         local = local_medians(deviation, SCALE_WIDTH, rows)
@@ -173,6 +174,7 @@ def fading_rows(sos: Float[np.ndarray, "s 6"]) -> int:
 @cache
 def _design_butterworth(sample_rate: float, cutoff: float) -> Float[np.ndarray, "1 6"]:
     """Design a second-order Butterworth filter (cached: logs with many gaps ask for it often)."""
+    # The bilinear transform has no cut-off at half the sample rate or above.
     return butterworth(2, min(cutoff, 0.45 * sample_rate), sample_rate)
 
 

@@ -152,6 +152,7 @@ def body_signals(
     rows, exact = _with_margin(flight, start, stop)
     w = flight.angular_velocity[rows]
     more = [s.of_body(flight, rows) for s in added if s.of_body is not None]
+    # Specific force, angular acceleration, six products of rates, rates; last the constant.
     Z = np.empty((len(w), 16 + sum(part.shape[1] for part in more)), order="F")
     Z[:, 0:3] = flight.specific_force[rows]
     Z[:, 3:6] = flight.angular_acceleration[rows]

@@ -153,6 +153,7 @@ def _band_delay(band: Spectra, axis: int) -> BandDelay | None:
     power = float((np.abs(p) ** 2).sum())
     if not power > LEAST * float((np.abs(y) ** 2).sum()):
         return None
+    # Further off than half a period, the highest line has the same phase once more.
     reach = min(REACH, np.pi / float(omega[-1]))
     tried = np.linspace(-reach, reach, 201)
     alike = (np.exp(1j * tried[:, None] * omega) @ (p.conj() * y).sum(axis=0)).real

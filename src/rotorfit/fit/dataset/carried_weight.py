@@ -449,6 +449,7 @@ def _in_groups(
 def _bell_weights(n: int) -> Float[np.ndarray, " n"]:
     """Return the weights of a mean, with which an acceleration is the slope of the velocity."""
     share = (np.arange(n) + 0.5) / n
+    # 6 t (T - t) / T^3, by which the slope of the least-squares line weighs an acceleration.
     bell = share * (1.0 - share)
     return bell / bell.sum()
 

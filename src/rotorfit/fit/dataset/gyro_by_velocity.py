@@ -226,6 +226,7 @@ def _turn_steps(w: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Return the turn from each sample to the next, times the sample rate, the first none."""
     slope = np.gradient(w, axis=0)
     out = np.zeros_like(w)
+    # The integral of the cubic through both rates with their slopes (Euler-Maclaurin).
     out[1:] = 0.5 * (w[1:] + w[:-1]) - (slope[1:] - slope[:-1]) / 12.0
     return out
 

@@ -228,6 +228,7 @@ def best_filter(ratios: Sequence[BandRatio], *, lagging: bool = False) -> FoundF
         spread = max(float(chi2[i]) / (2.0 * len(ratios)), LEAST_SPREAD)
         gain = float(without.chi2 - chi2[i]) / spread
         if best is None or gain > best.gain:
+            # 95 % of chi-square with one degree of freedom: the profile of the likelihood.
             near = CUTOFFS[chi2 < chi2[i] + 3.84 * spread]
             by = tried[i]
             best = FoundFilter(

@@ -253,6 +253,8 @@ def _assign_speeds(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
     own = np.arange(len(alike))
     if len(alike) < 2:
         return own
+    # The likeliest assignment leaves the least product of unexplained variances; a correlation of
+    # one would leave the logarithm of nothing.
     left = 1.0 - np.clip(alike, 0.0, 0.9999) ** 2
     if (left.argmin(axis=1) == own).all():
         return own  # no assignment is better than the best of every row
