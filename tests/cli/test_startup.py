@@ -40,6 +40,20 @@ def test_nothing_heavy_is_imported(arguments, allowed):
     assert imported & HEAVY <= allowed
 
 
+def test_a_window_too_short_is_refused_before_the_log_is_read(tmp_path):
+    log = tmp_path / "flight.csv"
+    log.write_text("time\n0\n1\n")
+    options = ("--mass", "1", "--airframe", "a.toml", "--start", "5", "--end", "5.5")
+    probe = PROBE.format(arguments=("identify", str(log), *options))
+    ended = subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, timeout=600, check=False
+    )
+    assert ended.returncode == 1
+    assert "0.5 s of flight are too short" in ended.stderr
+    imported = set(ended.stdout.rsplit("imported", maxsplit=1)[1].split())
+    assert not imported & (HEAVY - {"pydantic", "rich"})
+
+
 def processor_seconds(*command: str) -> float:
     before = os.times()
     subprocess.run(command, capture_output=True, check=True)

@@ -33,6 +33,7 @@ from rotorfit.cli.terminal import (
     write_pictures,
 )
 from rotorfit.errors import RotorfitError
+from rotorfit.fit.shortest_flight import refuse_short_window
 
 if TYPE_CHECKING:
     from rotorfit.fit.experiment.experiment import Experiment, IdentificationEntry
@@ -120,7 +121,9 @@ def identify(
     if source.suffix.lower() == ".toml":
         experiment = _load_experiment(source, {"mass": mass, "airframe": airframe, **window})
     else:
-        experiment = _experiment_of_log(source, mass, airframe, log)
+        by_likelihood = method in {None, "banded"} and preset is None
+        used = (start, end) if by_likelihood else (None, None)
+        experiment = _experiment_of_log(source, mass, airframe, log, used)
     chosen = {"source": motion, "method": method, "preset": preset}
     experiment = _with_options(experiment, chosen, speed, window)
     inputs = [source, *([airframe] if airframe else []), *_flight_files(experiment)]
@@ -187,12 +190,18 @@ def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment
 
 
 def _experiment_of_log(
-    source: Path, mass: str | None, airframe: Path | None, log_number: int | None
+    source: Path,
+    mass: str | None,
+    airframe: Path | None,
+    log_number: int | None,
+    window: tuple[float | None, float | None],
 ) -> Experiment:
+    """Describe one log by options; refuse a window too short to be fitted before any reading."""
     from rotorfit.logs.files import read_head
 
     if not source.is_dir():
         read_head(source, 1)  # a missing log is reported before missing options and heavy imports
+    refuse_short_window(source.name, *window)
     from rotorfit.logs.read import format_of, own_kind, read_log
 
     if source.is_dir() and format_of(source) is None:

@@ -35,6 +35,7 @@ from rotorfit.fit.experiment.declared_vehicle import (
     vehicle_of,
 )
 from rotorfit.fit.reduction.frequency_bands import EDGES
+from rotorfit.fit.shortest_flight import refuse_short_flight, refuse_short_window
 from rotorfit.flight.decimate import as_recorded, decimated
 from rotorfit.flight.flight_checks import OTHER_MOTOR_DATA
 from rotorfit.flight.imu_tilt import levelled
@@ -87,13 +88,8 @@ def refuse_wrong_speeds(flights: Sequence[LoadedFlight], vehicle: Vehicle) -> No
 
 def refuse_short_flights(name: str, flights: Sequence[LoadedFlight]) -> None:
     """Raise where all flights of a configuration together are too short to show what is flown."""
-    seconds = sum(_used_seconds(flight) for flight in flights)
-    if flights and seconds < LEAST_SECONDS:
-        raise FlightError(
-            f"{name}: {seconds:.1f} s of flight are too short to identify anything, which needs "
-            f"{LEAST_SECONDS:.0f} s at least, and 20 s of quick rolls and nods (pitching forward "
-            "and back) for good numbers: fly longer, or give a wider --start and --end"
-        ).about(kind="flight-too-short")
+    if flights:
+        refuse_short_flight(name, sum(_used_seconds(flight) for flight in flights))
 
 
 def _used_seconds(flight: LoadedFlight) -> float:
@@ -117,9 +113,6 @@ def ignore_progress(words: str) -> None:
     del words
 
 
-LEAST_SECONDS: Final = 2.0
-"""Shortest flight that is fitted [s]: six lines in the band in which a pilot moves the vehicle
-(up to 3 Hz). Of half a second nothing but the weight could be fitted."""
 UNRESPONSIVE: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
 """States of a measured speed from which no law can be learnt."""
 
@@ -191,6 +184,10 @@ def _load_configuration(
 ) -> ConfigurationData:
     """Load the flights of one configuration, screened against its declaration."""
     flights: list[LoadedFlight] = []
+    likelihood = resolved_method(experiment) == "banded"
+    if likelihood and len(entry.flights) == 1:  # a window too short is refused before reading
+        only = entry.flights[0]
+        refuse_short_window(entry.name, only.start, only.end)
     for flight in entry.flights:
         report(f"reading {Path(flight.file).name}")
         flights.append(with_hover_inflow(load_flight(flight, experiment), entry.mass, vehicle))
@@ -200,7 +197,7 @@ def _load_configuration(
             refuse_gyro_in_degrees(
                 {Path(f.entry.file).name: f.prepared.data}, takes_columns=f.log.takes_columns
             )
-    if resolved_method(experiment) == "banded":
+    if likelihood:
         refuse_short_flights(entry.name, flights)
     motors = agreed_motors(experiment.motors, flights)
     if motors.speed == "measured":
