@@ -302,14 +302,14 @@ SITL: Final = "ArduPilot SITL"
 
 LEAVES_OUT: Final[dict[str, str]] = {
     SIH: "the motors' lag acts in steps of its loop: it is SIH_T_TAU less half a step (2 ms at 250 "
-    "Hz); no rotor inertia, no air at the rotors (their drag, inflow), no voltage, the CoM in the "
-    "middle of the rotors",
+    "Hz); no rotor inertia, no voltage, the CoM in the middle of the rotors, no air at the rotors "
+    "(no inflow, and rotor_drag is its damping of yaw)",
     GAZEBO: "the motors' plugin has its own constants: rising and falling time, thrust, moment, "
     "rotor drag; no battery in the thrust",
     PX4_OTHER: "what it leaves out is not known here",
     SITL: "its own frames (not Gazebo and others behind it) turn by torque over inertia, axis by "
-    "axis, without gyroscopic terms and products of inertia; no motor lag, no rotor inertia; "
-    "yaw torque is proportional to command times thrust",
+    "axis, without gyroscopic terms and products of inertia; no motor lag, no rotor inertia, "
+    "and rotor_drag is its damping of yaw; yaw torque is proportional to command times thrust",
 }
 """Effects that a simulator leaves out, by its name."""
 DRAGLESS_ROTORS: Final = (SIH, SITL)
