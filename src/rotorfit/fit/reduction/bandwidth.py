@@ -54,6 +54,11 @@ CUTOFFS: Final = np.geomspace(1.0, 60.0, 40)
 """Cut-offs that are tried [Hz]."""
 STEP: Final = float(np.sqrt(CUTOFFS[1] / CUTOFFS[0]))
 """Half of a step between them, as a factor."""
+WITHIN: Final = 1.92
+"""Log-likelihood by which the 95 % interval falls: half the quantile of chi^2 with one degree of
+freedom (Wilks)."""
+EACH_BAND: Final = 0.5
+"""What a band of the noise counts beside its neighbours, which share its peaks."""
 DELAYS: Final = np.arange(-0.012, 0.0281, 0.004)
 """Delays that are tried [s]: half of a step turns 15 Hz by a fifth of a radian."""
 OWN: Final = 1.5
@@ -238,13 +243,19 @@ def measured_bandwidth(
         every[name] = _by_lowpass(frequency, channels, _gains_of(shape, frequency)) - none
         if noise is not None:
             every[name] += noise[name][:, None]
-    best = max(every, key=lambda name: float(every[name].max()))
-    i, late = np.unravel_index(np.argmax(every[best]), every[best].shape)
+    best, i = _likeliest_lowpass({name: one.max(axis=1) for name, one in every.items()})
     near = _mark_near_best(every[best].max(axis=1))
     if noise is not None:
         # An autopilot that works against gusts turns the motion, but not the noise: where the
         # two differ, the interval has both. Neighbouring bands share peaks: two count as one.
-        near = near | _mark_near_best(0.5 * np.max(list(noise.values()), axis=0))
+        alone = {name: EACH_BAND * one for name, one in noise.items()}
+        near = near | _mark_near_best(np.max(list(alone.values()), axis=0))
+        name, k = _likeliest_lowpass(alone)
+        others = max(float(one.max()) for other, one in alone.items() if other != name)
+        # Noise that tells one shape from the others shows the filter, if the motion allows it.
+        if alone[name][k] - others > WITHIN and every[name][k].max() > LEAST_GAIN:
+            best, i = name, k
+    late = int(np.argmax(every[best][i]))
     cutoffs = CUTOFFS[near]
     found = Bandwidth(
         shape=best,
@@ -257,6 +268,12 @@ def measured_bandwidth(
     if shown and noise is None and best in ON_BOARD:
         shown = _exceeds_response_to_gusts(frequency, channels, SHAPES[best])
     return found if shown else None
+
+
+def _likeliest_lowpass(gains: Mapping[str, Float[np.ndarray, " c"]]) -> tuple[str, int]:
+    """Return the shape and the place of the cut-off with the largest gain of log-likelihood."""
+    best = max(gains, key=lambda name: float(gains[name].max()))
+    return best, int(np.argmax(gains[best]))
 
 
 def _exceeds_response_to_gusts(
@@ -285,8 +302,7 @@ def _no_filter(frequency: Float[np.ndarray, " l"]) -> Complex[np.ndarray, "1 l"]
 
 def _mark_near_best(likelihood: Float[np.ndarray, " c"]) -> Bool[np.ndarray, " c"]:
     """Mark the cut-offs in the 95 % interval."""
-    # Half of 3.84, the 95 % quantile of chi^2 with one degree of freedom (Wilks).
-    return likelihood > likelihood.max() - 1.92
+    return likelihood > likelihood.max() - WITHIN
 
 
 def _may_be_filtered(
