@@ -14,6 +14,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 
+LIST_ROTORS = (
+    "list the rotors as the log numbers them, in place of layout: under [airframe] write rotors = "
+    "[ { position = [x, y, z], spin = 'ccw' }, ... ]"
+)
+"""What to do for a frame or a motor order that has no name."""
+
+
 class RotorfitError(Exception):
     """Base of every error that rotorfit raises on purpose: a refusal."""
 

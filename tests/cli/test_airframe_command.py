@@ -129,7 +129,7 @@ def test_without_an_answer_nothing_is_written(answered, tmp_path, monkeypatch, a
         (("--order", "paper", "--spacing", "9,9"), "order 'paper'; expected one of px4,"),
         (
             ("--order", "mine", "--spacing", "9,9"),
-            "Of any other order, list the rotors in the file",
+            "Of any other order, list the rotors as the log",
         ),
         (("--order", "betafligt", "--spacing", "9,9"), "crazyflie; did you mean betaflight?"),
     ],

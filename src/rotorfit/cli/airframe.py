@@ -30,17 +30,12 @@ from rotorfit.cli.terminal import (
     refuse_output_file,
     steps,
 )
-from rotorfit.errors import ExperimentError, OutputError
+from rotorfit.errors import LIST_ROTORS, ExperimentError, OutputError
 
 if TYPE_CHECKING:
     from rotorfit.logs import ReadOptions
     from rotorfit.tools.inspection.seen_airframe import SeenAirframe
 
-LIST_ROTORS = (
-    "list the rotors in the file, as docs/experiment says, with rotors = [ { position = [x, y, z], "
-    "spin = 'ccw' }, ... ]"
-)
-"""What to do for a frame or an order that has no name."""
 SMALLEST, LARGEST = 15.0, 10_000.0
 """Limits of a spacing [mm]."""
 Layout = Annotated[

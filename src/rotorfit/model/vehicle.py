@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
 
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import LIST_ROTORS, ExperimentError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -216,8 +216,8 @@ def layout_rotors(layout: str, *, arm: float, order: str = "px4") -> tuple[Rotor
     seats = LAYOUTS.get((layout, order))
     if seats is None:
         raise ExperimentError(
-            f"no layout {layout!r} in the motor order {order!r}{_known_layouts(layout, order)}; "
-            "or list the rotors with position and spin"
+            f"no layout {layout!r} in the motor order {order!r}{_known_layouts(layout, order)}. "
+            f"Of any other, {LIST_ROTORS}"
         )
     return tuple(_layout_rotor(float(angle), spin, arm) for angle, spin in seats)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from rotorfit.errors import LIST_ROTORS
 from rotorfit.model.terms.registry import OPTIONAL
 
 if TYPE_CHECKING:
@@ -43,8 +44,7 @@ TABLES: dict[str, str] = {
 }
 """Where a key belongs that stands in a table without it."""
 ELSE: dict[str, str] = {
-    "airframe.order": "; of any other order, list rotors = [ { position = [x, y, z], spin = 'ccw' }"
-    ", ... ] as the log numbers them, in place of layout",
+    "airframe.order": f". Of any other order, {LIST_ROTORS}",
 }
 """What to do where none of the choices is right, by place."""
 
