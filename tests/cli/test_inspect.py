@@ -76,7 +76,7 @@ def test_a_hover_on_commands_is_foreseen_at_the_usual_lag(run, here, assert_word
     text = " ".join(run("inspect", "hover.csv").out.split())
     assert_wording(text)
     for axis in ("roll", "pitch", "yaw"):
-        found = rf"- {axis}: [0-9.]+ rad/s\^2: .*"
+        found = rf"- {axis} \([0-9.]+ rad/s\^2\): .*"
         assert re.search(found + r"signal-to-noise (under )?0[.0-9]*, need", text), text
 
 

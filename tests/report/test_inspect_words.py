@@ -56,14 +56,13 @@ def said(thrust=THRUST, axis=YAW, *, commanded=False):
         (replace(THRUST, width=None), "kt cannot be found: too few changes of thrust"),
         (
             replace(THRUST, agree=False, width=0.15),
-            "can be found, but two estimates differ: by changes of thrust kt is 10.8 +- 3.9 % "
-            "lower than by the weight (seen in thrust alone; identify weighs the turns, too); drag "
-            "in climb and descent may be the cause",
+            "can be found, but by these changes kt is 10.8 +- 3.9 % lower than by the weight "
+            "(without the turns, which identify weighs, too). Drag in climb and descent may be",
         ),
         (
             replace(THRUST, width=0.3, law_full=0.25),
-            "roughly; no law from command to rotor speed is given, so full thrust is known to "
-            "+-25 % only: give it under [motors], or log the rotor speed",
+            "roughly. Full thrust is known to +-25 % only, for want of a law from command to rotor "
+            "speed: give it under [motors], or log the rotor speed",
         ),
         (
             replace(THRUST, followed=False),
@@ -77,6 +76,19 @@ def test_the_thrust(thrust, words):
 
 
 COMMANDS = Commands(law_known=False, limited=0.12, lag=0.05, seen_lag=0.023, rate=500.0)
+
+
+def test_a_law_by_settings_is_no_missing_law():
+    known = replace(COMMANDS, law_known=True)
+    found = Prospects(
+        excitation=(YAW,),
+        thrust=replace(THRUST, law_full=0.19),
+        commanded=True,
+        motors=None,
+        commands=known,
+    )
+    words = "kt (per kilogram) can be found. Full thrust is known to +-19 % only (see To know)"
+    assert prospect_messages(found)[0].endswith(words)
 
 
 @pytest.mark.parametrize(
@@ -123,17 +135,17 @@ def test_two_kt_with_a_known_law_are_no_matter_of_the_law(assert_wording):
     [
         (
             YAW,
-            "yaw: 0.7 rad/s^2: kd / Izz can be found well (to about +-2 %); Izz, kd and Jr less",
+            "yaw (0.7 rad/s^2): kd / Izz can be found well (to about +-2 %); Izz, kd and Jr less",
         ),
         (
             replace(YAW, rho=1.2, width=None),
-            "kd / Izz, Izz, kd and Jr cannot be found: signal-to-noise 1.2, need 5: noise and",
+            "cannot be found; noise and gusts hide the motion (signal-to-noise 1.2, need 5)",
         ),
         (
             ROLL,
-            "roll: 51 rad/s^2: Ixx roughly (to about +-40 %): signal-to-noise 4.0, need 5: roll",
+            "roll (51 rad/s^2): Ixx roughly (to about +-40 %); roll is not much stronger",
         ),
-        (replace(ROLL, rho=40.0), "Ixx roughly (to about +-40 %): fly more of this motion"),
+        (replace(ROLL, rho=40.0), "Ixx roughly (to about +-40 %); fly more of this motion"),
     ],
 )
 def test_an_axis(axis, words):

@@ -79,14 +79,13 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
     if motors.law is not None:
         cure = f"measure the law under [motors] again, {cure}"
     held = (
-        f"the result has that of the weight ({kt.value:.3g}), as doubtful"
+        f"that of the weight ({kt.value:.3g}), as doubtful"
         if balance.contradicts
-        else f"the result has their weighted mean ({kt.value:.3g})"
+        else f"their weighted mean ({kt.value:.3g})"
     )
     return (
-        f"{seen}: {held}, and the intervals of kt and "
-        "inertia cover the difference; the flight does not show which of the two is wrong: "
-        f"{cure}, or weigh again"
+        f"{seen}; the result has {held}, with intervals that cover the difference. The flight does "
+        f"not show which of the two is wrong: {cure}, or weigh again"
     )
 
 

@@ -367,7 +367,7 @@ def replay_notes(
     drag = [p.name for p in result.parameters if p.name.startswith("drag_") and p.value]
     terms = [t for t in terms_left_out(result, model.configuration) if t.split()[0] not in drag]
     if terms:
-        notes.append(f"known, but used in the replay only: {', '.join(terms)}")
+        notes.append(f"used in the replay only: {', '.join(terms)}")
     known = [p.value is not None for p in result.parameters if p.name.startswith("kt_")]
     if any(known) and not all(known):
         notes.append(

@@ -114,7 +114,8 @@ SETTINGS: Final = settings_of(
     (
         "config.txt:",
         " ".join(_ROTOR_SPEEDS[0]),
-        "rotor speed, with an RPM deck; else give the law of a thrust stand under [motors]",
+        "the rotor speed. It takes an RPM deck; without one give the law of a thrust stand under "
+        "[motors]",
         NO_SPEED,
     ),
 )

@@ -49,6 +49,7 @@ class Setting:
     """One setting of a firmware, what it is for, and what in a log asks for it.
 
     - `value`: what it is to be, in words.
+    - `why`: what it is for; a second sentence says what it takes.
     - `old`, `new`: as the log has it, None if that is not known; and exactly as it is to be
       written, None if only the owner of the vehicle knows it.
     """

@@ -270,20 +270,19 @@ def _thrust_message(found: Prospects) -> str:
         by_weight = "" if thrust.prospect == "not" else " by the weight"
         return f"thrust changes by {change:.0f} %: {verdict}{by_weight}. {_explain_turns(found)}"
     if thrust.law_full:
-        return (
-            f"thrust changes by {change:.0f} %: {verdict}; no law from command to rotor speed is "
-            f"given, so full thrust is known to +-{100 * thrust.law_full:.0f} % only: "
-            "give it under [motors], or log the rotor speed"
-        )
+        full = f"Full thrust is known to +-{100 * thrust.law_full:.0f} % only"
+        why = "for want of a law from command to rotor speed: give it under [motors], or log the"
+        stated = found.commands is not None and found.commands.law_known
+        known = f"{full} (see To know)" if stated else f"{full}, {why} rotor speed"
+        return f"thrust changes by {change:.0f} %: {verdict}. {known}"
     if thrust.agree or thrust.ratio is None:
         sure = " well" if thrust.prospect == "well" else ": too few changes of thrust"
         return f"thrust changes by {change:.0f} %: {verdict}{sure}"
-    why = "drag in climb and descent may be the cause, or the accelerometer's scale: calibrate it"
     joined = "because" if thrust.prospect == "not" else "but"
     return (
-        f"thrust changes by {change:.0f} %: {verdict}, {joined} two estimates differ: by changes "
-        f"of thrust {compare_with_weight(thrust.ratio)} (seen in thrust alone; identify weighs the "
-        f"turns, too); {why}"
+        f"thrust changes by {change:.0f} %: {verdict}, {joined} by these changes "
+        f"{compare_with_weight(thrust.ratio)} (without the turns, which identify weighs, too). "
+        "Drag in climb and descent may be the cause, or the accelerometer's scale: calibrate it"
     )
 
 
@@ -319,10 +318,10 @@ def _axis_message(axis: Excitation, found: Prospects) -> str:
     verdict = {
         # The scale of Izz depends on small terms of all equations, which only an estimate weighs.
         "well": f"{what} can be found well{width}{others and f'; {others} less well'}",
-        "roughly": f"{what} roughly{width}{others and f', {others} less well'}: {reason}",
-        "not": f"{what}{others and f', {others}'} cannot be found: {reason}",
+        "roughly": f"{what} roughly{width}{others and f', {others} less well'}; {reason}",
+        "not": f"{what}{others and f', {others}'} cannot be found; {reason}",
     }["roughly" if slow and axis.prospect == "well" else axis.prospect]
-    return f"{axis.axis}: {short(axis.turning)} rad/s^2: {verdict}"
+    return f"{axis.axis} ({short(axis.turning)} rad/s^2): {verdict}"
 
 
 def _explain_axis(axis: Excitation, found: Prospects) -> str:
@@ -332,11 +331,12 @@ def _explain_axis(axis: Excitation, found: Prospects) -> str:
     if axis.rho < LEAST_EXCITATION:
         if axis.prospect == "not" and not found.thrust.followed and found.motors is not None:
             return f"the commands do not explain {axis.axis}, see thrust"
-        return f"{ratio_words(axis.rho)}: " + (
-            "noise and disturbances hide the motion"
+        words = (
+            "noise and gusts hide the motion"
             if axis.prospect == "not"
-            else f"{axis.axis} is not much stronger than disturbances"
+            else f"{axis.axis} is not much stronger than gusts"
         )
+        return f"{words} ({ratio_words(axis.rho)})"
     if axis.axis != "yaw" and found.thrust.prospect != "well":
         return "limited by how well kt is known"
     if axis.axis != "yaw" and law_decides(found.thrust.law_reach, axis.width or math.inf):

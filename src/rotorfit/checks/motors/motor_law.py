@@ -104,9 +104,8 @@ def _missing_law(law: LawFromThrust) -> Finding:
         severity="note",
         sentence=(
             f"no law from command to rotor speed is given; {shown} with the command to the "
-            f"power of {with_half(power, half)} (2: speed in proportion to the command), and "
-            "the intervals cover what that leaves open, up to full command; for narrower ones "
-            f"{GIVE}"
+            f"power of {with_half(power, half)} (2: speed in proportion to the command). "
+            f"The intervals cover what that leaves open; for narrower ones {GIVE}"
         ),
         next_step=GIVE,
         evidence=_law_evidence(law),
@@ -125,9 +124,8 @@ def _law_evidence(law: LawFromThrust) -> tuple[Evidence, ...]:
 def stated_sentence(setting: str, half_width: float, *, shown: str) -> str:
     """State that thrust over command is by settings, and what they leave open, as a share."""
     return (
-        f"thrust over command is by settings that are seldom measured ({setting}), and {shown}: "
-        f"they leave full thrust and thrust to weight open by {100.0 * half_width:.0f} %; to "
-        f"settle it {SETTLE}"
+        f"full thrust and thrust to weight are open by {100.0 * half_width:.0f} %: they rest on "
+        f"settings that are seldom measured ({setting}), and {shown}. To settle it, {SETTLE}"
     )
 
 

@@ -93,15 +93,25 @@ def faster_log(log: FlightLog, prepared: PreparedFlight) -> str | None:
     if prepared.slowest_rate >= LEAST_RATE:
         return None
     slow_imu = prepared.data.sample_rate < ENOUGH_RATE
-    wanted = _list_settings(log, SLOW_MOTORS | SLOW_IMU if slow_imu else SLOW_MOTORS)
+    wanted = better_log(log, SLOW_MOTORS | SLOW_IMU if slow_imu else SLOW_MOTORS)
     plain = f"log gyro, accelerometer and motors {ENOUGH_RATE:.0f} times a second or faster"
-    return f"{wanted or plain}, then fly again"
+    return wanted or f"{plain}, then fly again"
 
 
 def better_log(log: FlightLog, lacks: frozenset[Lack]) -> str | None:
     """Advise the settings for what a log lacks; None if the firmware has none."""
-    wanted = _list_settings(log, lacks)
-    return f"{wanted}, then fly again" if wanted else None
+    found = advice_for(log.format, lacks, log.metadata)
+    if found is None or not found.settings:
+        return None
+    named = [s for s in found.settings if s.name != FIRMWARE]
+    lines = [_whole_line(s) for s in named if s.name.endswith(":")]
+    pairs = [_setting_text(s) for s in named if not s.name.endswith(":")]
+    steps = [f"flash {s.value}" for s in found.settings if s.name == FIRMWARE]
+    steps += [*lines, *([f"set {', '.join(pairs)}"] if pairs else [])]
+    written = any(s.new for s in found.settings)
+    file = f" (as a file: rotorfit settings {log.as_argument})" if written else ""
+    remarks = [remark for s in named if (remark := s.why.partition(". ")[2])]
+    return ". ".join([f"{', then '.join(steps)}{file}, then fly again", *remarks])
 
 
 def slow_words(prepared: PreparedFlight) -> str:
@@ -116,11 +126,11 @@ def log_with_speed(log: FlightLog, prepared: PreparedFlight) -> str | None:
     if "rotor_speed" in log.channels:
         return USE_SPEED
     slow = prepared.slowest_rate < ENOUGH_RATE
-    if not _list_settings(log, NO_SPEED):
+    if better_log(log, NO_SPEED) is None:
         return None
-    wanted = _list_settings(log, NO_SPEED | SLOW_MOTORS | SLOW_IMU if slow else NO_SPEED)
+    wanted = better_log(log, NO_SPEED | SLOW_MOTORS | SLOW_IMU if slow else NO_SPEED)
     also = ", and all of it faster" if slow else ""
-    return f"log the rotor speed{also}: {wanted}, then fly again"
+    return f"log the rotor speed{also}: {wanted}"
 
 
 def _commanded_flights(fit: Fit) -> list[LoadedFlight]:
@@ -144,21 +154,6 @@ def _has_unexplained_turns(fit: Fit) -> bool:
     return max(ratios, default=np.inf) <= NO_EXCITATION and bool(clear.any())
 
 
-def _list_settings(log: FlightLog, lacks: frozenset[Lack]) -> str:
-    """List the settings that the log's firmware asks for, empty if it has none."""
-    found = advice_for(log.format, lacks, log.metadata)
-    if found is None or not found.settings:
-        return ""
-    written = any(s.new for s in found.settings)
-    file = f" (as a file: rotorfit settings {log.as_argument})" if written else ""
-    flashed = [f"flash {s.value}" for s in found.settings if s.name == FIRMWARE]
-    named = [s for s in found.settings if s.name != FIRMWARE]
-    lines = [_whole_line(s) for s in named if s.name.endswith(":")]
-    pairs = [_setting_text(s) for s in named if not s.name.endswith(":")]
-    steps = [*flashed, *lines, *([f"set {', '.join(pairs)}"] if pairs else [])]
-    return f"{', then '.join(steps)}{file}"
-
-
 def _setting_text(setting: Setting) -> str:
     """Write a setting and its value; bits in words where the value that has them is not known."""
     if setting.new is None and setting.value.startswith("what"):
@@ -170,7 +165,8 @@ def _whole_line(setting: Setting) -> str:
     """State where a line of a file or a CLI goes, and what it is for."""
     if setting.name == "CLI:":
         return f"enter {setting.value!r} in the CLI"
-    return f"add {setting.value} to {setting.name.strip(':')} ({setting.why})"
+    why, _, _ = setting.why.partition(". ")
+    return f"add {setting.value} to {setting.name.strip(':')} for {why}"
 
 
 CHECKS: Final = (slow_log, unlogged_speed, absent_in_simulator)

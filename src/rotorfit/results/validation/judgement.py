@@ -81,7 +81,7 @@ class AxisJudgement:
     def deciding(self) -> str:
         """The number that decides the level."""
         if self.level == "with-feedback":
-            return f"right for {self.right_for:.2g} s"
+            return f"without one off by a fifth after {self.right_for or 0.0:.2g} s"
         if self.wrench_error is not None:
             return f"error {short(100.0 * self.wrench_error)} %"
         held = self.over_held
