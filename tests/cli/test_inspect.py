@@ -65,6 +65,16 @@ def test_json_agrees_with_the_text(run, here):
     assert report["trouble"] == []
 
 
+def test_motors_by_other_names_are_to_be_proposed(run, refused, here, assert_wording):
+    table = Path(here / "flight.csv")
+    text = table.read_text(encoding="utf-8").replace("rotor_", "rpm").replace("command_", "u")
+    table.write_text(text, encoding="utf-8")
+    [report] = run("inspect", "flight.csv", "--json").json
+    assert_wording(report["trouble"][0])
+    arguments = ("flight.csv", "--mass", "1.285", "--airframe", "airframe.toml")
+    assert_wording(refused("identify", *arguments))
+
+
 def test_a_hover_on_commands_is_foreseen_at_the_usual_lag(run, here, assert_wording):
     """At the lag that fits best, an answer to the gyro's noise looks like a yaw response."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")

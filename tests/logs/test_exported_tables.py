@@ -77,6 +77,52 @@ def test_plotjuggler_keeps_the_motors_that_carry_numbers(tmp_path):
     assert any("give the log itself (.ulg" in reason for reason in proposal.reasons)
 
 
+def test_plotjuggler_has_the_speeds_of_a_topic_named_status(tmp_path):
+    columns = {
+        "__time": TIME,
+        **named([f"/sensor_combined/gyro_rad.{i:02}" for i in range(3)], GYRO * DOWN),
+        **named([f"/sensor_combined/accelerometer_m_s2.{i:02}" for i in range(3)], ACCEL * DOWN),
+        **named([f"/esc_status/esc.{i:02}/esc_rpm" for i in range(4)], 20000 * SHARE),
+        **named([f"/esc_status/esc.{i:02}/esc_current" for i in range(4)], 9 * SHARE),
+        **named([f"/actuator_motors/control.{i:02}" for i in range(4)], SHARE),
+    }
+    path = written(tmp_path / "juggled.csv", columns)
+    log = read_by(propose_columns(path), path)
+    speed = 20000 * SHARE * 2 * np.pi / 60
+    np.testing.assert_allclose(log.channels["rotor_speed"].values, speed, rtol=1e-9)
+    np.testing.assert_allclose(log.channels["command"].values, SHARE, rtol=1e-9)
+
+
+def test_cfclient_logs_commands_of_16_bits(tmp_path):
+    columns = {
+        "Timestamp": 12345.0 + 1e3 * TIME,
+        **named([f"gyro.{a}" for a in "xyz"], np.rad2deg(GYRO)),
+        **named([f"acc.{a}" for a in "xyz"], ACCEL / G),
+        **named([f"motor.m{i}" for i in range(1, 5)], 65535 * SHARE),
+    }
+    path = written(tmp_path / "client.csv", columns)
+    proposal = propose_columns(path)
+    log = read_by(proposal, path)
+    assert proposal.questions == ()
+    np.testing.assert_allclose(log.channels["command"].values, SHARE, rtol=1e-9)
+    np.testing.assert_allclose(log.channels["gyro"].values, GYRO, rtol=1e-9)
+    assert any("micro-SD" in reason for reason in proposal.reasons)
+
+
+@pytest.mark.parametrize(("accel", "asked"), [(1000.0 / G, True), (1.0 / G, False)])
+def test_a_gyro_beside_thousandths_of_g_is_asked_about(tmp_path, accel, asked):
+    """MAVLink's SCALED_IMU has mrad/s beside mg; 150 deg/s would pass for 2600."""
+    columns = {
+        "time_boot_ms": 1e3 * TIME,
+        **named([f"{a}gyro" for a in "xyz"], 1000.0 * GYRO),
+        **named([f"{a}acc" for a in "xyz"], accel * ACCEL),
+        **named([f"servo{i}_raw" for i in range(1, 5)], 1100 + 800 * SHARE),
+    }
+    proposal = propose_columns(written(tmp_path / "scaled.csv", columns))
+    assert [q.choices for q in proposal.questions] == [("mrad/s", "deg/s")] * asked
+    assert proposal.columns["gyro_x"].unit == ("mrad/s" if asked else "deg/s")
+
+
 def datcon_columns(clock):
     corners = ("RFront", "LFront", "LBack", "RBack")
     return {
@@ -122,6 +168,27 @@ def test_two_clocks_that_disagree_are_asked_about(tmp_path):
     assert not [q for q in same.questions if q.channel == "clock"]
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e6])
+@pytest.mark.parametrize(("rate", "doubted"), [(1.03, True), (0.98, True), (1.001, False)])
+def test_a_clock_that_runs_faster_is_doubted(tmp_path, rate, doubted, scale):
+    """Its first rows come in a bunch, as those of a log that begins late."""
+    other = scale * (5.0 + rate * TIME + 0.05 * np.minimum(TIME, 0.1))
+    columns = {"t_board_s": TIME, "t_pc_us" if scale > 1 else "t_pc_s": other}
+    columns |= {**named(("gx", "gy", "gz"), GYRO), **named(("ax", "ay", "az"), ACCEL)}
+    columns |= named([f"rpm_{i}" for i in range(1, 5)], 5000 * SHARE)
+    proposal = propose_columns(written(tmp_path / "two.csv", columns))
+    assert proposal.columns["time"].name == "t_board_s"
+    assert len(proposal.doubts) == doubted
+
+
+def test_an_accelerometer_without_gravity_is_refused(tmp_path):
+    columns = {"time": TIME, **named(("gx", "gy", "gz"), GYRO)}
+    columns |= named(("lin_acc_x", "lin_acc_y", "lin_acc_z"), 2.0 * (ACCEL - [0.0, 0.0, G]))
+    columns |= named([f"rpm_{i}" for i in range(1, 5)], 5000 * SHARE)
+    with pytest.raises(LogError, match="record the accelerometer with gravity in it"):
+        propose_columns(written(tmp_path / "linear.csv", columns))
+
+
 @pytest.mark.parametrize(
     ("gyro", "accel", "motors", "order"),
     [
@@ -155,6 +222,19 @@ def test_two_clocks_that_disagree_are_asked_about(tmp_path):
             tuple(f"RCOU.C{i}" for i in range(1, 5)),
             [0, 1, 2, 3],
         ),
+        (
+            tuple(f"{a}gyro" for a in "xyz"),
+            tuple(f"{a}acc" for a in "xyz"),
+            tuple(f"servo{i}_raw" for i in range(1, 5)),
+            [0, 1, 2, 3],
+        ),
+        (
+            tuple(f"omega_{a}" for a in "xyz"),
+            ("ax", "ay", "az"),
+            tuple(f"omega_{i}" for i in range(1, 5)),
+            [0, 1, 2, 3],
+        ),
+        (("gx", "gy", "gz"), ("ax", "ay", "az"), ("w0", "w1", "w2", "w3"), [0, 1, 2, 3]),
     ],
 )
 def test_names_of_the_field_are_understood(tmp_path, gyro, accel, motors, order):
@@ -181,8 +261,9 @@ def test_tables_without_a_flight_of_use_are_named(tmp_path, header, words):
     path = tmp_path / "telemetry.csv"
     row = ",".join(["2024-05-01", "12:00:01.5", *["1"] * (header.count(",") - 1)])
     path.write_text("\n".join([header, *[row] * 20]))
-    with pytest.raises(LogError, match=words):
-        propose_columns(path)
+    for read in (propose_columns, read_table):
+        with pytest.raises(LogError, match=words):
+            read(path)
 
 
 @pytest.mark.parametrize(
@@ -194,6 +275,7 @@ def test_tables_without_a_flight_of_use_are_named(tmp_path, header, words):
             r"\.bag itself",
         ),
         ("timestamp,IMU.TimeUS,IMU.GyrX,IMU.GyrY,IMU.GyrZ", r"\.bin itself"),
+        ("time (us),GPS_fixType,GPS_numSat,GPS_coord[0],GPS_altitude", "Blackbox file itself"),
     ],
 )
 def test_a_single_topic_says_which_file_to_take(tmp_path, header, original):

@@ -198,7 +198,16 @@ def _no_motors(log: FlightLog, motor_name: str, has: str) -> str:
     return (
         f"the log has no motor data (neither rotor_speed nor command; it has {has}); log ESC "
         "telemetry or motor outputs: without them only the motion is known, not what caused it"
+        f"{other_columns(log)}"
     )
+
+
+def other_columns(log: FlightLog) -> str:
+    """Advise on columns that a table may have under other names than rotorfit's."""
+    if log.format != "table":
+        return ""
+    proposed = f"rotorfit airframe {log.as_argument}"
+    return f". If the table has other names for it, {proposed} proposes which is which"
 
 
 def takes_battery(log: FlightLog, law: MotorLaw | None) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.logs.columns import NAMES, TIME
+from rotorfit.logs.units import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -161,6 +162,9 @@ def _without_index(words: tuple[str, ...]) -> tuple[tuple[str, ...], int | None]
     # Glued on: gx, accx, quatw; but no letter of a word such as max.
     if last[-1] in _LETTERS and last[:-1] in _GLUED:
         return (*words[:-1], last[:-1]), _LETTERS[last[-1]]
+    # Glued on in front, as MAVLink does: xgyro, yacc.
+    if last[0] in _LETTERS and last[1:] in _MAVLINK:
+        return (*words[:-1], last[1:]), _LETTERS[last[0]]
     # The axis before what it is of: x_gyro, roll_rate, yaw_gyro.
     for word in words[:-1]:
         if word in known:
@@ -198,13 +202,19 @@ _GLUED: Final = frozenset(
 )
 
 
+_MAVLINK: Final = ("gyro", "acc")
+_TURNS: Final = frozenset(["w", "om", "omega"])
+"""Letters for the speed of a turn, of the body or of a rotor."""
+
+
 def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
     """Guess what a column holds by the words of its name; None if they say nothing."""
     joined = "".join(words)
     bare = tuple(word for word in words if not word.isdecimal() and word not in _FRAMES)
-    # "offset" is a fault of a sensor, but the time since a log began, too.
     is_clock = index is None and re.search(r"time|clock", joined) is not None
-    if _NO_MEASUREMENT.difference(["offset"] if is_clock else []).intersection(words):
+    # "offset" is a fault of a sensor, but the time since a log began, too; esc_status is a topic.
+    harmless = (["offset"] if is_clock else []) + (["status"] if "rpm" in words else [])
+    if _NO_MEASUREMENT.difference(harmless).intersection(words):
         return None
     if "batt" in joined and "volt" in joined and "cell" not in joined:
         return "battery"
@@ -265,11 +275,14 @@ def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candid
             continue
         groups.setdefault((kind, ""), {})[index] = name
         units[kind, ""] = parts_of(name)[2]
+    rotors = _rotors_by_letter(names)
     has_pqr = {"p", "q", "r"} <= {name.strip().lower() for name in names}
     for name in names:
         is_rate = has_pqr and name.strip().lower() in _BODY_RATES
         words, index, unit = parts_of(f"rate_{name}" if is_rate else name)
-        kind = _kind_of_words(words, index)
+        kind = "motor" if name in rotors else _kind_of_words(words, index)
+        if kind is None and index is None and words[:1] == ("t",) and unit in UNITS["time"]:
+            kind = "time"
         if kind is None or name in named.values():
             continue
         # Which wheel of letters counts is the same for q0..q3 and qw..qz only by their values.
@@ -284,6 +297,16 @@ def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candid
         for (kind, stem), found in groups.items()
         if kind not in left_out
     ]
+
+
+def _rotors_by_letter(names: Sequence[str]) -> set[str]:
+    """List columns such as w1 to w4: more than a gyro has, so that they are of rotors."""
+    by_stem: dict[tuple[str, ...], list[str]] = {}
+    for name in names:
+        words, index, _ = parts_of(name)
+        if words[-1:] and words[-1] in _TURNS and index is not None and re.search(r"\d", name):
+            by_stem.setdefault(words, []).append(name)
+    return {name for found in by_stem.values() if len(found) > len(NAMES["gyro"]) for name in found}
 
 
 def _place_of_name(canonical: str) -> tuple[str, int]:

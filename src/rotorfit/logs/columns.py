@@ -138,6 +138,10 @@ def resolve(
         if quantity_of(name) is not None and name not in claimed and name not in mapped
     }
     resolved = own | mapped
+    if TIME not in resolved or len(resolved) == 1:
+        from rotorfit.logs.exporters import refuse_export
+
+        refuse_export(in_file)
     if TIME not in resolved:
         raise LogError(f"no column {TIME!r}; {_what_is_there(in_file, path)}")
     if len(resolved) == 1:

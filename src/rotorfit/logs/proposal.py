@@ -174,7 +174,10 @@ def _propose_sensors(
     accel, axes = accelerometer_found(chosen["accel"], numbers, units.get("accel"), axes)
     rate = attitude_rate(attitude, clock, numbers)
     usual = None if exporter is None else exporter.units.get("gyro")
-    gyro = gyro_found(chosen["gyro"], rate, numbers, units.get("gyro"), usual=usual)
+    accel_unit = accel.columns[NAMES["accel"][2]].unit
+    gyro = gyro_found(
+        chosen["gyro"], rate, numbers, units.get("gyro"), usual=usual, accel_unit=accel_unit
+    )
     signed = attitude_signed(attitude, gyro, rate, numbers)
     others = [signed, battery_found(chosen, numbers), others_found(chosen, gyro, units)]
     return [gyro, accel], others, axes
@@ -245,7 +248,7 @@ def _lacking_words(lacking: Sequence[str], candidates: Sequence[Candidate], sour
     more = f" and {len(source.names) - 12} more" if len(source.names) > 12 else ""
     return (
         f"no column for {what} by its name; the table has {shown}{more}: name each one, "
-        f"as --column {example}=NAME"
+        f"as --column {example}=NAME, or record them, too"
     )
 
 

@@ -111,7 +111,13 @@ def accelerometer_found(
         return _set_accelerometer(chosen, length, float(along[2]), stated, stated_axes)
     unit, factor = _gravity_unit(length)
     axis = int(np.argmax(np.abs(along)))
-    if axis != 2 or abs(along[2]) < 0.5 * length:
+    if abs(along[axis]) < 0.5 * length:
+        shown = ", ".join(f"{one:.3g}" for one in along)
+        raise LogError(
+            f"no axis of {chosen.by_index[0]} ... holds gravity (medians {shown}): record the "
+            "accelerometer with gravity in it, or turn its columns into body axes"
+        )
+    if axis != 2:
         raise LogError(
             f"gravity lies along {chosen.by_index[axis]} (median {along[axis]:.3g}), expected "
             "along z: put the columns into the order forward, left, up with --column accel_z=NAME"
@@ -228,10 +234,12 @@ def gyro_found(
     stated: str | None,
     *,
     usual: str | None = None,
+    accel_unit: str | None = None,
 ) -> Found:
     """Find the gyro's unit: by the attitude, else by name, else by its peaks, else ask.
 
-    `usual`: of the program that wrote the table, where that is known.
+    `usual`: of the program that wrote the table, where that is known; `accel_unit`: of its
+    accelerometer.
     """
     assert chosen is not None
     values = stacked(chosen.by_index.values(), numbers)
@@ -257,12 +265,15 @@ def gyro_found(
     if named is not None:
         return _with_unit(chosen, named, f"gyro: {named} by its name")
     peak = float(np.nanmax(np.abs(values)))
-    if peak > _FASTEST_GYRO:
+    choices = ("rad/s", "deg/s")
+    if peak > _FASTEST_GYRO and accel_unit == "mg":  # so MAVLink and Crazyflies send them
+        choices = ("mrad/s", "deg/s")
+    elif peak > _FASTEST_GYRO:
         return _with_unit(chosen, "deg/s", f"gyro: up to {peak:.3g}, too fast for rad/s: deg/s")
     words = f"Unit of the gyro ({', '.join(chosen.by_index.values())}, up to {peak:.3g})"
-    question = Question(channel="gyro", words=words, choices=("rad/s", "deg/s"))
-    found = _with_unit(chosen, "rad/s", "gyro: perhaps in rad/s, neither name nor values say")
-    return replace(found, questions=(question,))
+    question = Question(channel="gyro", words=words, choices=choices)
+    guess = f"gyro: perhaps in {choices[0]}, neither name nor values say"
+    return replace(_with_unit(chosen, choices[0], guess), questions=(question,))
 
 
 def _with_unit(chosen: Candidate, unit: str, words: str) -> Found:

@@ -31,6 +31,10 @@ CLOCK: Final = "clock"
 _CLOCKS_DIFFER: Final = 0.05
 """Share of the duration by which two clocks of one table may differ."""
 
+_RATES_DIFFER: Final = 0.005
+"""Share by which two clocks may run differently: ten times what oscillators without a crystal do
+after their trim, and less than the usual interval of an inertia."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Clock:
@@ -74,8 +78,12 @@ def clock_found(
     if by_hand or chosen.is_counter:
         return clock
     seconds = chosen.duration * UNITS["time"][str(clock.columns[TIME].unit)]
-    others = [one for one in ranked[1:] if not one.is_counter and not _may_last(one, seconds)]
-    return replace(clock, questions=_ask_clock(chosen, seconds, others)) if others else clock
+    others = [one for one in ranked[1:] if not one.is_counter]
+    far = [one for one in others if not _may_last(one, seconds)]
+    if far:
+        return replace(clock, questions=_ask_clock(chosen, seconds, far))
+    doubts = [words for one in others if (words := _compare_rates(chosen, one, numbers))]
+    return replace(clock, doubts=(*clock.doubts, *doubts))
 
 
 def _rising_clock(one: Candidate, numbers: Numbers, *, is_named: bool) -> _Clock | None:
@@ -108,6 +116,28 @@ def _may_last(clock: _Clock, seconds: float) -> bool:
     )
 
 
+def _compare_rates(chosen: _Clock, other: _Clock, numbers: Numbers) -> str | None:
+    """Doubt two clocks of which one runs faster than crystals do; None if they agree.
+
+    By the slope over the later half of the rows, as the first ones often come in a bunch.
+    """
+    pair = np.stack([numbers[chosen.name], numbers[other.name]], axis=1)
+    pair = pair[np.isfinite(pair).all(axis=1)]
+    pair = pair[len(pair) // 2 :]
+    x, y = (pair - pair.mean(axis=0)).T
+    if not x.any() or not y.any():
+        return None
+    slope = float((x * y).sum() / (x * x).sum())
+    ratio = min((slope * 10.0**power for power in range(-9, 10, 3)), key=lambda r: abs(np.log(r)))
+    if abs(ratio - 1.0) < _RATES_DIFFER:
+        return None
+    way = "faster" if ratio > 1.0 else "slower"
+    return (
+        f"{other.name} runs {100.0 * abs(ratio - 1.0):.2g} % {way} than {chosen.name}, and inertia "
+        f"goes with the clock: if it is the right one, give --column time={other.name}"
+    )
+
+
 def _ask_clock(chosen: _Clock, seconds: float, others: Sequence[_Clock]) -> tuple[Question, ...]:
     """Ask which of some clocks that contradict each other is right."""
     names = [chosen.name, *(one.name for one in others)]
@@ -123,7 +153,11 @@ def _no_clock_words(named: Sequence[Candidate], numbers: Numbers) -> str:
     seen = ", ".join(one.by_index[0] for one in named)
     texts = [one.by_index[0] for one in named if one.by_index[0] not in numbers]
     what = f"{seen} does not rise from row to row" if seen else "no column is named like a clock"
-    what = f"{texts[0]} holds text, no numbers of s, ms or us" if texts else what
+    if texts:
+        return (
+            f"no time: {texts[0]} holds text, no numbers of s, ms or us: write it as seconds from "
+            "the first row, or name another column as --column time=NAME"
+        )
     return f"no time: {what}; record one, or name it as --column time=NAME"
 
 

@@ -10,6 +10,7 @@ from rotorfit.logs.column_names import COMMAND_WORDS, SPEED_WORDS, Candidate, is
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.motor_outputs import MOTOR_COUNTS
 from rotorfit.logs.proposed_channels import Found, Question, known_rows, stacked
+from rotorfit.logs.units import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -105,7 +106,7 @@ def _unit_by_exporter(
     one: Candidate, values: Float[np.ndarray, "n k"], exporter: Exporter | None
 ) -> tuple[str, str, tuple[str, ...]] | None:
     """Find the unit that a program's motor columns have; None if its names do not say."""
-    if exporter is None or one.unit is not None:
+    if exporter is None or one.unit in UNITS["rotor speed"] or one.unit in UNITS["command"]:
         return None
     why = "as such tables have it"
     if exporter.dshot and one.stem == "motor":

@@ -19,6 +19,7 @@ from rotorfit.fit.dataset.plausible_units import (
     gravity_seen,
     gyro_in_degrees,
 )
+from rotorfit.flight.flight_checks import other_columns
 from rotorfit.flight.mocap.camera import camera_clock
 from rotorfit.flight.motors.rotor_telemetry import Telemetry, telemetry
 from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, SENSORS, Lack, Setting, filters_on_board
@@ -285,7 +286,7 @@ def _missing_channels(look: _Look) -> Iterator[Finding]:
     loss = (
         'identify with source = "mocap" if position and attitude are those of motion capture'
         if is_posed(look.log)
-        else "nothing can be identified from this log"
+        else f"nothing can be identified from this log{other_columns(look.log)}"
     )
     measured = (("gyro", "rotation rates"), ("accel", "specific force"))
     lacking = [f"no {name} channel ({what})" for name, what in measured if name not in present]
@@ -293,7 +294,8 @@ def _missing_channels(look: _Look) -> Iterator[Finding]:
     if lacking and look.result is None:
         yield _make_refusal("missing-channel", f"{' and '.join(lacking)}: {loss}")
     if not has_motors:
-        yield _make_refusal("missing-motors", "no motor data: log ESC telemetry or motor outputs")
+        cure = f"log ESC telemetry or motor outputs{other_columns(look.log)}"
+        yield _make_refusal("missing-motors", f"no motor data: {cure}")
     elif "rotor_speed" not in present:
         yield doubt(
             "commands-alone",
