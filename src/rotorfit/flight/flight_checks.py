@@ -196,7 +196,7 @@ def _no_motors(log: FlightLog, motor_name: str, has: str) -> str:
             f'({log.channels[other].source}); write speed = "{use}" under [motors]'
         )
     return (
-        f"the log has no motor data (neither rotor_speed nor command; it has {has}); log ESC "
+        f"{log.path.name}: no motor data (neither rotor_speed nor command; it has {has}); log ESC "
         "telemetry or motor outputs: without them only the motion is known, not what caused it"
         f"{other_columns(log)}"
     )
