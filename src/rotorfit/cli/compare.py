@@ -157,8 +157,8 @@ def comparison_text(comparison: Comparison) -> str:
     ]
     if disjoint:
         remark = (
-            f"{DISJOINT} the 95 % intervals do not overlap, so that at least one result is wrong: "
-            f"{', '.join(disjoint)}"
+            f"{DISJOINT} the 95 % intervals do not overlap, so that a number is outside its own, "
+            f"as 1 in 20 may be by chance: {', '.join(disjoint)}"
         )
         lines += ["", *textwrap.wrap(remark, terminal_width(), subsequent_indent="  ")]
     for label, names in _list_doubtful(comparison, several=several).items():

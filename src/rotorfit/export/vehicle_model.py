@@ -334,5 +334,5 @@ def _list_notes(
     elif isinstance(Jr := numbers.get("Jr"), Number) and Jr.value < 0.0 and _is_no_inertia(Jr):
         notes.append("Jr is below zero within its interval: left out")
     if law is not None and law.voltage is not None:
-        notes.append(f"max_speed holds at {law.voltage.nominal:g} V")
+        notes.append(f"max_speed holds at {law.voltage.nominal:.3g} V")
     return tuple(notes)
