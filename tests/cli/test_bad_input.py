@@ -37,6 +37,10 @@ def test_missing_log(message):
     assert "none.csv: no such file" in message("identify", "none.csv", *LOG[1:])
 
 
+def test_an_address(message):
+    assert "download" in message("inspect", "https://logs.px4.io/plot_app?log=1")
+
+
 def test_missing_experiment(message):
     assert "none.toml" in message("identify", "none.toml")
 

@@ -65,6 +65,11 @@ def test_json_agrees_with_the_text(run, here):
     assert report["trouble"] == []
 
 
+def test_a_missing_airframe_file_is_named_once(run, here):
+    ended = run("inspect", "flight.csv", "flight.csv", "--airframe", "none.toml")
+    assert (ended.code, ended.err.count("none.toml")) == (1, 1)
+
+
 def test_motors_by_other_names_are_to_be_proposed(run, refused, here, assert_wording):
     table = Path(here / "flight.csv")
     text = table.read_text(encoding="utf-8").replace("rotor_", "rpm").replace("command_", "u")

@@ -44,6 +44,12 @@ def test_without_a_number_the_main_ones_have_a_line_each(run, saved):
     assert {"kt", "Ixx", "com_x"} <= {one["name"] for one in every}
 
 
+def test_a_number_before_its_result_is_put_right(run, saved):
+    ended = run("why", "Ixx", saved)
+    assert ended.code == 2
+    assert f"rotorfit why {saved} Ixx" in " ".join(ended.err.split())
+
+
 def test_an_unknown_number_is_refused(run, saved):
     ended = run("why", saved, "Ixxx")
     assert (ended.code, ended.out) == (1, "")

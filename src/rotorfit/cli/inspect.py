@@ -83,13 +83,16 @@ def inspect(
     for refusal in refusals:
         print_refusal(refusal)
     failed = bool(refusals)
+    printed: set[str] = set()
     reports: list[LogReport | SeveralLogs] = []
     for one in inspected:
         try:
             found = _inspect_one(one, log, airframe)
         except RotorfitError as error:
             failed = True
-            print_refusal(error)
+            if str(error) not in printed:  # a file of all logs that is missing
+                print_refusal(error)
+            printed.add(str(error))
             continue
         if not isinstance(found, SeveralLogs) and not found.usable:
             failed = True

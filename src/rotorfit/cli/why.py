@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shlex
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -30,6 +32,9 @@ def why(
     """
     from rotorfit.results.sound_result import load_sound
 
+    if number is not None and not result.exists() and Path(number).is_file():
+        words = shlex.join(["rotorfit", "why", number, str(result)])
+        raise typer.BadParameter(f"the result comes before the number: {words}")
     print_result(budget_output(load_sound(result), number, as_json=as_json))
 
 

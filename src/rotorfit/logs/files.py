@@ -126,7 +126,9 @@ def read_head(path: Path, size: int) -> bytes:
         with path.open("rb") as file:
             data = file.read(size)
     except FileNotFoundError as error:
-        raise LogError(f"{path}: no such file: check the path") from error
+        is_address = str(path).startswith(("http:/", "https:/"))
+        cure = "download the log, and give the file" if is_address else "check the path"
+        raise LogError(f"{path}: no such file: {cure}") from error
     except IsADirectoryError as error:
         raise LogError(
             f"{path}: is a directory, expected a log file: name the file in it (rotorfit "
