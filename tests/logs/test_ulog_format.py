@@ -185,6 +185,13 @@ def test_a_log_that_was_cut_off_is_read_to_its_last_message(tmp_path):
     assert doubt.startswith("the log was cut off: ")
 
 
+def test_a_log_that_was_cut_off_before_its_data_is_named_so(tmp_path):
+    content = encode([IMU], Parts(sync_every=0))
+    end = content.index(b"sensor_combined", content.index(b"sensor_combined") + 1)
+    with pytest.raises(LogError, match=r"no data behind the declarations: the file was cut off"):
+        log_of(tmp_path, content[:end])
+
+
 def test_blocks_are_joined(tmp_path, monkeypatch):
     content = encode([IMU, armed(TIME[::10], True)])
     whole = log_of(tmp_path, content)

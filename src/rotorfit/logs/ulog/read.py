@@ -242,8 +242,13 @@ def _appended_note(scan: Scan) -> list[str]:
 def _no_channels(scan: Scan) -> str:
     """Describe a log with nothing to use."""
     topics = sorted(name for name, count in scan.counts.items() if count)
+    if not topics:
+        return (
+            "no data behind the declarations: the file was cut off, or logging ended at once; copy "
+            "it from the card again, or give another flight"
+        )
     faster = log_faster(scan.number("SDLOG_PROFILE"))
-    shown = ascii(", ".join(topics[:_LISTED]))[1:-1] or "none"
+    shown = ascii(", ".join(topics[:_LISTED]))[1:-1]
     more = f" and {len(topics) - _LISTED} more" if len(topics) > _LISTED else ""
     return (
         f"no sensor, motor or pose topic with usable messages in it (topics: {shown}{more}); "
