@@ -165,8 +165,7 @@ def _whole_line(setting: Setting) -> str:
     """State where a line of a file or a CLI goes, and what it is for."""
     if setting.name == "CLI:":
         return f"enter {setting.value!r} in the CLI"
-    why, _, _ = setting.why.partition(". ")
-    return f"add {setting.value} to {setting.name.strip(':')} for {why}"
+    return f"add {setting.value} to {setting.name.strip(':')}"
 
 
 CHECKS: Final = (slow_log, unlogged_speed, absent_in_simulator)
