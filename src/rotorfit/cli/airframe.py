@@ -334,6 +334,8 @@ def _layout_or_order(
         return str(shown)
     question = f"{key.capitalize()} ({', '.join(choices)})"
     only = choices[0] if len(choices) == 1 else None
+    if key == "order" and not (given or only or default):
+        print_status(f"Of another motor order than those below, {LIST_ROTORS}")
     reply = given or only or _ask_choice(choices, question, default, f"--{key}")
     if reply not in choices:
         near = get_close_matches(reply, choices, n=1, cutoff=0.5)

@@ -162,7 +162,7 @@ def _setting_text(setting: Setting) -> str:
 
 
 def _whole_line(setting: Setting) -> str:
-    """State where a line of a file or a CLI goes, and what it is for."""
+    """State where a line of a file or a CLI goes."""
     if setting.name == "CLI:":
         return f"enter {setting.value!r} in the CLI"
     return f"add {setting.value} to {setting.name.strip(':')}"
