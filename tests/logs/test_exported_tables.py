@@ -181,6 +181,15 @@ def test_a_clock_that_runs_faster_is_doubted(tmp_path, rate, doubted, scale):
     assert len(proposal.doubts) == doubted
 
 
+@pytest.mark.parametrize(("factor", "doubted"), [(1.0, False), (180.0 / np.pi, True)])
+def test_a_gyro_named_in_a_unit_too_large_is_doubted(tmp_path, factor, doubted):
+    columns = {"time": TIME, **named([f"gyro_{a} [rad/s]" for a in "xyz"], factor * GYRO)}
+    columns |= named(("ax", "ay", "az"), ACCEL)
+    columns |= named([f"rpm_{i}" for i in range(1, 5)], 5000 * SHARE)
+    proposal = propose_columns(written(tmp_path / "named.csv", columns))
+    assert len(proposal.doubts) == doubted
+
+
 def test_an_accelerometer_without_gravity_is_refused(tmp_path):
     columns = {"time": TIME, **named(("gx", "gy", "gz"), GYRO)}
     columns |= named(("lin_acc_x", "lin_acc_y", "lin_acc_z"), 2.0 * (ACCEL - [0.0, 0.0, G]))

@@ -396,7 +396,11 @@ def test_the_resolution_is_in_si_units(tmp_path):
             "one sample only: a flight log needs two at least, and seconds of flight",
         ),
         ("time,battery\n,2\n,3\n", "column 'time' for 'time' holds no number"),
-        ("time,battery\n1,2\n1,2\n", "all 2 rows have the time 1 s: the clock stands"),
+        (
+            "time,battery\n1,2\n1,2\n",
+            "all 2 rows have the time 1 s: the clock stands; export it with more digits, such as "
+            "seconds from the first row",
+        ),
         (
             "time,gyro_x,gyro_y,gyro_z\n0,1,,3\n0.01,1,,3\n",
             "column 'gyro_y' for 'gyro_y' holds no number",

@@ -55,6 +55,7 @@ from rotorfit.flight.motors.motor_model import (
     white_noise_std,
     with_motors,
 )
+from rotorfit.flight.motors.twin_rotors import refuse_twin_speeds
 from rotorfit.flight.on_board import applied_filters, passed_through, with_filters
 from rotorfit.flight.other_hovers import OtherHover, other_hovers
 from rotorfit.flight.signals import central_difference, hampel, true_runs
@@ -293,11 +294,12 @@ def _gyro_bias(
 
 
 def refuse_interpolated(uniform: UniformChannels, *, measured: bool) -> None:
-    """Refuse motor data made by interpolation from slower ones."""
+    """Refuse motor data made by interpolation from slower ones, or of one rotor for two."""
     # In gaps the lines are this module's own.
     a, b = max(uniform.stretches, key=lambda whole: whole[1] - whole[0])
     motor = uniform.values["motor"][a:b]
     if measured:
+        refuse_twin_speeds(motor)
         refuse_interpolated_speeds(motor, uniform.sample_rate)
     else:
         refuse_interpolated_commands(motor, uniform.sample_rate, uniform.rates["motor"])

@@ -262,9 +262,12 @@ def gyro_found(
                 else ()
             )
             return replace(_with_unit(chosen, unit, words), doubts=doubts)
-    if named is not None:
-        return _with_unit(chosen, named, f"gyro: {named} by its name")
     peak = float(np.nanmax(np.abs(values)))
+    if named is not None:
+        found = _with_unit(chosen, named, f"gyro: {named} by its name")
+        too_fast = peak * UNITS["angular velocity"][named] > _FASTEST_GYRO
+        doubt = f"the gyro is named in {named}, but reaches {peak:.3g}: no gyro turns so fast"
+        return replace(found, doubts=(doubt,)) if too_fast else found
     choices = ("rad/s", "deg/s")
     if peak > _FASTEST_GYRO and accel_unit == "mg":  # so MAVLink and Crazyflies send them
         choices = ("mrad/s", "deg/s")

@@ -295,7 +295,10 @@ def _check_clock(
             f"{time[first + 1]:.9g} s: sort the rows, or keep one recording a file"
         )
     if not (steps > 0).any():
-        raise LogError(f"all {len(time)} rows have the time {time[0]:.9g} s: the clock stands")
+        raise LogError(
+            f"all {len(time)} rows have the time {time[0]:.9g} s: the clock stands; export it with "
+            "more digits, such as seconds from the first row"
+        )
     _check_time_unit(float(np.median(steps[steps > 0])), spec)
 
 
