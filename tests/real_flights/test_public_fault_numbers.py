@@ -109,10 +109,16 @@ def test_inertia_stays_where_the_flight_shows_another_law(flown):
 
 
 @pytest.mark.slow
-def test_a_wrong_expo_gives_no_yaw_inertia_of_a_simulator(flown):
-    """Izz .0459; with .35 for .65 it came out as .0228 +- .0016 `identified`."""
-    result = flown("autopilot-sitl/arducopter-stock.BIN", COPTER, 3.0, expo=0.35)
+@pytest.mark.parametrize("expo", [0.35, 0.95])
+def test_a_wrong_expo_leaves_roll_and_pitch_inertia_of_a_simulator(flown, expo):
+    """Ixx, Iyy .02297. Izz .0459; with .35 for .65 it came out as .0228 +- .0016 `identified`."""
+    result = flown("autopilot-sitl/arducopter-stock.BIN", COPTER, 3.0, expo=expo)
     assert result.derived_value("Izz_com").value is None
+    for name in ("Ixx_com", "Iyy_com"):
+        number = result.derived_value(name)
+        low, high = number.interval
+        assert low <= 0.02297 <= high
+        assert (high - low) < 0.2 * 0.02297 and number.verdict == "identified"
 
 
 def test_a_hover_with_another_payload_doubts_the_numbers(flown):
@@ -133,13 +139,14 @@ def test_inspect_says_what_is_left_out(flight_data_dir):
     assert CONTRADICTING in kinds and STATED in kinds
 
 
-def test_full_throttle_is_that_of_the_thrust_stand(flown):
+@pytest.mark.parametrize("log", ["payload_eckart17", "payload_eckart24"])
+def test_full_throttle_is_that_of_the_thrust_stand(flown, log):
     """26.5 g a motor at 2.88 V under load; 45 g at the voltage of hover."""
-    result = flown("imrc-crazyflie/payload_eckart17", CRAZYFLIE, 0.0444)
+    result = flown(f"imrc-crazyflie/{log}", CRAZYFLIE, 0.0444)
     low, high = result.derived_value("max_thrust_loaded").interval
     assert low <= 0.0265 * 9.80665 <= high
     assert high < result.derived_value("max_thrust").value
-    assert result.diagnostics[UNDER_LOAD] == pytest.approx(2.88, abs=0.15)
+    assert result.diagnostics[UNDER_LOAD] == pytest.approx(2.88, abs=0.2)
 
 
 def kt_share(result):

@@ -47,7 +47,7 @@ class FullLoad:
     """A vehicle at full throttle on a battery that sags.
 
     - `speed`: full rotor speed at `nominal` volts over that in hover.
-    - `sag`: in hover.
+    - `sag`: in hover, under a load that is held.
     - `nominal`: voltage of the law [V].
     - `exponent`: of the voltage, in the speed at full command.
     - `load_exponent`: see `relative_load`.
@@ -140,7 +140,7 @@ def _full_load(
     )
     return FullLoad(
         speed=float(ratio.value) ** 0.5,
-        sag=sag,
+        sag=sag.held,
         nominal=nominal,
         exponent=_exponent_of_voltage(tables).value,
     )
