@@ -1,5 +1,6 @@
 """Filters on board: their responses, and rotors that pass them, against scipy's and by hand."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -151,6 +152,27 @@ def test_thrust_about_the_accelerometers_cut_off_shows_kt(filters):
     ]
     assert slopes[0] == pytest.approx(1.0, abs=0.01)
     assert abs(slopes[1] - 1.0) > 0.1
+
+
+@pytest.mark.parametrize("filters", PAIRS.values(), ids=PAIRS)
+def test_drag_is_in_proportion_to_the_filtered_velocity(filters):
+    """The velocity is estimated from raw samples; what leads it would look like a lever."""
+    accel, fast, every, drag = filters[0], 4000.0, 8, -0.4
+    rng = np.random.default_rng(8)
+    t = np.arange(round(8.0 * fast)) / fast
+    angle = 2.0 * np.pi * rng.uniform(0.4, 4.0, 12) * t[:, None] + rng.uniform(0.0, 6.0, 12)
+    moving = np.outer(np.cos(angle).sum(axis=1), [1.0, -0.5, 0.2])
+    read = behind(digital(accel, fast), drag * moving)[::every]
+    velocity = moving[::every].copy()
+    velocity[1000:1050] = np.nan  # a gap in the positions
+    data = made_fit.prepared(seconds=8.0, rate=fast / every, force=read).data
+    found = with_filters(replace(data, velocity=velocity), filters, jumps=NO_GAPS)
+    assert np.array_equal(np.isnan(found.velocity), np.isnan(velocity))
+    known = np.isfinite(velocity).all(axis=1)
+    known[:600] = known[-600:] = known[900:1150] = False
+    left = found.specific_force - drag * found.velocity
+    raw = found.specific_force - drag * velocity
+    assert np.abs(left[known]).max() < 0.1 * np.abs(raw[known]).max()
 
 
 def test_what_a_filter_has_lost_is_not_amplified_without_end():

@@ -6,6 +6,10 @@ the motors' alone. All filters are linear and stand still: the motor channel pas
 motors' lag, with the same result. As analog ones, which the loops of a flight controller (1 kHz and
 faster) resemble at the frequencies of a fit; in the frequency domain, where the rate of the log
 does not matter. An accelerometer behind filters of its own gets the gyro's in place of them.
+
+The velocity passes the gyro's filters, too: autopilots estimate it from samples that no filter
+delayed. Without that the drag would lead the specific force, by 11 ms behind a low-pass at 20 Hz;
+the drag then changes as the lean does, which looks like a lever of the accelerometer.
 """
 
 from __future__ import annotations
@@ -95,8 +99,8 @@ def passed_through(
 def with_filters(
     data: FlightData, filters: Sequence[Filter], *, jumps: Int[np.ndarray, " j"]
 ) -> FlightData:
-    """Return a flight with its filters, and its specific force behind those of the gyro."""
-    force = data.specific_force
+    """Return a flight with its filters, force and velocity behind those of the gyro."""
+    force, velocity = data.specific_force, data.velocity
     own, gyro = (
         [replace(one, channel="", setting="") for one in filters if one.channel == name]
         for name in ("accel", "gyro")
@@ -104,7 +108,10 @@ def with_filters(
     if own and own != gyro:
         respond = partial(restoring_response, filters)
         force = _filter_stretches(force, data.sample_rate, respond, jumps)
-    return replace(data, filters=tuple(filters), specific_force=force)
+    if gyro and velocity is not None:
+        respond = partial(response_of, filters, "gyro")
+        velocity = _filter_known(velocity, data.sample_rate, respond, jumps)
+    return replace(data, filters=tuple(filters), specific_force=force, velocity=velocity)
 
 
 def restoring_response(
@@ -119,6 +126,22 @@ def restoring_response(
     # the noise would be all that is left, and the response falls.
     lost = left * MOST_RESTORED < 1.0
     return np.conj(ratio) / np.where(lost, MOST_RESTORED**-2, left**2)
+
+
+def _filter_known(
+    values: Float[np.ndarray, "n N"],
+    sample_rate: float,
+    respond: Callable[[Float[np.ndarray, " f"]], Complex[np.ndarray, " f"]],
+    jumps: Int[np.ndarray, " j"],
+) -> Float[np.ndarray, "n N"]:
+    """Filter a channel with unknown rows (NaN), each run of known ones by itself."""
+    known = np.isfinite(values).all(axis=1)
+    ends = np.union1d(jumps, np.flatnonzero(np.diff(known)) + 1)
+    parts = [
+        _filter_stretch(part, sample_rate, respond) if own[:1].all() else part
+        for part, own in zip(np.split(values, ends), np.split(known, ends), strict=True)
+    ]
+    return np.concatenate(parts)
 
 
 def _filter_stretches(
