@@ -6,7 +6,7 @@ against the disturbances, motors that lean, the declared tolerance of the mass.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -47,6 +47,11 @@ if TYPE_CHECKING:
     from rotorfit.fit.joint.joint_problem import JointConfiguration
     from rotorfit.model.vehicle import Vehicle
 
+SENSOR_SIZE: Final = 1e-4
+"""Half-width of the place of the IMU's origin [m]. The three accelerometers of a chip, 3 mm large,
+sense at points that lie some tenths of a mm apart: no centre of mass is known better from there."""
+FROM_IMU: Final = ("com_x", "com_y", "com_z")
+
 
 def systematic_uncertainty(
     numbers: Numbers,
@@ -71,6 +76,12 @@ def systematic_uncertainty(
             name="motor lean",
             half_width=_by_number(numbers, configurations, _motor_lean),
             source="four motors that each lean by half a degree",
+        ),
+        IntervalTerm(
+            name="IMU size",
+            half_width=SENSOR_SIZE
+            * np.isin([n.partition("@")[0] for n in numbers.names], FROM_IMU),
+            source="accelerometers of one chip that do not sense at one point",
         ),
         IntervalTerm(
             name="weight",

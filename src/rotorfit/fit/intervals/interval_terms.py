@@ -64,6 +64,7 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
         remedy="fly", action="fly at speed with a payload, too, and climb and descend there"
     ),
     "motor lean": TermKind(remedy="repair", action="mount the motors straight"),
+    "IMU size": TermKind(remedy="none", action="nothing: the IMU is no point"),
     "motor tilt": TermKind(remedy="none", action="identify with the default method (banded)"),
     "weight": TermKind(remedy="measure", action="weigh the vehicle on a better scale"),
     "inertia not flown": TermKind(remedy="fly", action="roll and pitch briskly, 20 s each"),
