@@ -21,6 +21,7 @@ from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.fit.experiment.payload import PointMass, added_moments
 from rotorfit.fit.intervals import joint_numbers as module
 from rotorfit.fit.intervals.allowances import (
+    SENSOR_SIZE,
     coupling_uncertainty,
     number_scale,
     systematic_uncertainty,
@@ -70,7 +71,8 @@ def test_without_scatter_an_interval_is_that_of_the_covariance():
     found = joint_numbers(fit, [body], {"A": 0.0})
     across = np.hypot(found.number("com_z@A")[0], found.number("kd_over_kt")[0])
     lean = 1.96 * np.radians(0.25) * across  # of the rotors, and of their drag torque
-    assert half_width(fit, [body], "com_x@A") == pytest.approx(lean, rel=1e-6)
+    known = np.hypot(lean, SENSOR_SIZE)
+    assert half_width(fit, [body], "com_x@A") == pytest.approx(known, rel=1e-6)
 
 
 @pytest.mark.parametrize("offset", [0.0, 5e-9])
@@ -468,7 +470,7 @@ def test_what_is_free_of_the_mass_is_free_of_its_deviation():
     at = {"com_x@A": (0.01, 1e-3), "com_y@A": (0.0, 0.1), "com_z@A": (0.0, 0.1)}
     entries = {**at, "kd_over_kt": (0.0, 0.1), "Ixx_over_kt@A": (5.0, 0.5)}
     half = widened(entries, mass_std=0.014)
-    assert half["com_x@A"] == pytest.approx(1e-3, rel=1e-12)
+    assert half["com_x@A"] == pytest.approx(np.hypot(1e-3, SENSOR_SIZE), rel=1e-12)
     assert half["Ixx_over_kt@A"] == pytest.approx(0.5, rel=1e-9)
 
 
@@ -477,9 +479,10 @@ def test_motors_that_lean_move_the_centre_of_mass():
     at = {"com_x@A": (0.003, 0.0), "com_y@A": (0.004, 0.0), "com_z@A": (-0.01, 0.0)}
     half = widened({**at, "msx@A": (0.003, 0.0), "kd_over_kt": (0.005, 0.0)})
     lean = 1.96 * np.radians(0.25)
-    assert half["com_x@A"] == pytest.approx(lean * np.hypot(0.01, 0.005))
+    across = lean * np.hypot(0.01, 0.005)
+    assert half["com_x@A"] == pytest.approx(np.hypot(across, SENSOR_SIZE))
     assert half["com_y@A"] == half["com_x@A"]
-    assert half["com_z@A"] == pytest.approx(lean * 0.005)
+    assert half["com_z@A"] == pytest.approx(np.hypot(lean * 0.005, SENSOR_SIZE))
     assert half["msx@A"] == pytest.approx(made_fit.configuration().mass * half["com_x@A"])
 
 

@@ -35,7 +35,7 @@ from rotorfit.fit.intervals.numbers import (
     twist_shift,
 )
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
-from rotorfit.model.parameters import EVERY, INERTIA
+from rotorfit.model.parameters import EVERY, FIRST_MOMENTS, INERTIA
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.model.terms.term import Size
 
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 SENSOR_SIZE: Final = 1e-4
 """Half-width of the place of the IMU's origin [m]. The three accelerometers of a chip, 3 mm large,
 sense at points that lie some tenths of a mm apart: no centre of mass is known better from there."""
-FROM_IMU: Final = ("com_x", "com_y", "com_z")
 
 
 def systematic_uncertainty(
@@ -79,8 +78,7 @@ def systematic_uncertainty(
         ),
         IntervalTerm(
             name="IMU size",
-            half_width=SENSOR_SIZE
-            * np.isin([n.partition("@")[0] for n in numbers.names], FROM_IMU),
+            half_width=_by_number(numbers, configurations, _imu_size),
             source="accelerometers of one chip that do not sense at one point",
         ),
         IntervalTerm(
@@ -131,6 +129,14 @@ def _motor_lean(numbers: Numbers, name: str, c: JointConfiguration) -> float:
     if base == "twist" and f"com_x@{owner}" in numbers.names:
         return twist_shift(com_from_rotors(numbers, owner, c.vehicle))
     return 0.0
+
+
+def _imu_size(numbers: Numbers, name: str, c: JointConfiguration) -> float:
+    """Compute the half-width of a place of the centre of mass, or its moment, by the IMU's size."""
+    base = name.partition("@")[0]
+    if base in FIRST_MOMENTS:
+        return c.mass * SENSOR_SIZE
+    return SENSOR_SIZE if base in ("com_x", "com_y", "com_z") else 0.0
 
 
 def _relative_mass_std(
