@@ -9,7 +9,7 @@ import made_fit
 from rotorfit.fit.motors import motor_time_split
 from rotorfit.fit.motors.motor_time_split import allow_for_noise_feedback, times_covariance
 from rotorfit.fit.reduction.motor_timing import MotorTiming
-from rotorfit.fit.sensors.sensor_response import BandRatio, best_filter
+from rotorfit.fit.sensors.sensor_response import BandRatio, FoundFilter, best_filter
 from rotorfit.flight.motors.motor_model import MotorResponse
 
 BOTH = ("motor_lag", "motor_delay")
@@ -81,4 +81,23 @@ def test_the_times_are_widened_by_half_of_that(monkeypatch):
     assert found.total_std == pytest.approx(np.hypot(3e-4, total))
     measured = replace(timing, free=("motor_delay",), lag_std=None)
     kept = made_fit.fit(replace(dataset, motor_timing=measured))
-    assert allow_for_noise_feedback(kept) is kept
+    assert allow_for_noise_feedback(kept).dataset.motor_timing == measured
+
+
+@pytest.mark.parametrize(("gain", "opened"), [(40.0, 0.0102), (1.0, 0.0)])
+def test_the_delay_of_measured_speeds_is_as_open_as_a_filter_that_is_seen(gain, opened):
+    """Of a Betaflight log, whose delay was given as 4.9 +- .9 ms beside a filter of 10 ms."""
+    found = FoundFilter(
+        shape="speeds low-passed twice",
+        cutoff=24.0,
+        interval=(21.0, 28.0),
+        gain=gain,
+        factors={3: 0.3, 4: 0.2, 5: 0.1},
+        delay=0.0102,
+        lag=0.0,
+    )
+    timing = replace(TIMING, free=("motor_delay",), lag_std=None, delay_std=5e-4)
+    dataset = replace(made_fit.dataset(made_fit.prepared()), motor_timing=timing)
+    fit = allow_for_noise_feedback(made_fit.fit(dataset).with_record(found))
+    delay = fit.dataset.motor_timing.delay_std
+    assert 1.96 * delay == pytest.approx(np.hypot(1.96 * 5e-4, opened))

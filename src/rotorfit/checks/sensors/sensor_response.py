@@ -50,8 +50,8 @@ def _explain_filter(found: FoundFilter) -> str:
         todo = "mount the IMU stiffly, and log rotor speeds unfiltered"
     most = 100.0 * max(abs(value) for value in found.factors.values())
     return (
-        f"quick turns {seen}; inertia, kd and Jr are off by up to {most:.0f} %, which their "
-        f"intervals cover: {todo}"
+        f"quick turns {seen}; inertia, kd and Jr are off by up to {most:.0f} % and the motors' "
+        f"delay by {1e3 * abs(found.delay):.0f} ms, which their intervals cover: {todo}"
     )
 
 

@@ -7,7 +7,9 @@ may go with them is in the deviations of the bands' ratios (`sensor_response`), 
 weighed once more: the sum is well known, the split where the rotors explain quick turns, too.
 
 An IMU on a soft mount, or speeds behind a filter, bend H as a shorter lag does: by how much the
-filter that fits these ratios best moves the lag is in its deviation, whether certain or not.
+filter that fits these ratios best moves the lag is in its deviation, whether certain or not. By how
+much it moves the delay is in that one's where the flights show the filter: of the phase that turns
+with frequency a filter and a delay take what is left, and neither says which is right.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from rotorfit.fit.reduction.motor_timing import MotorTiming
 from rotorfit.fit.sensors.sensor_response import (
     LEAST_SPREAD,
     BandRatio,
+    FoundFilter,
     best_filter,
     flight_ratios,
 )
@@ -41,11 +44,13 @@ SPREAD: Final = LEAST_SPREAD
 
 
 def allow_for_noise_feedback(fit: Fit) -> Fit:
-    """Widen lag and delay of commanded motors, and their sum."""
+    """Widen lag and delay of commanded motors, and their sum; the delay of measured speeds."""
     timing = fit.dataset.motor_timing
     free = () if timing is None else tuple(name for name in TIMES if name in timing.free)
-    if timing is None or "motor_lag" not in free or fit.dataset.source != "imu":
+    if timing is None or fit.dataset.source != "imu":
         return fit
+    if "motor_lag" not in free:
+        return _with_timing(fit, widen_delay(timing, fit.record_of(FoundFilter)))
     ratios = flight_ratios(fit)
     if not ratios:
         return fit
@@ -56,7 +61,23 @@ def allow_for_noise_feedback(fit: Fit) -> Fit:
     bent = None if lowpass_of(fit.dataset) is not None else best_filter(ratios, lagging=True)
     by_filter = 0.0 if bent is None else bent.lag
     widened = _widen_timing(timing, free, covariance, most=most, by_filter=by_filter)
-    return replace(fit, dataset=replace(fit.dataset, motor_timing=widened))
+    return _with_timing(fit, widen_delay(widened, bent))
+
+
+def widen_delay(timing: MotorTiming, found: FoundFilter | None) -> MotorTiming:
+    """Add what a filter that the flights show moves the delay by, and the sum of delay and lag."""
+    if found is None or not found.certain or timing.delay_std is None:
+        return timing
+    return replace(
+        timing,
+        delay_std=float(np.hypot(timing.delay_std, found.delay / 1.96)),
+        total_std=float(np.hypot(timing.total_std, (found.delay + found.lag) / 1.96)),
+    )
+
+
+def _with_timing(fit: Fit, timing: MotorTiming) -> Fit:
+    """Return a fit whose motors have other deviations of their times."""
+    return replace(fit, dataset=replace(fit.dataset, motor_timing=timing))
 
 
 def times_covariance(
