@@ -252,3 +252,16 @@ def test_a_rotor_that_reads_half_is_named_alone(log, assert_wording):
     assert words.startswith("rotor 1 turns")
     assert "at 0.50 times" in words
     assert_wording(words)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0 / 3.0, 1.5])
+@pytest.mark.parametrize("rotor", range(4))
+def test_one_rotor_is_blamed_where_all_differ_a_little(log, rotor, factor):
+    """Sound motors of a small vehicle differ by 8 %, and one wrong speed bends the law of all."""
+    random = np.random.default_rng(10 * rotor + round(10 * factor))
+    factors = random.uniform(0.96, 1.04, 4)
+    factors[rotor] *= factor
+    found = telemetry(with_channel(log, "rotor_speed", factors * speeds(log)))
+    assert [one.rotor for one in found.rotors if one.state == "unlike"] == [rotor + 1]
+    others = np.delete(factors, rotor)
+    assert found.rotors[rotor].ratio == pytest.approx(factors[rotor] / np.median(others), rel=0.02)

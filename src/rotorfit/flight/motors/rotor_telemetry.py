@@ -23,7 +23,7 @@ from rotorfit.flight.motors.telemetry_pair import (
 from rotorfit.flight.signals import smooth, true_runs, whole_samples
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Int
+    from jaxtyping import Bool, Float, Int
 
     from rotorfit.logs.flight_log import Channel, FlightLog
 
@@ -49,6 +49,8 @@ UNLIKE: Final = 0.1
 """Share by which a rotor's speed may differ from the others' at the same command."""
 SURE: Final = 4.0
 """Deviations of the mean by which it must."""
+FEWEST_ALIKE: Final = 3
+"""Rotors of which one can be unlike the others: of two nobody can say which."""
 SPIKE: Final = 0.1
 """Size of jumps of a command for single samples from which they are said [of full]."""
 SPIKY_PERCENTILE: Final = 90.0
@@ -192,7 +194,7 @@ def _rotor_state(
 ) -> State:
     if is_swapped:
         return "swapped"
-    is_unlike = ratio is not None and abs(ratio[0] - 1.0) > max(UNLIKE, SURE * ratio[1])
+    is_unlike = ratio is not None and _is_unlike(*ratio)
     if stuck > LEAST_STUCK:
         # What it reads when it reads anything is the graver fault: no stretch of it can be used.
         return "unlike" if is_unlike else "stuck"
@@ -282,7 +284,12 @@ def _stuck_share(pair: TelemetryPair, i: int) -> float:
 
 
 def _speed_ratios(pair: TelemetryPair, shift: int) -> dict[int, tuple[float, float]]:
-    """Estimate each rotor's speed over the others' at the same command, with its deviation."""
+    """Estimate each rotor's speed over the others' at the same command, with its deviation.
+
+    One law of a constant and a slope for all, each rotor with a factor of its own (median 1). The
+    deviation is that of the means of seconds. A rotor that is unlike the others takes no part in
+    the law: it would bend it, and sound rotors would be blamed with it.
+    """
     if len(pair.live) < 3:
         return {}
     step = whole_samples(pair.rate)
@@ -290,12 +297,57 @@ def _speed_ratios(pair: TelemetryPair, shift: int) -> dict[int, tuple[float, flo
     seconds = seconds[: len(seconds) // step * step].reshape(-1, step)
     command = pair.command[:, pair.live][seconds].mean(axis=1)
     speed = _advance_samples(_without_stuck(pair), shift)[seconds].mean(axis=1)
-    factor: Float[np.ndarray, " k"] = np.ones(len(pair.live))
+    if not np.isfinite(speed).any(axis=0).all():
+        return {}
+    alike: Bool[np.ndarray, " k"] = np.ones(len(pair.live), dtype=bool)
+    found = _ratios_by_law(command, speed, alike)
+    while found is not None and alike.sum() > FEWEST_ALIKE and _any_unlike(*found, alike):
+        alike[_odd_rotor(command, speed, alike)] = False
+        found = _ratios_by_law(command, speed, alike)
+    if found is None:
+        return {}
+    return {
+        int(i): (float(value), float(std)) for i, value, std in zip(pair.live, *found, strict=True)
+    }
+
+
+def _is_unlike(ratio: float, std: float) -> bool:
+    """Return whether a rotor's speed is surely another than the others' at the same command."""
+    return abs(ratio - 1.0) > max(UNLIKE, SURE * std)
+
+
+def _any_unlike(
+    factor: Float[np.ndarray, " k"], std: Float[np.ndarray, " k"], alike: Bool[np.ndarray, " k"]
+) -> bool:
+    """Return whether one of the rotors `alike` surely differs from the others."""
+    return any(_is_unlike(float(factor[i]), float(std[i])) for i in np.flatnonzero(alike))
+
+
+def _odd_rotor(
+    command: Float[np.ndarray, "m k"],
+    speed: Float[np.ndarray, "m k"],
+    alike: Bool[np.ndarray, " k"],
+) -> int:
+    """Return which rotor leaves the others most alike when it takes no part in the law."""
+    left: dict[int, float] = {}
+    for i in np.flatnonzero(alike).tolist():
+        others = alike.copy()
+        others[i] = False
+        found = _ratios_by_law(command, speed, others)
+        left[i] = np.inf if found is None else float(np.abs(np.log(found[0][others])).max())
+    return min(left, key=lambda i: left[i])
+
+
+def _ratios_by_law(
+    command: Float[np.ndarray, "m k"],
+    speed: Float[np.ndarray, "m k"],
+    alike: Bool[np.ndarray, " k"],
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]] | None:
+    """Fit the law of the rotors `alike`; return each rotor's factor of it, with its deviation."""
+    factor: Float[np.ndarray, " k"] = np.ones(len(alike))
     shares: Float[np.ndarray, "m k"] = speed
     known = np.isfinite(speed)
-    if not known.any(axis=0).all():
-        return {}
-    weight = np.where(known, 1.0, 0.0)
+    weight = np.where(known & alike, 1.0, 0.0)
     for _ in range(ROUNDS):
         # One law of a constant and a slope for all, each rotor with a factor of its own (median 1).
         rows = weight.ravel()[:, None] * np.stack([np.ones(command.size), command.ravel()], axis=1)
@@ -303,22 +355,18 @@ def _speed_ratios(pair: TelemetryPair, shift: int) -> dict[int, tuple[float, flo
         law = np.asarray(np.linalg.lstsq(rows, scaled.ravel(), rcond=None)[0], float)
         expected = float(law[0]) + float(law[1]) * command
         if not (expected > 0.0).all():
-            return {}
+            return None
         shares = np.where(known, speed, np.nan) / expected
         factor = np.nanmedian(shares, axis=0)
         if not (factor > 0.0).all():
-            return {}
-        factor = factor / float(np.median(factor))
+            return None
+        factor = factor / float(np.median(factor[alike]))
         # Least sums of absolute values: a rotor that reads anything must not bend the law of all.
         off = np.abs(shares / factor - 1.0)
         least = max(float(np.nanmedian(off)), 1e-6)
-        weight = np.where(known, 1.0 / np.sqrt(np.maximum(np.nan_to_num(off), least)), 0.0)
-    # The deviation of the means of seconds.
+        weight = np.where(known & alike, 1.0 / np.sqrt(np.maximum(np.nan_to_num(off), least)), 0.0)
     spread = np.nanstd(shares, axis=0) / np.sqrt(np.maximum(known.sum(axis=0), 1))
-    return {
-        int(i): (float(value), float(std))
-        for i, value, std in zip(pair.live, factor, spread, strict=True)
-    }
+    return factor, spread
 
 
 def _without_stuck(pair: TelemetryPair) -> Float[np.ndarray, "n k"]:
