@@ -234,12 +234,14 @@ def takes_battery(log: FlightLog, law: MotorLaw | None) -> bool:
 def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:
     """Raise an error if a sensor never moves or reads what no vehicle can do."""
     for name in ("gyro", "accel"):
-        values = uniform.values[name]
-        if float(np.ptp(values, axis=0).max()) == 0.0:
-            first = ", ".join(f"{v:g}" for v in values[0])
+        values, source = uniform.values[name], log.channels[name].source
+        dead = np.ptp(values, axis=0) == 0.0
+        if dead.any():
+            axes = "" if dead.all() else ", ".join("xyz"[i] for i in np.flatnonzero(dead)) + " of "
+            read = ", ".join(f"{v:g}" for v in values[0, dead])
             raise FlightError(
-                f"the {name} channel is constant ({first}) over the whole log, which a sensor "
-                f"in flight never is; check its source: {log.channels[name].source}"
+                f"{axes}the {name} channel is constant ({read}) over the whole log, which a sensor "
+                f"in flight never is; check its source: {source}"
             )
     turns = np.abs(uniform.values["gyro"]).max(axis=1)
     fastest = float(np.percentile(turns, 99.8))

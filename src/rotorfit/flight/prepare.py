@@ -42,6 +42,7 @@ from rotorfit.flight.flight_checks import (
     takes_battery,
 )
 from rotorfit.flight.flight_data import FlightData, Segment
+from rotorfit.flight.frozen_imu import cut_frozen_imu
 from rotorfit.flight.kinematics import climb_velocity
 from rotorfit.flight.mocap.carried_velocity import carried_velocity
 from rotorfit.flight.mocap.pose_velocity import horizontal_axes, known_velocity
@@ -235,6 +236,7 @@ def prepared_from(
     measured = motors.speed == "measured"
     refuse_torn_log(uniform, flights)
     refuse_blows(uniform, flights)
+    flights, hung = cut_frozen_imu(uniform, flights)
     motor, step = uniform.values["motor"], recorded.speed_step
     found = frozen_channels(motor, flights, uniform.sample_rate, measured=measured, step=step)
     frozen = frozen_channel_doubts(found, uniform.time, measured=measured)
@@ -265,6 +267,7 @@ def prepared_from(
             *ground_doubts(uniform.time, standing),
             *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
             *frozen,
+            *hung,
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
         other_hovers=hovers,

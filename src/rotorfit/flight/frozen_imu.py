@@ -1,0 +1,80 @@
+"""Seconds of a flight in which gyro and accelerometer repeat one sample, as when a bus hangs.
+
+A sensor in flight has noise: it does not read the same in all six axes for a tenth of a second. A
+repeated sample says that nothing turned and no thrust changed, which the rotors contradict.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from rotorfit.errors import FlightError
+from rotorfit.findings import Finding, note
+from rotorfit.flight.flight_checks import SAME
+from rotorfit.flight.signals import true_runs, whole_samples
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float
+
+    from rotorfit.flight.clocks import UniformChannels
+
+    Runs = list[tuple[int, int]]
+
+LONGEST: Final = 0.1
+"""Duration from which a repeated sample is no sensor's [s]."""
+FEWEST: Final = 10
+"""Repetitions from which it is none, of slow logs: rounded values may repeat a few times."""
+SHORTEST: Final = 0.5
+"""Length of a stretch between two of them that is still used [s]."""
+
+
+def frozen_runs(uniform: UniformChannels, flights: Sequence[tuple[int, int]]) -> Runs:
+    """Find the rows (start, stop) in which the whole IMU repeats one sample in flight."""
+    imu: Float[np.ndarray, "n 6"] = np.column_stack(
+        [uniform.values["gyro"], uniform.values["accel"]]
+    )
+    least = max(whole_samples(LONGEST * uniform.sample_rate), FEWEST)
+    found: Runs = []
+    for a, b in flights:
+        flown = imu[a:b]
+        same = (np.abs(np.diff(flown, axis=0)) <= SAME * np.abs(flown).max(axis=0)).all(axis=1)
+        found += [
+            (a + start, a + stop + 1) for start, stop in true_runs(same) if stop - start >= least
+        ]
+    return found
+
+
+def without_runs(flights: Sequence[tuple[int, int]], runs: Runs, sample_rate: float) -> Runs:
+    """Return the rows of flights outside some runs, without those whose slope a run touches."""
+    kept: Runs = []
+    for a, b in flights:
+        start = a
+        for first, stop in [run for run in runs if a <= run[0] < b]:
+            kept.append((start, first))
+            start = stop + 1
+        kept.append((start, b))
+    shortest = whole_samples(SHORTEST * sample_rate)
+    return [(a, b) for a, b in kept if b - a >= shortest or (a, b) in flights]
+
+
+def cut_frozen_imu(
+    uniform: UniformChannels, flights: list[tuple[int, int]]
+) -> tuple[Runs, list[Finding]]:
+    """Return the flights without the seconds in which the IMU stands still, and say which."""
+    runs = frozen_runs(uniform, flights)
+    if not runs:
+        return flights, []
+    kept = without_runs(flights, runs, uniform.sample_rate)
+    seconds = sum(b - a for a, b in runs) / uniform.sample_rate
+    at = ", ".join(f"{uniform.time[a]:.1f} to {uniform.time[b - 1]:.1f} s" for a, b in runs[:3])
+    seen = (
+        f"gyro and accelerometer repeat one sample for {seconds:.1f} s of the flight ({at}"
+        f"{', ...' if len(runs) > 3 else ''}): the sensor, its bus or the recorder hung"
+    )
+    if not kept:
+        raise FlightError(f"{seen}, and nothing of the flight is left; log the flight again")
+    return kept, [note("frozen-imu", f"{seen}; these seconds are left out")]

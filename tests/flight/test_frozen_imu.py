@@ -1,0 +1,64 @@
+"""Seconds in which the whole IMU repeats one sample are left out, and said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rotorfit.errors import FlightError
+from rotorfit.flight.motors.motor_model import MotorModel
+from rotorfit.flight.prepare import prepare
+from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, to_flight_log, variant
+
+
+@pytest.fixture(scope="module")
+def log():
+    flown, sensors = variant(paper_vehicle("A"), "real")
+    scenario = Scenario(seconds=12.0, ground_seconds=2.0, sensors=sensors)
+    return to_flight_log(simulate_flight(*flown, scenario, seed=5))
+
+
+def hung(log, *stretches):
+    channels = dict(log.channels)
+    for name in ("gyro", "accel"):
+        values = channels[name].values.copy()
+        for begin, end in stretches:
+            rows = np.flatnonzero((channels[name].time >= begin) & (channels[name].time < end))
+            values[rows] = values[rows[0]]
+        channels[name] = replace(channels[name], values=values)
+    return replace(log, channels=channels)
+
+
+def prepared(log):
+    return prepare(log, rotor_count=4, arm=0.25, motors=MotorModel(speed="measured"))
+
+
+def used_between(found, begin, end):
+    time = found.data.time[found.data.used_rows]
+    return int(((time > begin) & (time < end)).sum())
+
+
+def test_a_sound_imu_is_used_throughout(log):
+    found = prepared(log)
+    assert "frozen-imu" not in [one.kind for one in found.findings]
+    assert used_between(found, 6.0, 6.5) > 10
+
+
+@pytest.mark.parametrize("stretches", [((6.0, 6.5),), ((5.0, 5.3), (8.0, 9.0))])
+def test_a_frozen_imu_is_left_out_and_said(log, stretches):
+    whole, found = prepared(log), prepared(hung(log, *stretches))
+    [said] = [one for one in found.findings if one.kind == "frozen-imu"]
+    for begin, end in stretches:
+        assert f"{begin:.1f} to {end:.1f} s" in said.sentence
+        assert used_between(found, begin, end) == 0
+        assert used_between(whole, begin, end) > 10
+    lost = whole.data.seconds_used - found.data.seconds_used
+    assert lost == pytest.approx(sum(b - a for a, b in stretches), abs=0.1)
+
+
+def test_one_axis_that_stands_still_is_refused(log):
+    values = log.channels["accel"].values.copy()
+    values[:, 2] = 9.81
+    dead = replace(log.channels["accel"], values=values)
+    with pytest.raises(FlightError, match="z of the accel channel is constant"):
+        prepared(replace(log, channels={**log.channels, "accel": dead}))
