@@ -110,7 +110,7 @@ def test_inertia_stays_where_the_flight_shows_another_law(flown):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("expo", [0.35, 0.95])
-def test_a_wrong_expo_leaves_roll_and_pitch_inertia_of_a_simulator(flown, expo):
+def test_a_wrong_expo_leaves_roll_and_pitch_inertia(flown, expo):
     """Ixx, Iyy .02297. Izz .0459; with .35 for .65 it came out as .0228 +- .0016 `identified`."""
     result = flown("autopilot-sitl/arducopter-stock.BIN", COPTER, 3.0, expo=expo)
     assert result.derived_value("Izz_com").value is None

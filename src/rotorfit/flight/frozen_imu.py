@@ -1,4 +1,4 @@
-"""Seconds of a flight in which gyro and accelerometer repeat one sample, as when a bus hangs.
+"""Find and leave out the seconds of a flight in which the IMU repeats one sample.
 
 A sensor in flight has noise: it does not read the same in all six axes for a tenth of a second. A
 repeated sample says that nothing turned and no thrust changed, which the rotors contradict.

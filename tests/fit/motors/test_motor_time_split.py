@@ -85,7 +85,7 @@ def test_the_times_are_widened_by_half_of_that(monkeypatch):
 
 
 @pytest.mark.parametrize(("gain", "opened"), [(40.0, 0.0102), (1.0, 0.0)])
-def test_the_delay_of_measured_speeds_is_as_open_as_a_filter_that_is_seen(gain, opened):
+def test_a_filter_that_is_seen_leaves_the_delay_open(gain, opened):
     """Of a Betaflight log, whose delay was given as 4.9 +- .9 ms beside a filter of 10 ms."""
     found = FoundFilter(
         shape="speeds low-passed twice",
