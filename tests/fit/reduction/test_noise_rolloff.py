@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt
 
 import made_fit
-from rotorfit.fit.reduction.bandwidth import CUTOFFS, SHAPES, bandwidths
+from rotorfit.fit.reduction.bandwidth import (
+    CUTOFFS,
+    SHAPES,
+    bandwidths,
+    channel_lines,
+    measured_bandwidth,
+)
 from rotorfit.fit.reduction.noise_rolloff import judge_noise
 from rotorfit.flight.flight_data import Segment
 from rotorfit.logs.firmware import Filter
@@ -69,6 +75,23 @@ def test_noise_shows_a_filter_above_the_motion(cutoff, on_board, gusts, seed):
     found = bandwidths(data, made_fit.QUAD, top=80.0)["accel"]
     assert found.cutoff == pytest.approx(cutoff, rel=0.2)
     assert found.shape == "second order"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_that_tells_a_shape_decides_it(seed):
+    """Where motors are timed too late, the motion behind a low-pass looks smoothed both ways."""
+    frequency, channels = channel_lines(slow_flight(seed), made_fit.QUAD, top=80.0)
+    # The motion, well below, is late by nothing: it leaves more to a shape that is not late.
+    peak = np.exp(-(np.log(CUTOFFS / 6.0) ** 2) / 0.02)
+    noise = {name: 195.0 * peak for name in SHAPES}
+    undecided = measured_bandwidth(frequency, [channels["az"]], noise)
+    noise["second order"] = 200.0 * peak
+    decided = measured_bandwidth(frequency, [channels["az"]], noise)
+    assert undecided is not None
+    assert undecided.shape != "second order"
+    assert decided is not None
+    assert decided.shape == "second order"
+    assert decided.cutoff == pytest.approx(6.0, rel=0.1)
 
 
 @settings(max_examples=15, deadline=None)
