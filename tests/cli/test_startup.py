@@ -49,7 +49,7 @@ def test_a_window_too_short_is_refused_before_the_log_is_read(tmp_path):
         [sys.executable, "-c", probe], capture_output=True, text=True, timeout=600, check=False
     )
     assert ended.returncode == 1
-    assert "0.5 s of flight are too short" in ended.stderr
+    assert "0.5 s of flight" in ended.stderr
     imported = set(ended.stdout.rsplit("imported", maxsplit=1)[1].split())
     assert not imported & (HEAVY - {"pydantic", "rich"})
 

@@ -73,9 +73,11 @@ def test_hexa_x_has_two_arms_along_y_and_hexa_plus_one_along_x():
 
 
 def test_unknown_layouts_are_refused_with_the_known_ones():
-    with pytest.raises(ExperimentError, match=r"no layout 'tri' .*; known: quad-x, .* or list"):
+    with pytest.raises(
+        ExperimentError, match=r"no layout 'tri' .*; known: quad-x, .* list the rotors"
+    ):
         layout_rotors("tri", arm=0.2)
-    with pytest.raises(ExperimentError, match="known: octo-x in the order px4, ardupilot; or"):
+    with pytest.raises(ExperimentError, match="known: octo-x in the order px4, ardupilot"):
         layout_rotors("octo-x", arm=0.2, order="betaflight")
-    with pytest.raises(ExperimentError, match=r"did you mean 'quad-x'[?] known: quad-x; or list"):
+    with pytest.raises(ExperimentError, match=r"did you mean 'quad-x'[?] known: quad-x"):
         layout_rotors("quadx", arm=0.2, order="betaflight")

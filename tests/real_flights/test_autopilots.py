@@ -4,6 +4,7 @@ What a simulator leaves out is no error of a number, but the result must say it.
 """
 
 import functools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,6 +53,7 @@ TRUTH = {
     },
     "arducopter-default-logging.BIN": {"kt": FULL},
 }  # fmt: skip
+WITHHELD = {".ulg": {"drag_y"}, ".BIN": {"drag_y", "Ixz_com", "Iyz_com"}}
 SIMULATOR = {"ulg": "PX4 SIH", "BIN": "ArduPilot SITL"}
 
 
@@ -94,8 +96,9 @@ MISSED = {
 def test_every_interval_holds_the_truth(result_of, name):
     found = numbers(result_of(name))
     for what, truth in TRUTH[name].items():
-        # Of drag over a velocity of .5 m/s that is off by .4 no log tells.
-        if what == "drag_y" and found[what].interval is None:
+        # Of drag over a velocity of .5 m/s that is off by .4 no log tells. Products with z go by
+        # the scale of yaw, which flights in a simulator without coupling do not show.
+        if found[what].interval is None and what in WITHHELD[Path(name).suffix]:
             continue
         low, high = found[what].interval
         if (name, what) in MISSED:

@@ -33,7 +33,6 @@ from rotorfit.cli.terminal import (
     write_pictures,
 )
 from rotorfit.errors import RotorfitError
-from rotorfit.fit.shortest_flight import refuse_short_window
 
 if TYPE_CHECKING:
     from rotorfit.fit.experiment.experiment import Experiment, IdentificationEntry
@@ -201,7 +200,10 @@ def _experiment_of_log(
 
     if not source.is_dir():
         read_head(source, 1)  # a missing log is reported before missing options and heavy imports
-    refuse_short_window(source.name, *window)
+    if window != (None, None):
+        from rotorfit.fit.shortest_flight import refuse_short_window
+
+        refuse_short_window(source.name, *window)
     from rotorfit.logs.read import format_of, own_kind, read_log
 
     if source.is_dir() and format_of(source) is None:
