@@ -92,7 +92,7 @@ ROTOR, TWO = (
     r"its vehicle, load, propellers|two different vehicles",
 )
 PROPELLER, SENSOR = r"propeller", r"accelerometer"
-RESPONSE: Final = r"swung on its mount|low-passed"
+RESPONSE: Final = r"soft mount|low-pass"
 GROUND: Final = r"ground effect"
 GYRO, LOST = r"gyro .*(later|filter)", r"rows are missing"
 LAW, CRASH = r"\blaw\b", r"crash|on the ground|impact"
