@@ -62,3 +62,13 @@ def test_one_axis_that_stands_still_is_refused(log):
     dead = replace(log.channels["accel"], values=values)
     with pytest.raises(FlightError, match="z of the accel channel is constant"):
         prepared(replace(log, channels={**log.channels, "accel": dead}))
+
+
+def test_a_simulator_that_flies_in_one_plane_has_axes_at_zero(log):
+    """Only pitch turns, and nothing pushes sideways: no sensor of it is dead."""
+    plane = dict(log.channels)
+    for name, axes in (("gyro", [0, 2]), ("accel", [1])):
+        values = plane[name].values.copy()
+        values[:, axes] = 0.0
+        plane[name] = replace(plane[name], values=values)
+    assert prepared(replace(log, channels=plane)).data.seconds_used > 8.0
