@@ -110,7 +110,7 @@ def with_filters(
         force = _filter_stretches(force, data.sample_rate, respond, jumps)
     if gyro and velocity is not None:
         respond = partial(response_of, filters, "gyro")
-        velocity = _filter_known(velocity, data.sample_rate, respond, jumps)
+        velocity = _filter_stretches(velocity, data.sample_rate, respond, jumps)
     return replace(data, filters=tuple(filters), specific_force=force, velocity=velocity)
 
 
@@ -128,30 +128,22 @@ def restoring_response(
     return np.conj(ratio) / np.where(lost, MOST_RESTORED**-2, left**2)
 
 
-def _filter_known(
-    values: Float[np.ndarray, "n N"],
-    sample_rate: float,
-    respond: Callable[[Float[np.ndarray, " f"]], Complex[np.ndarray, " f"]],
-    jumps: Int[np.ndarray, " j"],
-) -> Float[np.ndarray, "n N"]:
-    """Filter a channel with unknown rows (NaN), each run of known ones by itself."""
-    known = np.isfinite(values).all(axis=1)
-    ends = np.union1d(jumps, np.flatnonzero(np.diff(known)) + 1)
-    parts = [
-        _filter_stretch(part, sample_rate, respond) if own[:1].all() else part
-        for part, own in zip(np.split(values, ends), np.split(known, ends), strict=True)
-    ]
-    return np.concatenate(parts)
-
-
 def _filter_stretches(
     values: Float[np.ndarray, "n N"],
     sample_rate: float,
     respond: Callable[[Float[np.ndarray, " f"]], Complex[np.ndarray, " f"]],
     jumps: Int[np.ndarray, " j"],
 ) -> Float[np.ndarray, "n N"]:
-    """Filter the stretches between gaps, each as if it had stood at its ends before and after."""
-    parts = [_filter_stretch(part, sample_rate, respond) for part in np.split(values, jumps)]
+    """Filter the stretches between gaps, each as if it had stood at its ends before and after.
+
+    Rows that are not known (NaN) stay so, and end a stretch.
+    """
+    known = np.isfinite(values).all(axis=1)
+    ends = np.union1d(jumps, np.flatnonzero(np.diff(known)) + 1)
+    parts = [
+        _filter_stretch(part, sample_rate, respond) if own[:1].all() else part
+        for part, own in zip(np.split(values, ends), np.split(known, ends), strict=True)
+    ]
     return np.concatenate(parts)
 
 
