@@ -35,7 +35,7 @@ from rotorfit.fit.intervals.numbers import (
     twist_shift,
 )
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
-from rotorfit.model.parameters import EVERY, FIRST_MOMENTS, INERTIA
+from rotorfit.model.parameters import COM, EVERY, FIRST_MOMENTS, INERTIA
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.model.terms.term import Size
 
@@ -136,7 +136,7 @@ def _imu_size(numbers: Numbers, name: str, c: JointConfiguration) -> float:
     base = name.partition("@")[0]
     if base in FIRST_MOMENTS:
         return c.mass * SENSOR_SIZE
-    return SENSOR_SIZE if base in ("com_x", "com_y", "com_z") else 0.0
+    return SENSOR_SIZE if base in COM else 0.0
 
 
 def _relative_mass_std(
