@@ -12,13 +12,13 @@ from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.findings import Finding, doubt
 from rotorfit.flight.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.flight.interpolated import source_rate
-from rotorfit.flight.signals import true_runs, whole_samples
+from rotorfit.flight.signals import repeated_rows, true_runs, whole_samples
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator, Sequence
 
-    from jaxtyping import Bool, Float
+    from jaxtyping import Float
 
     from rotorfit.flight.clocks import UniformChannels
     from rotorfit.flight.flight_data import FlightData
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 LONGEST_CONSTANT: Final = 1.0
 """A motor channel that stays the same for so long while the others move is stuck [s]."""
-SAME: Final = 1e-9
-"""Change of a sample to the next, over the largest value, that filters leave of nothing."""
 MOVING: Final = 0.3
 """Share of their usual deviation from which the other rotors count as moving."""
 STEPS: Final = 3.0
@@ -96,13 +94,9 @@ def _constant_runs(
     least: float,
 ) -> list[tuple[int, int]]:
     """Find where one column stays constant for long while the others deviate by `least`."""
-    column = values[:, i]
-    same: Bool[np.ndarray, " n"] = np.zeros(len(column), dtype=bool)
-    for a, b in stretches:
-        same[a : b - 1] = np.abs(np.diff(column[a:b])) <= SAME * float(np.abs(column[a:b]).max())
     return [
         (a, b + 1)
-        for a, b in true_runs(same)
+        for a, b in true_runs(repeated_rows(values[:, i : i + 1], stretches))
         if b - a >= longest
         and float(np.median(np.delete(values[a:b], i, axis=1).std(axis=0))) > max(least, 0.0)
     ]
@@ -231,30 +225,8 @@ def takes_battery(log: FlightLog, law: MotorLaw | None) -> bool:
     )
 
 
-def _dead_axes(uniform: UniformChannels) -> dict[str, Bool[np.ndarray, " 3"]]:
-    """Mark the axes of gyro and accelerometer that never move."""
-    values = {name: uniform.values[name] for name in ("gyro", "accel")}
-    still = {name: np.ptp(one, axis=0) == 0.0 for name, one in values.items()}
-    at_zero = {name: still[name] & (one[0] == 0.0) for name, one in values.items()}
-    # A simulator without noise that flies in one plane: both sensors have an axis at zero.
-    planar = all(one.any() for one in at_zero.values())
-    return {
-        name: one & ~at_zero[name] if planar and not one.all() else one
-        for name, one in still.items()
-    }
-
-
 def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:
-    """Raise an error if a sensor never moves or reads what no vehicle can do."""
-    for name, dead in _dead_axes(uniform).items():
-        values, source = uniform.values[name], log.channels[name].source
-        if dead.any():
-            axes = "" if dead.all() else ", ".join("xyz"[i] for i in np.flatnonzero(dead)) + " of "
-            read = ", ".join(f"{v:g}" for v in values[0, dead])
-            raise FlightError(
-                f"{axes}the {name} channel is constant ({read}) over the whole log, which a sensor "
-                f"in flight never is; check its source: {source}"
-            )
+    """Raise an error if a sensor reads what no vehicle can do."""
     turns = np.abs(uniform.values["gyro"]).max(axis=1)
     fastest = float(np.percentile(turns, 99.8))
     fast = np.flatnonzero(turns > FASTEST_TURN)

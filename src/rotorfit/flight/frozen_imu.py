@@ -1,4 +1,4 @@
-"""Find and leave out the seconds of a flight in which the IMU repeats one sample.
+"""Refuse an IMU with an axis that never moves; leave out seconds in which it repeats one sample.
 
 A sensor in flight has noise: it does not read the same in all six axes for a tenth of a second. A
 repeated sample says that nothing turned and no thrust changed, which the rotors contradict.
@@ -12,15 +12,15 @@ import numpy as np
 
 from rotorfit.errors import FlightError
 from rotorfit.findings import Finding, note
-from rotorfit.flight.flight_checks import SAME
-from rotorfit.flight.signals import true_runs, whole_samples
+from rotorfit.flight.signals import repeated_rows, true_runs, whole_samples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from jaxtyping import Float
+    from jaxtyping import Bool, Float
 
     from rotorfit.flight.clocks import UniformChannels
+    from rotorfit.logs.flight_log import FlightLog
 
     Runs = list[tuple[int, int]]
 
@@ -32,20 +32,40 @@ SHORTEST: Final = 0.5
 """Length of a stretch between two of them that is still used [s]."""
 
 
+def refuse_dead_axes(log: FlightLog, uniform: UniformChannels) -> None:
+    """Raise an error if an axis of gyro or accelerometer never moves."""
+    for name, dead in _dead_axes(uniform).items():
+        values, source = uniform.values[name], log.channels[name].source
+        if dead.any():
+            axes = "" if dead.all() else ", ".join("xyz"[i] for i in np.flatnonzero(dead)) + " of "
+            read = ", ".join(f"{v:g}" for v in values[0, dead])
+            raise FlightError(
+                f"{axes}the {name} channel is constant ({read}) over the whole log, which a sensor "
+                f"in flight never is; check its source: {source}"
+            )
+
+
+def _dead_axes(uniform: UniformChannels) -> dict[str, Bool[np.ndarray, " 3"]]:
+    """Mark the axes of gyro and accelerometer that never move."""
+    values = {name: uniform.values[name] for name in ("gyro", "accel")}
+    still = {name: np.ptp(one, axis=0) == 0.0 for name, one in values.items()}
+    at_zero = {name: still[name] & (one[0] == 0.0) for name, one in values.items()}
+    # A simulator without noise that flies in one plane: both sensors have an axis at zero.
+    planar = all(one.any() for one in at_zero.values())
+    return {
+        name: one & ~at_zero[name] if planar and not one.all() else one
+        for name, one in still.items()
+    }
+
+
 def frozen_runs(uniform: UniformChannels, flights: Sequence[tuple[int, int]]) -> Runs:
     """Find the rows (start, stop) in which the whole IMU repeats one sample in flight."""
     imu: Float[np.ndarray, "n 6"] = np.column_stack(
         [uniform.values["gyro"], uniform.values["accel"]]
     )
     least = max(whole_samples(LONGEST * uniform.sample_rate), FEWEST)
-    found: Runs = []
-    for a, b in flights:
-        flown = imu[a:b]
-        same = (np.abs(np.diff(flown, axis=0)) <= SAME * np.abs(flown).max(axis=0)).all(axis=1)
-        found += [
-            (a + start, a + stop + 1) for start, stop in true_runs(same) if stop - start >= least
-        ]
-    return found
+    same = repeated_rows(imu, flights)
+    return [(a, b + 1) for a, b in true_runs(same) if b - a >= least]
 
 
 def without_runs(flights: Sequence[tuple[int, int]], runs: Runs, sample_rate: float) -> Runs:

@@ -42,7 +42,7 @@ from rotorfit.flight.flight_checks import (
     takes_battery,
 )
 from rotorfit.flight.flight_data import FlightData, Segment
-from rotorfit.flight.frozen_imu import cut_frozen_imu
+from rotorfit.flight.frozen_imu import cut_frozen_imu, refuse_dead_axes
 from rotorfit.flight.kinematics import climb_velocity
 from rotorfit.flight.mocap.carried_velocity import carried_velocity
 from rotorfit.flight.mocap.pose_velocity import horizontal_axes, known_velocity
@@ -203,6 +203,7 @@ def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> One
     A long log can be released before the second half, to save memory.
     """
     uniform, spikes = _make_uniform(log, rotor_count, motors)
+    refuse_dead_axes(log, uniform)
     refuse_absurd_sensors(log, uniform)
     step = log.channels["rotor_speed"].resolution if motors.speed == "measured" else None
     return OneClock(
@@ -221,7 +222,7 @@ def prepared_from(
     """Prepare the airborne part from `on_one_clock`: the second half of `prepare`."""
     uniform = recorded.uniform
     speed = uniform.values["motor"]
-    refuse_interpolated(uniform, measured=motors.speed == "measured")
+    refuse_unusable_motors(uniform, measured=motors.speed == "measured")
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
     jumps = clock_jumps(uniform.time, uniform.sample_rate)
@@ -296,7 +297,7 @@ def _gyro_bias(
     return x, y, z
 
 
-def refuse_interpolated(uniform: UniformChannels, *, measured: bool) -> None:
+def refuse_unusable_motors(uniform: UniformChannels, *, measured: bool) -> None:
     """Refuse motor data made by interpolation from slower ones, or of one rotor for two."""
     # In gaps the lines are this module's own.
     a, b = max(uniform.stretches, key=lambda whole: whole[1] - whole[0])

@@ -40,6 +40,8 @@ MEDIAN_WIDTH = 7
 SCALE_WIDTH = 51
 SPIKE_THRESHOLD = 6.0
 """Robust standard deviations. At 4, one sample in a hundred of plain noise would be touched."""
+SAME = 1e-9
+"""Change of a sample to the next, over the largest value, that filters leave of nothing."""
 SLACK = 1e-3
 """Tolerance of a count of samples from a whole number."""
 SUDDEN = 1.5
@@ -200,6 +202,17 @@ class Saturation:
 
     share: float
     largest: float
+
+
+def repeated_rows(
+    values: Float[np.ndarray, "n k"], within: Sequence[tuple[int, int]]
+) -> Bool[np.ndarray, " n"]:
+    """Mark the rows of stretches that the next row repeats in all columns."""
+    same: Bool[np.ndarray, " n"] = np.zeros(len(values), dtype=bool)
+    for a, b in within:
+        changes, largest = np.abs(np.diff(values[a:b], axis=0)), np.abs(values[a:b]).max(axis=0)
+        same[a : b - 1] = (changes <= SAME * largest).all(axis=1)
+    return same
 
 
 def saturation(values: Float[np.ndarray, "n 3"], sensor: Literal["gyro", "accel"]) -> Saturation:

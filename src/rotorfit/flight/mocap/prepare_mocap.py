@@ -55,7 +55,7 @@ from rotorfit.flight.mocap.camera import (
     tracked,
 )
 from rotorfit.flight.motors.motor_model import MotorModel, white_noise_std, with_motors
-from rotorfit.flight.prepare import Cut, PreparedFlight, refuse_interpolated, with_likely_lag
+from rotorfit.flight.prepare import Cut, PreparedFlight, refuse_unusable_motors, with_likely_lag
 from rotorfit.flight.signals import (
     hampel,
     low_pass,
@@ -133,7 +133,7 @@ def prepare_mocap(
     refuse_missing_motors(log, name, rotor_count)
     clock = camera_clock(pose.time)
     recorded = {"motor": _recorded_motors(log, motors)}
-    refuse_interpolated(uniform_channels(recorded, clock="motor"), measured=measured)
+    refuse_unusable_motors(uniform_channels(recorded, clock="motor"), measured=measured)
     frames = _differentiate_runs(pose, clock, _motor_channel(log, motors))
     data = _collect_flight_data(
         frames, (log.channels[name].resolution or 0.0) if measured else None
