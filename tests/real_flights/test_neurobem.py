@@ -8,11 +8,13 @@ flights are declared without the propellers, all together with them.
 import warnings
 from itertools import combinations
 
+import numpy as np
 import pytest
-from benchmarks.fast_flight import FLIGHTS, MASS
+from benchmarks.fast_flight import FLIGHTS, MASS, MOMENT_BAND, identify_together
 
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.identification import identify
+from rotorfit.results.validation.validate import validate_file
 
 pytestmark = pytest.mark.flights
 
@@ -123,3 +125,20 @@ def test_no_finding_calls_the_air_a_fault(identified, flown):
     scales = [f.evidence for f in identified[flown].findings if f.kind == "gyro-scale"]
     for low, high in (e.interval for found in scales for e in found if e.name == ROLL_SCALE):
         assert low < 0.033 < high
+
+
+@pytest.mark.parametrize("left_out", FLIGHTS)
+def test_the_moments_of_a_flight_not_fitted_balance(flight_data_dir, left_out):
+    """Places that two flights do not show are predicted with the thrusts they were fitted with."""
+    folder = flight_data_dir / "neurobem"
+    if not folder.is_dir():
+        pytest.skip(f"no {folder}")
+    paths = {name: folder / f"{name}.csv" for name in FLIGHTS}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = identify_together([paths[name] for name in FLIGHTS if name != left_out])
+        seen = validate_file(result, paths[left_out], cutoff=MOMENT_BAND)
+    off = (seen.body_wrench - seen.rotor_wrench)[:, 3:5].mean(axis=0)
+    # A millimetre of the centre of mass is 7.6 mN m. With the rotors' middle under it, two of the
+    # three flights are 48 and 62 mN m off, with the balance of the fit at most 17.
+    assert np.abs(off).max() < 0.025

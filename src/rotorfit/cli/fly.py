@@ -356,9 +356,8 @@ def replay_notes(
     if centred:
         places = ", ".join(f"{name} = {1e3 * value:.2g} mm" for name, value in centred.items())
         notes.append(
-            f"{places}: not known from these flights, and taken so that the middle of the rotors "
-            "is at the centre of mass, as a hover of like rotors has it; what that is wrong by is "
-            "not in the band"
+            f"{places}: not known from these flights, and taken so that their hover balances; "
+            "what that is wrong by is not in the band"
         )
     if bench:
         given = ", ".join(f"{name}={value:g}" for name, value in bench.items())

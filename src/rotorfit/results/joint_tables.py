@@ -26,6 +26,7 @@ from rotorfit.model.parameters import DERIVED, MOTOR_TIMES, OF_FLIGHT, UNREPORTE
 from rotorfit.model.terms.body import BIAS_STD
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.results.assemble import assemble_tables, with_diagnosis
+from rotorfit.results.hover_balance import balance_diagnostics
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -79,6 +80,7 @@ def joint_tables(fit: Fit, findings: Sequence[Finding] = ()) -> ResultTables:
                 for name, value in estimate.estimate.by_name.items()
                 if name.partition("@")[0] in UNREPORTED
             },
+            **balance_diagnostics(numbers, names, [entry.name for entry in entries]),
         },
     )
     return with_diagnosis(tables, findings)

@@ -13,6 +13,7 @@ from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.model.parameters import COM, INERTIA_COM, PARAMETERS
 from rotorfit.model.terms.registry import TERMS
+from rotorfit.results.hover_balance import fitted_balance, fitted_shares
 from rotorfit.results.samples import about_com, normal_draws, tensors
 
 if TYPE_CHECKING:
@@ -88,10 +89,11 @@ def unknown_body(
 def hover_centre(
     result: IdentificationResult, owner: str, assumed: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """Place centre of mass and rotors over each other along x and y where one is not known [m].
+    """Place centre of mass and rotors to each other along x and y where one is not known [m].
 
-    A hover of rotors that are alike holds the two together, though it may tell neither from the
-    IMU; where both are unknown, the rotors stand as declared. Empty where both are known.
+    A hover holds the two together, though it may tell neither from the IMU: as the fit had them
+    with each rotor's thrust, or, where the result does not keep that, over each other. Where both
+    are unknown, the rotors stand as declared. Empty where both are known.
     """
     given = _known_places(result, owner) | dict(assumed or {})
     listed = {p.name for p in result.parameters if p.configuration == owner}
@@ -103,8 +105,10 @@ def hover_centre(
     places = dict(given)
     for axis, middle in zip("xy", vehicle.positions.mean(axis=0)[:2].tolist(), strict=True):
         com, center = f"com_{axis}", f"rotor_center_{axis}"
-        offset = places.get(com, middle) - middle if center in listed else 0.0
-        places.setdefault(com, middle + places.setdefault(center, offset))
+        fitted = fitted_balance(result, owner, axis)
+        balance = middle if fitted is None else fitted
+        offset = places.get(com, balance) - balance if center in listed else 0.0
+        places.setdefault(com, balance + places.setdefault(center, offset))
     return {name: places[name] for name in sorted(unknown)}
 
 
@@ -187,6 +191,8 @@ def _draw_numbers(result: IdentificationResult, owner: str, draws: int) -> Value
         elif p.value is not None:
             moved = shift[:, columns[p.full_name]] if p.full_name in columns else 0.0
             values[p.name] = p.value + moved + np.zeros(1 + draws)
+    if "kt" in values:
+        values |= {name: share * values["kt"] for name, share in fitted_shares(result).items()}
     return values
 
 

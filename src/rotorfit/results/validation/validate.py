@@ -28,6 +28,7 @@ from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.terms import body as body_terms
 from rotorfit.model.terms.registry import OPTIONAL, TERMS, added_signals, considered_terms
 from rotorfit.model.terms.rotors import THRUST
+from rotorfit.results.hover_balance import fitted_shares
 from rotorfit.results.result import (
     FlightRecord,
     IdentificationResult,
@@ -329,6 +330,8 @@ def _known_values(result: IdentificationResult, owner: str) -> dict[str, float]:
         if value is not None:
             known[p.name] = value
     known.setdefault("mass", 1.0)
+    if "kt" in known:
+        known |= {name: share * known["kt"] for name, share in fitted_shares(result).items()}
     # As in a replay: both judge the same vehicle.
     places = places_of(result, owner)
     centre = {name: places[name] for name in ROTOR_CENTER if name in places}
@@ -369,7 +372,7 @@ def _compute_wrenches(
     """Compute body wrench and rotor wrench; drag and constant torque belong to the rotors."""
     body = {name: known.get(name, 0.0) for name in BODY}
     kt = known.get("kt", 0.0)
-    # A rotor whose own coefficient is not known has the mean one.
+    # A rotor whose own coefficient neither the result nor its fit has, has the mean one.
     rotors = {name: known.get(name, kt) for name in model.names if ROTOR_KT.fullmatch(name)}
     for term in TERMS:
         if term not in (*BODY_TERMS, THRUST) and term.owner != "rotor" and not term.of_sensor:

@@ -1,0 +1,60 @@
+"""What balances a hover, kept where the flights show only the whole of it.
+
+The mean moments of a flight hold the centre of mass, the rotors' centre and each rotor's thrust
+coefficient to one another. Where some of them alone are not known, a prediction still needs the
+whole as it was fitted: the known ones beside a guess in the place of the others would push the
+vehicle over.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from rotorfit.fit.intervals.numbers import Numbers
+    from rotorfit.results.result import IdentificationResult
+
+BALANCE: Final = "balance_"
+"""Prefix of the diagnostics ``balance_x@A``: CoM less the rotors' centre, as fitted [m]."""
+SHARE: Final = "thrust_share_"
+"""Prefix of the diagnostics ``thrust_share_1``: a rotor's kt over the mean, as fitted."""
+
+
+def balance_diagnostics(
+    numbers: Numbers, known: Collection[str], owners: Sequence[str]
+) -> dict[str, float]:
+    """Collect the fitted balance of hover along the axes where a part of it is not known."""
+    names = set(numbers.names)
+
+    def value(name: str) -> float:
+        return numbers.number(name)[0] if name in names else 0.0
+
+    found: dict[str, float] = {}
+    for owner in owners:
+        for axis in "xy":
+            com, center = f"com_{axis}@{owner}", f"rotor_center_{axis}@{owner}"
+            if com in names and not {f"ms{axis}@{owner}", center} & names <= set(known):
+                found[f"{BALANCE}{axis}@{owner}"] = value(com) - value(center)
+    own = [name for name in numbers.names if name.startswith("kt_") and name not in known]
+    mean = value("kt")
+    if mean > 0.0:
+        found |= {f"{SHARE}{name.removeprefix('kt_')}": value(name) / mean for name in own}
+    return found
+
+
+def fitted_balance(result: IdentificationResult, owner: str, axis: str) -> float | None:
+    """Return CoM less the rotors' centre along x or y as fitted; None where it was not kept [m]."""
+    return result.diagnostics.get(f"{BALANCE}{axis}@{owner}")
+
+
+def fitted_shares(result: IdentificationResult) -> dict[str, float]:
+    """Return the fitted ``kt_1`` and so on over kt, where the rotor's own is not known [1]."""
+    unknown = {p.name for p in result.parameters if p.value is None and p.verdict != "removed"}
+    shares = {
+        f"kt_{key.removeprefix(SHARE)}": value
+        for key, value in result.diagnostics.items()
+        if key.startswith(SHARE)
+    }
+    return {name: share for name, share in shares.items() if name in unknown}
