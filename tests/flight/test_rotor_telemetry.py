@@ -265,3 +265,44 @@ def test_one_rotor_is_blamed_where_all_differ_a_little(log, rotor, factor):
     assert [one.rotor for one in found.rotors if one.state == "unlike"] == [rotor + 1]
     others = np.delete(factors, rotor)
     assert found.rotors[rotor].ratio == pytest.approx(factors[rotor] / np.median(others), rel=0.02)
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.15])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_hover_does_not_bend_the_law_to_an_unlike_rotor(log, seed, factor):
+    """Where commands differ more between rotors than in time, law and factors go together."""
+    random = np.random.default_rng(seed)
+    time = log.channels["command"].time
+    slow = np.cumsum(random.normal(size=(len(time), 4)), axis=0)
+    middle = random.uniform(0.45, 0.75, 4)
+    command = middle + 0.015 * (slow - slow.mean(axis=0)) / slow.std(axis=0)
+    factors = random.uniform(0.98, 1.02, 4)
+    odd = int(random.integers(4))
+    factors[odd] *= factor
+    spread = 1.0 + 0.003 * random.normal(size=command.shape)
+    made = with_channel(log, "command", command)
+    made = with_channel(made, "rotor_speed", factors * (300.0 + 1500.0 * command) * spread)
+    found = telemetry(made)
+    assert [one.rotor for one in found.rotors if one.state == "unlike"] == [odd + 1]
+    others = np.median(np.delete(factors, odd))
+    assert found.rotors[odd].ratio == pytest.approx(factors[odd] / others, abs=0.015)
+
+
+@pytest.mark.parametrize("seconds", [-0.06, 0.1])
+@pytest.mark.parametrize("rotor", [0, 3])
+def test_one_speed_that_comes_late_is_named(log, rotor, seconds, assert_wording):
+    values, time = speeds(log), log.channels["rotor_speed"].time
+    values[:, rotor] = np.interp(time - seconds, time, values[:, rotor])
+    found = telemetry(with_channel(log, "rotor_speed", values))
+    assert [one.rotor for one in found.rotors if one.state == "late"] == [rotor + 1]
+    assert found.rotors[rotor].later == pytest.approx(seconds, abs=0.015)
+    [words] = found.doubts
+    assert_wording(words)
+
+
+def test_speeds_that_are_all_late_are_no_fault_of_one(log):
+    values, time = speeds(log), log.channels["rotor_speed"].time
+    late = np.stack([np.interp(time - 0.1, time, v) for v in values.T], axis=1)
+    found = telemetry(with_channel(log, "rotor_speed", late))
+    assert states(found) == ["follows"] * 4
+    assert found.doubts == ()

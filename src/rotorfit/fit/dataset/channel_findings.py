@@ -17,6 +17,7 @@ from rotorfit.flight.motors.rotor_telemetry import (
     State,
     Telemetry,
     describe_spiky_commands,
+    late_speed_sentence,
     telemetry,
 )
 from rotorfit.model.parameters import COM, INERTIA, INERTIA_COM, NUISANCE, PARAMETERS
@@ -40,6 +41,8 @@ SPIKY: Final = "command-spikes"
 """Kind of the finding that commands jump for single samples."""
 STUCK: Final = "stuck-speed"
 """Kind of the finding that a measured speed is lost now and then."""
+LATE: Final = "late-speed"
+"""Kind of the finding that one rotor's speed comes later than the others'."""
 FROZEN: Final = "frozen-motor"
 """Kind of the finding that a motor channel stands still."""
 LOST: Final = "a motor channel does not show what its rotor does"
@@ -64,6 +67,9 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     FROZEN: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST, next_step=MEND),
     SPIKY: RestsOn(numbers=BY_COMMANDS),
     STUCK: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST, next_step=MEND),
+    LATE: RestsOn(
+        numbers=BY_TURNS, doubtful_because="one rotor's speed is recorded at another time"
+    ),
     "gyro-bias": RestsOn(numbers=BY_TURNS),
     "slow-motor-data": RestsOn(numbers=BY_TURNS),
     "slow-cameras": RestsOn(numbers=BY_TURNS),
@@ -137,6 +143,8 @@ def find_motor_faults(
                 next_step=f"repair the ESC telemetry of rotor {rotor.rotor}",
                 doubtful_because=f"the measured speed of rotor {rotor.rotor} is lost now and then",
             )
+        elif rotor.state == "late":
+            yield doubt(LATE, late_speed_sentence(rotor))
 
 
 def motor_channels_of(log: FlightLog) -> FlightLog:

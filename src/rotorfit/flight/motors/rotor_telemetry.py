@@ -13,9 +13,12 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
+from rotorfit.flight.motors.speed_ratios import FEWEST_ALIKE, is_unlike, speed_ratios
 from rotorfit.flight.motors.telemetry_pair import (
     LEAST_SECONDS,
+    LONGEST_CONSTANT,
     TelemetryPair,
+    advance_samples,
     despike_values,
     finite_columns,
     pair_channels,
@@ -23,7 +26,7 @@ from rotorfit.flight.motors.telemetry_pair import (
 from rotorfit.flight.signals import smooth, true_runs, whole_samples
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
+    from jaxtyping import Float, Int
 
     from rotorfit.logs.flight_log import Channel, FlightLog
 
@@ -33,32 +36,23 @@ BAND: Final = (0.3, 8.0)
 """Band in which commands and speeds are compared [Hz]."""
 LATE: Final = (-0.1, 0.3)
 """How much later than the commands the speeds may be [s]."""
+LATER: Final = 0.03
+"""Time by which one rotor's speed may be later than the others' [s]; like motors differ by .01."""
 MOVES: Final = 0.01
 """Deviation of a command below which it shows nothing of its speed."""
 CLEAR: Final = 0.5
 """Correlation from which a command and a speed belong together."""
 CLEARER: Final = 0.7
-"""What another command leaves unexplained, over what the own one does, for a swap."""
+"""What another command or time leaves unexplained, over what the own one does, to be believed."""
 NOTHING: Final = 0.3
 """Correlation below which a speed does not follow its command."""
-LONGEST_CONSTANT: Final = 1.0
-"""A speed that stays the same for so long while its command moves is stuck [s]."""
 LEAST_STUCK: Final = 0.02
 """Share of the time that a speed is stuck, from which it is said."""
-UNLIKE: Final = 0.1
-"""Share by which a rotor's speed may differ from the others' at the same command."""
-SURE: Final = 4.0
-"""Deviations of the mean by which it must."""
-FEWEST_ALIKE: Final = 3
-"""Rotors of which one can be unlike the others: of two nobody can say which."""
 SPIKE: Final = 0.1
 """Size of jumps of a command for single samples from which they are said [of full]."""
 SPIKY_PERCENTILE: Final = 90.0
 """Share of the samples that are below that size in a command without spikes [%]."""
-ROUNDS: Final = 8
-"""Rounds of the law that all rotors share, each with less weight on speeds far from it."""
-
-State = Literal["follows", "swapped", "dead", "stuck", "apart", "unlike", "unclear"]
+State = Literal["follows", "swapped", "dead", "stuck", "apart", "unlike", "late", "unclear"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,12 +62,13 @@ class RotorTelemetry:
     - `rotor`: from 1, in the log's order.
     - `state`: ``"follows"`` its command; ``"swapped"``: another speed does; ``"dead"``: the speed
       or the command never changes; ``"stuck"`` now and then; ``"apart"``: goes with no command;
-      ``"unlike"``: its speed is another than the others' at the same command; ``"unclear"``: the
-      command hardly moves.
+      ``"unlike"``: its speed is another than the others' at the same command; ``"late"``: it comes
+      later or earlier than the others'; ``"unclear"``: the command hardly moves.
     - `correlation`: of command and speed; None if one of them is dead.
     - `speed_channel`: number of the speed that goes with this command best, where that is clear.
     - `ratio`: speed over that of the other rotors at the same command, where it is identifiable.
     - `stuck`: share of the time that the speed stays the same though the command moves.
+    - `later`: how much later the speed comes than the others', 0 where that is not clear [s].
     """
 
     rotor: int
@@ -82,6 +77,7 @@ class RotorTelemetry:
     speed_channel: int | None = None
     ratio: float | None = None
     stuck: float = 0.0
+    later: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,8 +146,9 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
         return Telemetry(seconds=seconds, lateness=None, rotors=dead, doubts=(sentences,))
     commands = _band_pass(pair.command[:, live], pair.rate)
     speeds = _band_pass(pair.speed[:, live], pair.rate)
-    shift = _find_lateness(commands, speeds, pair)
-    late, used = _advance_samples(speeds, shift), pair.used
+    by_shift = _correlate_shifted(commands, speeds, pair)
+    shift = _find_lateness(by_shift)
+    late, used = advance_samples(speeds, shift), pair.used
     alike = _correlate_columns(commands[used], late[used])
     of_differences = _correlate_columns(
         _differences_from_mean(commands[used]), _differences_from_mean(late[used])
@@ -159,7 +156,9 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
     best = _assign_speeds(of_differences if len(live) > 2 else alike)
     moving = commands[used].std(axis=0) > MOVES
     swapped = live[best != np.arange(len(live))]
-    ratios = {} if len(swapped) else _speed_ratios(pair, shift)
+    ratios = {} if len(swapped) else speed_ratios(pair, shift)
+    later = _later_than_others(by_shift, shift) / pair.rate
+    later[(np.abs(later) < LATER) | (len(swapped) > 0)] = 0.0
     goes = float(alike.max()) > NOTHING
     stuck = {int(i): _stuck_share(pair, int(i)) for i in live}
     rotors: list[RotorTelemetry] = []
@@ -173,11 +172,14 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
         rotors.append(
             RotorTelemetry(
                 rotor=i + 1,
-                state=_rotor_state(own, i in swapped, stuck[i], ratio, moves=bool(moving[k])),
+                state=_rotor_state(
+                    own, i in swapped, stuck[i], ratio, float(later[k]), moves=bool(moving[k])
+                ),
                 correlation=own,
                 speed_channel=int(live[best[k]]) + 1 if known else None,
                 ratio=None if ratio is None else ratio[0],
                 stuck=stuck[i],
+                later=float(later[k]),
             )
         )
     lateness = shift / pair.rate if goes else None
@@ -190,18 +192,26 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
 
 
 def _rotor_state(
-    own: float, is_swapped: bool, stuck: float, ratio: tuple[float, float] | None, *, moves: bool
+    own: float,
+    is_swapped: bool,
+    stuck: float,
+    ratio: tuple[float, float] | None,
+    later: float,
+    *,
+    moves: bool,
 ) -> State:
     if is_swapped:
         return "swapped"
-    is_unlike = ratio is not None and _is_unlike(*ratio)
+    unlike = ratio is not None and is_unlike(*ratio)
     if stuck > LEAST_STUCK:
         # What it reads when it reads anything is the graver fault: no stretch of it can be used.
-        return "unlike" if is_unlike else "stuck"
-    if own < NOTHING:
+        return "unlike" if unlike else "stuck"
+    if own < NOTHING and later == 0.0:
         return "apart" if moves else "unclear"
-    if is_unlike:
+    if unlike:
         return "unlike"
+    if later != 0.0:
+        return "late"
     return "follows" if own > CLEAR else "unclear"
 
 
@@ -211,27 +221,39 @@ def _band_pass(values: Float[np.ndarray, "n k"], rate: float) -> Float[np.ndarra
     return smooth(slow, rate, high) if high < 0.4 * rate else slow
 
 
-def _advance_samples(values: Float[np.ndarray, "n k"], shift: int) -> Float[np.ndarray, "n k"]:
-    """Advance the values by `shift` samples; the last ones are held."""
-    rows = np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)
-    return values[rows]
-
-
-def _find_lateness(
+def _correlate_shifted(
     commands: Float[np.ndarray, "n k"], speeds: Float[np.ndarray, "n k"], pair: TelemetryPair
-) -> int:
-    """Find the samples by which the speeds are later, whichever belongs to which."""
+) -> dict[int, Float[np.ndarray, "k k"]]:
+    """Correlate commands with speeds that are advanced, by the samples of the advance."""
     first, last = (round(bound * pair.rate) for bound in LATE)
     used = pair.used
-    scores = {
-        shift: float(
-            _correlate_columns(commands[used], _advance_samples(speeds, shift)[used])
-            .max(axis=0)
-            .mean()
-        )
+    return {
+        shift: _correlate_columns(commands[used], advance_samples(speeds, shift)[used])
         for shift in range(first, last + 1)
     }
+
+
+def _find_lateness(by_shift: dict[int, Float[np.ndarray, "k k"]]) -> int:
+    """Find the samples by which the speeds are later, whichever belongs to which."""
+    scores = {shift: float(alike.max(axis=0).mean()) for shift, alike in by_shift.items()}
     return max(scores, key=lambda shift: (scores[shift], -abs(shift)))
+
+
+def _later_than_others(
+    by_shift: dict[int, Float[np.ndarray, "k k"]], shift: int
+) -> Float[np.ndarray, " k"]:
+    """Find by how many samples each speed is later than the others; 0 where that is not clear."""
+    own = np.stack([np.diagonal(alike) for alike in by_shift.values()])
+    shifts, count = np.array(list(by_shift)), own.shape[1]
+    best = own.argmax(axis=0)
+    later = np.zeros(count)
+    for i in range(count if count >= FEWEST_ALIKE else 0):
+        usual = int(np.median(shifts[np.delete(best, i)]))
+        at, there = own[best[i], i], by_shift.get(usual, by_shift[shift])[i, i]
+        left = 1.0 - np.array([at, there]) ** 2
+        if at > CLEAR and left[0] < CLEARER * left[1]:
+            later[i] = shifts[best[i]] - usual
+    return later
 
 
 def _correlate_columns(
@@ -283,105 +305,6 @@ def _stuck_share(pair: TelemetryPair, i: int) -> float:
     return int(lost.sum()) / max(int(pair.used.sum()), 1)
 
 
-def _speed_ratios(pair: TelemetryPair, shift: int) -> dict[int, tuple[float, float]]:
-    """Estimate each rotor's speed over the others' at the same command, with its deviation.
-
-    One law of a constant and a slope for all, each rotor with a factor of its own (median 1). The
-    deviation is that of the means of seconds. A rotor that is unlike the others takes no part in
-    the law: it would bend it, and sound rotors would be blamed with it.
-    """
-    if len(pair.live) < 3:
-        return {}
-    step = whole_samples(pair.rate)
-    seconds = np.flatnonzero(pair.used)
-    seconds = seconds[: len(seconds) // step * step].reshape(-1, step)
-    command = pair.command[:, pair.live][seconds].mean(axis=1)
-    speed = _advance_samples(_without_stuck(pair), shift)[seconds].mean(axis=1)
-    if not np.isfinite(speed).any(axis=0).all():
-        return {}
-    alike: Bool[np.ndarray, " k"] = np.ones(len(pair.live), dtype=bool)
-    found = _ratios_by_law(command, speed, alike)
-    while found is not None and alike.sum() > FEWEST_ALIKE and _any_unlike(*found, alike):
-        alike[_odd_rotor(command, speed, alike)] = False
-        found = _ratios_by_law(command, speed, alike)
-    if found is None:
-        return {}
-    return {
-        int(i): (float(value), float(std)) for i, value, std in zip(pair.live, *found, strict=True)
-    }
-
-
-def _is_unlike(ratio: float, std: float) -> bool:
-    """Return whether a rotor's speed is surely another than the others' at the same command."""
-    return abs(ratio - 1.0) > max(UNLIKE, SURE * std)
-
-
-def _any_unlike(
-    factor: Float[np.ndarray, " k"], std: Float[np.ndarray, " k"], alike: Bool[np.ndarray, " k"]
-) -> bool:
-    """Return whether one of the rotors `alike` surely differs from the others."""
-    return any(_is_unlike(float(factor[i]), float(std[i])) for i in np.flatnonzero(alike))
-
-
-def _odd_rotor(
-    command: Float[np.ndarray, "m k"],
-    speed: Float[np.ndarray, "m k"],
-    alike: Bool[np.ndarray, " k"],
-) -> int:
-    """Return which rotor leaves the others most alike when it takes no part in the law."""
-    left: dict[int, float] = {}
-    for i in np.flatnonzero(alike).tolist():
-        others = alike.copy()
-        others[i] = False
-        found = _ratios_by_law(command, speed, others)
-        left[i] = np.inf if found is None else float(np.abs(np.log(found[0][others])).max())
-    return min(left, key=lambda i: left[i])
-
-
-def _ratios_by_law(
-    command: Float[np.ndarray, "m k"],
-    speed: Float[np.ndarray, "m k"],
-    alike: Bool[np.ndarray, " k"],
-) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]] | None:
-    """Fit the law of the rotors `alike`; return each rotor's factor of it, with its deviation."""
-    factor: Float[np.ndarray, " k"] = np.ones(len(alike))
-    shares: Float[np.ndarray, "m k"] = speed
-    known = np.isfinite(speed)
-    weight = np.where(known & alike, 1.0, 0.0)
-    for _ in range(ROUNDS):
-        # One law of a constant and a slope for all, each rotor with a factor of its own (median 1).
-        rows = weight.ravel()[:, None] * np.stack([np.ones(command.size), command.ravel()], axis=1)
-        scaled = weight * np.where(known, speed, 0.0) / factor
-        law = np.asarray(np.linalg.lstsq(rows, scaled.ravel(), rcond=None)[0], float)
-        expected = float(law[0]) + float(law[1]) * command
-        if not (expected > 0.0).all():
-            return None
-        shares = np.where(known, speed, np.nan) / expected
-        factor = np.nanmedian(shares, axis=0)
-        if not (factor > 0.0).all():
-            return None
-        factor = factor / float(np.median(factor[alike]))
-        # Least sums of absolute values: a rotor that reads anything must not bend the law of all.
-        off = np.abs(shares / factor - 1.0)
-        least = max(float(np.nanmedian(off)), 1e-6)
-        weight = np.where(known & alike, 1.0 / np.sqrt(np.maximum(np.nan_to_num(off), least)), 0.0)
-    spread = np.nanstd(shares, axis=0) / np.sqrt(np.maximum(known.sum(axis=0), 1))
-    return factor, spread
-
-
-def _without_stuck(pair: TelemetryPair) -> Float[np.ndarray, "n k"]:
-    """Return the speeds of the live rotors, NaN if a speed stands still or is 0 in the air."""
-    speed = pair.speed[:, pair.live].copy()
-    least = whole_samples(LONGEST_CONSTANT * pair.rate)
-    for column in speed.T:
-        same = np.concatenate([np.diff(column) == 0.0, [False]])
-        for a, b in true_runs(same):
-            if b - a > least:
-                column[a : b + 1] = np.nan
-        column[pair.used & (column == 0.0)] = np.nan
-    return speed
-
-
 def _explain_telemetry(rotors: list[RotorTelemetry], pair: TelemetryPair) -> list[str]:
     sentences = [_dead_message(r, pair) for r in rotors if r.state == "dead"]
     swapped = [r for r in rotors if r.state == "swapped"]
@@ -410,6 +333,7 @@ def _explain_telemetry(rotors: list[RotorTelemetry], pair: TelemetryPair) -> lis
         for r in rotors
         if r.state == "stuck"
     ]
+    sentences += [late_speed_sentence(r) for r in rotors if r.state == "late"]
     sentences += [
         f"rotor {r.rotor} turns at {r.ratio:.2f} times the speed of the others at the same "
         "command: another number of poles, another propeller or motor, or a damaged one"
@@ -418,6 +342,16 @@ def _explain_telemetry(rotors: list[RotorTelemetry], pair: TelemetryPair) -> lis
         if r.state == "unlike"
     ]
     return sentences
+
+
+def late_speed_sentence(rotor: RotorTelemetry) -> str:
+    """State how late a rotor's speed is beside the others', and what to do."""
+    when = "later" if rotor.later > 0.0 else "earlier"
+    return (
+        f"the measured speed of rotor {rotor.rotor} comes {1e3 * abs(rotor.later):.0f} ms {when} "
+        "than those of the other rotors: log all of them at the same rate, or take the commands "
+        '(speed = "commanded" under [motors])'
+    )
 
 
 def _stuck_too(rotor: RotorTelemetry) -> str:

@@ -26,6 +26,8 @@ MOST_HOLES: Final = 10.0
 """Length of the common clock over the samples: a longer one is no clock."""
 LEAST_SECONDS: Final = 3.0
 """Least time of turning motors, below which nothing is reported [s]."""
+LONGEST_CONSTANT: Final = 1.0
+"""A speed that stays the same for so long while its command moves is stuck [s]."""
 TURNING: Final = 0.3
 """Share of the largest command above which motors count as turning."""
 EDGE: Final = 0.5
@@ -134,3 +136,9 @@ def _mark_turning(commands: Float[np.ndarray, "n N"], rate: float) -> Bool[np.nd
     for a, b in true_runs(level > TURNING * float(np.percentile(level, 95))):
         turning[a + edge : max(b - edge, a + edge)] = True
     return turning
+
+
+def advance_samples(values: Float[np.ndarray, "n k"], shift: int) -> Float[np.ndarray, "n k"]:
+    """Advance the values by `shift` samples; the last ones are held."""
+    rows = np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)
+    return values[rows]
