@@ -81,6 +81,9 @@ def test_identify_imports_only_what_it_uses() -> None:
     assert "rotorfit.fit.fit" in found
     # The residuals of yaw are a sum of terms that cannot be negative: `scipy.optimize.nnls`.
     assert (SLOW - NNLS) - found == SLOW - NNLS
+    # The terminal draws no charts.
+    assert "rotorfit.report.text" in found
+    assert found.isdisjoint({"rotorfit.report.motor_law", "rotorfit.report.chart"})
 
 
 SAVED = """

@@ -10,7 +10,7 @@ from rotorfit.digits import known, short, with_interval
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import NUISANCE, OF_FLIGHT
 from rotorfit.model.terms.air import DRAG_MOMENTS
-from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
+from rotorfit.report.law_words import formula_of, law_sentences, motors_lines
 from rotorfit.report.parameters import COM_FIRST, VERDICT_MEANING, Entry, body_entry, percent
 from rotorfit.results.result import (
     Derived,
