@@ -26,6 +26,8 @@ from rotorfit.flight.motors.telemetry_pair import (
 from rotorfit.flight.signals import smooth, true_runs, whole_samples
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from jaxtyping import Float, Int
 
     from rotorfit.logs.flight_log import Channel, FlightLog
@@ -148,8 +150,30 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
     speeds = _band_pass(pair.speed[:, live], pair.rate)
     by_shift = _correlate_shifted(commands, speeds, pair)
     shift = _find_lateness(by_shift)
-    late, used = advance_samples(speeds, shift), pair.used
-    alike = _correlate_columns(commands[used], late[used])
+    late = advance_samples(speeds, shift)
+    found = {one.rotor: one for one in _judge_live_rotors(pair, commands, late, by_shift, shift)}
+    rotors = [
+        found.get(i, RotorTelemetry(rotor=i, state="dead"))
+        for i in range(1, pair.command.shape[1] + 1)
+    ]
+    goes = float(by_shift[shift].max()) > NOTHING
+    return Telemetry(
+        seconds=seconds,
+        lateness=shift / pair.rate if goes else None,
+        rotors=tuple(rotors),
+        doubts=tuple(_explain_telemetry(rotors, pair)),
+    )
+
+
+def _judge_live_rotors(
+    pair: TelemetryPair,
+    commands: Float[np.ndarray, "n k"],
+    late: Float[np.ndarray, "n k"],
+    by_shift: dict[int, Float[np.ndarray, "k k"]],
+    shift: int,
+) -> Iterator[RotorTelemetry]:
+    """Judge the rotors whose command and speed change; `late`: speeds advanced by the shift."""
+    live, used, alike = pair.live, pair.used, by_shift[shift]
     of_differences = _correlate_columns(
         _differences_from_mean(commands[used]), _differences_from_mean(late[used])
     )
@@ -158,37 +182,22 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
     swapped = live[best != np.arange(len(live))]
     ratios = {} if len(swapped) else speed_ratios(pair, shift)
     later = _later_than_others(by_shift, shift) / pair.rate
+    # Beside a swapped pair a rotor's own time is compared with times of other rotors.
     later[(np.abs(later) < LATER) | (len(swapped) > 0)] = 0.0
-    goes = float(alike.max()) > NOTHING
-    stuck = {int(i): _stuck_share(pair, int(i)) for i in live}
-    rotors: list[RotorTelemetry] = []
-    for i in range(pair.command.shape[1]):
-        if i not in live:
-            rotors.append(RotorTelemetry(rotor=i + 1, state="dead"))
-            continue
-        k = int(np.searchsorted(live, i))
-        own, ratio = float(alike[k, k]), ratios.get(i)
+    for k, i in enumerate(live.tolist()):
+        own, ratio, stuck = float(alike[k, k]), ratios.get(i), _stuck_share(pair, i)
         known = of_differences[k, best[k]] > CLEAR or alike[k, best[k]] > CLEAR
-        rotors.append(
-            RotorTelemetry(
-                rotor=i + 1,
-                state=_rotor_state(
-                    own, i in swapped, stuck[i], ratio, float(later[k]), moves=bool(moving[k])
-                ),
-                correlation=own,
-                speed_channel=int(live[best[k]]) + 1 if known else None,
-                ratio=None if ratio is None else ratio[0],
-                stuck=stuck[i],
-                later=float(later[k]),
-            )
+        yield RotorTelemetry(
+            rotor=i + 1,
+            state=_rotor_state(
+                own, i in swapped, stuck, ratio, float(later[k]), moves=bool(moving[k])
+            ),
+            correlation=own,
+            speed_channel=int(live[best[k]]) + 1 if known else None,
+            ratio=None if ratio is None else ratio[0],
+            stuck=stuck,
+            later=float(later[k]),
         )
-    lateness = shift / pair.rate if goes else None
-    return Telemetry(
-        seconds=seconds,
-        lateness=lateness,
-        rotors=tuple(rotors),
-        doubts=tuple(_explain_telemetry(rotors, pair)),
-    )
 
 
 def _rotor_state(
