@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.results.hover_balance import balance_diagnostics, fitted_balance, fitted_shares
+from rotorfit.results.hover_balance import balance_diagnostics, fitted_balance, fitted_thrusts
 from rotorfit.results.validation.replay_vehicle import hover_centre, replay_vehicle
 
 sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("export", "fit")]
@@ -71,8 +71,9 @@ def test_a_prediction_takes_the_balance_of_the_fit():
 
 def test_a_prediction_takes_the_share_of_an_unknown_rotor():
     lost = changed(kept(a_result(), thrust_share_2=0.9), kt_2={"value": None})
-    assert fitted_shares(kept(a_result(), thrust_share_2=0.9)) == {}
-    assert fitted_shares(lost) == {"kt_2": 0.9}
+    assert fitted_thrusts(kept(a_result(), thrust_share_2=0.9), {"kt": 1.0}) == {}
+    assert fitted_thrusts(lost, {"kt": 1.0}) == {"kt_2": 0.9}
+    assert fitted_thrusts(lost, {}) == {}
     thrust = replay_vehicle(lost, "A", draws=3).thrust[:, :, 2]
     assert thrust[0, 1] == pytest.approx(0.9 * KT)
     # The share stays where kt moves.

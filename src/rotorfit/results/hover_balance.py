@@ -8,14 +8,18 @@ vehicle over.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Collection, Mapping, Sequence
+
+    import numpy as np
+    from jaxtyping import Float
 
     from rotorfit.fit.intervals.numbers import Numbers
     from rotorfit.results.result import IdentificationResult
 
+Number = TypeVar("Number", float, "Float[np.ndarray, ' D']")
 BALANCE: Final = "balance_"
 """Prefix of the diagnostics ``balance_x@A``: CoM less the rotors' centre, as fitted [m]."""
 SHARE: Final = "thrust_share_"
@@ -49,12 +53,17 @@ def fitted_balance(result: IdentificationResult, owner: str, axis: str) -> float
     return result.diagnostics.get(f"{BALANCE}{axis}@{owner}")
 
 
-def fitted_shares(result: IdentificationResult) -> dict[str, float]:
-    """Return the fitted ``kt_1`` and so on over kt, where the rotor's own is not known [1]."""
+def fitted_thrusts(result: IdentificationResult, values: Mapping[str, Number]) -> dict[str, Number]:
+    """Return the fitted ``kt_1`` and so on where the rotor's own is not known, by the kt given.
+
+    `values` may be numbers or arrays of draws; a share keeps its size where kt moves.
+    """
+    if "kt" not in values:
+        return {}
     unknown = {p.name for p in result.parameters if p.value is None and p.verdict != "removed"}
     shares = {
-        f"kt_{key.removeprefix(SHARE)}": value
-        for key, value in result.diagnostics.items()
+        f"kt_{key.removeprefix(SHARE)}": share
+        for key, share in result.diagnostics.items()
         if key.startswith(SHARE)
     }
-    return {name: share for name, share in shares.items() if name in unknown}
+    return {name: share * values["kt"] for name, share in shares.items() if name in unknown}

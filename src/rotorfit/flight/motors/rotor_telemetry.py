@@ -181,7 +181,7 @@ def _judge_live_rotors(
     moving = commands[used].std(axis=0) > MOVES
     swapped = live[best != np.arange(len(live))]
     ratios = {} if len(swapped) else speed_ratios(pair, shift)
-    later = _later_than_others(by_shift, shift) / pair.rate
+    later = _later_than_others(by_shift) / pair.rate
     # Beside a swapped pair a rotor's own time is compared with times of other rotors.
     later[(np.abs(later) < LATER) | (len(swapped) > 0)] = 0.0
     for k, i in enumerate(live.tolist()):
@@ -249,7 +249,7 @@ def _find_lateness(by_shift: dict[int, Float[np.ndarray, "k k"]]) -> int:
 
 
 def _later_than_others(
-    by_shift: dict[int, Float[np.ndarray, "k k"]], shift: int
+    by_shift: dict[int, Float[np.ndarray, "k k"]],
 ) -> Float[np.ndarray, " k"]:
     """Find by how many samples each speed is later than the others; 0 where that is not clear."""
     own = np.stack([np.diagonal(alike) for alike in by_shift.values()])
@@ -258,7 +258,7 @@ def _later_than_others(
     later = np.zeros(count)
     for i in range(count if count >= FEWEST_ALIKE else 0):
         usual = int(np.median(shifts[np.delete(best, i)]))
-        at, there = own[best[i], i], by_shift.get(usual, by_shift[shift])[i, i]
+        at, there = own[best[i], i], by_shift[usual][i, i]
         left = 1.0 - np.array([at, there]) ** 2
         if at > CLEAR and left[0] < CLEARER * left[1]:
             later[i] = shifts[best[i]] - usual

@@ -13,7 +13,7 @@ from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.model.parameters import COM, INERTIA_COM, PARAMETERS
 from rotorfit.model.terms.registry import TERMS
-from rotorfit.results.hover_balance import fitted_balance, fitted_shares
+from rotorfit.results.hover_balance import fitted_balance, fitted_thrusts
 from rotorfit.results.samples import about_com, normal_draws, tensors
 
 if TYPE_CHECKING:
@@ -36,7 +36,8 @@ AIR_NAMES: Final = tuple(
     for name in term.parameters
 )
 """Parameters of forces over the velocity."""
-_ROTOR_KT: Final = re.compile(r"kt_[0-9]+")
+ROTOR_KT: Final = re.compile(r"kt_[0-9]+")
+"""Names of the thrust coefficients of single rotors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,9 +192,7 @@ def _draw_numbers(result: IdentificationResult, owner: str, draws: int) -> Value
         elif p.value is not None:
             moved = shift[:, columns[p.full_name]] if p.full_name in columns else 0.0
             values[p.name] = p.value + moved + np.zeros(1 + draws)
-    if "kt" in values:
-        values |= {name: share * values["kt"] for name, share in fitted_shares(result).items()}
-    return values
+    return values | fitted_thrusts(result, values)
 
 
 def _insert_given(
@@ -210,7 +209,7 @@ def _insert_given(
             if PARAMETERS[name].mass_power:
                 out[name] = values[name] * given["mass"]
     if "kt" in given:
-        out = {name: value for name, value in out.items() if not _ROTOR_KT.fullmatch(name)}
+        out = {name: value for name, value in out.items() if not ROTOR_KT.fullmatch(name)}
     return out | {name: np.full_like(out["mass"], given[name]) for name in given if name in out}
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,14 +27,14 @@ from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.terms import body as body_terms
 from rotorfit.model.terms.registry import OPTIONAL, TERMS, added_signals, considered_terms
 from rotorfit.model.terms.rotors import THRUST
-from rotorfit.results.hover_balance import fitted_shares
+from rotorfit.results.hover_balance import fitted_thrusts
 from rotorfit.results.result import (
     FlightRecord,
     IdentificationResult,
     configuration_names,
     meant_configuration,
 )
-from rotorfit.results.validation.replay_vehicle import ROTOR_CENTER, places_of
+from rotorfit.results.validation.replay_vehicle import ROTOR_CENTER, ROTOR_KT, places_of
 from rotorfit.results.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
 
 if TYPE_CHECKING:
@@ -66,7 +65,6 @@ known, it is that of a hover with the other."""
 WHITENESS_LAGS = 10
 SPEED_PERCENTILES = (0.1, 99.9)
 """Percentiles of the rotor speeds of a flight."""
-ROTOR_KT = re.compile(r"kt_[0-9]+")
 
 
 def unseen_flight(
@@ -330,8 +328,7 @@ def _known_values(result: IdentificationResult, owner: str) -> dict[str, float]:
         if value is not None:
             known[p.name] = value
     known.setdefault("mass", 1.0)
-    if "kt" in known:
-        known |= {name: share * known["kt"] for name, share in fitted_shares(result).items()}
+    known |= fitted_thrusts(result, known)
     # As in a replay: both judge the same vehicle.
     places = places_of(result, owner)
     centre = {name: places[name] for name in ROTOR_CENTER if name in places}
