@@ -1,5 +1,6 @@
 """What benchmarks/fuzz.py found, one test each."""
 
+import re
 import struct
 
 import blackbox_encoder as encoder
@@ -41,7 +42,8 @@ def test_a_refusal_stays_short_where_names_are_long(tmp_path, assert_wording):
     message = str(caught.value)
     assert 1500 < len(message) < 2000
     assert message.startswith(f"{path}: no")
-    assert_wording(message)
+    # How many brackets are left on each side of the cut depends on the length of the folder's name.
+    assert_wording(re.sub(r"\(+", "(", message))
     assert message.endswith(f"airframe {path}")
     assert message.count(" [...] ") == 1
 
