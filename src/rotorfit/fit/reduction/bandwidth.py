@@ -57,6 +57,9 @@ STEP: Final = float(np.sqrt(CUTOFFS[1] / CUTOFFS[0]))
 WITHIN: Final = 1.92
 """Log-likelihood by which the 95 % interval falls: half the quantile of chi^2 with one degree of
 freedom (Wilks)."""
+SURE_OF_SHAPE: Final = 4.4
+"""Log-likelihood by which the noise tells one shape from the others: a wrong one leads the right
+one by so much with a chance of e^-4.4 at most, one of four wrong ones with .05."""
 EACH_BAND: Final = 0.5
 """What a band of the noise counts beside its neighbours, which share its peaks."""
 DELAYS: Final = np.arange(-0.012, 0.0281, 0.004)
@@ -253,7 +256,7 @@ def measured_bandwidth(
         name, k = _likeliest_lowpass(alone)
         others = max(float(one.max()) for other, one in alone.items() if other != name)
         # Noise that tells one shape from the others shows the filter, if the motion allows it.
-        if alone[name][k] - others > WITHIN and every[name][k].max() > LEAST_GAIN:
+        if alone[name][k] - others > SURE_OF_SHAPE and every[name][k].max() > LEAST_GAIN:
             best, i = name, k
     late = int(np.argmax(every[best][i]))
     cutoffs = CUTOFFS[near]
