@@ -169,13 +169,14 @@ def measure_scatter(
     f, P = spectrum.frequency, spectrum.power
     P = P.clip(min=LEAST_POWER)
     u = f / np.sqrt(f[0] * f[-1])
-    before = np.stack([u**-2, np.ones_like(u), u**2], axis=1)
-    X: Float[np.ndarray, "c b 3"] = np.maximum(gains, LEAST_GAIN)[:, :, None] ** 2 * before
-    s = np.tile((P / X.sum(axis=2)[:, None]).mean(axis=2)[:, :, None], (1, 1, 3))
+    before = np.stack([u**-2, np.ones_like(u), u**2])
+    X: Float[np.ndarray, "c 3 b"] = np.maximum(gains, LEAST_GAIN)[:, None] ** 2 * before
+    by_band = np.ascontiguousarray(X.swapaxes(1, 2))
+    s = np.tile((P / X.sum(axis=1)[:, None]).mean(axis=2)[:, :, None], (1, 1, 3))
     for _ in range(UPDATES):
-        M = np.einsum("cbk,cak->cab", X, s)
-        more, less = (np.einsum("cab,cbk->cak", one, X) for one in (P / M**2, 1.0 / M))
+        M = s @ X
+        more, less = np.stack([P / M**2, 1.0 / M]) @ by_band
         s = s * np.sqrt(more / less)
-    off = np.log(P / np.einsum("cbk,cak->cab", X, s))
+    off = np.log(P / (s @ X))
     scatter: Float[np.ndarray, " c"] = np.sqrt((off**2).mean(axis=(1, 2)) + UNEVENNESS**2)
     return scatter
