@@ -1,5 +1,6 @@
 import hashlib
 import re
+from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pyarrow
@@ -585,3 +586,29 @@ def test_a_long_table_in_pieces_is_as_in_one(tmp_path, monkeypatch, ending, gaps
     assert len(said) > 20
     assert said == sorted(said)
     assert said[-1] == pytest.approx(1.0, abs=0.02)
+
+
+@given(
+    st.datetimes(datetime(1980, 1, 1), datetime(2100, 1, 1)),
+    st.sampled_from([None, UTC, timezone(timedelta(hours=-3, minutes=-30))]),
+    st.sampled_from([" ", "T"]),
+)
+def test_dates_with_a_time_are_seconds(tmp_path_factory, start, zone, between):
+    moments = [start.replace(tzinfo=zone) + timedelta(microseconds=4000 * k) for k in range(5)]
+    rows = "".join(f"{one.isoformat(between)},1,2,3\n" for one in moments)
+    path = written(tmp_path_factory.mktemp("dates"), "time,gyro_x,gyro_y,gyro_z\n" + rows)
+    time = read_table(path).channels["gyro"].time
+    np.testing.assert_allclose(time - time[0], 0.004 * np.arange(5), atol=1e-6)
+    assert time[0] == pytest.approx((start.replace(tzinfo=zone or UTC)).timestamp(), abs=1e-6)
+
+
+def test_times_of_a_day_are_seconds(tmp_path):
+    rows = "".join(f"23:59:{k / 10:07.4f},1,2,3\n" for k in range(5))
+    path = written(tmp_path, "time,gyro_x,gyro_y,gyro_z\n" + rows)
+    time = read_table(path).channels["gyro"].time
+    np.testing.assert_allclose(time, 86340 + 0.1 * np.arange(5), atol=1e-6)
+
+
+def test_what_only_resembles_a_date_is_no_number(tmp_path):
+    said = refusal(tmp_path, "time,gyro_x,gyro_y,gyro_z\n0,1,2,3\n25:00:00,1,2,3\n")
+    assert said == "line 3, column 'time': '25:00:00' is not a number"
