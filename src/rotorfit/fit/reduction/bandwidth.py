@@ -57,9 +57,10 @@ STEP: Final = float(np.sqrt(CUTOFFS[1] / CUTOFFS[0]))
 WITHIN: Final = 1.92
 """Log-likelihood by which the 95 % interval falls: half the quantile of chi^2 with one degree of
 freedom (Wilks)."""
-SURE_OF_SHAPE: Final = 4.4
-"""Log-likelihood by which the noise tells one shape from the others: a wrong one leads the right
-one by so much with a chance of e^-4.4 at most, one of four wrong ones with .05."""
+ALLOWED: Final = 0.5
+"""Share of the best shape's gain that the shape of the noise must have: where rotors answer gusts,
+motion prefers a wrong shape, and the right one has .6 or more (59 of 60 random fast worlds); in
+calm air, where motion is right, a shape that noise prefers by chance had .42 at most."""
 EACH_BAND: Final = 0.5
 """What a band of the noise counts beside its neighbours, which share its peaks."""
 DELAYS: Final = np.arange(-0.012, 0.0281, 0.004)
@@ -247,6 +248,7 @@ def measured_bandwidth(
         if noise is not None:
             every[name] += noise[name][:, None]
     best, i = _likeliest_lowpass({name: one.max(axis=1) for name, one in every.items()})
+    gain = float(every[best][i].max())
     near = _mark_near_best(every[best].max(axis=1))
     if noise is not None:
         # An autopilot that works against gusts turns the motion, but not the noise: where the
@@ -255,8 +257,9 @@ def measured_bandwidth(
         near = near | _mark_near_best(np.max(list(alone.values()), axis=0))
         name, k = _likeliest_lowpass(alone)
         others = max(float(one.max()) for other, one in alone.items() if other != name)
-        # Noise that tells one shape from the others shows the filter, if the motion allows it.
-        if alone[name][k] - others > SURE_OF_SHAPE and every[name][k].max() > LEAST_GAIN:
+        # Noise that tells another shape from all shows the filter, if the motion allows it.
+        sure = alone[name][k] - others > WITHIN and every[name].max() > ALLOWED * gain
+        if name != best and sure:
             best, i = name, k
     late = int(np.argmax(every[best][i]))
     cutoffs = CUTOFFS[near]
@@ -267,7 +270,7 @@ def measured_bandwidth(
         delay=float(DELAYS[late]),
         gain=float(every[best][i, late]),
     )
-    shown = found.gain > LEAST_GAIN and found.interval[1] < CUTOFFS[-1]
+    shown = gain > LEAST_GAIN and found.interval[1] < CUTOFFS[-1]
     if shown and noise is None and best in ON_BOARD:
         shown = _exceeds_response_to_gusts(frequency, channels, SHAPES[best])
     return found if shown else None
