@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.results.hover_balance import balance_diagnostics, fitted_balance, fitted_thrusts
+from rotorfit.results.hover_balance import (
+    balance_diagnostics,
+    fitted_balance,
+    fitted_diagnostics,
+    fitted_thrusts,
+    fitted_values,
+)
 from rotorfit.results.validation.replay_vehicle import hover_centre, replay_vehicle
 
 sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("export", "fit")]
@@ -79,3 +85,26 @@ def test_a_prediction_takes_the_share_of_an_unknown_rotor():
     # The share stays where kt moves.
     np.testing.assert_allclose(thrust[:, 1] / thrust[:, 0], thrust[0, 1] / thrust[0, 0], rtol=0.1)
     assert replay_vehicle(lost, "A", assumed={"kt": KT}).thrust[0, 1, 2] == pytest.approx(KT)
+
+
+def test_unknown_heights_are_kept_as_the_flights_show_them():
+    """The best linear prediction of a height: a quarter of the arm before the flight."""
+    flown = made_fit.configuration()
+    usual = 0.25 * flown.mass * made_fit.ARM
+    for std, share in ((1e-6 * usual, 1.0), (usual, 0.5), (10.0 * usual, 1.0 / 101.0)):
+        estimate = made_fit.fit_of([flown], std={"msz@A": std}, terms=["rotor_drag"]).estimate
+        found = fitted_diagnostics(estimate, [flown], {"kt"}, measured=True)
+        assert found["fitted_msz@A"] == pytest.approx(share * made_fit.BODY["msz"])
+    assert found["fitted_rotor_drag"] == made_fit.BODY["rotor_drag"]
+    # Msx and msy are the balance's, and coefficients over commands get other units.
+    assert not {"fitted_kt", "fitted_msx@A"} & found.keys()
+    known = {"msz@A"}
+    assert (
+        not {"fitted_msz@A", "fitted_rotor_drag"}
+        & fitted_diagnostics(estimate, [flown], known, measured=False).keys()
+    )
+
+
+def test_fitted_values_are_those_of_a_configuration():
+    own = kept(a_result(), **{"fitted_msz@A": 0.1, "fitted_msz@B": 0.2, "fitted_mounting_x": 0.3})
+    assert fitted_values(own, "A") == {"msz": 0.1, "mounting_x": 0.3}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +27,7 @@ from rotorfit.model.parameters import DERIVED, MOTOR_TIMES, OF_FLIGHT, UNREPORTE
 from rotorfit.model.terms.body import BIAS_STD
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.results.assemble import assemble_tables, with_diagnosis
-from rotorfit.results.hover_balance import balance_diagnostics
+from rotorfit.results.hover_balance import balance_diagnostics, fitted_diagnostics
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -83,7 +84,15 @@ def joint_tables(fit: Fit, findings: Sequence[Finding] = ()) -> ResultTables:
             **balance_diagnostics(numbers, names, [entry.name for entry in entries]),
         },
     )
-    return with_diagnosis(tables, findings)
+    tables = with_diagnosis(tables, findings)
+    stated = {p.full_name for p in tables.parameters if p.value is not None}
+    fitted = fitted_diagnostics(
+        estimate.estimate,
+        fit.configurations,
+        stated,
+        measured=fit.dataset.motors.speed == "measured",
+    )
+    return dataclasses.replace(tables, diagnostics={**tables.diagnostics, **fitted})
 
 
 def joint_covariance(

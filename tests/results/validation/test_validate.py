@@ -157,6 +157,22 @@ def test_unknown_places_are_those_of_the_replay(folder, result):
     assert comparison.relative_error["Fz"] < 2e-3
 
 
+def test_unknown_bias_is_that_of_the_fit(folder, result):
+    """Beside a bias of .5 m/s^2 that the result withholds, the flight does not fall."""
+    parameters = tuple(
+        dataclasses.replace(p, value=None) if p.name == "accel_bias_z" else p
+        for p in result.parameters
+    )
+    without = dataclasses.replace(result, parameters=parameters)
+    fitted = {"fitted_accel_bias_z@A": 0.5}
+    biased = dataclasses.replace(without, diagnostics={**without.diagnostics, **fitted})
+    plain, moved = (
+        validate_file(one, folder / "A2.csv", configuration="A").body_wrench[:, 2]
+        for one in (without, biased)
+    )
+    assert plain - moved == pytest.approx(0.5 * result.parameter("mass", "A").value, rel=1e-6)
+
+
 def test_removed_coefficient_leaves_its_component_out(folder, result):
     parameters = tuple(
         dataclasses.replace(p, value=None, verdict="removed") if p.name in ("kd", "Jr") else p

@@ -27,7 +27,7 @@ from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.terms import body as body_terms
 from rotorfit.model.terms.registry import OPTIONAL, TERMS, added_signals, considered_terms
 from rotorfit.model.terms.rotors import THRUST
-from rotorfit.results.hover_balance import fitted_thrusts
+from rotorfit.results.hover_balance import fitted_thrusts, fitted_values
 from rotorfit.results.result import (
     FlightRecord,
     IdentificationResult,
@@ -235,9 +235,11 @@ def compare_wrenches(
     """Compare both sides of the equations of motion on one prepared flight."""
     owner = _select_owner(result, configuration)
     known = _known_values(result, owner)
+    # The known numbers were fitted beside the others, and hold together with them alone.
+    values = fitted_values(result, owner) | known
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
-    added = signals_of_terms(used, known)
+    added = signals_of_terms(used, values)
     model = regressor(vehicle, added=added)
     used = with_air_of(result, owner, used, vehicle)
     data = retimed(used.prepared, fitted_response(result))
@@ -252,7 +254,7 @@ def compare_wrenches(
         )
     parts = [filtered_signals(data, vehicle, s, lowpass, added=added)[end:-end] for s in inner]
     Z = np.concatenate(parts)
-    body, rotors = _compute_wrenches(_without_bias(Z, known), model, known)
+    body, rotors = _compute_wrenches(_without_bias(Z, values), model, values)
     time = np.concatenate([data.time[s.start + end : s.stop - end] for s in inner])
     time = time - used.recorded.start
     predicted = [
