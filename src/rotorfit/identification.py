@@ -26,11 +26,17 @@ from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.imu_tilt import correct_imu_tilt
 from rotorfit.fit.motors.law_search import fit_with_law
 from rotorfit.fit.noise_levels import fit_by_noise
+from rotorfit.fit.sensors.sensor_place import place_sensor
 from rotorfit.fit.steps import every_step
 from rotorfit.fit.timing.sensor_bandwidth import measure_bandwidths
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
-from rotorfit.results.assemble import log_metadata, mark_doubtful, with_assumptions
+from rotorfit.results.assemble import (
+    log_metadata,
+    mark_doubtful,
+    with_assumptions,
+    with_diagnosis,
+)
 from rotorfit.results.command_units import in_command_units, with_flight_numbers
 from rotorfit.results.full_throttle import with_full_throttle
 from rotorfit.results.joint_tables import joint_tables
@@ -165,6 +171,7 @@ def _identify_checked(
 def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Tabulated:
     """Fit the joint likelihood of all bands, diagnose the fit, and tabulate it."""
     experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
+    experiment, dataset, placed = place_sensor(experiment, dataset)
     wanted = experiment.identification.terms
     fit = _fit_with_noise(dataset, wanted)
     fit = fit_with_law(fit, wanted)
@@ -173,6 +180,7 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Tabulated:
     fit = every_step(fit)
     tables = joint_tables(fit, diagnose(fit))
     tables = dataclasses.replace(tables, findings=(*tilt, *tables.findings))
+    tables = with_diagnosis(tables, placed)
     return Tabulated(experiment=experiment, dataset=fit.dataset, fit=fit, tables=tables)
 
 

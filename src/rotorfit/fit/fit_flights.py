@@ -18,7 +18,12 @@ from rotorfit.findings import Finding, doubt, note
 from rotorfit.fit.fit import Fit, numbers_of, shift_of
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.joint.joint_fit import joint_fit
-from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
+from rotorfit.fit.joint.joint_problem import (
+    COM_HEIGHT,
+    HELD_STD,
+    JointConfiguration,
+    joint_estimate,
+)
 from rotorfit.fit.joint.term_choice import chosen
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS
 from rotorfit.fit.reduction.frequency_bands import EDGES, OTHER_RATIOS
@@ -219,8 +224,22 @@ def mounting_term(fit: Fit, std: float) -> IntervalTerm:
     return IntervalTerm(name="IMU mounting", half_width=half, source="declared tolerance")
 
 
+def height_term(fit: Fit, std: float) -> IntervalTerm:
+    """Return the term by the height of a CoM that is held at the origin's, to a deviation [m]."""
+    moved = {
+        f"msz@{c.name}": (c.mass * std, c.mass * HELD_STD)
+        for c in fit.configurations
+        if c.payload_of is None
+    }
+    shift = shift_of(fit, fit.dataset, known={**fit.known, **moved})
+    return IntervalTerm(
+        name="CoM height", half_width=1.96 * np.abs(shift), source="fit with a higher CoM"
+    )
+
+
 TOLERANCE_TERMS: Final[Mapping[str, Callable[[Fit, float], IntervalTerm]]] = {
     "IMU mounting": mounting_term,
+    COM_HEIGHT: height_term,
 }
 """What a declared standard deviation of a vehicle leaves open, by the name of the term."""
 

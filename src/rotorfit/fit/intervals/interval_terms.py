@@ -76,6 +76,9 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
     "IMU mounting": TermKind(
         remedy="measure", action="measure how the IMU sits: the board against the motors' plane"
     ),
+    "CoM height": TermKind(
+        remedy="measure", action="measure the place of the IMU, and log the raw accelerometer"
+    ),
     "choice of bands": TermKind(remedy="fly"),
     "thrust by weight": TermKind(
         remedy="fly", action="hover for 10 s, hands off, and climb and sink gently for 20 s"

@@ -10,7 +10,7 @@ parameters end in ``@`` and its name.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -65,6 +65,10 @@ CLIMB_BANDWIDTH = 4.0
 SLOW_YAW = 0.3
 """[Hz] up to which that is taken for granted: every autopilot does so. Its response further up
 depends on its gains, on filters and on the rotors' reaction."""
+COM_HEIGHT: Final = "CoM height"
+"""Interval term, and tolerance of a vehicle, of a CoM whose height the flights cannot show [m]."""
+HELD_STD: Final = 1e-4
+"""Deviation at which such a CoM is held at the height of the origin [m]."""
 PUSHED_STD = 1.0
 """Known of how far an acceleration from without, over the arm, turns a vehicle: of a body whose
 radius of gyration is half its arm, pushed a quarter of an arm beside its centre of mass."""
@@ -332,6 +336,9 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
         at, size = f"@{configuration.name}", size_of(configuration)
         own = _known_before("configuration", size)
         prior |= {f"{name}{at}": std for name, std in own.items()}
+        if COM_HEIGHT in configuration.vehicle.tolerances:
+            # Held there: what it leaves open is an interval term of its own.
+            prior[f"msz{at}"] = configuration.mass * HELD_STD
         prior |= {f"{name}{at}": std for name, std, _ in tolerances(configuration.payload)}
     return prior
 
