@@ -33,7 +33,9 @@ speed = "measured"
 """
 OF_YAW = ("kd", "Jr", "Izz", "Izz_com", "kd_over_Izz", "Jr_over_Izz")
 OF_HEIGHT = ("msz", "com_z")
-EXPECTED_KINDS = {"little-excitation", "origin", "term-added", "gyro-scale", "best-manoeuvre"}
+EXPECTED_KINDS = {
+    *("little-excitation", "origin", "term-added", "gyro-scale", "best-manoeuvre", "sensor-place"),
+}
 """Findings beside checks that passed. The attitude of the logs, too, turns 3.3 % less in roll."""
 
 
@@ -77,10 +79,12 @@ def test_the_drag_of_the_rotors_holds_what_forces_alone_give(identified, flown):
     assert 0.0 < low < ROTOR_DRAG < high
 
 
-@pytest.mark.parametrize("flown", [FLIGHTS[1], "all"])
-def test_changing_rotor_speeds_leave_the_frame_no_share(identified, flown):
-    """The slowest flight leaves that open, and says so: half of its drag may be the frame's."""
-    drag = number(identified[flown], "rotor_drag")
+def test_changing_rotor_speeds_leave_the_frame_no_share(identified):
+    """The slowest flight leaves that open, and says so: half of its drag may be the frame's.
+
+    A fast one alone leaves the tracked point open by 9 mm, which is in its drag.
+    """
+    drag = number(identified["all"], "rotor_drag")
     low, high = drag.interval
     assert drag.verdict == "identified"
     assert high < 1.4 * low
