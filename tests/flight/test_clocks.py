@@ -71,6 +71,36 @@ def test_single_lost_samples_are_bridged_others_stay():
     assert result.stretches == ((0, 2000),)
 
 
+def test_values_that_columns_lose_for_a_moment_are_bridged():
+    time = np.arange(10_000) / 500
+    lost = np.random.default_rng(5).random((10_000, 3)) < 0.05
+    values = np.where(lost, np.nan, wave(time))
+    result = uniform({"gyro": channel(time, values)})
+    assert result.gaps == ()
+    rows = used(result)
+    # A line over 10 ms misses the crest of 1.5 Hz by (2 pi 1.5 x 0.01)^2 / 8.
+    assert result.values["gyro"][rows] == pytest.approx(wave(result.time[rows]), abs=1.2e-3)
+
+
+def test_values_lost_for_longer_are_a_gap():
+    time = np.arange(2000) / 500
+    values = wave(time)
+    values[700:704, 1] = np.nan
+    assert uniform({"gyro": channel(time, values)}).gaps == ()
+    values[700:705, 1] = np.nan
+    assert uniform({"gyro": channel(time, values)}).stretches == ((0, 700), (700, 1995))
+    values[705:720, 0] = np.nan  # one column after another: none of these rows is whole
+    assert len(uniform({"gyro": channel(time, values)}).gaps) == 1
+
+
+def test_no_element_of_a_quaternion_is_bridged():
+    time = np.arange(100) / 100
+    values = np.tile([1.0, 0.0, 0.0, 0.0], (100, 1))
+    values[50, 0] = np.nan
+    assert len(usable_samples(channel(time, values), "attitude").time) == 99
+    assert len(usable_samples(channel(time, values), "motor").time) == 100
+
+
 def test_a_gap_in_one_channel_is_cut_and_named():
     time = np.arange(2000) / 500
     kept = (time < 1.0) | (time > 1.5)

@@ -25,6 +25,13 @@ LARGEST_VALUE = 1e9
 GAP_STEPS = 2.5
 """A step longer than this many median steps is a gap: a sample was lost."""
 
+MOMENT = 0.01
+"""A column without values for no longer is bridged by a line [s]. A line over 10 ms misses a crest
+of 10 Hz by at most (2 pi 10 x 0.01)^2 / 8 = 5 %, in a few samples."""
+
+ATTITUDE = "attitude"
+"""Name of the channel whose columns are one quaternion."""
+
 JITTER_STEPS = 0.05
 """Samples closer than this to the uniform clock are taken as they are, without interpolation."""
 
@@ -51,8 +58,14 @@ class UniformChannels:
 
 
 def usable_samples(channel: Channel, name: str) -> Channel:
-    """Select a channel's finite samples, in time order, each time once; raise if too few."""
+    """Select a channel's finite samples, in time order, each time once; raise if too few.
+
+    A value that one column lost for a moment is taken from the line between its neighbours.
+    """
     values = np.asarray(channel.values, dtype=float)
+    if name != ATTITUDE:  # one element of a quaternion means nothing without the others
+        values = bridge_lost_values(np.asarray(channel.time, dtype=float), values)
+        channel = dataclasses.replace(channel, values=values)
     keep = np.isfinite(channel.time)
     for column in values.T:
         keep &= np.abs(column) < LARGEST_VALUE  # false for NaN, too
@@ -81,6 +94,30 @@ def usable_samples(channel: Channel, name: str) -> Channel:
     if fresh.all():
         return dataclasses.replace(channel, time=t, values=np.asarray(channel.values, dtype=float))
     return dataclasses.replace(channel, time=t[fresh], values=channel.values[fresh].astype(float))
+
+
+def bridge_lost_values(
+    time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n k"]
+) -> Float[np.ndarray, "n k"]:
+    """Interpolate values that a column lost for a moment, in rows that hold other columns.
+
+    Rows that lost every column count as lost rows: the clock decides whether they are a gap.
+    """
+    lost = ~(np.abs(values) < LARGEST_VALUE)  # true for NaN, too
+    rows = np.flatnonzero(np.isfinite(time) & ~lost.all(axis=1))
+    if not lost[rows].any() or len(rows) < FEWEST_SAMPLES:
+        return values
+    t = time[rows]
+    longest = max(GAP_STEPS * float(np.median(np.diff(t))), MOMENT) + 1e-9
+    bridged = values.copy()
+    for k in range(values.shape[1]):
+        own = lost[rows, k]
+        for a, b in true_runs(own):
+            rising = a > 0 and b < len(rows) and (np.diff(t[a - 1 : b + 1]) > 0.0).all()
+            if rising and t[b] - t[a - 1] <= longest:
+                ends = [a - 1, b]
+                bridged[rows[a:b], k] = np.interp(t[a:b], t[ends], values[rows[ends], k])
+    return bridged
 
 
 def uniform_channels(
