@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import floor, isfinite
+from math import floor, inf, isfinite
 from typing import TYPE_CHECKING, Final, Literal
 
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, moments_of_product
@@ -188,7 +188,8 @@ def judge(
     excitation
         rho of that axis; None if it does not apply.
     """
-    relative = half_width / max(abs(value), scale)
+    size = max(abs(value), scale)
+    relative = half_width / size if size > 0.0 else inf
     if relative <= WEAK:
         return Judgement(verdict="identified")
     little = excitation is not None and excitation < LEAST_EXCITATION
