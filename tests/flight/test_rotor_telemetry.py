@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rotorfit.flight.motors.rotor_telemetry import telemetry
+from rotorfit.flight.motors.telemetry_pair import pair_channels
 from rotorfit.logs import read_log
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, to_flight_log, variant
@@ -91,6 +92,46 @@ def test_a_dead_command_is_named(log, assert_wording):
     [said] = telemetry(with_channel(log, "command", values)).doubts
     assert "rotor 1 is 0.25" in said
     assert_wording(said)
+
+
+def test_a_command_that_never_changes_is_still_not_dead(log):
+    values = log.channels["command"].values.copy()
+    values[:, 0] = 0.7772488  # whose means differ by rounding
+    found = telemetry(with_channel(log, "command", values))
+    assert states(found) == ["still", "follows", "follows", "follows"]
+
+
+def usual_deviation(log: FlightLog) -> float:
+    """Return by how much the speeds of turning motors vary [rad/s]."""
+    pair = pair_channels(log.channels["command"], log.channels["rotor_speed"])
+    return float(np.median(pair.speed[pair.used].std(axis=0)))
+
+
+@pytest.mark.parametrize("steps", [1.0, 1.5])
+def test_speeds_in_steps_of_their_deviation_are_sound(log, steps):
+    values, step = speeds(log), steps * usual_deviation(log)
+    found = telemetry(with_channel(log, "rotor_speed", step * np.round(values / step)))
+    assert "stuck" not in states(found)
+    assert found.doubts == ()
+
+
+def test_speeds_in_steps_beyond_their_motion_are_coarse(log):
+    values, step = speeds(log), 4.0 * usual_deviation(log)
+    found = telemetry(with_channel(log, "rotor_speed", step * np.round(values / step)))
+    assert states(found) == ["coarse"] * 4
+    assert len(found.doubts) == 1
+
+
+@pytest.mark.parametrize("share", [0.01, 0.02, 0.05])
+def test_commands_lost_for_single_samples_are_mended(log, share):
+    values = log.channels["command"].values.copy()
+    values[np.random.default_rng(4).random(len(values)) < share, 1] = 0.0
+    sound = telemetry(log)
+    found = telemetry(with_channel(log, "command", values))
+    assert states(found) == ["follows"] * 4
+    assert found.rotors[1].correlation == pytest.approx(sound.rotors[1].correlation, abs=0.05)
+    [said] = found.doubts
+    assert said.startswith("the command of rotor 2 is far off its neighbours")
 
 
 @pytest.mark.parametrize("lost", [False, True], ids=["held", "lost"])

@@ -12,6 +12,7 @@ from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.findings import Finding, doubt
 from rotorfit.flight.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.flight.interpolated import source_rate
+from rotorfit.flight.motors.coarse_speeds import coarse_speeds_sentence
 from rotorfit.flight.signals import repeated_rows, true_runs, whole_samples
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
 
@@ -300,6 +301,15 @@ def refuse_idle_motors(motion: Motion) -> None:
             "the motors never turn in this log (rotor speed or command is zero throughout); "
             "give the log of a flight, or the columns that hold the motors"
         )
+
+
+def refuse_coarse_speeds(
+    speed: Float[np.ndarray, "n N"], flights: Sequence[tuple[int, int]], step: float
+) -> None:
+    """Raise an error if measured speeds come in steps that hide what the rotors do in flight."""
+    words = coarse_speeds_sentence(np.concatenate([speed[a:b] for a, b in flights]), step)
+    if words is not None:
+        raise FlightError(words)
 
 
 def refuse_interpolated_speeds(speed: Float[np.ndarray, "n N"], sample_rate: float) -> None:

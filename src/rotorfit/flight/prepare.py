@@ -33,6 +33,7 @@ from rotorfit.flight.flight_checks import (
     imu_doubts,
     refuse_absurd_sensors,
     refuse_blows,
+    refuse_coarse_speeds,
     refuse_idle_motors,
     refuse_interpolated_commands,
     refuse_interpolated_speeds,
@@ -46,6 +47,7 @@ from rotorfit.flight.frozen_imu import cut_frozen_imu, refuse_dead_axes
 from rotorfit.flight.kinematics import climb_velocity
 from rotorfit.flight.mocap.carried_velocity import carried_velocity
 from rotorfit.flight.mocap.pose_velocity import horizontal_axes, known_velocity
+from rotorfit.flight.motors.coarse_speeds import speed_step
 from rotorfit.flight.motors.motor_model import (
     MotorModel,
     MotorResponse,
@@ -205,11 +207,12 @@ def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> One
     uniform, spikes = _make_uniform(log, rotor_count, motors)
     refuse_dead_axes(log, uniform)
     refuse_absurd_sensors(log, uniform)
-    step = log.channels["rotor_speed"].resolution if motors.speed == "measured" else None
+    measured = log.channels["rotor_speed"] if motors.speed == "measured" else None
+    step = 0.0 if measured is None else max(measured.resolution or 0.0, speed_step(measured.values))
     return OneClock(
         uniform=uniform,
         spikes=spikes,
-        speed_step=step or 0.0,
+        speed_step=step,
         takes_columns=log.takes_columns,
         said=frozenset(one.kind for one in log.findings),
         filters=applied_filters(log),
@@ -239,6 +242,7 @@ def prepared_from(
     refuse_blows(uniform, flights)
     flights, hung = cut_frozen_imu(uniform, flights)
     motor, step = uniform.values["motor"], recorded.speed_step
+    refuse_coarse_speeds(motor, flights, step)
     found = frozen_channels(motor, flights, uniform.sample_rate, measured=measured, step=step)
     frozen = frozen_channel_doubts(found, uniform.time, measured=measured)
     rest = rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)

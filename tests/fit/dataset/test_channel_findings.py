@@ -4,6 +4,7 @@ import ast
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rotorfit
@@ -11,6 +12,7 @@ from rotorfit.errors import FlightError
 from rotorfit.findings import doubt
 from rotorfit.fit.dataset.channel_findings import (
     FROZEN,
+    FROZEN_COMMAND,
     RESTS_ON,
     SPIKY,
     STUCK,
@@ -43,6 +45,27 @@ def with_lost_speed(log: FlightLog, rotor: int, *, every: float, lost: float) ->
 def flown(log) -> tuple[tuple[float, float], ...]:
     time = log.channels["rotor_speed"].time
     return ((float(time[0]), float(time[-1])),)
+
+
+def with_frozen_command(log: FlightLog, rotor: int, *, begin: float, end: float) -> FlightLog:
+    """Return the log with a command that stays as it is between two times [s]."""
+    channel = log.channels["command"]
+    rows = np.flatnonzero((channel.time >= begin) & (channel.time <= end))
+    values = channel.values.copy()
+    values[rows, rotor - 1] = values[rows[0], rotor - 1]
+    return replace(log, channels={**log.channels, "command": replace(channel, values=values)})
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0.0, 99.0), (6.0, 12.0)], ids=["always", "late"])
+def test_a_frozen_command_names_what_rests_on_it(log, flown, begin, end):
+    """Speeds are measured: thrust and inertia do not rest on the commands."""
+    frozen = with_frozen_command(log, 2, begin=begin, end=end)
+    [found] = name_resting_numbers(find_motor_faults(frozen, flown, ()))
+    assert found.kind == FROZEN_COMMAND
+    assert found.sentence.startswith("the command of rotor 2 stays at")
+    assert "max_thrust" in found.numbers
+    assert not {"kt", "Ixx_com"} & set(found.numbers)
+    assert found.doubtful_because
 
 
 OF_NO_CHANNEL = {

@@ -11,7 +11,10 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from rotorfit.findings import Finding, doubt
+from rotorfit.flight.flight_checks import MOVING, STEPS, FrozenChannel, frozen_channels
 from rotorfit.flight.motors.rotor_telemetry import (
     RotorTelemetry,
     State,
@@ -20,6 +23,8 @@ from rotorfit.flight.motors.rotor_telemetry import (
     late_speed_sentence,
     telemetry,
 )
+from rotorfit.flight.motors.telemetry_pair import mend_stray_commands, pair_channels
+from rotorfit.flight.signals import true_runs
 from rotorfit.model.parameters import COM, INERTIA, INERTIA_COM, NUISANCE, PARAMETERS
 
 if TYPE_CHECKING:
@@ -34,7 +39,14 @@ BY_TURNS: Final = ("kd", "Jr", *INERTIA, *INERTIA_COM, *COM, "motor_lag", "motor
 """Numbers that rest on quick turns."""
 BY_THRUST: Final = ("kt", "hover_speed", "max_thrust", "thrust_to_weight")
 """Numbers that rest on the size of the thrust."""
-BY_COMMANDS: Final = ("max_speed", "max_thrust", "thrust_to_weight", "motor_lag", "command_delay")
+BY_COMMANDS: Final = (
+    "max_speed",
+    "max_thrust",
+    "thrust_to_weight",
+    "hover_throttle",
+    "motor_lag",
+    "command_delay",
+)
 """Numbers of motors whose speed is measured that rest on their commands."""
 
 SPIKY: Final = "command-spikes"
@@ -45,6 +57,8 @@ LATE: Final = "late-speed"
 """Kind of the finding that one rotor's speed comes later than the others'."""
 FROZEN: Final = "frozen-motor"
 """Kind of the finding that a motor channel stands still."""
+FROZEN_COMMAND: Final = "frozen-command"
+"""Kind of the finding that a command stands still beside a measured speed that moves."""
 LOST: Final = "a motor channel does not show what its rotor does"
 MEND: Final = "repair the motor channel that stands still, or leave that part out (--start, --end)"
 
@@ -66,6 +80,10 @@ class RestsOn:
 RESTS_ON: Final[Mapping[str, RestsOn]] = {
     FROZEN: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST, next_step=MEND),
     SPIKY: RestsOn(numbers=BY_COMMANDS),
+    FROZEN_COMMAND: RestsOn(
+        numbers=BY_COMMANDS,
+        doubtful_because="a command stands still while its rotor's speed moves",
+    ),
     STUCK: RestsOn(numbers=BY_ROTORS, doubtful_because=LOST, next_step=MEND),
     LATE: RestsOn(
         numbers=BY_TURNS, doubtful_because="one rotor's speed is recorded at another time"
@@ -99,7 +117,14 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
 """Every kind of finding about a channel whose maker names no numbers; a test over all of the source
 compares the two."""
 
-CONTRADICTED: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "unlike", "stuck")
+CONTRADICTED: Final[tuple[State, ...]] = (
+    "dead",
+    "swapped",
+    "apart",
+    "unlike",
+    "stuck",
+    "coarse",
+)
 """States of a measured speed that explain why a flight makes no sense."""
 
 
@@ -132,6 +157,7 @@ def find_motor_faults(
     if flown_log is not None and "command" in flown_log.channels:
         spiky = describe_spiky_commands(flown_log.channels["command"])
         yield from (doubt(SPIKY, one) for one in spiky)
+        yield from (doubt(FROZEN_COMMAND, one) for one in frozen_command_sentences(flown_log))
     seen = None if flown_log is None else telemetry(flown_log)
     if seen is None or any(one.kind == FROZEN for one in known):
         return
@@ -145,6 +171,39 @@ def find_motor_faults(
             )
         elif rotor.state == "late":
             yield doubt(LATE, late_speed_sentence(rotor))
+
+
+def frozen_command_sentences(log: FlightLog) -> list[str]:
+    """Explain which commands stand still while the measured speeds of their rotors move."""
+    if "rotor_speed" not in log.channels:
+        return []
+    pair = pair_channels(mend_stray_commands(log.channels["command"]), log.channels["rotor_speed"])
+    if pair is None or pair.command.shape != pair.speed.shape:
+        return []
+    steady = np.round(pair.command, 9)  # means of a constant differ by rounding
+    found = frozen_channels(steady, true_runs(pair.used), pair.rate, measured=False)
+    usual = pair.speed[pair.used].std(axis=0)
+    return [
+        frozen_command_sentence(one)
+        for one in found
+        for speed in [pair.speed[slice(*one.rows), one.rotor - 1]]
+        if speed.std() > MOVING * usual[one.rotor - 1] and speed.std() > STEPS * pair.speed_step
+    ]
+
+
+def frozen_command_sentence(frozen: FrozenChannel) -> str:
+    """Say for how much of the flight a command stands still beside a moving speed."""
+    return (
+        f"the command of rotor {frozen.rotor} stays at {frozen.value:.3g} for "
+        f"{100.0 * frozen.share:.0f} % of the flight while the measured speed of that rotor moves: "
+        "thrust at full command and the motors' lag rest on it; log all commands again"
+    )
+
+
+def with_mended_commands(log: FlightLog) -> FlightLog:
+    """Return the log without stray values in its commands."""
+    mended = mend_stray_commands(log.channels["command"])
+    return dataclasses.replace(log, channels={**log.channels, "command": mended})
 
 
 def motor_channels_of(log: FlightLog) -> FlightLog:

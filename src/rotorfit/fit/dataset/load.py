@@ -17,6 +17,7 @@ from rotorfit.fit.dataset.channel_findings import (
     find_motor_faults,
     motor_channels_of,
     name_resting_numbers,
+    with_mended_commands,
 )
 from rotorfit.fit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.fit.dataset.declared_rotors import check_flights
@@ -63,7 +64,7 @@ if TYPE_CHECKING:
     from rotorfit.flight.flight_data import FlightData
     from rotorfit.model.vehicle import Vehicle
 
-REFUSED: tuple[State, ...] = ("dead", "swapped", "apart", "unlike")
+REFUSED: tuple[State, ...] = ("dead", "swapped", "apart", "unlike", "coarse")
 """States in which the thrust of a rotor is not what its speed says."""
 
 
@@ -113,8 +114,8 @@ def ignore_progress(words: str) -> None:
     del words
 
 
-UNRESPONSIVE: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
-"""States of a measured speed from which no law can be learnt."""
+UNRESPONSIVE: Final[tuple[State, ...]] = ("dead", "still", "swapped", "apart", "stuck", "coarse")
+"""States of a rotor from whose command and speed no law can be learnt."""
 
 
 def resolved_method(experiment: Experiment) -> Method:
@@ -346,6 +347,8 @@ def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     motor_model = motor_model_of(motors)
     seen = telemetry(log) if motors.speed == "measured" else None
     unresponsive = [r.rotor - 1 for r in seen.rotors if r.state in UNRESPONSIVE] if seen else []
+    motor_log = motor_channels_of(log) if seen else None
+    log = with_mended_commands(log) if seen else log
     responses = command_responses(log, excluded=unresponsive) if seen else ()
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
@@ -354,7 +357,6 @@ def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         log = with_poses(log, recording)
     window, count = (entry.start, entry.end), len(vehicle.rotors)
     battery, command = log.channels.get("battery"), log.channels.get("command")
-    motor_log = motor_channels_of(log) if seen else None
     if source == "mocap":
         from rotorfit.flight.mocap.prepare_mocap import prepare_mocap
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
+from rotorfit.flight.motors.coarse_speeds import coarse_speeds_sentence
 from rotorfit.flight.motors.speed_ratios import FEWEST_ALIKE, is_unlike, speed_ratios
 from rotorfit.flight.motors.telemetry_pair import (
     LEAST_SECONDS,
@@ -21,7 +22,9 @@ from rotorfit.flight.motors.telemetry_pair import (
     advance_samples,
     despike_values,
     finite_columns,
+    mend_stray_commands,
     pair_channels,
+    stray_values,
 )
 from rotorfit.flight.signals import smooth, true_runs, whole_samples
 
@@ -50,11 +53,24 @@ NOTHING: Final = 0.3
 """Correlation below which a speed does not follow its command."""
 LEAST_STUCK: Final = 0.02
 """Share of the time that a speed is stuck, from which it is said."""
+STEPS_SEEN: Final = 3.0
+"""Steps of a coarse speed by which its command must move it before it counts as stuck."""
 SPIKE: Final = 0.1
 """Size of jumps of a command for single samples from which they are said [of full]."""
 SPIKY_PERCENTILE: Final = 90.0
 """Share of the samples that are below that size in a command without spikes [%]."""
-State = Literal["follows", "swapped", "dead", "stuck", "apart", "unlike", "late", "unclear"]
+State = Literal[
+    "follows",
+    "swapped",
+    "dead",
+    "still",
+    "stuck",
+    "apart",
+    "unlike",
+    "late",
+    "unclear",
+    "coarse",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,9 +79,11 @@ class RotorTelemetry:
 
     - `rotor`: from 1, in the log's order.
     - `state`: ``"follows"`` its command; ``"swapped"``: another speed does; ``"dead"``: the speed
-      or the command never changes; ``"stuck"`` now and then; ``"apart"``: goes with no command;
+      never changes; ``"still"``: the command never does; ``"stuck"`` now and then;
+      ``"apart"``: goes with no command;
       ``"unlike"``: its speed is another than the others' at the same command; ``"late"``: it comes
-      later or earlier than the others'; ``"unclear"``: the command hardly moves.
+      later or earlier than the others'; ``"unclear"``: the command hardly moves; ``"coarse"``:
+      the speeds of all come in steps that hide their motion.
     - `correlation`: of command and speed; None if one of them is dead.
     - `speed_channel`: number of the speed that goes with this command best, where that is clear.
     - `ratio`: speed over that of the other rotors at the same command, where it is identifiable.
@@ -111,7 +129,8 @@ def telemetry(log: FlightLog) -> Telemetry | None:
             f"({speed.source}): they were not compared{named}"
         )
         return Telemetry(seconds=0.0, lateness=None, rotors=(), doubts=(doubt,))
-    pair = pair_channels(command, speed)
+    mended = mend_stray_commands(command)
+    pair = pair_channels(mended, speed)
     seconds = 0.0 if pair is None else float(pair.used.sum()) / pair.rate
     if pair is None or seconds < LEAST_SECONDS:
         return Telemetry(seconds=seconds, lateness=None, rotors=(), doubts=())
@@ -119,19 +138,35 @@ def telemetry(log: FlightLog) -> Telemetry | None:
     return replace(found, doubts=(*found.doubts, *describe_spiky_commands(command)))
 
 
+def describe_stray_commands(command: Channel) -> list[str]:
+    """State which commands are far off their neighbours for single samples."""
+    shares = [float(stray_values(column).mean()) for column in command.values.T]
+    stray = [str(i) for i, share in enumerate(shares, start=1) if share > 0.0]
+    if not stray:
+        return []
+    return [
+        f"the command of rotor {', '.join(stray)} is far off its neighbours for single samples "
+        f"({100 * max(shares):.2g} % of them): these are taken from the line between their "
+        "neighbours; see why the recorder or converter loses them"
+    ]
+
+
 def describe_spiky_commands(command: Channel) -> list[str]:
-    """State which commands jump up or down for single samples."""
+    """State which commands jump up or down for single samples, always or now and then."""
+    found = describe_stray_commands(command)
+    command = mend_stray_commands(command)
     sizes = [
         float(np.percentile(np.abs(x - despike_values(x)), SPIKY_PERCENTILE)) if len(x) > 2 else 0.0
         for _, x in finite_columns(command)
     ]
     spiky = [str(i) for i, size in enumerate(sizes, start=1) if size > SPIKE]
     if not spiky:
-        return []
+        return found
     return [
+        *found,
         f"the command of rotor {', '.join(spiky)} jumps for single samples, by {max(sizes):.2f} of "
         "full in one sample of ten: the means over 10 ms are compared with the speeds; lower the "
-        "gyro's low-pass or the D gains, which pass the noise on"
+        "gyro's low-pass or the D gains, which pass the noise on",
     ]
 
 
@@ -146,6 +181,10 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
             "turn: the ESC telemetry is dead, or the commands are"
         )
         return Telemetry(seconds=seconds, lateness=None, rotors=dead, doubts=(sentences,))
+    coarse = coarse_speeds_sentence(pair.speed[pair.used], pair.speed_step)
+    if coarse is not None:
+        every = (RotorTelemetry(rotor=i + 1, state="coarse") for i in range(pair.speed.shape[1]))
+        return Telemetry(seconds=seconds, lateness=None, rotors=tuple(every), doubts=(coarse,))
     commands = _band_pass(pair.command[:, live], pair.rate)
     speeds = _band_pass(pair.speed[:, live], pair.rate)
     by_shift = _correlate_shifted(commands, speeds, pair)
@@ -153,7 +192,7 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
     late = advance_samples(speeds, shift)
     found = {one.rotor: one for one in _judge_live_rotors(pair, commands, late, by_shift, shift)}
     rotors = [
-        found.get(i, RotorTelemetry(rotor=i, state="dead"))
+        found.get(i, RotorTelemetry(rotor=i, state=_dead_state(pair, i - 1)))
         for i in range(1, pair.command.shape[1] + 1)
     ]
     goes = float(by_shift[shift].max()) > NOTHING
@@ -163,6 +202,12 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
         rotors=tuple(rotors),
         doubts=tuple(_explain_telemetry(rotors, pair)),
     )
+
+
+def _dead_state(pair: TelemetryPair, i: int) -> State:
+    """Return which of a rotor's two channels never changes: its speed, or its command alone."""
+    speed = pair.speed[pair.used, i]
+    return "still" if np.isfinite(speed).all() and float(np.ptp(speed)) > 0.0 else "dead"
 
 
 def _judge_live_rotors(
@@ -304,18 +349,24 @@ def _stuck_share(pair: TelemetryPair, i: int) -> float:
     speed, command = pair.speed[:, i], pair.command[:, i]
     usual = float(command[pair.used].std())
     same = np.concatenate([np.diff(speed) == 0.0, [False]]) & pair.used
+    # A coarse speed stays the same while its command moves by less than some of its steps.
+    gains = (
+        pair.speed[pair.used].std(axis=0)[pair.live]
+        / pair.command[pair.used].std(axis=0)[pair.live]
+    )
+    seen = STEPS_SEEN * pair.speed_step / max(float(np.median(gains)), 1e-9)
     least = whole_samples(LONGEST_CONSTANT * pair.rate)
     # Telemetry that is lost for moments reads 0 for less than a run of constant values; a rotor at
     # no less than half of its usual command turns.
     lost = pair.used & (speed == 0.0) & (command > 0.5 * float(np.median(command[pair.used])))
     for a, b in true_runs(same):
-        if b - a > least and command[a:b].std() > max(0.3 * usual, 1e-3):
+        if b - a > least and command[a:b].std() > max(0.3 * usual, seen, 1e-3):
             lost[a:b] = True
     return int(lost.sum()) / max(int(pair.used.sum()), 1)
 
 
 def _explain_telemetry(rotors: list[RotorTelemetry], pair: TelemetryPair) -> list[str]:
-    sentences = [_dead_message(r, pair) for r in rotors if r.state == "dead"]
+    sentences = [_dead_message(r, pair) for r in rotors if r.state in ("dead", "still")]
     swapped = [r for r in rotors if r.state == "swapped"]
     if swapped:
         pairs = ", ".join(f"command {r.rotor} moves speed {r.speed_channel}" for r in swapped)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.flight.motors.coarse_speeds import speed_step
 from rotorfit.flight.signals import true_runs, whole_samples
 
 if TYPE_CHECKING:
@@ -34,15 +35,29 @@ EDGE: Final = 0.5
 """Left out after motors start and before they stop: the band-pass rings there [s]."""
 
 
+STRAY: Final = 0.5
+"""Jump of a command for a single sample, over its usual value, from which the sample is stray."""
+STRAY_JUMPS: Final = 10.0
+"""The same over the usual jumps of that command."""
+FEWEST_STRAYS: Final = 1e-3
+"""Share of stray commands up to which they are left alone: eleven sound logs have up to .00006."""
+USUAL_PERCENTILE: Final = 90.0
+"""Share of the samples whose jumps count as usual [%]: strays are rarer."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TelemetryPair:
-    """Commands and speeds on one clock; the rows that count, and which columns are alive."""
+    """Commands and speeds on one clock; the rows that count, and which columns are alive.
+
+    `speed_step`: in which the speeds come [rad/s], 0 if they lie on no grid.
+    """
 
     rate: float
     command: Float[np.ndarray, "n N"]
     speed: Float[np.ndarray, "n N"]
     used: Bool[np.ndarray, " n"]
     live: Int[np.ndarray, " k"]
+    speed_step: float = 0.0
 
 
 def pair_channels(command: Channel, speed: Channel) -> TelemetryPair | None:
@@ -64,9 +79,17 @@ def pair_channels(command: Channel, speed: Channel) -> TelemetryPair | None:
     commands = _average_columns(time, columns[0], rate)
     speeds = _interpolate_columns(time, [(t, despike_values(x)) for t, x in columns[1]])
     used = _mark_turning(commands, rate) & ~np.any([_in_gap(time, t, rate) for t in clocks], axis=0)
-    varies = [used.any() and np.ptp(x[used], axis=0) > 0.0 for x in (commands, speeds)]
+    # Means of a constant differ by rounding.
+    varies = [used.any() and np.ptp(x[used], axis=0) > 1e-9 for x in (commands, speeds)]
     live = np.flatnonzero(np.logical_and(*varies))
-    return TelemetryPair(rate=rate, command=commands, speed=speeds, used=used, live=live)
+    return TelemetryPair(
+        rate=rate,
+        command=commands,
+        speed=speeds,
+        used=used,
+        live=live,
+        speed_step=speed_step(speed.values),
+    )
 
 
 def _interpolate_columns(
@@ -103,6 +126,42 @@ def despike_values(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         return values
     middle = np.median(np.lib.stride_tricks.sliding_window_view(values, 3), axis=1)
     return np.concatenate([values[:1], middle, values[-1:]])
+
+
+def stray_values(values: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Mark single values that are off both neighbours by half of what is usual, or more.
+
+    A recorder or converter that loses a value writes 0. Commands that jump all the time, as the
+    noise of a gyro makes them, are none: their usual jumps are as large. A few of a whole log are
+    commands of quick manoeuvres.
+    """
+    found = np.zeros(len(values), dtype=bool)
+    known = np.flatnonzero(np.isfinite(values))
+    x = values[known]
+    turning = x[x > TURNING * float(np.max(x, initial=0.0))]
+    if len(x) < FEWEST or not len(turning):
+        return found
+    off = np.abs(x - despike_values(x))
+    usual = float(np.percentile(off, USUAL_PERCENTILE))
+    stray = off > max(STRAY * float(np.median(turning)), STRAY_JUMPS * usual)
+    if float(stray.mean()) > FEWEST_STRAYS:
+        found[known] = stray
+    return found
+
+
+def mend_stray_commands(command: Channel) -> Channel:
+    """Replace stray values of commands by the line between their neighbours."""
+    strays = np.zeros(command.values.shape, dtype=bool)
+    for k, column in enumerate(command.values.T):
+        strays[:, k] = stray_values(column)
+    if not strays.any():
+        return command
+    rows = np.arange(len(command.values))
+    mended = command.values.copy()
+    for k in np.flatnonzero(strays.any(axis=0)).tolist():
+        kept = ~strays[:, k]
+        mended[~kept, k] = np.interp(rows[~kept], rows[kept], mended[kept, k])
+    return replace(command, values=mended)
 
 
 def finite_columns(channel: Channel) -> _Columns:
