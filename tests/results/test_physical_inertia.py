@@ -13,6 +13,7 @@ from rotorfit.checks.impossible_inertia import (
     SecondMoment,
     body_finding,
     negative_moment,
+    negative_rotor_inertia,
     possible_sentence,
     second_moments,
     smallest_second_moment,
@@ -281,6 +282,19 @@ def test_a_moment_below_nothing_withholds_the_body(assert_text, assert_wording):
     wide = replace(numbers, terms=made_fit.known_to(np.full(6, 7e-4)))
     assert negative_moment(wide, "A", shown) is None
     assert negative_moment(numbers, "A", [replace(shown[0], value=None)]) is None
+
+
+@pytest.mark.parametrize(("Jr", "half", "doubted"), [(-4e-7, 1e-7, 1), (-1.5e-7, 1e-7, 0)])
+def test_a_surely_negative_rotor_inertia_puts_yaw_in_doubt(Jr, half, doubted):
+    """An interval that is negative by chance, of rotors with next to no inertia, does not."""
+    numbers = made_fit.no_numbers("Jr", values=(Jr,), half_width=(half,))
+    found = list(negative_rotor_inertia(made_fit.fit([], numbers)))
+    assert len(found) == doubted
+    for one in found:
+        assert {"Jr", "kd_over_Izz", "Izz_com"} < set(one.numbers)
+        assert not {"kt", "Ixx_com"} & set(one.numbers)
+        assert one.doubtful_because
+        assert "negative, (-4.0 +- 1.0)e-07 kg m^2" in one.sentence
 
 
 def test_impossible_inertia_is_withheld_with_the_yaw_scale():

@@ -22,7 +22,7 @@ from rotorfit.checks import (
     vehicle_size,
 )
 from rotorfit.checks.coupling import absent_coupling
-from rotorfit.checks.impossible_inertia import impossible_inertia
+from rotorfit.checks.impossible_inertia import impossible_inertia, negative_rotor_inertia
 from rotorfit.checks.motors import changed_thrust, motor_law, motor_limits
 from rotorfit.checks.sensors import (
     clocks,
@@ -64,6 +64,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *vehicle_size.CHECKS,
     *changed_thrust.CHECKS,
     impossible_inertia,
+    negative_rotor_inertia,
     *hover_thrust.WRENCH_CHECKS,
     *clocks.CHECKS,
     *sensor_faults.CHECKS,

@@ -35,6 +35,15 @@ IMPOSSIBLE = "no body has these moments of inertia: one exceeds the sum of the t
 ESTIMATE = "impossible_"
 """Prefix of the diagnostics that keep withheld estimates."""
 NEGATIVE = "it comes out negative, which no inertia is"
+SURELY = 2.0
+"""Half-widths below nothing from which a rotor inertia is surely negative."""
+NEGATIVE_ROTORS = "the rotors' inertia comes out negative, which no inertia is"
+BY_YAW = (
+    *("Jr", "kd", "Izz", "Izz_com"),
+    *("kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "Izz_over_kt"),
+)
+"""Numbers that rest on the turn about z."""
+UNFILTERED = "log the gyro unfiltered, all axes by one clock"
 DECLARE = (
     "compare order, places and spins of the rotors under [airframe] with the vehicle, and the axes "
     "of the log"
@@ -151,6 +160,34 @@ def negative_moment(
             withheld_because=NEGATIVE,
         )
     return None
+
+
+def negative_rotor_inertia(fit: Fit) -> Iterator[Finding]:
+    """Check that the rotors' inertia is not negative: nothing of yaw holds where it surely is."""
+    if "Jr" not in fit.numbers.names:
+        return
+    value, half = fit.numbers.number("Jr")
+    # Where the rotors have next to none, one interval in forty is negative by chance.
+    if not value + SURELY * half < 0.0:
+        return
+    yield Finding(
+        kind="impossible-rotor-inertia",
+        severity="doubt",
+        sentence=f"the rotors' inertia comes out negative, {with_half(value, half)} kg m^2: yaw "
+        "does not turn as the rotors speed up and slow down, as where the yaw gyro is filtered "
+        f"more or stamped later than roll and pitch; {UNFILTERED}",
+        numbers=BY_YAW,
+        evidence=(
+            Evidence(
+                name="negative_rotor_inertia",
+                value=value,
+                interval=(value - half, value + half),
+                limit=0.0,
+            ),
+        ),
+        next_step=UNFILTERED,
+        doubtful_because=NEGATIVE_ROTORS,
+    )
 
 
 def body_finding(
