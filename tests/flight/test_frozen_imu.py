@@ -56,6 +56,27 @@ def test_a_frozen_imu_is_left_out_and_said(log, stretches):
     assert lost == pytest.approx(sum(b - a for a, b in stretches), abs=0.1)
 
 
+def drawn(log, rate, names=("gyro", "accel")):
+    """Return the log with lines drawn between samples of the IMU at a rate [Hz]."""
+    channels = dict(log.channels)
+    for name in names:
+        own = channels[name]
+        t = np.arange(own.time[0], own.time[-1], 1.0 / rate)
+        columns = [np.interp(own.time, t, np.interp(t, own.time, x)) for x in own.values.T]
+        channels[name] = replace(own, values=np.column_stack(columns))
+    return replace(log, channels=channels)
+
+
+@pytest.mark.parametrize("rate", [20.0, 25.0])
+def test_lines_between_slow_samples_of_the_imu_are_said(log, rate):
+    assert "interpolated-imu" not in [one.kind for one in prepared(log).findings]
+    [both] = [one for one in prepared(drawn(log, rate)).findings if one.kind == "interpolated-imu"]
+    assert f"gyro and accelerometer came at {rate:.0f} Hz" in both.sentence
+    one_alone = prepared(drawn(log, rate, names=("gyro",)))
+    [said] = [one for one in one_alone.findings if one.kind == "interpolated-imu"]
+    assert said.sentence.startswith("the gyro came at")
+
+
 def test_one_axis_that_stands_still_is_refused(log):
     values = log.channels["accel"].values.copy()
     values[:, 2] = 9.81

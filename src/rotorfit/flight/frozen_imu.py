@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.errors import FlightError
-from rotorfit.findings import Finding, note
+from rotorfit.findings import Finding, doubt, note
+from rotorfit.flight.interpolated import source_rate
 from rotorfit.flight.signals import repeated_rows, true_runs, whole_samples
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from jaxtyping import Bool, Float
 
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 LONGEST: Final = 0.1
 """Duration from which a repeated sample is no sensor's [s]."""
+INTERPOLATED: Final = "interpolated-imu"
+"""Kind of the finding that an IMU was recorded more slowly than it is written."""
 FEWEST: Final = 10
 """Repetitions from which it is none, of slow logs: rounded values may repeat a few times."""
 SHORTEST: Final = 0.5
@@ -56,6 +59,27 @@ def _dead_axes(uniform: UniformChannels) -> dict[str, Bool[np.ndarray, " 3"]]:
         name: one & ~at_zero[name] if planar and not one.all() else one
         for name, one in still.items()
     }
+
+
+def interpolated_imu(
+    uniform: UniformChannels, flights: Sequence[tuple[int, int]]
+) -> Iterator[Finding]:
+    """Find gyro or accelerometer values that a recorder drew between slower samples."""
+    a, b = max(flights, key=lambda run: run[1] - run[0])
+    slow: dict[str, float] = {}
+    for name in ("gyro", "accel"):
+        rate = source_rate(uniform.values[name][a:b], uniform.sample_rate)
+        # Where the rows themselves come so slowly, the lines are those of the common clock.
+        if rate is not None and uniform.rates[name] >= 2.0 * rate:
+            slow[name] = rate
+    if slow:
+        words = " and ".join({"gyro": "gyro", "accel": "accelerometer"}[name] for name in slow)
+        yield doubt(
+            INTERPOLATED,
+            f"the {words} came at {min(slow.values()):.0f} Hz, and lines are drawn (or values "
+            f"repeated) between the samples up to {uniform.sample_rate:.0f} Hz: quick motion looks "
+            "too small; log the IMU itself at 100 Hz or more",
+        )
 
 
 def frozen_runs(uniform: UniformChannels, flights: Sequence[tuple[int, int]]) -> Runs:

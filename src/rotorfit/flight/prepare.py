@@ -43,7 +43,7 @@ from rotorfit.flight.flight_checks import (
     takes_battery,
 )
 from rotorfit.flight.flight_data import FlightData, Segment
-from rotorfit.flight.frozen_imu import cut_frozen_imu, refuse_dead_axes
+from rotorfit.flight.frozen_imu import cut_frozen_imu, interpolated_imu, refuse_dead_axes
 from rotorfit.flight.kinematics import climb_velocity
 from rotorfit.flight.mocap.carried_velocity import carried_velocity
 from rotorfit.flight.mocap.pose_velocity import horizontal_axes, known_velocity
@@ -273,6 +273,7 @@ def prepared_from(
             *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
             *frozen,
             *hung,
+            *interpolated_imu(uniform, flights),
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
         other_hovers=hovers,

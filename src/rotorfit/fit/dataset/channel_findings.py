@@ -88,6 +88,10 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     LATE: RestsOn(
         numbers=BY_TURNS, doubtful_because="one rotor's speed is recorded at another time"
     ),
+    "interpolated-imu": RestsOn(
+        numbers=BY_ROTORS,
+        doubtful_because="the IMU was recorded more slowly than it is written",
+    ),
     "gyro-bias": RestsOn(numbers=BY_TURNS),
     "slow-motor-data": RestsOn(numbers=BY_TURNS),
     "slow-cameras": RestsOn(numbers=BY_TURNS),
