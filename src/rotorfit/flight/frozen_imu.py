@@ -61,11 +61,10 @@ def _dead_axes(uniform: UniformChannels) -> dict[str, Bool[np.ndarray, " 3"]]:
     }
 
 
-def interpolated_imu(
-    uniform: UniformChannels, flights: Sequence[tuple[int, int]]
-) -> Iterator[Finding]:
+def interpolated_imu(uniform: UniformChannels) -> Iterator[Finding]:
     """Find gyro or accelerometer values that a recorder drew between slower samples."""
-    a, b = max(flights, key=lambda run: run[1] - run[0])
+    # Lines show in eight seconds and more, longer than many a stretch of flight.
+    a, b = max(uniform.stretches, key=lambda run: run[1] - run[0])
     slow: dict[str, float] = {}
     for name in ("gyro", "accel"):
         rate = source_rate(uniform.values[name][a:b], uniform.sample_rate)

@@ -273,7 +273,7 @@ def prepared_from(
             *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
             *frozen,
             *hung,
-            *interpolated_imu(uniform, flights),
+            *interpolated_imu(uniform),
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
         other_hovers=hovers,
