@@ -346,8 +346,15 @@ def test_one_log_needs_a_mass_and_an_airframe_file(tmp_path, monkeypatch):
         with pytest.raises(ExperimentError, match=r"airframe.toml: configuration\[0\].mass"):
             single_flight_experiment(Path("a"), mass=mass, airframe=airframe)
     airframe.write_text(f"name = 'mine'\n[airframe]\n{LAYOUT}\n")
-    with pytest.raises(ExperimentError, match="unknown key name"):
+    with pytest.raises(ExperimentError, match="name belongs in an experiment file"):
         single_flight_experiment(Path("a"), mass=0.5, airframe=airframe)
+
+
+def test_a_table_of_experiments_in_an_airframe_file_is_said(tmp_path):
+    path = tmp_path / "airframe.toml"
+    path.write_text(f"[airframe]\n{LAYOUT}\n[identification]\nmethod = 'ols'\n")
+    with pytest.raises(ExperimentError, match="identification belongs in an experiment file"):
+        single_flight_experiment(tmp_path / "log.csv", mass=1.0, airframe=path)
 
 
 def test_an_experiment_file_is_an_airframe_file(tmp_path):

@@ -75,6 +75,11 @@ def _describe_problem(place: str, details: list[ErrorDetails], known: list[str])
         key = str(detail["loc"][-1])
         if key in TABLES:
             return f"{place}: {key} belongs to another table{TABLES[key]}"
+        if place == key and key in known:
+            return (
+                f"{key} belongs in an experiment file, beside its [[configuration]]: leave it out, "
+                "or run rotorfit identify EXPERIMENT.toml"
+            )
         return f"unknown key {place}{_nearest_key(key, known)}"
     if detail["type"] == "missing":
         return f"{place} is missing"
