@@ -77,6 +77,21 @@ def test_lines_between_slow_samples_of_the_imu_are_said(log, rate):
     assert said.sentence.startswith("the gyro came at")
 
 
+def test_an_accelerometer_of_few_rows_has_no_drawn_lines(log):
+    own = log.channels["accel"]
+    rare = replace(own, time=own.time[::8], values=own.values[::8])
+    slow = prepared(replace(log, channels={**log.channels, "accel": rare}))
+    assert "interpolated-imu" not in [one.kind for one in slow.findings]
+
+
+def test_speeds_in_coarse_steps_are_refused_as_such(log):
+    channel = log.channels["rotor_speed"]
+    step = 2.0 * float(np.median(channel.values[channel.time > 2.5].std(axis=0)))
+    coarse = replace(channel, values=step * np.round(channel.values / step))
+    with pytest.raises(FlightError, match="come in steps of"):
+        prepared(replace(log, channels={**log.channels, "rotor_speed": coarse}))
+
+
 def test_one_axis_that_stands_still_is_refused(log):
     values = log.channels["accel"].values.copy()
     values[:, 2] = 9.81

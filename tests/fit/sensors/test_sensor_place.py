@@ -70,6 +70,16 @@ def test_turns_show_where_a_smoothed_accelerometer_is(smoothed):
     assert finding.kind == "sensor-place"
 
 
+def test_the_place_is_declared_in_the_axes_of_the_airframe(smoothed):
+    experiment, dataset, _ = smoothed
+    dataset = with_bandwidth(dataset, {"accel": SMOOTHING})
+    forward, left, up = measure_place(dataset).position
+    airframe = experiment.airframe.model_copy(update={"axes": "FRD"})
+    frd = experiment.model_copy(update={"airframe": airframe})
+    declared = place_sensor(frd, dataset)[0]
+    assert declared.airframe.imu.position == pytest.approx((forward, -left, -up), abs=1e-4)
+
+
 def test_an_accelerometer_that_shows_turns_is_left_to_the_fit(smoothed):
     experiment, dataset, _ = smoothed
     fast = replace(SMOOTHING, cutoff=30.0, interval=(30.0, 30.0))
