@@ -797,10 +797,10 @@ ROOMS: Final[dict[str, Room]] = {
             "\nWEAK = <<0.25>>",
             "HOPELESS = <<1.0>>",
             "HOPELESS_YAW = <<0.5>>",
-            "relative = <<half_width / max(abs(value), scale)>>",
+            "size = <<max(abs(value), scale)>>",
         ),
         changed=(
-            ("half_width / max(abs(value), scale)", "half_width / max(value, scale)"),
+            ("max(abs(value), scale)", "max(value, scale)"),
             ("HOPELESS_YAW if little and axis", "HOPELESS_YAW if axis"),
         ),
     ),

@@ -53,7 +53,7 @@ def smoothed(tmp_path_factory):
 
 def with_bandwidth(dataset, found):
     (configuration,) = dataset.configurations
-    flights = tuple(replace(f, bandwidths=found) for f in configuration.flights)
+    flights = [replace(f, bandwidths=found) for f in configuration.flights]
     return replace(dataset, configurations=(replace(configuration, flights=flights),))
 
 
