@@ -22,16 +22,16 @@ from rotorfit.flight.motors.telemetry_pair import (
     advance_samples,
     despike_values,
     finite_columns,
+    mark_stray_commands,
     mend_stray_commands,
     pair_channels,
-    stray_values,
 )
 from rotorfit.flight.signals import smooth, true_runs, whole_samples
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from jaxtyping import Float, Int
+    from jaxtyping import Bool, Float, Int
 
     from rotorfit.logs.flight_log import Channel, FlightLog
 
@@ -129,8 +129,7 @@ def telemetry(log: FlightLog) -> Telemetry | None:
             f"({speed.source}): they were not compared{named}"
         )
         return Telemetry(seconds=0.0, lateness=None, rotors=(), doubts=(doubt,))
-    mended = mend_stray_commands(command)
-    pair = pair_channels(mended, speed)
+    pair = pair_channels(mend_stray_commands(command), speed)
     seconds = 0.0 if pair is None else float(pair.used.sum()) / pair.rate
     if pair is None or seconds < LEAST_SECONDS:
         return Telemetry(seconds=seconds, lateness=None, rotors=(), doubts=())
@@ -138,9 +137,9 @@ def telemetry(log: FlightLog) -> Telemetry | None:
     return replace(found, doubts=(*found.doubts, *describe_spiky_commands(command)))
 
 
-def describe_stray_commands(command: Channel) -> list[str]:
-    """State which commands are far off their neighbours for single samples."""
-    shares = [float(stray_values(column).mean()) for column in command.values.T]
+def describe_stray_commands(strays: Bool[np.ndarray, "n N"]) -> list[str]:
+    """State which commands are far off their neighbours for single samples, as marked."""
+    shares = strays.mean(axis=0).tolist()
     stray = [str(i) for i, share in enumerate(shares, start=1) if share > 0.0]
     if not stray:
         return []
@@ -153,8 +152,9 @@ def describe_stray_commands(command: Channel) -> list[str]:
 
 def describe_spiky_commands(command: Channel) -> list[str]:
     """State which commands jump up or down for single samples, always or now and then."""
-    found = describe_stray_commands(command)
-    command = mend_stray_commands(command)
+    strays = mark_stray_commands(command)
+    found = describe_stray_commands(strays)
+    command = mend_stray_commands(command, strays)
     sizes = [
         float(np.percentile(np.abs(x - despike_values(x)), SPIKY_PERCENTILE)) if len(x) > 2 else 0.0
         for _, x in finite_columns(command)

@@ -149,11 +149,20 @@ def stray_values(values: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     return found
 
 
-def mend_stray_commands(command: Channel) -> Channel:
-    """Replace stray values of commands by the line between their neighbours."""
+def mark_stray_commands(command: Channel) -> Bool[np.ndarray, "n N"]:
+    """Mark the stray values of every command."""
     strays = np.zeros(command.values.shape, dtype=bool)
     for k, column in enumerate(command.values.T):
         strays[:, k] = stray_values(column)
+    return strays
+
+
+def mend_stray_commands(command: Channel, strays: Bool[np.ndarray, "n N"] | None = None) -> Channel:
+    """Replace stray values of commands by the line between their neighbours.
+
+    `strays`: from `mark_stray_commands`, where they are known.
+    """
+    strays = mark_stray_commands(command) if strays is None else strays
     if not strays.any():
         return command
     rows = np.arange(len(command.values))
