@@ -65,6 +65,28 @@ LONG: Final = 32_768
 """Rows that are worked on at a time: a longer log would fill the memory with what is between."""
 
 
+def grid_step(values: Float[np.ndarray, " n"], *, fewest: int, rounding: float) -> float | None:
+    """Return the step of the grid on which finite values lie; None if they lie on none.
+
+    `fewest`: levels that show a grid. `rounding`: share of the largest value by which two values
+    of one level may differ.
+    """
+    levels = np.unique(values)
+    if len(levels) < fewest:
+        return None
+    with np.errstate(over="ignore"):
+        steps = levels[1:] - levels[:-1]
+        steps = steps[steps > rounding * float(np.max(np.abs(levels)))]
+        if len(steps) < fewest - 1:
+            return None
+        multiples = steps / np.min(steps)
+    if not np.isfinite(multiples).all():
+        return None
+    # To a tenth of a step, since converters round.
+    on_grid = np.abs(multiples - np.rint(multiples)) < 0.1
+    return float(np.min(steps)) if np.mean(on_grid) > 0.95 else None
+
+
 def pieces(count: int, *, longest: int = LONG) -> list[slice]:
     """Return rows 0 to `count` in pieces no longer than `longest`."""
     return [slice(a, min(a + longest, count)) for a in range(0, count, longest)]

@@ -33,7 +33,7 @@ from rotorfit.logs.files import (
     sha256_of,
     write_whole,
 )
-from rotorfit.logs.flight_log import Channel, FlightLog
+from rotorfit.logs.flight_log import Channel, FlightLog, grid_step
 from rotorfit.logs.units import (
     UNITS,
     Axes,
@@ -166,6 +166,7 @@ _FULLEST_COMMAND: Final = 2.0
 _VECTORS: Final = ("gyro", "accel", "velocity", "reference", "position")
 _NOT_TO_BE_EMPTY: Final = ("gyro", "accel", "rotor_speed", "command")
 _FEWEST_LEVELS: Final = 16
+_ROUNDING: Final = 1e-15
 _SAMPLES_FOR_RESOLUTION: Final = 50_000
 
 Source = DelimitedText | ParquetTable
@@ -415,26 +416,10 @@ def resolution_of(values: Float[np.ndarray, "n k"]) -> float | None:
     smallest one (to a tenth, since converters round), and if the values are not too few to show it.
     """
     thinned = values[:: max(1, len(values) // _SAMPLES_FOR_RESOLUTION)]
-    steps = [_grid_step(column[np.isfinite(column)]) for column in thinned.T]
+    columns = [column[np.isfinite(column)] for column in thinned.T]
+    steps = [grid_step(column, fewest=_FEWEST_LEVELS, rounding=_ROUNDING) for column in columns]
     known = [step for step in steps if step is not None]
     return min(known) if len(known) == len(steps) > 0 else None
-
-
-def _grid_step(column: Float[np.ndarray, " n"]) -> float | None:
-    levels = np.unique(column)
-    if len(levels) < _FEWEST_LEVELS:
-        return None
-    with np.errstate(over="ignore"):
-        steps = levels[1:] - levels[:-1]
-        rounding = 1e-15 * float(np.max(np.abs(levels)))
-        steps = steps[steps > rounding]
-        if len(steps) < _FEWEST_LEVELS - 1:
-            return None
-        multiples = steps / np.min(steps)
-    if not np.isfinite(multiples).all():
-        return None
-    on_grid = np.abs(multiples - np.rint(multiples)) < 0.1
-    return float(np.min(steps)) if np.mean(on_grid) > 0.95 else None
 
 
 def format_table(columns: Mapping[str, Float[np.ndarray, " n"]]) -> str:

@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.logs.flight_log import grid_step
+
 if TYPE_CHECKING:
     from jaxtyping import Float
 
 COARSEST: Final = 1.0 / 3.0
 """Variance of a rounded speed over its squared step, below which rounding hides the motion: of a
 deviation of half a step it is 1/4 + 1/12."""
-ON_GRID: Final = 0.95
-"""Share of the steps between levels that must be whole multiples of the smallest."""
-OFF_GRID: Final = 0.1
-"""Deviation from a whole multiple that converters make [steps]."""
 MOST_SAMPLES: Final = 20_000
 """Samples of a column that are looked at."""
 FEWEST_LEVELS: Final = 2
 """Levels of all rotors together that show a step."""
+ROUNDING: Final = 1e-12
+"""Share of the largest speed by which two readings of one level differ by their unit."""
 LARGEST: Final = 1e6
 """No rotor turns at this speed [rad/s]: a sample beyond it is damaged."""
 RPM: Final = 60.0 / (2.0 * np.pi)
@@ -33,16 +33,8 @@ RPM: Final = 60.0 / (2.0 * np.pi)
 def speed_step(speed: Float[np.ndarray, "n N"]) -> float:
     """Return the step in which measured speeds come [rad/s]; 0 if they lie on no grid."""
     some = speed[:: max(len(speed) // MOST_SAMPLES, 1)]
-    levels = np.unique(some[np.isfinite(some) & (some > 0.0) & (some < LARGEST)])
-    if len(levels) < FEWEST_LEVELS:
-        return 0.0
-    steps = np.diff(levels)
-    steps = steps[steps > 1e-12 * float(levels[-1])]
-    if len(steps) < FEWEST_LEVELS - 1:
-        return 0.0
-    multiples = steps / float(steps.min())
-    on_grid = np.abs(multiples - np.rint(multiples)) < OFF_GRID
-    return float(steps.min()) if float(on_grid.mean()) > ON_GRID else 0.0
+    turning = some[np.isfinite(some) & (some > 0.0) & (some < LARGEST)]
+    return grid_step(turning, fewest=FEWEST_LEVELS, rounding=ROUNDING) or 0.0
 
 
 def coarse_speeds_sentence(flown: Float[np.ndarray, "n N"], step: float) -> str | None:
