@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
+from rotorfit.logs.column_names import parts_of
 from rotorfit.logs.proposal import explains_itself, propose_columns
 from rotorfit.logs.table import format_table, read_table
 
@@ -205,6 +206,10 @@ def test_a_column_without_a_name_is_called_so(tmp_path):
     ("change", "words"),
     [
         (lambda t: t.pop("time"), "no time: no column is named like a clock"),
+        (
+            lambda t: t.update(time=1.6e9 + np.round(t["time"], -1)),
+            "no time: time stands still (2 different in",
+        ),
         (lambda t: t.update(time=t["time"][::-1]), "no time: time does not rise from row to row"),
         (lambda t: t.update(time=1e12 * np.arange(ROWS)), "in no unit several rows a second"),
         (lambda t: t.pop("gyro_z"), "no whole gyro: of gyro_x, gyro_y some hold"),
@@ -272,6 +277,12 @@ def test_text_next_to_the_numbers_is_left_out(tmp_path, assert_wording):
     assert any("motor_5: holds" in doubt for doubt in proposal.doubts)
     assert_wording(proposal.doubts)
     assert "rotor_5" not in proposal.columns
+
+
+@pytest.mark.parametrize("name", ["RPM M1", "M1 RPM", "rpm_m1", "M1 [rpm]"])
+def test_a_unit_in_front_of_a_name_counts(name):
+    _, index, unit = parts_of(name)
+    assert (index, unit) == (1, "rpm")
 
 
 def test_own_names_need_no_proposal(tmp_path):

@@ -164,6 +164,45 @@ def test_text_tables_of_many_makes_read_alike(tmp_path, text):
     np.testing.assert_array_equal(log.channels["gyro"].time, [0, 0.01, 0.02])
 
 
+COMMAS = "time;gyro_x;gyro_y;gyro_z\n0;1,5;-2,5e-1;3\n0,01;4;5;6\n0,02;7;8;9\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        COMMAS,
+        COMMAS.replace(";", "\t"),
+        COMMAS.replace(";", " "),
+        re.sub(r"(?<![a-z])(-?\d[\d,e-]*)(?=[;\n])", r'"\1"', COMMAS),
+        COMMAS.replace("time", "note;time").replace("\n0", "\nsome, text;0"),
+    ],
+)
+def test_decimals_may_have_a_comma(tmp_path, text):
+    log = read_table(written(tmp_path, text))
+    np.testing.assert_array_equal(log.channels["gyro"].values[0], [1.5, -0.25, 3.0])
+    np.testing.assert_array_equal(log.channels["gyro"].time, [0, 0.01, 0.02])
+
+
+def test_commas_that_may_part_thousands_are_no_decimals(tmp_path):
+    text = "time;gyro_x;gyro_y;gyro_z\n0;1,500;2;3\n1;4;5;1,234\n"
+    with pytest.raises(LogError, match="'1,500' is not a number"):
+        read_table(written(tmp_path, text))
+
+
+@pytest.mark.parametrize("row", ["s,deg/s,deg/s,deg/s,V", "[s],[deg/s],[deg/s],[deg/s],[V]"])
+def test_units_in_a_row_of_their_own_go_behind_the_names(tmp_path, row):
+    names = "t,gx,gy,gz,volts"
+    table = open_delimited(f"{names}\n{row}\n0,1,2,3,12\n".encode())
+    assert table.names == ("t [s]", "gx [deg/s]", "gy [deg/s]", "gz [deg/s]", "volts [V]")
+    assert table.place(0) == "line 3"
+    np.testing.assert_array_equal(table.numbers(["gy [deg/s]"]), [[2.0]])
+
+
+@pytest.mark.parametrize("row", ["1,1", "s,furlong", "s", "0,5"])
+def test_a_row_of_anything_else_is_no_row_of_units(row):
+    assert open_delimited(f"t,gx\n{row}\n0,1\n".encode()).names == ("t", "gx")
+
+
 @pytest.mark.parametrize("gap", ["", "nan", "NaN", "NA", "null", "inf", "1e999"])
 def test_a_channel_has_the_clock_of_its_own_rows(tmp_path, gap):
     header = "battery,time,gyro_x,gyro_y,gyro_z\n"

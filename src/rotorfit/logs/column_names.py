@@ -128,7 +128,8 @@ def parts_of(name: str) -> tuple[tuple[str, ...], int | None, str | None]:
     is_glued = len(found) == len(words) and index is not None and words[-1].startswith(found[-1])
     if unit is None and not is_glued:
         found, unit = _without_unit(found)
-    return found, index, unit
+    turns = next((word for word in words if word in ("rpm", "erpm")), None)
+    return found, index, turns or unit
 
 
 def _words_of(name: str) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import Content, let_go, report_progress
+from rotorfit.logs.units import is_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -29,6 +30,9 @@ _ABSENT: Final = frozenset({"", "nan", "na", "n/a", "null", "none"})
 _NEWLINE: Final = b"\n"
 _SETTINGS_BYTES: Final = 65536
 """Settings above a table are looked for in so many bytes; Blackbox Explorer writes some 10 kB."""
+_DECIMAL_COMMA: Final = re.compile(rb"\b0,\d|\d,(?:\d{1,2}(?!\d)|\d{4,})")
+"""A comma that cannot part thousands."""
+_POINT: Final = re.compile(rb"\d\.\d")
 PIECE_BYTES: Final = 1 << 20
 _LINES_PER_WORD: Final = 100
 """Looked at together: numbers need a tenth of the memory of what finds them."""
@@ -42,6 +46,7 @@ class DelimitedText:
     - `start`: where the rows of numbers begin in it.
     - `delimiter`: between cells; None: any run of spaces and tabs.
     - `first_line`: number of the line at `start`, from 1.
+    - `has_decimal_commas`: whether decimals are written with a comma.
     """
 
     text: Content
@@ -49,6 +54,7 @@ class DelimitedText:
     names: tuple[str, ...]
     delimiter: str | None
     first_line: int
+    has_decimal_commas: bool = False
 
     def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]:
         """Read columns as numbers, NaN if a cell is empty; dates with a time become seconds."""
@@ -74,7 +80,8 @@ def open_delimited(data: Content) -> DelimitedText:
         end = len(text) if end < 0 else end
         line = _decode_line(text[start:end])
         if line.strip() and not line.lstrip().startswith(_COMMENTS):
-            return _table_from(text, start, end, line_number, comment)
+            table = _table_from(text, start, end, line_number, comment)
+            return replace(table, has_decimal_commas=_find_decimal_commas(table))
         comment = line.strip().lstrip("#%") if line.strip() else comment
         start, line_number = end + 1, line_number + 1
     raise LogError("no row of column names: the file holds only comments and blank lines")
@@ -106,13 +113,14 @@ def _table_from(
     first = _decode_line(text[start:end])
     names, delimiter = _cells_of_header(first)
     if not all(_is_number(name) for name in names):
-        return DelimitedText(
+        table = DelimitedText(
             text=text,
             start=min(end + 1, len(text)),
             names=names,
             delimiter=delimiter,
             first_line=line_number + 1,
         )
+        return _take_units(table)
     # numpy.savetxt and others write the names as the last comment before the numbers.
     commented, comment_delimiter = _cells_of_header(comment)
     if len(commented) != len(names) or comment_delimiter != delimiter or not any(commented):
@@ -122,6 +130,33 @@ def _table_from(
         )
     return DelimitedText(
         text=text, start=start, names=commented, delimiter=delimiter, first_line=line_number
+    )
+
+
+def _take_units(table: DelimitedText) -> DelimitedText:
+    """Put units that have a row of their own, below the names, behind the names they belong to."""
+    end = table.text.find(_NEWLINE, table.start)
+    units, delimiter = _cells_of_header(_decode_line(table.text[table.start : max(end, 0)]))
+    stated = [unit for unit in units if unit and unit != "-"]
+    if len(units) != len(table.names) or delimiter != table.delimiter or len(stated) < 2:
+        return table
+    # A row of ones may be a row of numbers.
+    if not all(is_unit(unit) for unit in stated) or all(_is_number(unit) for unit in units):
+        return table
+    names = (
+        f"{name} [{unit.strip('[]()')}]" if is_unit(unit) and not _is_number(unit) else name
+        for name, unit in zip(table.names, units, strict=True)
+    )
+    return replace(table, names=tuple(names), start=end + 1, first_line=table.first_line + 1)
+
+
+def _find_decimal_commas(table: DelimitedText) -> bool:
+    """Return whether decimals have a comma: a number shows it, and no number has a point."""
+    if table.delimiter == "," or table.text.find(b",", table.start) < 0:
+        return False
+    return any(
+        _DECIMAL_COMMA.search(piece) and not _POINT.search(piece)
+        for piece, _ in islice(_whole_lines(table), 1)
     )
 
 
@@ -197,6 +232,8 @@ def _whole_lines(table: DelimitedText) -> Iterator[tuple[bytes, int]]:
         let_go(table.text)
         if end == size and piece.endswith(b"\n\n"):
             piece = piece.rstrip(_NEWLINE)
+        if table.has_decimal_commas:
+            piece = piece.replace(b",", b".")
         if piece:
             yield piece, end
         start = end
@@ -264,6 +301,8 @@ def careful_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.nd
                 f"line {line} has {len(cells)} cells, the header has {len(table.names)}: "
                 "complete or remove the line"
             )
+        if table.has_decimal_commas:
+            cells = [cell.replace(",", ".") for cell in cells]
         values.append([_parse_number(cells[i], line, table.names[i]) for i in columns])
     return np.array(values, dtype=np.float64).reshape(len(values), len(columns))
 

@@ -17,6 +17,8 @@ from rotorfit.logs.units import UNITS
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from jaxtyping import Float
+
     from rotorfit.logs.proposed_channels import Numbers
     from rotorfit.logs.table import Source
 
@@ -31,6 +33,8 @@ CLOCK: Final = "clock"
 _CLOCKS_DIFFER: Final = 0.05
 """Share of the duration by which two clocks of one table may differ."""
 
+_FEWEST_TIMES: Final = 0.1
+"""Share of different times among the rows: bursts of a link have more."""
 _RATES_DIFFER: Final = 0.005
 """Share by which two clocks may run differently: ten times what oscillators without a crystal do
 after their trim, and less than the usual interval of an inertia."""
@@ -95,10 +99,15 @@ def _rising_clock(one: Candidate, numbers: Numbers, *, is_named: bool) -> _Clock
     steps = np.diff(values)
     # A column of 0, 1, 2, ... counts the rows.
     counts = not is_named and bool((steps == 1.0).all())
-    if not len(steps) or counts or not ((steps >= 0).all() and (steps > 0).any()):
+    if not len(steps) or counts or (steps < 0).any() or _is_rounded(values):
         return None
     step = float(np.median(steps[steps > 0]))
     return _Clock(name=name, unit=one.unit, step=step, duration=float(values[-1] - values[0]))
+
+
+def _is_rounded(values: Float[np.ndarray, " n"]) -> bool:
+    """Return whether a clock stands most of the time, as it does where its digits were cut."""
+    return len(np.unique(values)) < _FEWEST_TIMES * len(values)
 
 
 def _unit_by_name(clock: _Clock) -> str | None:
@@ -150,6 +159,17 @@ def _ask_clock(chosen: _Clock, seconds: float, others: Sequence[_Clock]) -> tupl
 
 
 def _no_clock_words(named: Sequence[Candidate], numbers: Numbers) -> str:
+    rounded = [
+        (one.by_index[0], numbers[one.by_index[0]])
+        for one in named
+        if one.by_index[0] in numbers and _is_rounded(numbers[one.by_index[0]])
+    ]
+    if rounded:
+        name, values = rounded[0]
+        return (
+            f"no time: {name} stands still ({len(np.unique(values))} different in {len(values)} "
+            "rows): export it with more digits, such as seconds from the first row"
+        )
     seen = ", ".join(one.by_index[0] for one in named)
     texts = [one.by_index[0] for one in named if one.by_index[0] not in numbers]
     what = f"{seen} does not rise from row to row" if seen else "no column is named like a clock"

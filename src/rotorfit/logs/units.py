@@ -121,6 +121,13 @@ def conversion(
     return Conversion(factor=factor / _pole_pairs(motor_poles) if known == "erpm" else factor)
 
 
+def is_unit(text: str) -> bool:
+    """Return whether a text is the name of a unit, of whatever quantity; brackets aside."""
+    name = text.strip().strip("[]()").strip()
+    name = _ALIASES.get(name, name)
+    return any(name in units for units in UNITS.values())
+
+
 def _known_unit(quantity: Quantity, unit: str) -> str:
     units = UNITS[quantity]
     name = unit.strip()
