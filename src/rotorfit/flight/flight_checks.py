@@ -31,6 +31,8 @@ MOVING: Final = 0.3
 """Share of their usual deviation from which the other rotors count as moving."""
 STEPS: Final = 3.0
 """Steps of a coarse channel by which the others must deviate: less is rounded away."""
+NO_GRAVITY: Final = 0.5
+"""A median specific force below is no weight in m/s^2, nor in units of g (1 in hover)."""
 FLAT: Final = 0.01
 """Deviation over that of the others, below which a channel is noise about a constant."""
 
@@ -360,6 +362,11 @@ def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:
         f"the median specific force where the rotors push is ({force[0]:.2f}, {force[1]:.2f}, "
         f"{force[2]:.2f}) m/s^2"
     )
+    if size < NO_GRAVITY:
+        raise FlightError(
+            f"{seen}, no weight at all: an accelerometer at rest shows gravity, which was taken "
+            "out of this one; log the raw accelerometer"
+        )
     if force[2] < -0.7 * size:
         raise FrameError(
             f"{seen}, but along the thrust (z up) it must be positive; these are FRD axes: "

@@ -99,6 +99,11 @@ FAULTS = {
         FlightError,
         "units of g",
     ),
+    "gravity taken out": (
+        lambda f: (replace(f, accel=f.accel - [0.0, 0.0, 9.8]), f.vehicle),
+        FlightError,
+        "gravity, which was taken out",
+    ),
     "arm twenty times": (
         lambda f: (f, rotors(f, moved(20.0))),
         FlightError,
