@@ -90,9 +90,9 @@ FORMATS = {
     "pdf": (b"%PDF-1.7\n%\xe2\xe3", "a PDF document"),
     "png": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "an image"),
     "json": (b'{"gyro": [1, 2, 3]}', "JSON"),
-    "zip": (b"PK\x03\x04\x14\0\0\0", "a zip archive"),
+    "zip": (b"PK\x03\x04\x14\0\0\0", "a damaged archive"),
     "noise": (random.Random(4).randbytes(4000), "unknown format"),
-    "cut-off-gzip": (b"\x1f\x8b\x08\0\0", "gzip"),
+    "cut-off-gzip": (b"\x1f\x8b\x08\0\0", "a damaged archive"),
 }
 
 

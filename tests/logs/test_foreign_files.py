@@ -36,7 +36,8 @@ TLOG = (1_700_000_000_000_000).to_bytes(8, "big") + b"\xfd\x09\0\0\0\x01\x01\0\0
     [
         (npz(), r"NumPy archive \(\.npz\)"),
         (archive("[Content_Types].xml"), "a spreadsheet"),
-        (archive("flight.bin"), "a zip archive"),
+        (archive("mimetype"), "a zip archive"),
+        (b"PK\x05\x06" + bytes(18), "a zip archive without files"),
         (b"MATLAB 7.3 MAT-file, Platform: PCWIN64", "a MATLAB file"),
         (b"\x89HDF\r\n\x1a\n" + bytes(50), "an HDF5 file"),
         (b"\x93NUMPY\x01\x00v\x00", r"a NumPy array \(\.npy\)"),

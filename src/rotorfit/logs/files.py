@@ -9,6 +9,7 @@ import shlex
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from io import BufferedReader, BytesIO
 from pathlib import Path
 
 from rotorfit.errors import LogError, OutputError
@@ -77,9 +78,34 @@ Content = bytes | mmap.mmap
 """Content of a file: in memory, or mapped."""
 
 
+_ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b")
+"""First bytes of zip and gzip."""
+
+
+def unpacked_log(path: Path) -> bytes | None:
+    """Return the log in an archive; None if the file is none, or cannot be opened."""
+    begin = b""
+    with suppress(OSError, ValueError), path.open("rb") as file:  # whoever reads it says why
+        begin = file.read(4)
+    if not begin.startswith(_ARCHIVES):
+        return None
+    from rotorfit.logs.archives import unpack_log  # what most logs need not is not imported
+
+    return unpack_log(path)
+
+
+def open_file(path: Path) -> BufferedReader | BytesIO:
+    """Open a file, or the log in an archive, to read its bytes."""
+    unpacked = unpacked_log(path)
+    return path.open("rb") if unpacked is None else BytesIO(unpacked)
+
+
 def open_mapped(path: Path) -> Content:
     """Return a file as bytes that come into memory when they are looked at."""
     read_head(path, 1)  # refuses what cannot be read
+    unpacked = unpacked_log(path)
+    if unpacked is not None:
+        return unpacked
     try:
         with path.open("rb") as file:
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -99,8 +125,9 @@ def read_blocks(path: Path, turn: tuple[float, float] = (0.0, 1.0)) -> Iterator[
     The turn is what was read before of all that is to be read, and what share this is.
     """
     try:
-        with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
+        with open_file(path) as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(0)
             while block := file.read(BLOCK):
                 yield block
                 report_progress(round(size * turn[0] + file.tell() * turn[1]), size)
@@ -123,7 +150,7 @@ def read_bytes(path: Path) -> bytes:
 def read_head(path: Path, size: int) -> bytes:
     """Read the first bytes of a file, at most `size`; all of them if it is negative."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             data = file.read(size)
     except FileNotFoundError as error:
         is_address = str(path).startswith(("http:/", "https:/"))
@@ -147,7 +174,7 @@ def sha256_of(path: Path) -> str:
     """Compute the SHA-256 of a file."""
     read_head(path, 1)  # refuses what cannot be read
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error

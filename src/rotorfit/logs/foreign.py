@@ -95,7 +95,8 @@ def _is_number(cell: str) -> bool:
 FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
     ("a NumPy archive (.npz): save its arrays as the columns of a CSV or Parquet file", _is_npz),
     ("a spreadsheet: save the sheet as CSV", _is_workbook),
-    ("a zip archive: unpack it first", _begins_with(b"PK\x03\x04", b"PK\x05\x06")),
+    ("a zip archive without files: pack the log again", _begins_with(b"PK\x05\x06")),
+    ("a zip archive: unpack it first", _begins_with(b"PK\x03\x04")),
     ("a gzip archive: unpack it first", _begins_with(b"\x1f\x8b")),
     ("a zstd archive: unpack it first", _begins_with(b"\x28\xb5\x2f\xfd")),
     (

@@ -23,7 +23,7 @@ from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import read_head
+from rotorfit.logs.files import open_file, read_head, unpacked_log
 from rotorfit.logs.rosbag import MCAP_MAGIC, ROS1_BEGINS, SQLITE_MAGIC
 from rotorfit.logs.rosbag.choose import MESSAGES, STAMPS, mapped_paths
 from rotorfit.logs.rosbag.ros1 import scan_ros1
@@ -479,11 +479,13 @@ def _scan_file(path: Path, wanted: Wanted, tally: Tally) -> Messages:
     """Yield the messages of one file, by its format."""
     head = read_head(path, 16)
     if head.startswith(SQLITE_MAGIC):
+        if unpacked_log(path) is not None:
+            raise LogError("a ROS 2 database in an archive: unpack it first")
         yield from scan_sqlite(path, wanted, tally)
         return
     for begin, scan_file in _SCANS.items():
         if head.startswith(begin):
-            with path.open("rb") as file:
+            with open_file(path) as file:
                 for message in scan_file(file, wanted, tally):
                     yield message
                     tally.reached(file.tell())

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
 from rotorfit.findings import doubts
+from rotorfit.logs.files import open_file
 from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog, seconds_of
 from rotorfit.logs.motor_outputs import MOTOR_COUNTS, motor_outputs
 from rotorfit.logs.rosbag import files_of
@@ -202,7 +203,7 @@ def _note_aims(taken: Mapping[str, Candidate]) -> list[str]:
 def _sha256_of_files(files: Sequence[Path]) -> str:
     digest = hashlib.sha256()
     for file in files:
-        with file.open("rb") as opened:
+        with open_file(file) as opened:
             while block := opened.read(1 << 20):
                 digest.update(block)
     return digest.hexdigest()

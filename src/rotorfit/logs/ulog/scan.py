@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, BinaryIO, Final
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import read_head, report_progress
+from rotorfit.logs.files import open_file, read_head, report_progress
 from rotorfit.logs.flight_log import in_order
 from rotorfit.logs.ulog import MAGIC
 from rotorfit.logs.ulog.messages import (
@@ -305,9 +305,9 @@ def scan_file(path: Path, wanted: Wanted) -> Scan:
     _refuse_other(head)
     reading = _Reading(wanted=wanted)
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-            size = os.fstat(file.fileno()).st_size
+            size = file.seek(0, os.SEEK_END)
             offsets, damage = _find_appended(head, size)
             _read_sections(file, [HEADER_BYTES, *offsets, size], reading)
     except OSError as error:
