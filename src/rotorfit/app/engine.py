@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 JsonObject = dict[str, Any]
 ACCEPTS: Final = (
     *(suffix for form in FORMATS for suffix in form.suffixes),
-    *(".log", ".txt", ".toml", ".json"),
+    *(".log", ".txt", ".toml", ".json", ".zip", ".gz"),
 )
 MOST_BYTES: Final = 2_000_000_000
 """Most bytes of all files of a page, where nobody says otherwise."""
