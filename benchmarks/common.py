@@ -402,6 +402,18 @@ def held(log: FlightLog, *, names: Sequence[str], times: int) -> FlightLog:
     return log
 
 
+def written_twice(log: FlightLog, *, share: float) -> FlightLog:
+    """Return a log that has a share of its rows twice, and counts its rows as time."""
+    for name, channel in log.channels.items():
+        chance = np.random.default_rng(1)  # the same for channels of the same rows
+        rows = np.repeat(
+            np.arange(len(channel.time)), 1 + (chance.random(len(channel.time)) < share)
+        )
+        time = channel.time[0] + float(np.median(np.diff(channel.time))) * np.arange(len(rows))
+        log = _changed(log, name, time=time, values=channel.values[rows])
+    return log
+
+
 def jittered(log: FlightLog, *, std: float) -> FlightLog:
     """Return a log whose recorder stamps what it gets when it gets it [s], never backwards."""
     for name, channel in log.channels.items():

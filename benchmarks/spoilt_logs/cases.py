@@ -256,6 +256,9 @@ CASES: Final[tuple[Spoilt, ...]] = (
           partial(common.jittered, std=1e-3)),
     _case("rows lost", "LOG00267", "a fifth of the rows lost", LOST,
           partial(common.thinned, share=0.2)),
+    *(_case("rows twice", log, "a tenth of the rows written twice, rows counted as time",
+            r"wrote them twice", partial(common.written_twice, share=0.1))
+      for log in ("LOG00267", "log15")),
     _case("clock 10 % slow", "LOG00267", "a clock that counts 10 % too much time", CLOCK,
           partial(common.stretched, factor=1.1), hangs_on="clock"),
     _case("attitude jumps", "nanobench", "single frames off by 0.07 rad, one a second",

@@ -63,6 +63,7 @@ from rotorfit.flight.on_board import applied_filters, passed_through, with_filte
 from rotorfit.flight.other_hovers import OtherHover, other_hovers
 from rotorfit.flight.signals import central_difference, hampel, true_runs
 from rotorfit.flight.used_rows import Window, drop_unsettled, inner_segments, phases_of, window_runs
+from rotorfit.flight.written_twice import written_twice
 from rotorfit.logs.motor_law import law_doubts
 
 if TYPE_CHECKING:
@@ -274,6 +275,7 @@ def prepared_from(
             *frozen,
             *hung,
             *interpolated_imu(uniform),
+            *written_twice(uniform, flights),
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
         other_hovers=hovers,

@@ -37,6 +37,12 @@ BY_ROTORS: Final = tuple(name for name in PARAMETERS if name not in (*NUISANCE, 
 """Numbers that rest on what the rotors do: all but the declared mass and the sensors' biases."""
 BY_TURNS: Final = ("kd", "Jr", *INERTIA, *INERTIA_COM, *COM, "motor_lag", "motor_delay")
 """Numbers that rest on quick turns."""
+BY_CLOCK: Final = (
+    *BY_TURNS,
+    *("kd_over_kt", "kd_over_Izz", "Jr_over_Izz"),
+    *("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt"),
+)
+"""Numbers that rest on the seconds of the log."""
 BY_THRUST: Final = ("kt", "hover_speed", "max_thrust", "thrust_to_weight")
 """Numbers that rest on the size of the thrust."""
 BY_COMMANDS: Final = (
@@ -91,6 +97,10 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     "interpolated-imu": RestsOn(
         numbers=BY_ROTORS,
         doubtful_because="the IMU was recorded more slowly than it is written",
+    ),
+    "rows-written-twice": RestsOn(
+        numbers=BY_CLOCK,
+        doubtful_because="repeated rows stretch the clock of the log",
     ),
     "gyro-bias": RestsOn(numbers=BY_TURNS),
     "slow-motor-data": RestsOn(numbers=BY_TURNS),
