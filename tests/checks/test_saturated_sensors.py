@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import made_fit
 from rotorfit.checks.sensors.sensor_faults import saturated_sensors
+from rotorfit.flight.signals import saturation
 
 
 def warned(*, rate_end=np.inf, force_end=np.inf):
@@ -23,3 +25,22 @@ def warned(*, rate_end=np.inf, force_end=np.inf):
 
 def test_an_end_below_any_sensors_is_none():
     assert warned(rate_end=3.0) is None
+
+
+def spikes(*, held, end=np.inf):
+    """Return hard turns of a sensor that a log writes several times each."""
+    values = 20.0 * np.random.default_rng(1).standard_normal((3000, 3))
+    return np.repeat(np.clip(values, -end, end), held, axis=0)
+
+
+@pytest.mark.parametrize("held", [1, 3, 5])
+def test_a_slow_sensor_in_a_fast_log_is_at_no_end(held):
+    assert saturation(spikes(held=held), "gyro").share == 0.0
+
+
+@pytest.mark.parametrize("held", [1, 3])
+def test_the_end_of_a_slow_sensor_is_found(held):
+    clipped = np.cumsum(np.ones((40, 3)), axis=0)
+    clipped[10:30] = 20.0 + 0.1 * np.random.default_rng(2).standard_normal((20, 3))
+    clipped[12:24, 0] = 50.0
+    assert saturation(np.repeat(clipped, held, axis=0), "gyro").share == 12 / 40
