@@ -80,6 +80,15 @@ def test_rows_in_place_of_lost_ones_keep_the_clock(log, share):
     assert said(with_rows(log, lambda count: in_place(count, share))) == []
 
 
+def held(count, times):
+    return np.arange(count) // times * times
+
+
+@pytest.mark.parametrize("times", [2, 3, 5])
+def test_a_slower_imu_keeps_the_clock(log, times):
+    assert said(with_rows(log, lambda count: held(count, times))) == []
+
+
 @pytest.mark.parametrize("every", [2, 3, 10])
 def test_samples_held_in_a_rhythm_keep_the_clock(log, every):
     assert said(with_rows(log, lambda count: in_place(count, 0.0, every))) == []

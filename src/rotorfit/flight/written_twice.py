@@ -38,9 +38,10 @@ LEAST_UNCLEAR: Final = 0.03
 """The same where the flight does not show whether time passed: rounding made .01 at most."""
 FEWEST_RUNS: Final = 20
 """Repeats below which no rhythm and no mean change is known."""
-LEAST_IRREGULAR: Final = 0.5
-"""Deviation of the distances between repeats over their mean. By chance it is .7 to 1; a slower
-source that is written at the recorder's rate repeats in a rhythm (0 to .1), and its time passes."""
+LEAST_IRREGULAR: Final = 0.3
+"""Share of the distances between repeats that are further than a row from the median. By chance it
+is .5 to .9 (repeats of 5 to 33 %); a slower source that is written at the recorder's rate repeats
+in a rhythm (0 to .3), and its time passes."""
 SPANS: Final = (2, 4, 8, 16)
 """Rows over which the slope on either side is taken: the longer, the less noise is in it, and the
 slower the motion must be."""
@@ -74,7 +75,7 @@ class Repeats:
     """Rows of an IMU that repeat the row before.
 
     - `share`: of all rows in flight, above what rounding makes.
-    - `irregular`: deviation of the distances between them, over their mean.
+    - `irregular`: share of the distances between them that are off the median by over a row.
     - `passed`: how much of their time passed; None where noise hides it.
     """
 
@@ -88,10 +89,12 @@ def written_twice(
 ) -> Iterator[Finding]:
     """Find repeated rows that make the clock of a log run long, or may do so."""
     found = find_repeats(uniform, flights)
-    if found is None or (found.passed is not None and found.passed.all):
+    if found is None or found.irregular < LEAST_IRREGULAR:
+        return
+    if found.passed is not None and found.passed.all:
         return
     certain = found.passed is not None and found.passed.none
-    if not certain and (found.share < LEAST_UNCLEAR or found.irregular < LEAST_IRREGULAR):
+    if not certain and found.share < LEAST_UNCLEAR:
         return
     percent = 100.0 * found.share
     effect = f"inertia comes out up to {100.0 * ((1.0 - found.share) ** -2 - 1.0):.0f} % too large"
@@ -127,10 +130,11 @@ def find_repeats(uniform: UniformChannels, flights: Sequence[tuple[int, int]]) -
     runs = np.array([run for run in true_runs(same) if run[1] - run[0] < longest], dtype=int)
     if share < LEAST_SHARE or len(runs) < FEWEST_RUNS:
         return None
-    spacing = np.diff(runs[:, 0])
+    spacing: Int[np.ndarray, " s"] = np.diff(runs[:, 0])
+    off_median: Float[np.ndarray, " s"] = np.abs(spacing - float(np.median(spacing)))
     return Repeats(
         share=share,
-        irregular=float(spacing.std() / spacing.mean()),
+        irregular=int(np.count_nonzero(off_median > 1.0)) / len(spacing),
         passed=passed_time(gyro, same, runs, flights, block=block),
     )
 
@@ -143,7 +147,8 @@ def _mean_chance(
     for start, stop in flights:
         still = np.diff(imu[start:stop], axis=0) == 0.0
         for a, b in pairwise([*range(0, len(still), block), len(still)]):
-            total += (b - a) * float(np.prod(still[a:b].mean(axis=0)))
+            shares: Float[np.ndarray, " k"] = np.mean(still[a:b], axis=0, dtype=float)
+            total += (b - a) * float(shares.prod())
             rows += b - a
     return total / max(rows, 1)
 
