@@ -28,9 +28,9 @@ from rotorfit.simulation import (
     sampled_flight_data,
     simulate_flight,
 )
-from rotorfit.simulation.body import allocation
 from rotorfit.simulation.controller import Gains, Memory, autopilot_of, control
 from rotorfit.simulation.pilot import Reference
+from rotorfit.simulation.rotors import allocation
 
 
 def rms(values):

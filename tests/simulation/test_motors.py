@@ -5,7 +5,8 @@ import pytest
 
 from rotorfit.errors import ExperimentError
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.simulation.body import (
+from rotorfit.simulation.experiments import layout_vehicle, paper_vehicle
+from rotorfit.simulation.rotors import (
     allocation,
     decay_over,
     lagged,
@@ -13,7 +14,6 @@ from rotorfit.simulation.body import (
     speed_slopes,
     wrenches,
 )
-from rotorfit.simulation.experiments import layout_vehicle, paper_vehicle
 
 
 def test_lag_in_many_steps_is_the_analytic_step_response():

@@ -33,9 +33,9 @@ from rotorfit.export.vehicle import ExportedRotor, VehicleModel, inertia_at_orig
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.results.validation.fly_outcome import BEFORE, STEP, Manoeuvre, ModelFlight
-from rotorfit.simulation.body import allocation
 from rotorfit.simulation.controller import Autopilot, Gains, Memory, autopilot_of, control
 from rotorfit.simulation.pilot import Reference
+from rotorfit.simulation.rotors import allocation
 from rotorfit.simulation.truth import Truth, tensor_elements
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.errors import ExperimentError
-from rotorfit.simulation.body import Rotors, rotors_of
 from rotorfit.simulation.controller import Autopilot, autopilot_of, mix, trimmed
 from rotorfit.simulation.flight import Recording, Scenario, assemble_flight
 from rotorfit.simulation.pilot import Sticks, plan_rows
+from rotorfit.simulation.rotors import Rotors, rotors_of
 from rotorfit.simulation.truth import GRAVITY, Truth
 
 if TYPE_CHECKING:

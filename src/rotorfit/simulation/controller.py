@@ -16,7 +16,6 @@ from rotorfit.simulation.body import (
     Matrix,
     State,
     Vector,
-    allocation,
     clip,
     no_type_check,
     quaternion_from_euler,
@@ -25,6 +24,7 @@ from rotorfit.simulation.body import (
     times,
     yaw_of,
 )
+from rotorfit.simulation.rotors import allocation
 from rotorfit.simulation.truth import GRAVITY, Truth
 
 if TYPE_CHECKING:

@@ -11,23 +11,17 @@ import numpy as np
 from rotorfit.errors import ExperimentError
 from rotorfit.simulation.body import (
     RigidBody,
-    Rotors,
     State,
     Vector,
     accelerations,
-    decay_over,
-    lagged,
     no_type_check,
     rigid_body,
     rotation,
-    rotors_of,
-    speed_slopes,
     step,
     through_air,
     times,
     with_drag,
     with_rotor_air,
-    wrenches,
 )
 from rotorfit.simulation.controller import (
     Autopilot,
@@ -39,6 +33,7 @@ from rotorfit.simulation.controller import (
     trimmed,
 )
 from rotorfit.simulation.pilot import Course, Reference, Sticks, plan_flight
+from rotorfit.simulation.rotors import Rotors, decay_over, lagged, rotors_of, speed_slopes, wrenches
 from rotorfit.simulation.sensors import (
     PERFECT,
     Sensors,
@@ -55,7 +50,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
     from rotorfit.model.vehicle import Vehicle
-    from rotorfit.simulation.body import Decay
+    from rotorfit.simulation.rotors import Decay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

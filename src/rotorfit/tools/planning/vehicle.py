@@ -30,7 +30,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.payload import PointMass
 from rotorfit.model.parameters import inertia_about
 from rotorfit.simulation import GRAVITY, Truth, with_payload
-from rotorfit.simulation.body import allocation
+from rotorfit.simulation.rotors import allocation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
