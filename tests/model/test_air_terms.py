@@ -9,11 +9,18 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 import newton_euler as ne
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.logs.flight_log import AIRLESS_ROTORS, SIH
 from rotorfit.model.air_force import air_force
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
-from rotorfit.model.terms.air import hover_inflow, induced_velocity
+from rotorfit.model.terms.air import (
+    LEAST_LOAD,
+    hover_inflow,
+    induced_velocity,
+    thrust_over_weight,
+    wake_columns,
+)
 from rotorfit.model.terms.registry import added_signals
 from rotorfit.model.vehicle import Vehicle
 
@@ -49,14 +56,21 @@ def wrench_of(flight, vehicle, values):
     return -A.residual(Z, values)
 
 
+def still_air(flight):
+    """Return the induced velocity of each sample's thrust in still air: by the root of thrust."""
+    squares = (flight.rotor_speed**2).sum(axis=1)
+    load = squares / squares.mean() * flight.specific_force[:, 2].mean() / GRAVITY
+    return flight.hover_inflow * np.sqrt(load)
+
+
 def rotor_by_rotor(flight, vehicle, force_on):
-    """Sum `force_on(speed, velocity of the rotor, axis)` and its torque, sample by sample."""
+    """Sum `force_on(speed, velocity of the rotor, axis, k)` and its torque, of each sample k."""
     total = np.zeros((SAMPLES, 6))
     for k in range(SAMPLES):
         v, w, O = flight.velocity[k], flight.angular_velocity[k], flight.rotor_speed[k]
         for rotor, speed in zip(vehicle.rotors, O, strict=True):
             r, n = np.array(rotor.position), np.array(rotor.axis)
-            force = force_on(speed, v + np.cross(w, r), n, v)
+            force = force_on(speed, v + np.cross(w, r), n, k)
             total[k] += np.concatenate([force, np.cross(r, force)])
     return total
 
@@ -88,18 +102,19 @@ def test_drag_is_a_force_on_each_rotor_against_its_velocity(seed, rotors, kind):
 
 @settings(max_examples=60, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, kind=TILTED_OR_LEVEL, hover=st.floats(2.0, 12.0))
-def test_inflow_takes_thrust_by_the_air_beyond_that_of_hover(seed, rotors, kind, hover):
+def test_inflow_takes_thrust_by_the_air_beyond_that_in_still_air(seed, rotors, kind, hover):
     rng = np.random.default_rng(seed)
-    vehicle, k = drawn_vehicle(rng, rotors, kind), rng.uniform(1e-5, 1e-3)
+    vehicle, c = drawn_vehicle(rng, rotors, kind), rng.uniform(1e-5, 1e-3)
     flight = drawn_flight(rng, rotors, hover)
+    still = still_air(flight)
 
-    def lost_thrust(O, moving, n, _):
+    def lost_thrust(O, moving, n, k):
         u = moving @ n
         across = np.linalg.norm(moving - u * n)
-        return -k * O * (u + glauert(across, u, hover) - hover) * n
+        return -c * O * (u + glauert(across, u, still[k]) - still[k]) * n
 
     expected = rotor_by_rotor(flight, vehicle, lost_thrust)
-    actual = wrench_of(flight, vehicle, {"inflow": k})
+    actual = wrench_of(flight, vehicle, {"inflow": c})
     np.testing.assert_allclose(actual, expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
 
 
@@ -109,14 +124,14 @@ def test_wakes_lift_the_side_towards_which_the_vehicle_moves(seed, rotors, kind,
     rng = np.random.default_rng(seed)
     vehicle, (a, b) = drawn_vehicle(rng, rotors, kind), rng.uniform(1e-4, 1e-2, 2)
     flight = drawn_flight(rng, rotors, hover)
-    expected = np.zeros((SAMPLES, 6))
+    expected, still = np.zeros((SAMPLES, 6)), still_air(flight)
     for k, v in enumerate(flight.velocity):
         found = []
         for rotor in vehicle.rotors:
             n = np.array(rotor.axis)
             moving = v + np.cross(flight.angular_velocity[k], rotor.position)
             across = np.linalg.norm(moving - (moving @ n) * n)
-            found.append(glauert(across, moving @ n, hover))
+            found.append(glauert(across, moving @ n, still[k]))
         induced = np.mean(found)
         # About x, the left side rises for v_y > 0; about y, the nose for v_x > 0.
         expected[k, 3:5] = a * induced * v[1], -b * induced * v[0]
@@ -145,6 +160,26 @@ def test_a_fast_descent_counts_as_half_the_velocity_of_hover():
     """Momentum theory has no sense in the vortex ring: thrust there is not made up."""
     down = np.array([-0.5, -1.0, -3.0]) * 6.0
     np.testing.assert_array_equal(np.diff(induced_velocity(np.zeros(3), down, 6.0)), 0.0)
+
+
+def test_a_pull_up_at_two_g_induces_the_root_of_two():
+    """Momentum theory: T = 2 rho A v_h^2, whatever the rotors weigh."""
+    speeds = np.repeat([[800.0], [800.0 * 2.0**0.5]], 4, axis=1)
+    still, force = np.zeros((2, 3)), np.array([[0.0, 0.0, 9.80665], [0.0, 0.0, 19.6133]])
+    flight = ne.flight_of(force, still, still, speeds, 0.0 * speeds, velocity=still)
+    flight = replace(flight, hover_inflow=6.0)
+    np.testing.assert_allclose(thrust_over_weight(flight, slice(0, 2)), [1.0, 2.0], rtol=1e-12)
+    v = np.array([[1e-3, 0.0, 0.0]] * 2)
+    wake = wake_columns(replace(flight, velocity=v), slice(0, 2), ne.paper_vehicle())
+    np.testing.assert_allclose(wake[:, 0] / v[:, 0], [6.0, 6.0 * 2.0**0.5], rtol=1e-6)
+
+
+def test_rotors_without_thrust_have_an_induced_velocity():
+    still, speeds = np.zeros((2, 3)), np.array([[0.0] * 4, [800.0] * 4])
+    force = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.8]])
+    flight = ne.flight_of(force, still, still, speeds, 0.0 * speeds, velocity=still)
+    load = thrust_over_weight(replace(flight, hover_inflow=6.0), slice(0, 2))
+    assert load[0] == LEAST_LOAD
 
 
 def test_the_velocity_of_hover_is_that_of_momentum_theory():

@@ -10,7 +10,7 @@ from scipy.linalg import lstsq
 from rotorfit.errors import ExperimentError
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
-from rotorfit.model.terms.air import hover_inflow
+from rotorfit.model.terms.air import hover_inflow, thrust_over_weight
 from rotorfit.model.terms.registry import added_signals
 from rotorfit.simulation import (
     GRAVITY,
@@ -70,7 +70,12 @@ def explained(flight: SimulatedFlight, names=(), *, velocity=True) -> np.ndarray
     truth, vehicle = flight.truth, flight.vehicle
     added = added_signals([*names, "drag"] * velocity)
     data = exact_flight_data(flight, vehicle, specific_force_at="imu")
-    data = replace(data, hover_inflow=hover_inflow(truth.mass, vehicle))
+    # The model has thrust over weight by the mean specific force, which inflow and drag are in.
+    load = truth.kt * (data.rotor_speed**2).sum(axis=1) / (truth.mass * GRAVITY)
+    known = float(np.mean(load / thrust_over_weight(data, slice(0, len(load)))))
+    assert known == pytest.approx(1.0, abs=0.1)
+    hover = hover_inflow(truth.mass, vehicle) * known**0.5
+    data = replace(data, hover_inflow=hover)
     model = regressor(vehicle, added=added)
     theta = {name: value for name, value in truth.parameters().items() if name in model.names}
     Z = signal_matrix(data, vehicle, 0, len(data.time), added=added)

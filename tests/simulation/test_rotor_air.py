@@ -93,18 +93,31 @@ def test_a_fast_descent_counts_as_half_of_the_hover_velocity():
     assert solve_inflow(0.0, -2.4, HOVER) < solve_inflow(0.0, -2.5, HOVER)
 
 
+def test_twice_the_thrust_induces_the_root_of_two():
+    truth, vehicle = layout_vehicle("quad-x")
+    air = rotor_air(replace(truth, wake_moment=(2e-3, 3e-3), propeller=0.25), vehicle)
+    hover = air.hover_square**0.5
+    one, two = (acting(air, (hover * k,) * 4, v=(1e-3, 0.0, 0.0))[4] for k in (1.0, 2.0**0.5))
+    assert one == pytest.approx(-3e-3 * air.hover * 1e-3, rel=1e-6)
+    assert two == pytest.approx(2.0**0.5 * one, rel=1e-6)
+    assert 4.0 * truth.kt * air.hover_square == pytest.approx(truth.mass * 9.80665, rel=1e-12)
+    np.testing.assert_allclose(acting(air, (0.0,) * 4, v=(3.0, 0.0, 0.0))[:3], 0.0, atol=1e-12)
+
+
 def test_a_climb_costs_thrust_and_a_roll_that_of_one_side():
     truth, vehicle = layout_vehicle("quad-x")
     air = rotor_air(replace(truth, inflow=2e-4, propeller=0.25), vehicle)
-    speeds, h = (900.0,) * 4, air.hover
+    speeds, h = (air.hover_square**0.5,) * 4, air.hover
     climb = acting(air, speeds, v=(0.0, 0.0, 2.0))
     nu = -1.0 + np.sqrt(1.0 + h**2)
-    np.testing.assert_allclose(climb[:3], [0, 0, -4.0 * 2e-4 * 900.0 * (2.0 + nu - h)], rtol=1e-6)
+    np.testing.assert_allclose(
+        climb[:3], [0, 0, -4.0 * 2e-4 * speeds[0] * (2.0 + nu - h)], rtol=1e-6
+    )
     np.testing.assert_allclose(climb[3:], 0.0, atol=1e-12)
     rolled = acting(air, speeds, w=(1e-3, 0.0, 0.0))
     # In hover half of a small velocity is taken back by the induced one: d(u + nu)/du = 1/2.
     inertia = sum(y**2 for _, y, _ in air.places)
-    assert rolled[3] == pytest.approx(-2e-4 * 900.0 * 0.5 * 1e-3 * inertia, rel=1e-3)
+    assert rolled[3] == pytest.approx(-2e-4 * speeds[0] * 0.5 * 1e-3 * inertia, rel=1e-3)
     assert acting(air, speeds, v=(8.0, 0.0, 0.0))[2] > 0.5  # translational lift
 
 
@@ -112,9 +125,10 @@ def test_wakes_lift_the_side_towards_which_the_vehicle_moves():
     truth, vehicle = layout_vehicle("quad-x")
     air = rotor_air(replace(truth, wake_moment=(2e-3, 3e-3), propeller=0.25), vehicle)
     nu = solve_inflow(36.0, 0.0, air.hover)
-    ahead = acting(air, (900.0,) * 4, v=(6.0, 0.0, 0.0))
+    speeds = (air.hover_square**0.5,) * 4
+    ahead = acting(air, speeds, v=(6.0, 0.0, 0.0))
     np.testing.assert_allclose(ahead, [0, 0, 0, 0, -3e-3 * nu * 6.0, 0], atol=1e-12)  # nose up
-    left = acting(air, (900.0,) * 4, v=(0.0, 6.0, 0.0))
+    left = acting(air, speeds, v=(0.0, 6.0, 0.0))
     np.testing.assert_allclose(left, [0, 0, 0, 2e-3 * nu * 6.0, 0, 0], atol=1e-12)  # left side up
 
 

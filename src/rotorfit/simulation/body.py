@@ -124,6 +124,8 @@ NO_DRAG: Final = (0.0, 0.0, 0.0)
 NO_WIND: Final = (0.0, 0.0, 0.0)
 AIR_DENSITY: Final = 1.2
 """Density of the air [kg/m^3]."""
+LEAST_LOAD: Final = 0.01
+"""Thrust over weight below which the induced velocity falls no further."""
 INFLOW_STEPS: Final = 7
 """Newton steps for the induced velocity: to 1e-6 of that in hover, at any velocity."""
 
@@ -140,6 +142,7 @@ class RotorAir:
     - `places`, `axes`: of the rotors, from the origin [m].
     - `drag`, `inflow`, `wake`: see `Truth.rotor_drag`, `Truth.inflow` and `Truth.wake_moment`.
     - `hover`: velocity that the rotors induce in hover [m/s].
+    - `hover_square`: mean squared speed of the rotors in hover [rad^2/s^2].
     """
 
     places: tuple[Vector, ...]
@@ -148,6 +151,7 @@ class RotorAir:
     inflow: float
     wake: tuple[float, float]
     hover: float
+    hover_square: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,6 +207,7 @@ def rotor_air(truth: Truth, vehicle: Vehicle) -> RotorAir | None:
         inflow=truth.inflow,
         wake=truth.wake_moment,
         hover=hover,
+        hover_square=truth.mass * GRAVITY / (len(vehicle.rotors) * truth.kt),
     )
 
 
@@ -275,21 +280,23 @@ def with_rotor_air(
     """Add what the air does to rotors that move through it.
 
     Rotor i at r_i has the velocity v_i = v + w x r_i, of which u_i goes along its axis n_i. On it
-    acts -c O_i (v_i - u_i n_i) - k_u O_i (u_i + nu_i - v_h) n_i, nu_i being its induced velocity.
+    acts -c O_i (v_i - u_i n_i) - k_u O_i (u_i + nu_i - v_h) n_i, nu_i being its induced velocity,
+    v_h that in still air: the square of it is in proportion to the thrust of all rotors.
     The wakes turn the body with (k_x v_y, -k_y v_x) times the mean of nu_i.
     """
     fx, fy, fz, tx, ty, tz, hx, hy, hz, *speeds = wrench
     (vx, vy, vz), (x, y, z) = velocity, w
     induced = 0.0 * vx
+    still = still_inflow(air, speeds)
     for (px, py, pz), (nx, ny, nz), O in zip(air.places, air.axes, speeds, strict=True):
         ax, ay, az = vx + y * pz - z * py, vy + z * px - x * pz, vz + x * py - y * px
         u = ax * nx + ay * ny + az * nz
         ax, ay, az = ax - u * nx, ay - u * ny, az - u * nz
         lost = 0.0
         if air.hover > 0.0:
-            nu = solve_inflow(ax * ax + ay * ay + az * az, u, air.hover)
+            nu = solve_inflow(ax * ax + ay * ay + az * az, u, still)
             induced = induced + nu
-            lost = air.inflow * O * (u + nu - air.hover)
+            lost = air.inflow * O * (u + nu - still)
         held = air.drag * O
         dx, dy, dz = held * ax + lost * nx, held * ay + lost * ny, held * az + lost * nz
         fx, fy, fz = fx - dx, fy - dy, fz - dz
@@ -300,13 +307,26 @@ def with_rotor_air(
 
 
 @no_type_check
-def solve_inflow(squared_across: Number, along: Number, hover: float) -> Number:
+def still_inflow(air: RotorAir, speeds: Sequence[Number]) -> Number:
+    """Compute the velocity that rotors at these speeds induce in still air [m/s].
+
+    Momentum theory: T = 2 rho A v_h^2, with the thrust T of all rotors over that of hover.
+    """
+    load: Any = sum(O * O for O in speeds) / (len(air.places) * air.hover_square)
+    load = 0.5 * (load + LEAST_LOAD + abs(load - LEAST_LOAD))  # the larger of the two
+    still: Any = air.hover * load**0.5
+    return still
+
+
+@no_type_check
+def solve_inflow(squared_across: Number, along: Number, hover: Number) -> Number:
     """Solve Glauert's nu^2 (v_perp^2 + (u + nu)^2) = v_h^4 for a rotor's induced velocity [m/s].
 
     `squared_across`, `along`: v_perp^2 and u, of its velocity through the air across its axis and
-    along it. By Newton steps of the logarithms. There are three roots where it falls so fast and so
-    steeply that it meets its own wake (u^2 > 8 v_perp^2), and none of them is right: there, past
-    half of v_h, it counts as falling with the larger of v_h / 2 and 2 v_perp.
+    along it. `hover`: v_h, the induced velocity in still air. By Newton steps of the logarithms.
+    There are three roots where it falls so fast and so steeply that it meets its own wake
+    (u^2 > 8 v_perp^2), and none of them is right: there, past half of v_h, it counts as falling
+    with the larger of v_h / 2 and 2 v_perp.
     """
     across: Any = squared_across**0.5
     slow = 0.5 * hover

@@ -60,6 +60,8 @@ HALVINGS: Final = 8
 NEWTON_STEPS: Final = 4
 """For the induced velocity: halvings of its interval, then steps of Newton's within what is left,
 to rounding on 600 000 random velocities."""
+LEAST_LOAD: Final = 0.01
+"""Least thrust over weight for the induced velocity: momentum theory divides by its root."""
 LIFT_STD: Final = 0.05
 """Prior deviation of the thrust that sideways velocity brings: over mass and squared velocity
 [1/m], a tenth of the weight at 4 m/s."""
@@ -109,29 +111,54 @@ def inflow_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[n
 def _air_through_rotors(
     flight: FlightData, rows: slice, vehicle: Vehicle
 ) -> tuple[Float[np.ndarray, "n N"], Float[np.ndarray, " n"]]:
-    """Return the air through each rotor beyond that of hover, and the rotors' mean share of it."""
-    hover = flight.hover_inflow
+    """Return the air through each rotor beyond that in still air, and the mean induced velocity.
+
+    In still air the rotors induce more, the more thrust they give: v_h is that of hover times the
+    root of thrust over weight. In a pull-up at 2 g it is 1.4 times that of hover.
+    """
 
     def make() -> tuple[Float[np.ndarray, "n N"], Float[np.ndarray, " n"]]:
         moving, n = rotor_velocities(flight, flight.velocity, rows, vehicle), vehicle.axes
         along = (moving * n).sum(axis=2)
-        if hover is None:
+        if flight.hover_inflow is None:
             # Without the mass the velocity of hover is not known, and no share of it either.
             return along, np.zeros(len(along))
         across = np.sqrt(((moving - along[:, :, None] * n) ** 2).sum(axis=2))
-        gained = induced_velocity(across, along, hover) - hover
-        return along + gained, gained.mean(axis=1)
+        held = flight.hover_inflow * np.sqrt(thrust_over_weight(flight, rows))[:, None]
+        induced = induced_velocity(across, along, held)
+        return along + induced - held, induced.mean(axis=1)
 
-    made_of = (flight.velocity, flight.angular_velocity, hover, vehicle)
+    made_of = (
+        flight.velocity,
+        flight.angular_velocity,
+        flight.rotor_speed,
+        flight.hover_inflow,
+        vehicle,
+    )
     return flight.of_motion(f"air through rotors, {rows.start} to {rows.stop}", made_of, make)
 
 
+def thrust_over_weight(flight: FlightData, rows: slice) -> Float[np.ndarray, " n"]:
+    """Return the rotors' thrust over the weight, from their speeds alone.
+
+    Their squares are scaled to the mean specific force of the flight: that needs no thrust
+    coefficient, and the errors of single accelerations stay out of the signals.
+    """
+    used, squares = flight.used_rows, (flight.rotor_speed**2).mean(axis=1)
+    scale = flight.specific_force[used, 2].mean() / (GRAVITY * squares[used].mean())
+    load: Float[np.ndarray, " n"] = np.maximum(scale * squares[rows], LEAST_LOAD)
+    return load
+
+
 def induced_velocity(
-    across: Float[np.ndarray, "*n"], along: Float[np.ndarray, "*n"], hover: float
+    across: Float[np.ndarray, "*n"],
+    along: Float[np.ndarray, "*n"],
+    hover: float | Float[np.ndarray, "*#n"],
 ) -> Float[np.ndarray, "*n"]:
     """Solve Glauert's v_i = v_h^2 / sqrt(v_perp^2 + (u + v_i)^2) for the induced velocity [m/s].
 
-    `across`, `along`: velocity of a rotor across its axis and along it. `hover`: v_h. There is one
+    `across`, `along`: velocity of a rotor across its axis and along it. `hover`: v_h, the induced
+    velocity of the same thrust in still air. There is one
     root where u is above -sqrt(8) v_perp or -v_h / 2, and the air may go through the disk from
     below (braking at speed). Momentum theory has no sense in a steeper descent (vortex ring): there
     u counts as -v_h / 2, to which flights agree with it (Leishman, Principles of Helicopter
@@ -169,11 +196,8 @@ def wake_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 def wake_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n 2"]:
     """Return the velocity of the body, x and y, times the rotors' mean induced one [m^2/s^2]."""
-    v, hover = _known_velocity(flight, rows), flight.hover_inflow
-    if hover is None:
-        return np.zeros((len(v), 2))
-    _, gained = _air_through_rotors(flight, rows, vehicle)
-    return v[:, :2] * (hover + gained)[:, None]
+    _, induced = _air_through_rotors(flight, rows, vehicle)
+    return _known_velocity(flight, rows)[:, :2] * induced[:, None]
 
 
 def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]:
@@ -235,9 +259,9 @@ def turn_damping(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 def inflow(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Thrust -k_u O_i (u_i + v_i - v_h) n_i at r_i, u_i being a rotor's velocity along its axis.
 
-    v_i is its induced velocity, v_h that in hover: what flows through the disk more than there
-    takes thrust from it. In a climb all rotors lose, in a roll those that rise: it damps both; in
-    forward flight v_i falls, and they gain (translational lift).
+    v_i is its induced velocity, v_h that of the same thrust in still air: what flows through the
+    disk more than there takes thrust from it. In a climb all rotors lose, in a roll those that
+    rise: it damps both; in forward flight v_i falls, and they gain (translational lift).
     """
     del vehicle
     rows = {"Fx": FX, "Fy": FY, "Fz": FZ, "Mx": MX, "My": MY, "Mz": MZ}
