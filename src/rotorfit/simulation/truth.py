@@ -35,7 +35,7 @@ class Truth:
     - `rotor_drag`: force against the velocity of a rotor across its axis through the air, per speed
       and per velocity [N s^2/(m rad)].
     - `inflow`: thrust that a rotor loses per speed and per velocity of the air through its disk
-      above that in hover [N s^2/(m rad)].
+      above that in still air [N s^2/(m rad)].
     - `wake_moment`: torque about x and y per velocity along the other axis and per induced velocity
       of the rotors [N s^2/m]; it lifts the side towards which the vehicle moves.
     - `propeller`: diameter, by which thrust induces a velocity of the air [m]; 0: not needed.
