@@ -107,16 +107,19 @@ def rotor_places() -> Float[np.ndarray, "4 2"]:
 
 
 def solve_induced_velocity(
-    across: Float[np.ndarray, "..."], along: Float[np.ndarray, "..."], hover: float
-) -> Float[np.ndarray, "..."]:
+    across: Float[np.ndarray, "n k"],
+    along: Float[np.ndarray, "n k"],
+    still: Float[np.ndarray, "n 1"],
+) -> Float[np.ndarray, "n k"]:
     """Solve Glauert's v_i = v_h^2 / sqrt(v_perp^2 + (u + v_i)^2) by halving, from 0 to 3 v_h.
 
+    `still`: v_h, the induced velocity in still air.
     One root in a climb and in descents slower than v_h, as in all flights here.
     """
-    low, high = np.zeros_like(across), np.full_like(across, 3.0 * hover)
+    low, high = np.zeros_like(across), 3.0 * still + np.zeros_like(across)
     for _ in range(40):
         middle = 0.5 * (low + high)
-        above = middle * np.hypot(across, along + middle) > hover**2
+        above = middle * np.hypot(across, along + middle) > still**2
         high, low = np.where(above, middle, high), np.where(above, low, middle)
     return 0.5 * (low + high)
 
@@ -141,10 +144,12 @@ def make_columns(flight: Flight, model: str) -> list[Float[np.ndarray, "n k"]]:
         more = [[v[:, 0]], [v[:, 1]], [(O * u).sum(axis=1), lift]]
         more += [[(O * u) @ r[:, 1], v[:, 1]], [-(O * u) @ r[:, 0], v[:, 0]], [w[:, 2]]]
     elif model == MODELS[2]:
-        hover = np.sqrt(MASS * GRAVITY / (2.0 * AIR_DENSITY * 4.0 * np.pi * PROPELLER**2 / 4.0))
+        # Momentum theory: in still air the thrust T of all rotors induces sqrt(T / (2 rho A)).
+        thrust = total * flight.force[:, 2].mean() / total.mean()
+        still = np.sqrt(thrust / (2.0 * AIR_DENSITY * np.pi * PROPELLER**2))[:, None]
         vx, vy = v[:, :1] - w[:, 2:] * r[:, 1], v[:, 1:2] + w[:, 2:] * r[:, 0]
-        induced = solve_induced_velocity(np.hypot(vx, vy), u, hover)
-        lost = O * (u - (hover - induced))
+        induced = solve_induced_velocity(np.hypot(vx, vy), u, still)
+        lost = O * (u - (still - induced))
         mean = induced.mean(axis=1)
         more = [
             [(O * vx).sum(axis=1)],
