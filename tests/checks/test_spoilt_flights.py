@@ -260,4 +260,6 @@ def test_a_pattern_over_all_rotors_is_no_single_rotor(pattern, kind, said):
     )
     (found,) = unlike_rotors(fit)
     assert (found.kind, found.severity) == (kind, "doubt")
+    # A wrong scale of one speed bends the mean of all, a push does not.
+    assert ("kd" in found.numbers) == (kind == "rotor-unlike")
     assert re.search(said.replace("+-", r"\+-"), found.sentence)

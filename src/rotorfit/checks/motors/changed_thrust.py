@@ -34,6 +34,8 @@ second, with the whole interval; the first is what is worth a word."""
 ALONE: Final = 0.5
 """Share of a rotor's difference, up to which the others may differ from one another: more is a
 pattern over all rotors, which no single propeller makes."""
+OF_ONE_ROTOR: Final = ("kd", "Jr", "twist")
+"""Numbers beside thrust and balance of which a speed on another scale bends the mean over rotors."""
 SHORTEST: Final = 5.0
 """Flight [s] of which halves are compared."""
 
@@ -81,13 +83,14 @@ def unlike_rotors(fit: Fit) -> Iterator[Finding]:
     rotor, evidence = excess
     alone = others_differ(fit.numbers, rotor) < ALONE * abs(evidence.value)
     sentence = unlike_sentence(rotor, evidence, alone=alone)
+    is_pattern = bool(sentence) and not alone
     because = "one rotor's speed has another scale, or its propeller is another"
-    if sentence and not alone:
+    if is_pattern:
         because = "something pushes the vehicle off its centre of mass"
     found = Finding(
-        kind="rotor-unlike" if alone or not sentence else "rotor-pattern",
+        kind="rotor-pattern" if is_pattern else "rotor-unlike",
         severity="passed",
-        numbers=("kt", "msx", "msy"),
+        numbers=("kt", "msx", "msy", *(() if is_pattern else OF_ONE_ROTOR)),
         evidence=(evidence,),
     )
     yield (
