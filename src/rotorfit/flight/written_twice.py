@@ -185,7 +185,7 @@ def passed_time(
     return min(found, key=lambda one: one.std, default=None)
 
 
-def _inside(runs: Runs, flights: Sequence[tuple[int, int]], span: int) -> Runs:
+def _inside(runs: Runs, flights: Sequence[tuple[int, int]], span: int) -> Int[np.ndarray, "k 2"]:
     """Select the runs whose slopes on both sides lie within one flight."""
     first, last = runs[:, 0] - 1 - span, runs[:, 1] + 2 + span
     kept = np.zeros(len(runs), dtype=bool)

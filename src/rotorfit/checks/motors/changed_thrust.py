@@ -35,7 +35,7 @@ ALONE: Final = 0.5
 """Share of a rotor's difference, up to which the others may differ from one another: more is a
 pattern over all rotors, which no single propeller makes."""
 OF_ONE_ROTOR: Final = ("kd", "Jr", "twist")
-"""Numbers beside thrust and balance of which a speed on another scale bends the mean over rotors."""
+"""Means over all rotors that one speed on another scale bends, beside thrust and balance."""
 SHORTEST: Final = 5.0
 """Flight [s] of which halves are compared."""
 
