@@ -47,19 +47,25 @@ def flown(log) -> tuple[tuple[float, float], ...]:
     return ((float(time[0]), float(time[-1])),)
 
 
-def with_frozen_command(log: FlightLog, rotor: int, *, begin: float, end: float) -> FlightLog:
-    """Return the log with a command that stays as it is between two times [s]."""
+def with_frozen_command(
+    log: FlightLog, rotor: int, *, begin: float, end: float, rise: float = 0.0
+) -> FlightLog:
+    """Return the log with a command that stays as it is, or above, between two times [s]."""
     channel = log.channels["command"]
     rows = np.flatnonzero((channel.time >= begin) & (channel.time <= end))
     values = channel.values.copy()
-    values[rows, rotor - 1] = values[rows[0], rotor - 1]
+    values[rows, rotor - 1] = values[rows[0], rotor - 1] + rise
     return replace(log, channels={**log.channels, "command": replace(channel, values=values)})
 
 
-@pytest.mark.parametrize(("begin", "end"), [(0.0, 99.0), (6.0, 12.0)], ids=["always", "late"])
-def test_a_frozen_command_names_what_rests_on_it(log, flown, begin, end):
+@pytest.mark.parametrize(
+    ("begin", "end", "rise"),
+    [(0.0, 99.0, 0.0), (6.0, 12.0, 0.0), (6.0, 12.0, 0.4)],
+    ids=["always", "late", "above all others"],
+)
+def test_a_frozen_command_names_what_rests_on_it(log, flown, begin, end, rise):
     """Speeds are measured: thrust and inertia do not rest on the commands."""
-    frozen = with_frozen_command(log, 2, begin=begin, end=end)
+    frozen = with_frozen_command(log, 2, begin=begin, end=end, rise=rise)
     [found] = name_resting_numbers(find_motor_faults(frozen, flown, ()))
     assert found.kind == FROZEN_COMMAND
     assert "rotor 2 stays at" in found.sentence
