@@ -17,11 +17,11 @@ TABLE = b"time,gyro_x,gyro_y,gyro_z\n0,1,2,3\n0.01,4,5,6\n"
 ULOG = b"ULog\x01\x12\x35\x01" + bytes(64)
 
 
-def zipped(path, **files: bytes):
-    """Write a zip archive; names with two underscores for a dot and a bar for a slash."""
+def zipped(path, files: dict[str, bytes]):
+    """Write a zip archive."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
-            archive.writestr(name.replace("__dot__", ".").replace("__in__", "/"), content)
+            archive.writestr(name, content)
     return path
 
 
@@ -38,16 +38,16 @@ def test_the_log_in_an_archive_is_the_log(tmp_path, plain, kind):
     if kind == "gz":
         packed.write_bytes(gzip.compress(TABLE))
     elif kind == "zip":
-        zipped(packed, flight__dot__csv=TABLE)
+        zipped(packed, {"flight.csv": TABLE})
     else:
-        zipped(packed, a__in__flight__dot__csv=TABLE, __MACOSX__in__a=b"x", a__in____dot__D=b"y")
+        zipped(packed, {"a/flight.csv": TABLE, "__MACOSX/a": b"x", "a/.D": b"y"})
     log, expected = read_log(packed), read_log(plain)
     np.testing.assert_array_equal(log.channels["gyro"].values, expected.channels["gyro"].values)
     assert (log.sha256, sha256_of(packed)) == (sha256_of(plain),) * 2
 
 
 def test_a_log_among_other_files_is_found(tmp_path):
-    packed = zipped(tmp_path / "post.zip", dump__dot__txt=b"# dump\nset a = 1\n", a__dot__ulg=ULOG)
+    packed = zipped(tmp_path / "post.zip", {"dump.txt": b"# dump\nset a = 1\n", "a.ulg": ULOG})
     form = format_of(packed)
     assert form is not None
     assert form.name == "ulog"
@@ -70,7 +70,7 @@ def tarred() -> bytes:
 
 def zipped_bytes(**files: bytes) -> bytes:
     data = io.BytesIO()
-    zipped(data, **files)
+    zipped(data, files)
     return data.getvalue()
 
 

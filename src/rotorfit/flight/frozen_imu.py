@@ -81,13 +81,20 @@ def interpolated_imu(uniform: UniformChannels) -> Iterator[Finding]:
         )
 
 
+def imu_axes(uniform: UniformChannels) -> Float[np.ndarray, "n 6"]:
+    """Return all axes of gyro and accelerometer."""
+    return np.column_stack([uniform.values["gyro"], uniform.values["accel"]])
+
+
+def fewest_repetitions(sample_rate: float) -> int:
+    """Return from how many repetitions of one sample on a sensor hangs."""
+    return max(whole_samples(LONGEST * sample_rate), FEWEST)
+
+
 def frozen_runs(uniform: UniformChannels, flights: Sequence[tuple[int, int]]) -> Runs:
     """Find the rows (start, stop) in which the whole IMU repeats one sample in flight."""
-    imu: Float[np.ndarray, "n 6"] = np.column_stack(
-        [uniform.values["gyro"], uniform.values["accel"]]
-    )
-    least = max(whole_samples(LONGEST * uniform.sample_rate), FEWEST)
-    same = repeated_rows(imu, flights)
+    least = fewest_repetitions(uniform.sample_rate)
+    same = repeated_rows(imu_axes(uniform), flights)
     return [(a, b + 1) for a, b in true_runs(same) if b - a >= least]
 
 

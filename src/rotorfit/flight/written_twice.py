@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from rotorfit.findings import Evidence, Finding, doubt
-from rotorfit.flight.frozen_imu import FEWEST, LONGEST
+from rotorfit.flight.frozen_imu import fewest_repetitions, imu_axes
 from rotorfit.flight.signals import repeated_rows, running_mean, true_runs, whole_samples
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def written_twice(
 def find_repeats(uniform: UniformChannels, flights: Sequence[tuple[int, int]]) -> Repeats | None:
     """Find rows in flight whose whole IMU repeats the row before; None where they are too few."""
     gyro, rate = uniform.values["gyro"], uniform.sample_rate
-    imu = np.column_stack([gyro, uniform.values["accel"]])
+    imu = imu_axes(uniform)
     same = repeated_rows(imu, flights)
     count = sum(stop - start for start, stop in flights)
     if same.sum() < max(LEAST_SHARE * count, FEWEST_RUNS):
@@ -125,7 +125,7 @@ def find_repeats(uniform: UniformChannels, flights: Sequence[tuple[int, int]]) -
     block = whole_samples(BLOCK * rate)
     chance = _mean_chance(imu, flights, block)
     share = (float(same.sum()) / count - chance) / max(1.0 - chance, LEAST_SHARE)
-    longest = max(whole_samples(LONGEST * rate), FEWEST)
+    longest = fewest_repetitions(rate)
     # A hung sensor is another fault; its seconds are left out.
     runs = np.array([run for run in true_runs(same) if run[1] - run[0] < longest], dtype=int)
     if share < LEAST_SHARE or len(runs) < FEWEST_RUNS:

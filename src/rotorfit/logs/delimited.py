@@ -154,10 +154,8 @@ def _find_decimal_commas(table: DelimitedText) -> bool:
     """Return whether decimals have a comma: a number shows it, and no number has a point."""
     if table.delimiter == "," or table.text.find(b",", table.start) < 0:
         return False
-    return any(
-        _DECIMAL_COMMA.search(piece) and not _POINT.search(piece)
-        for piece, _ in islice(_whole_lines(table), 1)
-    )
+    piece, _ = next(_whole_lines(table), (b"", 0))
+    return _DECIMAL_COMMA.search(piece) is not None and not _POINT.search(piece)
 
 
 def with_line_feeds(data: bytes) -> bytes:
