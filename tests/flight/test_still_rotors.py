@@ -100,13 +100,13 @@ def test_a_calm_hover_in_coarse_steps_is_no_fault(resolution):
     rng = np.random.default_rng(2)
     values = 400.0 + resolution * np.round(0.4 * rng.normal(size=(4000, 4)))
     values[1000:1600, 0] = 400.0
-    found = frozen_channels(values, [(0, 4000)], 200.0, measured=True, step=resolution)
+    found = frozen_channels(values, [(0, 4000)], 200.0, may_rest=False, step=resolution)
     assert found == ()
-    (said,) = frozen_channels(values, [(0, 4000)], 200.0, measured=True)
+    (said,) = frozen_channels(values, [(0, 4000)], 200.0, may_rest=False)
     assert said.rotor == 1
     assert said.rows == pytest.approx((1000, 1600), abs=10)
 
 
 def test_rotors_that_all_stand_still_show_nothing():
     values = np.full((4000, 4), 400.0)
-    assert frozen_channels(values, [(0, 4000)], 200.0, measured=True) == ()
+    assert frozen_channels(values, [(0, 4000)], 200.0, may_rest=False) == ()

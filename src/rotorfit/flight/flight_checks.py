@@ -57,13 +57,13 @@ def frozen_channels(
     stretches: Sequence[tuple[int, int]],
     sample_rate: float,
     *,
-    measured: bool,
+    may_rest: bool,
     step: float = 0.0,
 ) -> tuple[FrozenChannel, ...]:
     """Find motor channels that stay constant while the others move, as with a dead wire.
 
-    `step`: smallest step of the channel, 0 if unknown. Commands (not `measured`) rest at their
-    ends for as long as the pilot wants, and count only between them.
+    `step`: smallest step of the channel, 0 if unknown. `may_rest`: as commands do at
+    their ends, for as long as the pilot wants; then they count only between them.
     """
     if values.shape[1] < 3 or not stretches:
         return ()
@@ -78,7 +78,7 @@ def frozen_channels(
             runs = list(stretches)
         else:
             runs = _constant_runs(values, stretches, i, longest=longest, least=least)
-        if not measured:
+        if may_rest:
             runs = _unsaturated_runs(runs, values, flown, i)
         if runs:
             a, b = max(runs, key=lambda run: run[1] - run[0])

@@ -244,7 +244,7 @@ def prepared_from(
     flights, hung = cut_frozen_imu(uniform, flights)
     motor, step = uniform.values["motor"], recorded.speed_step
     refuse_coarse_speeds(motor, flights, step)
-    found = frozen_channels(motor, flights, uniform.sample_rate, measured=measured, step=step)
+    found = frozen_channels(motor, flights, uniform.sample_rate, may_rest=not measured, step=step)
     frozen = frozen_channel_doubts(found, uniform.time, measured=measured)
     rest = rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
     bias = _gyro_bias(uniform, rest)

@@ -195,8 +195,8 @@ def frozen_command_sentences(log: FlightLog) -> list[str]:
     if pair is None or pair.command.shape != pair.speed.shape:
         return []
     steady = np.round(pair.command, 9)  # means of a constant differ by rounding
-    # As if measured: a command may rest at its end, but then the speed of its rotor does, too.
-    found = frozen_channels(steady, true_runs(pair.used), pair.rate, measured=True)
+    # Where a command rests at its end, the speed of its rotor does, too: no end is left out here.
+    found = frozen_channels(steady, true_runs(pair.used), pair.rate, may_rest=False)
     usual = pair.speed[pair.used].std(axis=0)
     return [
         frozen_command_sentence(one)

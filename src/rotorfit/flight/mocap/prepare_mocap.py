@@ -145,7 +145,7 @@ def prepare_mocap(
     flights, standing = _flown_window(motion, motors, window)
     data = dataclasses.replace(data, segments=flights)
     airborne = [(s.start, s.stop) for s in flights]
-    frozen = frozen_channels(frames.motors, airborne, frames.rate, measured=measured)
+    frozen = frozen_channels(frames.motors, airborne, frames.rate, may_rest=not measured)
     frozen_doubts = frozen_channel_doubts(frozen, data.time, measured=measured)
     return PreparedFlight(
         data=data,
