@@ -87,7 +87,7 @@ def imu_axes(uniform: UniformChannels) -> Float[np.ndarray, "n 6"]:
 
 
 def fewest_repetitions(sample_rate: float) -> int:
-    """Return from how many repetitions of one sample on a sensor hangs."""
+    """Return the number of repetitions from which a sensor counts as hung."""
     return max(whole_samples(LONGEST * sample_rate), FEWEST)
 
 
