@@ -546,8 +546,9 @@ def test_a_body_about_a_turned_imu_is_the_same_body():
         payload=payload,
         payload_of="A",
     )
-    moments = {n: v + added_moments(payload)[n] for n, v in added_moments(seen).items()}
-    assert turned_moments(moments, R, loaded) == pytest.approx(added_moments([*body, *payload]))
+    moments = {n: np.array([v + added_moments(payload)[n]]) for n, v in added_moments(seen).items()}
+    turned = {name: float(v[0]) for name, v in turned_moments(moments, R[None], loaded).items()}
+    assert turned == pytest.approx(added_moments([*body, *payload]))
 
 
 def test_a_shared_number_uses_the_configuration_that_yaws_most():

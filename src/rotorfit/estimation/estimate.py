@@ -159,9 +159,16 @@ def numerical_jacobian(
     A scale is a length over which the function changes little, such as a standard deviation; zeros
     are replaced by the size of the argument.
     """
+    return jacobian_of_rows(lambda rows: np.array([function(row) for row in rows]), at, scale)
+
+
+def jacobian_of_rows(
+    function: Callable[[Float[np.ndarray, "m f"]], Float[np.ndarray, "m g"]],
+    at: Float[np.ndarray, " f"],
+    scale: Float[np.ndarray, " f"],
+) -> Float[np.ndarray, "g f"]:
+    """Differentiate as `numerical_jacobian` a function that is called once, for many points."""
     step = 1e-3 * np.where(scale > 0, scale, np.maximum(np.abs(at), 1.0))
-    columns = [
-        (function(at + shift) - function(at - shift)) / (2.0 * shift[i])
-        for i, shift in enumerate(np.diag(step))
-    ]
-    return np.column_stack(columns)
+    shifts = np.diag(step)
+    above, below = np.split(function(np.concatenate([at + shifts, at - shifts])), 2)
+    return (above - below).T / (2.0 * step)

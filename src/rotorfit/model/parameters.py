@@ -225,21 +225,18 @@ def title_of(name: str) -> str:
     return TITLES.get(name, name)
 
 
-def inertia_matrix(elements: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "3 3"]:
+def inertia_matrix(elements: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 3 3"]:
     """Return the symmetric tensor of (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
-    matrix = np.empty((3, 3))
-    for value, (i, j) in zip(elements, INERTIA_PLACES, strict=True):
-        matrix[i, j] = matrix[j, i] = value
-    return matrix
+    return elements[..., [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
 
 
 def inertia_about(
-    elements_com: Float[np.ndarray, " 6"], mass: float, com: Float[np.ndarray, " 3"]
-) -> Float[np.ndarray, " 6"]:
+    elements_com: Float[np.ndarray, "*b 6"], mass: float, com: Float[np.ndarray, "*b 3"]
+) -> Float[np.ndarray, "*b 6"]:
     """Return the inertia at the origin from that about a CoM at `com` (parallel axes, Steiner)."""
-    x, y, z = (float(c) for c in com)
+    x, y, z = np.moveaxis(com, -1, 0)
     steiner = (y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)
-    return elements_com + mass * np.array(steiner)
+    return elements_com + mass * np.stack(steiner, axis=-1)
 
 
 def full_name(name: str, configuration: str) -> str:

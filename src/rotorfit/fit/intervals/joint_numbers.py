@@ -33,7 +33,7 @@ from rotorfit.estimation.dispersion import dispersions, pooled
 from rotorfit.estimation.distributions import student_quantile
 from rotorfit.estimation.effective_blocks import free_blocks, own_scatter
 from rotorfit.estimation.error_correlation import error_correlation_shifts
-from rotorfit.estimation.estimate import numerical_jacobian
+from rotorfit.estimation.estimate import jacobian_of_rows
 from rotorfit.fit.experiment.payload import MOMENTS, added_moments
 from rotorfit.fit.intervals.allowances import (
     air_uncertainty,
@@ -341,29 +341,42 @@ def physical(
     configurations: Sequence[JointConfiguration],
 ) -> dict[str, float]:
     """Compute every physical number at the free parameters `phi`."""
-    p = dict(zip(mapped.names, phi.tolist(), strict=True))
+    rows = physical_rows(phi[None], mapped, configurations)
+    return {name: float(values[0]) for name, values in rows.items()}
+
+
+def physical_rows(
+    phis: Float[np.ndarray, "b f"],
+    mapped: ParameterMap,
+    configurations: Sequence[JointConfiguration],
+) -> dict[str, Float[np.ndarray, " b"]]:
+    """Compute every physical number at each row of free parameters."""
+    p = dict(zip(mapped.names, phis.T, strict=True))
     out = {name: p[name] for name in SHARED_FREE if name in p}
     out["kd_over_kt"] = p["kd"] / p["kt"]
-    theta = theta_of(mapped, phi, configurations)
+    theta = np.array([theta_of(mapped, phi, configurations) for phi in phis])
     index = configurations[0].model.names.index
     spread = spread_names(configurations[0].vehicle)
     for i in range(len(spread) if set(spread) <= set(p) else 0):
-        out[f"kt_{i + 1}"] = p["kt"] + float(theta[0, index(f"kt_{i + 1}")])
+        out[f"kt_{i + 1}"] = p["kt"] + theta[:, 0, index(f"kt_{i + 1}")]
     is_turned = not set(IMU_MOUNTING.names).isdisjoint(p)
-    turn = rotation_by_vector(np.array([p.get(name, 0.0) for name in IMU_MOUNTING.names]))
+    unturned = np.zeros(len(phis))
+    turn = rotation_by_vector(
+        np.stack([p.get(name, unturned) for name in IMU_MOUNTING.names], axis=-1)
+    )
     for c, configuration in enumerate(configurations):
         own = {
-            name.removesuffix(f"@{configuration.name}"): value
-            for name, value in p.items()
+            name.removesuffix(f"@{configuration.name}"): values
+            for name, values in p.items()
             if name.endswith(f"@{configuration.name}")
         }
         # From theta, not phi: a body with a known payload has no free moments of its own.
         place = configuration.model.names.index
-        moments = {name: float(theta[c, place(name)]) for name in MOMENTS}
+        moments = {name: theta[:, c, place(name)] for name in MOMENTS}
         if is_turned:
             moments = turned_moments(moments, turn, configuration)
         numbers = _own_numbers({**own, **out, **moments}, configuration)
-        out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
+        out |= {f"{name}@{configuration.name}": values for name, values in numbers.items()}
     return out
 
 
@@ -377,18 +390,18 @@ def slopes_of_numbers(
     """Differentiate the physical numbers of those names by the free parameters, at `phi`.
 
     Most parameters are numbers themselves, and no part of others: only the rest are moved.
-    `scale`: as for `numerical_jacobian`, such as the parameters' deviations.
+    `scale`: as for `jacobian_of_rows`, such as the parameters' deviations.
     """
     jacobian = np.array([[float(name == free) for free in mapped.names] for name in names])
     bent = _bend_numbers(mapped, phi, configurations)
 
-    def numbers_at(moved: Float[np.ndarray, " b"]) -> Float[np.ndarray, " q"]:
-        every = phi.copy()
-        every[bent] = moved
-        found = physical(every, mapped, configurations)
-        return np.array([found[name] for name in names])
+    def numbers_at(moved: Float[np.ndarray, "m b"]) -> Float[np.ndarray, "m q"]:
+        every = np.tile(phi, (len(moved), 1))
+        every[:, bent] = moved
+        found = physical_rows(every, mapped, configurations)
+        return np.stack([found[name] for name in names], axis=-1)
 
-    jacobian[:, bent] = numerical_jacobian(numbers_at, phi[bent], scale[bent])
+    jacobian[:, bent] = jacobian_of_rows(numbers_at, phi[bent], scale[bent])
     return jacobian
 
 
@@ -405,49 +418,58 @@ def _bend_numbers(
     return np.isin(mapped.names, IN_OTHERS) | (slopes != 0.0).any(axis=(0, 1))
 
 
-def rotation_by_vector(vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+def rotation_by_vector(vector: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3 3"]:
     """Compute the matrix of a turn about a vector by its length [rad] (Rodrigues)."""
-    x, y, z = vector
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    angle = float(np.linalg.norm(vector))
+    K = np.zeros((*vector.shape, 3))
+    K[..., [2, 0, 1], [1, 2, 0]] = vector
+    K[..., [1, 2, 0], [2, 0, 1]] = -vector
+    angle = np.sqrt((vector * vector).sum(axis=-1))[..., None, None]
     # sin(a) / a and (1 - cos(a)) / a^2, which hold at zero as well.
     return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * K @ K
 
 
 def turned_moments(
-    moments: Mapping[str, float], R: Float[np.ndarray, "3 3"], configuration: JointConfiguration
-) -> dict[str, float]:
+    moments: Mapping[str, Float[np.ndarray, " b"]],
+    R: Float[np.ndarray, "b 3 3"],
+    configuration: JointConfiguration,
+) -> dict[str, Float[np.ndarray, " b"]]:
     """Turn a body's moments about the IMU from its axes into those of the rotors."""
     payload = configuration.payload if configuration.payload_of is not None else ()
     # A known payload stands in the axes of the rotors already.
     added = added_moments(payload)
-    body = {name: value - added.get(name, 0.0) for name, value in moments.items()}
+    body = {name: values - added.get(name, 0.0) for name, values in moments.items()}
     mass = configuration.mass - sum(item.mass for item in payload)
-    com = np.array([body[name] for name in FIRST_MOMENTS]) / mass
+    com = np.stack([body[name] for name in FIRST_MOMENTS], axis=-1) / mass
     # A turn about the centre of mass leaves it in its place: there the tensor turns alone (Steiner
     # back and forth).
-    about_com = inertia_about(np.array([body[name] for name in INERTIA]), -mass, com)
-    tensor = R.T @ inertia_matrix(about_com) @ R
+    about_com = inertia_about(np.stack([body[name] for name in INERTIA], axis=-1), -mass, com)
+    back = np.swapaxes(R, -1, -2)
+    tensor = back @ inertia_matrix(about_com) @ R
     imu = np.array(configuration.vehicle.imu_position or (0.0, 0.0, 0.0))
-    com = imu + R.T @ (com - imu)
-    elements = inertia_about(np.array([tensor[place] for place in INERTIA_PLACES]), mass, com)
-    turned = dict(zip((*FIRST_MOMENTS, *INERTIA), [*(mass * com), *elements], strict=True))
-    return {name: float(value) + added.get(name, 0.0) for name, value in turned.items()}
+    com = imu + (back @ (com - imu)[..., None])[..., 0]
+    rows, columns = zip(*INERTIA_PLACES, strict=True)
+    elements = inertia_about(tensor[..., rows, columns], mass, com)
+    turned = np.moveaxis(np.concatenate([mass * com, elements], axis=-1), -1, 0)
+    return {
+        name: values + added.get(name, 0.0)
+        for name, values in zip((*FIRST_MOMENTS, *INERTIA), turned, strict=True)
+    }
 
 
-def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> dict[str, float]:
+def _own_numbers(
+    p: Mapping[str, Float[np.ndarray, " b"]], configuration: JointConfiguration
+) -> dict[str, Float[np.ndarray, " b"]]:
     """Compute the numbers of one configuration: its own parameters, and those derived from them."""
     mass = configuration.mass
-    com = np.array([p["msx"], p["msy"], p["msz"]]) / mass
-    elements = np.array([p[name] for name in INERTIA])
-    about_com = inertia_about(elements, -mass, com)
+    com = np.stack([p[name] for name in FIRST_MOMENTS], axis=-1) / mass
+    about_com = inertia_about(np.stack([p[name] for name in INERTIA], axis=-1), -mass, com)
     out = {name: p[name] for name in OWN_NUMBERS if name in p}
-    out |= {f"com_{axis}": float(c) for axis, c in zip("xyz", com, strict=True)}
-    out |= {f"{name}_com": float(v) for name, v in zip(INERTIA, about_com, strict=True)}
-    for name, v in zip(("Ixx", "Iyy", "Izz"), about_com[:3], strict=True):
-        out[f"{name}_over_kt"] = float(v) / p["kt"]
-    out["kd_over_Izz"] = p["kd"] / float(about_com[2])
+    out |= {f"com_{axis}": com[:, i] for i, axis in enumerate("xyz")}
+    out |= {f"{name}_com": about_com[:, i] for i, name in enumerate(INERTIA)}
+    for i, name in enumerate(("Ixx", "Iyy", "Izz")):
+        out[f"{name}_over_kt"] = about_com[:, i] / p["kt"]
+    out["kd_over_Izz"] = p["kd"] / about_com[:, 2]
     if "Jr" in p:
-        out["Jr_over_Izz"] = p["Jr"] / float(about_com[2])
+        out["Jr_over_Izz"] = p["Jr"] / about_com[:, 2]
     out["hover_speed"] = hover_speed(p["kt"], mass=mass, vehicle=configuration.vehicle)
     return out

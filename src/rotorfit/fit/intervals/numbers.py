@@ -325,10 +325,12 @@ def correlation_of(covariance: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q
     return covariance / np.outer(safe, safe)
 
 
-def hover_speed(kt: float, *, mass: float, vehicle: Vehicle) -> float:
+def hover_speed(
+    kt: Float[np.ndarray, "*b"], *, mass: float, vehicle: Vehicle
+) -> Float[np.ndarray, "*b"]:
     """Return the rotor speed, equal for all, whose thrust along z is the weight [rad/s]."""
     lift = float(vehicle.axes[:, 2].sum())
-    return float(np.sqrt(mass * GRAVITY / (lift * max(kt, 1e-300))))
+    return np.sqrt(mass * GRAVITY / (lift * np.maximum(kt, 1e-300)))
 
 
 def quadrature(parts: Iterable[float]) -> float:
