@@ -188,6 +188,37 @@ def test_a_clock_that_may_be_slow_is_doubted(tmp_path):
     assert not any("too slow for a flight" in doubt for doubt in known.doubts)
 
 
+def test_the_clock_of_a_slower_message_is_not_that_of_the_rows(tmp_path):
+    """Rows of a recorder repeat the last position with the time at which that was measured."""
+    stamp = np.floor(FLIGHT["time"] / 0.02) * 20_000
+    table = {"position_stamp_us": stamp, "elapsed_s": FLIGHT["time"]}
+    table |= {name: values for name, values in FLIGHT.items() if name != "time"}
+    proposal = propose_columns(written(tmp_path / "own.csv", table))
+    assert proposal.columns["time"].name == "elapsed_s"
+    assert not proposal.questions[1:]  # the unit of the rotor speeds alone is asked
+
+
+def test_channels_of_the_sticks_are_no_attitude(tmp_path):
+    sticks = {f"channels_{axis}": np.full(ROWS, 1500.0) for axis in ("roll", "pitch", "yaw")}
+    angles = Rotation.from_quat(
+        np.stack([FLIGHT[f"quat_{a}"] for a in "wxyz"], axis=1), scalar_first=True
+    ).as_euler("ZYX")
+    drone = dict(zip(("drone_yaw", "drone_pitch", "drone_roll"), angles.T, strict=True))
+    flight = {name: values for name, values in FLIGHT.items() if "quat" not in name}
+    proposal = propose_columns(written(tmp_path / "own.csv", flight | sticks | drone))
+    assert proposal.columns["roll"].name == "drone_roll"
+    assert not proposal.doubts
+
+
+def test_what_is_sent_to_the_motors_precedes_their_thrust(tmp_path):
+    thrust = {f"motor_thrust_{i}": 1e-6 * FLIGHT[f"rotor_{i}"] ** 2 for i in (1, 2, 3, 4)}
+    sent = {f"actuator_{i}": 1e-3 * FLIGHT[f"rotor_{i}"] for i in (1, 2, 3, 4)}
+    path = written(tmp_path / "own.csv", FLIGHT | thrust | sent)
+    assert propose_columns(path).columns["command_1"].name == "actuator_1"
+    alone = propose_columns(written(tmp_path / "alone.csv", FLIGHT | thrust))
+    assert alone.columns["command_1"].name == "motor_thrust_1"
+
+
 def test_a_motor_that_is_missing_between_others_is_named(tmp_path):
     table = {name: values for name, values in FLIGHT.items() if name != "rotor_3"}
     reasons = " ".join(propose_columns(written(tmp_path / "own.csv", table)).reasons)

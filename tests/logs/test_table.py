@@ -198,6 +198,34 @@ def test_units_in_a_row_of_their_own_go_behind_the_names(tmp_path, row):
     np.testing.assert_array_equal(table.numbers(["gy [deg/s]"]), [[2.0]])
 
 
+@pytest.mark.parametrize(
+    "above",
+    [
+        "robot,beetle\nframe,cog\n",
+        "Flight of Tuesday\n",
+        "pilot,someone\nmass,1.2\n\n",
+        "a title, with a comma, or two\n# and a comment\n",
+    ],
+)
+@pytest.mark.parametrize("text", [GYRO, GYRO.replace("\n", "\ns,rad/s,rad/s,rad/s\n", 1)])
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_lines_above_the_names_are_skipped(above, text, decimal):
+    if decimal == ",":
+        text = text.replace(",", ";").replace(".", ",")
+    table = open_delimited((above + text).encode())
+    assert [name.removesuffix("]").partition(" [")[0] for name in table.names] == [
+        *("time", "gyro_x", "gyro_y", "gyro_z")
+    ]
+    np.testing.assert_array_equal(table.numbers(table.names[1:]), GYRO_VALUES)
+    assert table.place(0) == f"line {above.count(chr(10)) + text.count(chr(10)) - 2}"
+
+
+def test_the_line_of_a_bad_cell_counts_the_lines_above(tmp_path):
+    text = "robot,beetle\nframe,cog\n" + GYRO.replace("0.02", "later")
+    with pytest.raises(LogError, match="line 6, column 'time'"):
+        read_table(written(tmp_path, text))
+
+
 @pytest.mark.parametrize("row", ["1,1", "s,furlong", "s", "0,5"])
 def test_a_row_of_anything_else_is_no_row_of_units(row):
     assert open_delimited(f"t,gx\n{row}\n0,1\n".encode()).names == ("t", "gx")

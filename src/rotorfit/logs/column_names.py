@@ -107,6 +107,10 @@ _NO_MOTOR: Final = frozenset(
     )
 )
 """Words of columns about motors, or of sticks, that are neither speeds nor commands of motors."""
+_OF_STICKS: Final = frozenset(
+    ["rc", "rcin", "channel", "channels", "stick", "sticks", "cmd", "input"]
+)
+"""Words of columns named after the angles that sticks ask for."""
 _MOTOR_WORDS: Final = (*SPEED_WORDS, *COMMAND_WORDS, "motor", "esc", "prop", "thrust")
 
 
@@ -212,7 +216,7 @@ def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
     """Guess what a column holds by the words of its name; None if they say nothing."""
     joined = "".join(words)
     bare = tuple(word for word in words if not word.isdecimal() and word not in _FRAMES)
-    is_clock = index is None and re.search(r"time|clock", joined) is not None
+    is_clock = index is None and re.search(r"time|clock|elapsed", joined) is not None
     # "offset" is a fault of a sensor, but the time since a log began, too; esc_status is a topic.
     harmless = (["offset"] if is_clock else []) + (["status"] if "rpm" in words else [])
     if _NO_MEASUREMENT.difference(harmless).intersection(words):
@@ -222,7 +226,10 @@ def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
     if index is None:
         if any(word in joined for word in ("vbat", "batt", "volt")):
             return "battery"
-        if re.search(r"time|stamp|clock|second|micros|millis", joined) or joined in ("t", "ts"):
+        if re.search(r"time|stamp|clock|second|micros|millis|elapsed", joined) or joined in (
+            "t",
+            "ts",
+        ):
             return "time"
         return None
     if words[-2:] == ("angular", "velocities"):  # mav_msgs/Actuators: of the rotors
@@ -256,7 +263,7 @@ def _kind_of_rest(
     if "quat" in joined or "orientation" in joined or bare[-1:] == ("q",):
         return "quaternion"
     if "angle" in words or "euler" in joined:
-        return "angle"
+        return None if _OF_STICKS.intersection(words) else "angle"
     if "vel" in joined or bare[-1:] == ("v",):
         return "velocity"
     if "pos" in joined or bare in (("p",), ()) or "loc" in joined:

@@ -30,6 +30,10 @@ _ABSENT: Final = frozenset({"", "nan", "na", "n/a", "null", "none"})
 _NEWLINE: Final = b"\n"
 _SETTINGS_BYTES: Final = 65536
 """Settings above a table are looked for in so many bytes; Blackbox Explorer writes some 10 kB."""
+_MOST_LINES_ABOVE: Final = 100
+"""Lines above a table among which its row of names is looked for."""
+_FEWEST_COLUMNS: Final = 3
+"""A line of fewer cells, above a table, is a setting with its value."""
 _DECIMAL_COMMA: Final = re.compile(rb"\b0,\d|\d,(?:\d{1,2}(?!\d)|\d{4,})")
 """A comma that cannot part thousands."""
 _POINT: Final = re.compile(rb"\d\.\d")
@@ -88,11 +92,33 @@ def open_delimited(data: Content) -> DelimitedText:
 
 
 def _after_settings(text: Content) -> int:
-    """Find where the table begins behind the settings that Blackbox Explorer writes above it."""
+    """Find where the table begins behind what is written above it: settings, a title, a date.
+
+    Each line of the settings of Blackbox Explorer has a name and a value, up to the row of names of
+    the table. Whatever else is there, the row of names is followed by numbers, one for each.
+    """
     head = bytes(text[:_SETTINGS_BYTES])
-    # Each line of settings has a name and a value, up to the row of names of the table.
     found = re.search(rb'\n"?loopIteration"?[,;\t]', head)
-    return 0 if found is None else found.start() + 1
+    if found is not None:
+        return found.start() + 1
+    starts = [0, *(match.end() for match in re.finditer(rb"\n", head))]
+    for start, after in pairwise(starts[:_MOST_LINES_ABOVE]):
+        line, below = (_decode_line(head[at:].partition(_NEWLINE)[0]) for at in (start, after))
+        if not line.lstrip().startswith(_COMMENTS) and _are_names_above(line, below):
+            return start
+    return 0
+
+
+def _are_names_above(line: str, below: str) -> bool:
+    """Return whether one line holds names, and the line below it a number or a unit for most."""
+    names, delimiter = _cells_of_header(line)
+    cells, same = _cells_of_header(below)
+    if len(names) != len(cells) or same != delimiter or len(names) < _FEWEST_COLUMNS:
+        return False
+    told = sum(
+        is_unit(cell) or (bool(cell) and _is_number(cell.replace(",", "."))) for cell in cells
+    )
+    return told > len(cells) / 2 and not any(name and _is_number(name) for name in names)
 
 
 def _is_plain(text: mmap.mmap) -> bool:

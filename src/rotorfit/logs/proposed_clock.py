@@ -35,6 +35,8 @@ _CLOCKS_DIFFER: Final = 0.05
 
 _FEWEST_TIMES: Final = 0.1
 """Share of different times among the rows: bursts of a link have more."""
+_USUALLY: Final = 0.5
+"""Share of the rows at which the best clock rises, below which another is of something slower."""
 _RATES_DIFFER: Final = 0.005
 """Share by which two clocks may run differently: ten times what oscillators without a crystal do
 after their trim, and less than the usual interval of an inertia."""
@@ -42,12 +44,16 @@ after their trim, and less than the usual interval of an inertia."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Clock:
-    """A column that only rises: how it steps, and how far it gets, as recorded."""
+    """A column that only rises: how it steps, and how far it gets, as recorded.
+
+    `rising`: the share of rows at which it rises.
+    """
 
     name: str
     unit: str | None
     step: float
     duration: float
+    rising: float
 
     @property
     def is_counter(self) -> bool:
@@ -75,8 +81,12 @@ def clock_found(
     by_hand = [one for one in found if one.name == stated] or found[:1] * (
         named[0].stem == "" if named else 0
     )
-    # One whose name says its unit comes first, a counter last.
-    ranked = sorted(found, key=lambda one: (one.is_counter, _unit_by_name(one) is None))
+    # One whose name says its unit comes first, a counter last, and before it what stands at most
+    # rows where others rise: the time of a slower message that the row repeats.
+    often = _USUALLY * max(one.rising for one in found)
+    ranked = sorted(
+        found, key=lambda one: (one.is_counter, one.rising < often, _unit_by_name(one) is None)
+    )
     chosen = (by_hand or ranked)[0]
     clock = _choose_clock_unit(chosen.name, chosen.unit, chosen.step, units.get(TIME))
     if by_hand or chosen.is_counter:
@@ -101,8 +111,13 @@ def _rising_clock(one: Candidate, numbers: Numbers, *, is_named: bool) -> _Clock
     counts = not is_named and bool((steps == 1.0).all())
     if not len(steps) or counts or (steps < 0).any() or _is_rounded(values):
         return None
-    step = float(np.median(steps[steps > 0]))
-    return _Clock(name=name, unit=one.unit, step=step, duration=float(values[-1] - values[0]))
+    return _Clock(
+        name=name,
+        unit=one.unit,
+        step=float(np.median(steps[steps > 0])),
+        duration=float(values[-1] - values[0]),
+        rising=float((steps > 0).mean()),
+    )
 
 
 def _is_rounded(values: Float[np.ndarray, " n"]) -> bool:

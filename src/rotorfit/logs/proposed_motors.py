@@ -40,7 +40,8 @@ def motors_found(
     columns: dict[str, ColumnSpec] = {}
     reasons: list[str] = []
     questions: list[Question] = []
-    for one in candidates:
+    # What a controller computed as thrust [N] stands beside what it sent to the motors.
+    for one in sorted(candidates, key=lambda one: "thrust" in one.stem.split()):
         held, words = _used_columns(one, numbers) if one.kind == "motor" else ([], "")
         values = known_rows(stacked(held, numbers)) if len(held) > 2 else np.empty((0, 0))
         if len(values) < 2 or float(np.ptp(values)) == 0:
