@@ -198,6 +198,32 @@ def test_the_clock_of_a_slower_message_is_not_that_of_the_rows(tmp_path):
     assert not proposal.questions[1:]  # the unit of the rotor speeds alone is asked
 
 
+def test_a_clock_is_found_by_its_unit_where_none_is_named(tmp_path):
+    table = {"loop_index": np.arange(ROWS), "last_step_ns": np.round(1e9 * FLIGHT["time"])}
+    table |= {name: values for name, values in FLIGHT.items() if name != "time"}
+    clock = propose_columns(written(tmp_path / "own.csv", table)).columns["time"]
+    assert (clock.name, clock.unit) == ("last_step_ns", "ns")
+
+
+def test_whole_numbers_from_1000_to_2000_are_pulse_widths_first(tmp_path):
+    """Enter at the question takes the first."""
+    motors = {f"m{i}": np.round(1000 + 0.8 * FLIGHT[f"rotor_{i}"]) for i in (1, 2, 3, 4)}
+    table = {name: values for name, values in FLIGHT.items() if "rotor" not in name}
+    question = propose_columns(written(tmp_path / "own.csv", table | motors)).questions[-1]
+    assert (question.channel, question.choices[0]) == ("motors", "us")
+    speeds = {name: values + 0.25 for name, values in motors.items()}
+    question = propose_columns(written(tmp_path / "fast.csv", table | speeds)).questions[-1]
+    assert question.choices[0] == "rad/s"
+
+
+def test_what_a_controller_asks_for_by_axes_is_no_motor(tmp_path):
+    asked = {f"u_{axis}": 0.1 * FLIGHT[f"gyro_{axis}"] for axis in "xyz"}
+    sent = {f"mot_{i}": 1e-3 * FLIGHT[f"rotor_{i}"] for i in (1, 2, 3, 4)}
+    table = asked | {name: values for name, values in FLIGHT.items() if "rotor" not in name} | sent
+    columns = propose_columns(written(tmp_path / "own.csv", table)).columns
+    assert [columns[f"command_{i}"].name for i in (1, 2, 3, 4)] == list(sent)
+
+
 def test_channels_of_the_sticks_are_no_attitude(tmp_path):
     sticks = {f"channels_{axis}": np.full(ROWS, 1500.0) for axis in ("roll", "pitch", "yaw")}
     angles = Rotation.from_quat(

@@ -258,7 +258,12 @@ def _is_motor(words: tuple[str, ...]) -> bool:
 def _kind_of_rest(
     words: tuple[str, ...], bare: tuple[str, ...], joined: str, index: int
 ) -> str | None:
-    if any(word in joined for word in _MOTOR_WORDS) or bare[-1:] in (("m",), ("u",), ("n",)):
+    if any(word in joined for word in _MOTOR_WORDS) or bare[-1:] in (
+        ("m",),
+        ("u",),
+        ("n",),
+        ("mot",),
+    ):
         return None if index < 0 or _NO_MOTOR.intersection(words) else "motor"
     if "quat" in joined or "orientation" in joined or bare[-1:] == ("q",):
         return "quaternion"
@@ -285,12 +290,16 @@ def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candid
         units[kind, ""] = parts_of(name)[2]
     rotors = _rotors_by_letter(names)
     has_pqr = {"p", "q", "r"} <= {name.strip().lower() for name in names}
+    has_clock = any(_kind_of_words(*parts_of(name)[:2]) == "time" for name in names)
     for name in names:
         is_rate = has_pqr and name.strip().lower() in _BODY_RATES
         words, index, unit = parts_of(f"rate_{name}" if is_rate else name)
         kind = "motor" if name in rotors else _kind_of_words(words, index)
-        if kind is None and index is None and words[:1] == ("t",) and unit in UNITS["time"]:
-            kind = "time"
+        if kind == "motor" and re.search(r"\d", name) is None and not is_by_corner(name):
+            kind = None  # what a controller asks for along x, y, z, such as u_x
+        if kind is None and index is None and unit in UNITS["time"]:
+            # Whatever is in ns or ms may be the clock, such as last_step_ns, where none is named.
+            kind = "time" if words[:1] == ("t",) or not has_clock else None
         if kind is None or name in named.values():
             continue
         # Which wheel of letters counts is the same for q0..q3 and qw..qz only by their values.

@@ -115,10 +115,10 @@ def _are_names_above(line: str, below: str) -> bool:
     cells, same = _cells_of_header(below)
     if len(names) != len(cells) or same != delimiter or len(names) < _FEWEST_COLUMNS:
         return False
-    told = sum(
+    stated = sum(
         is_unit(cell) or (bool(cell) and _is_number(cell.replace(",", "."))) for cell in cells
     )
-    return told > len(cells) / 2 and not any(name and _is_number(name) for name in names)
+    return stated > len(cells) / 2 and not any(name and _is_number(name) for name in names)
 
 
 def _is_plain(text: mmap.mmap) -> bool:

@@ -150,5 +150,7 @@ def _motor_unit(
         commands = ("us", "counts", "%") if high > 100 else ("%", "us", "counts")
         if is_full_word:
             return None, "", ("counts", *speeds)
+        if low >= _LEAST_PULSE and high <= 1.1 * _LARGEST_PULSE and (values % 1.0 == 0.0).all():
+            return None, "", ("us", *speeds, "counts", "%")
         return None, "", commands if is_command else (*speeds, *commands)
     return None, "", speeds
