@@ -336,6 +336,28 @@ def test_text_next_to_the_numbers_is_left_out(tmp_path, assert_wording):
     assert "rotor_5" not in proposal.columns
 
 
+@pytest.mark.parametrize("stem", ["{}speed", "{}_rate", "{}Rate"])
+def test_rates_are_named_by_their_angles(tmp_path, stem):
+    angles = dict(zip("xyz", ("roll", "pitch", "yaw"), strict=True))
+    names = {f"gyro_{axis}": stem.format(angle) for axis, angle in angles.items()}
+    table = {names.get(name, name): values for name, values in FLIGHT.items()}
+    columns = propose_columns(written(tmp_path / "own.csv", table)).columns
+    assert [columns[f"gyro_{axis}"].name for axis in "xyz"] == [*names.values()]
+
+
+def test_a_percent_sign_is_a_unit():
+    assert parts_of("Motor 2 (%)") == (("motor",), 2, "%")
+
+
+@pytest.mark.parametrize(("whole", "part"), [("sec", "nsec"), ("stamp.secs", "stamp.nanosecs")])
+def test_a_time_in_two_columns_is_asked_for_in_one(tmp_path, whole, part):
+    time = 10.0 * FLIGHT["time"] / FLIGHT["time"][-1]
+    table = {whole: np.floor(time), part: np.round(1e9 * (time % 1.0))}
+    table |= {name: values for name, values in FLIGHT.items() if name != "time"}
+    with pytest.raises(LogError, match=rf"{whole} \+ 1e-9 {part} as one column"):
+        propose_columns(written(tmp_path / "own.csv", table))
+
+
 @pytest.mark.parametrize("name", ["RPM M1", "M1 RPM", "rpm_m1", "M1 [rpm]"])
 def test_a_unit_in_front_of_a_name_counts(name):
     _, index, unit = parts_of(name)

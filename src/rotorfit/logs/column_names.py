@@ -31,6 +31,7 @@ _UNIT_WORDS: Final = (
     (("mps",), "m/s"),
     (("µs",), "us"),
     (("percent",), "%"),
+    (("%",), "%"),
     *(((word,), word) for word in ("us", "ms", "ns", "s", "rpm", "erpm", "deg", "rad", "g", "mg")),
     *(((word,), unit) for word, unit in (("sec", "s"), ("hz", "Hz"), ("v", "V"), ("mv", "mV"))),
     *(((word,), word) for word in ("m", "cm", "mm")),
@@ -138,7 +139,8 @@ def parts_of(name: str) -> tuple[tuple[str, ...], int | None, str | None]:
 
 def _words_of(name: str) -> tuple[str, ...]:
     split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.replace("eRPM", "erpm")).lower()
-    return tuple(re.findall(r"[a-zµ°²]+|\d+", split.replace("μ", "µ")))
+    split = re.sub(r"(roll|pitch|yaw)(?=speed|rate)", r"\1 ", split.replace("μ", "µ"))
+    return tuple(re.findall(r"[a-zµ°²]+|\d+|%", split))
 
 
 def _without_unit(words: tuple[str, ...]) -> tuple[tuple[str, ...], str | None]:
@@ -234,7 +236,9 @@ def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
         return None
     if words[-2:] == ("angular", "velocities"):  # mav_msgs/Actuators: of the rotors
         return "motor"
-    turns = re.search(r"gyr|ang(ular)?vel|bodyrate|angularrate|anglerate|rateangle", joined)
+    turns = re.search(
+        r"gyr|ang(ular)?vel|bodyrate|angularrate|anglerate|rateangle|speedangle", joined
+    )
     turns = turns or bare[-1:] in (("w",), ("g",), ("om",)) or "rate" in words or "rates" in words
     if (turns or ("omega" in words and index < 3 and not _is_motor(words))) and index >= 0:
         return "reference" if _SET_POINT.intersection(words) else "gyro"

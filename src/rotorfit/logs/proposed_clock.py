@@ -76,7 +76,7 @@ def clock_found(
         if (clock := _rising_clock(one, numbers, is_named=bool(named))) is not None
     ]
     if not found:
-        raise LogError(_no_clock_words(named, numbers))
+        raise LogError(_no_clock_words(named, numbers, source.names))
     stated = units.get(CLOCK)
     by_hand = [one for one in found if one.name == stated] or found[:1] * (
         named[0].stem == "" if named else 0
@@ -173,7 +173,14 @@ def _ask_clock(chosen: _Clock, seconds: float, others: Sequence[_Clock]) -> tupl
     return (Question(channel=CLOCK, words=words, choices=tuple(names)),)
 
 
-def _no_clock_words(named: Sequence[Candidate], numbers: Numbers) -> str:
+def _no_clock_words(named: Sequence[Candidate], numbers: Numbers, names: Sequence[str]) -> str:
+    fraction = next((name for name in names if re.search(r"nano?s|nsec", name.lower())), None)
+    whole = [name for name in names if re.search(r"secs?$", name.lower()) and name != fraction]
+    if fraction is not None and whole:
+        return (
+            f"no time: {whole[0]} and {fraction} are one time in two columns: write {whole[0]} + "
+            f"1e-9 {fraction} as one column, in seconds"
+        )
     rounded = [
         (one.by_index[0], numbers[one.by_index[0]])
         for one in named
