@@ -52,6 +52,12 @@ def flight_data_dir() -> Path:
     return folder
 
 
+@pytest.fixture(autouse=True)
+def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Print no progress between two lines of a command, however busy the machine is."""
+    monkeypatch.setattr("rotorfit.cli.terminal.EVERY", 1e6)
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     first_calls.check_all_again()
     jaxtyping.config.update("jaxtyping_disable", not first_calls.is_typed(item.path))

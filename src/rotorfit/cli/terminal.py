@@ -361,7 +361,7 @@ class _Status:
 
 
 @contextmanager
-def steps(*, every: float = EVERY) -> Generator[Callable[[str], None]]:
+def steps(*, every: float | None = None) -> Generator[Callable[[str], None]]:
     """Yield a function that shows the step at work, with a bar for every log that is read."""
     from rotorfit.logs.files import watched
 
@@ -411,7 +411,7 @@ def counted(step: str) -> Generator[Callable[[int, int], None]]:
 
 @contextmanager
 def paced(
-    step: str, *, every: float = EVERY, clock: Clock = time.monotonic
+    step: str, *, every: float | None = None, clock: Clock = time.monotonic
 ) -> Generator[Callable[[int, int], None]]:
     """Yield a function that shows how many of how many are done, how fast, and how long yet."""
     recent, left = deque([(clock(), 0)]), 0
@@ -449,8 +449,9 @@ def _remaining_text(seconds: float) -> str:
 
 
 @contextmanager
-def _show_status(status: _Status, every: float = EVERY) -> Generator[None]:
+def _show_status(status: _Status, every: float | None = None) -> Generator[None]:
     """Show the status meanwhile: on a terminal with rich, elsewhere as plain lines."""
+    every = EVERY if every is None else every
     if sys.stderr.isatty():
         from rich.console import Console
 
