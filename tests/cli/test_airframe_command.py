@@ -105,6 +105,28 @@ def test_a_log_fills_in_layout_order_and_speed(answered, here, assert_wording):
     assert np.abs([r.position[:2] for r in made]).max() == 0.2
 
 
+@pytest.mark.parametrize("motors", [(2, 1, 3, 4), (3, 1, 4, 2), (4, 3, 2, 1)])
+def test_the_flight_shows_motors_in_any_order(answered, changed, assert_wording, motors):
+    """Who built the controller, too, numbers the motors as he likes."""
+    stems = dict(enumerate(motors, start=1))
+    path = changed(
+        lambda columns: {
+            name: columns[f"rotor_{stems[int(name[-1])]}"] if name.startswith("rotor_") else values
+            for name, values in columns.items()
+            if "command" not in name
+        }
+    )
+    ended = answered("400\n\n", path.name, "-o", "mine.toml")
+    assert ended.code == 0, ended
+    usual = layout_rotors("quad-plus", arm=0.2, order="paper")
+    made = vehicle(Path("mine.toml")).rotors
+    assert [(r.position, r.spin) for r in made] == [
+        (usual[motor - 1].position, usual[motor - 1].spin) for motor in motors
+    ]
+    if motors == (2, 1, 3, 4):
+        assert_wording(ended.err)
+
+
 def test_what_the_flight_does_not_bear_out_is_said(answered, here, assert_wording):
     asked = ("flight.csv", "-o", "mine.toml", "--layout", "quad-x", "--order", "px4")
     ended = answered("", *asked, "--spacing", "200,200")
@@ -177,7 +199,7 @@ def test_rotors_that_a_log_lists_are_scaled_to_what_was_measured(tmp_path):
         for i, a in enumerate(angles)
     )
     path = tmp_path / "airframe.toml"
-    path.write_text(listed_text(sites, (0.5196, 0.6), speed="commanded"))
+    path.write_text(listed_text(sites, (0.5196, 0.6), speed="commanded", source="a log"))
     made = vehicle(path).rotors
     places = np.array([rotor.position for rotor in made])
     np.testing.assert_allclose(np.hypot(places[:, 0], places[:, 1]), 0.3, rtol=1e-3)

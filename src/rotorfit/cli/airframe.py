@@ -140,7 +140,8 @@ def airframe(
         text = logged_text(seen.rotors_table, speed=speed or str(seen.speed))
     elif seen.sites and layout is None and order is None:
         spaces, given_speed = _parse_spacing(spacing), speed or str(seen.speed)
-        text = listed_text(seen.sites, spaces, speed=given_speed)
+        source = "the flight" if seen.sites_flown else "CA_ROTOR* of the log"
+        text = listed_text(seen.sites, spaces, speed=given_speed, source=source)
     else:
         text = _named_text(seen, layout, order, spacing=spacing, speed=speed, spins=spins)
     if table is not None:
@@ -270,7 +271,7 @@ def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> S
         report_progress(f"reading {path.name}")
         log = read_log(path, options=options)
         report_progress(f"looking at {path.name}")
-        seen = seen_airframe(log, motors_in_flight(log))
+        seen = seen_airframe(log, *motors_in_flight(log))
     if seen.rotors is None:
         raise ExperimentError(
             f"{path}: no motors in this log, so it shows nothing of the rotors: leave it "
@@ -279,7 +280,7 @@ def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> S
     print_status(f"{path.name}: {log.format}, {seen.rotors} motors, rotor speed {seen.speed}")
     if seen.rotors_table:
         print_status("CA_ROTOR* in the log gives order, spins and places of the rotors: check them")
-    elif seen.sites:
+    elif seen.sites and not seen.sites_flown:
         print_status("CA_ROTOR* in the log gives order and spins of the motors, not their size")
         return seen
     print_status(_shown_by_flight(seen))
@@ -288,6 +289,13 @@ def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> S
 
 def _shown_by_flight(seen: SeenAirframe) -> str:
     """State which of layout, motor order and spins the flight shows."""
+    if seen.sites_flown:
+        turns = {"cw": "clockwise", "ccw": "counterclockwise"}
+        motors = (
+            f"motor {number} {_place_words(x, y)} ({turns[spin]})"
+            for number, (x, y, spin) in enumerate(seen.sites, start=1)
+        )
+        return f"the flight shows where each motor is: {', '.join(motors)}"
     if not seen.borne_out:
         return "the flight shows neither layout nor motor order nor spins: look at the vehicle"
     found = f"the flight shows the layout ({seen.layout}), the motor order ({seen.order})"
@@ -354,10 +362,7 @@ def _asked_spins(layout: str, order: str) -> str:
     from rotorfit.model.vehicle import layout_rotors
 
     first = layout_rotors(layout, arm=1.0, order=order)[0]
-    x, y, _ = first.position
-    along = "front" if x > 0.1 else "rear" if x < -0.1 else ""
-    across = "left" if y > 0.1 else "right" if y < -0.1 else ""
-    place = " ".join(filter(None, (along, across)))
+    place = _place_words(*first.position[:2])
     turns = {"cw": "clockwise", "ccw": "counterclockwise"}
     other = turns["ccw" if first.spin == "cw" else "cw"]
     question = (
@@ -368,6 +373,13 @@ def _asked_spins(layout: str, order: str) -> str:
     except OutputError:
         print_status("\nthe spins are taken as usual; for the others add --spins reversed")
         return "usual"
+
+
+def _place_words(x: float, y: float) -> str:
+    """Describe where a motor is, such as ``front left``."""
+    along = "front" if x > 0.1 else "rear" if x < -0.1 else ""
+    across = "left" if y > 0.1 else "right" if y < -0.1 else ""
+    return " ".join(filter(None, (along, across)))
 
 
 def _parse_spacing(given: str | None) -> tuple[float, float]:

@@ -66,9 +66,16 @@ def logged_text(rotors: Sequence[Mapping[str, Any]], *, speed: str) -> str:
 
 
 def listed_text(
-    sites: tuple[tuple[float, float, str], ...], spacing: tuple[float, float], *, speed: str
+    sites: tuple[tuple[float, float, str], ...],
+    spacing: tuple[float, float],
+    *,
+    speed: str,
+    source: str,
 ) -> str:
-    """Write the airframe file of rotors that a log lists; spacing front to back, left to right."""
+    """Write the airframe file of rotors in any order; spacing front to back, left to right [m].
+
+    `source`: what shows their order, spins and directions.
+    """
     forward, left = ([site[0] for site in sites], [site[1] for site in sites])
     x_scale, y_scale = (
         wide / (max(places) - min(places)) if max(places) > min(places) else 0.0
@@ -80,7 +87,7 @@ def listed_text(
     ]
     lines = [
         "[airframe]",
-        "# order, spins and directions by CA_ROTOR* of the log, the size as measured",
+        f"# order, spins and directions by {source}, the size as measured",
         "rotors = [  # position from the centre, forward, left, up [m]",
         *rows,
         "]",

@@ -137,6 +137,6 @@ def test_airframe_and_inspect_confirm_the_same_motors(flight_data_dir, name):
     if not path.is_file():
         pytest.skip(f"no {path}")
     log = read_log(path)
-    confirmed = motors_in_flight(log)
-    assert confirmed is not None
+    confirmed, own = motors_in_flight(log)
+    assert confirmed is not None and own is None
     assert confirmed == inspect_log(log).prospects.motors

@@ -5,19 +5,18 @@ For a look at a flight before its airframe is known, not for an estimate.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, permutations
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from rotorfit.errors import ExperimentError
-from rotorfit.fit.dataset.declared_rotors import response
+from rotorfit.fit.dataset.declared_rotors import BETTER, response
 from rotorfit.fit.dataset.response_signals import BAND
 from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, prepared_bands
 from rotorfit.flight.filters import butterworth, filter_both_ways
 from rotorfit.flight.signals import whole_samples
-from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors
+from rotorfit.model.vehicle import Rotor, Vehicle, layout_rotors, reversed_rotor
 from rotorfit.tools.inspection.flown_part import SPINS_UNSURE
 
 if TYPE_CHECKING:
@@ -81,6 +80,41 @@ def confirmed_motors(
     return likely_motors(factors, circle)
 
 
+def own_order(
+    timed: PreparedFlight, confirmed: Vehicle | None, *, body: tuple[Lines, ...]
+) -> Vehicle | None:
+    """Find the motor order of a quadrotor, any at all, by which a timed flight responds.
+
+    None where the flight shows none, or not the spins, or where `confirmed`, the vehicle of a known
+    order, explains it as well; `body` as for `confirmed_motors`.
+    """
+    if timed.data.rotor_speed.shape[1] != 4:
+        return None
+    circle = rotors_on_circle(4)
+    factors = prepared_bands(timed, circle, None, body=body, top=BAND[1])
+    tried = [(response(factors, v, made_for=circle), v) for v in _quadrotors_in_any_order()]
+    best, vehicle = max(tried, key=lambda one: one[0].score)
+    is_shown = min(best.roll, best.pitch) > LEAST_ORDER_FIT and best.yaw > LEAST_YAW
+    others = [*(r for r, v in tried if v is not vehicle and not _have_same_places(v, vehicle))]
+    if confirmed is not None:
+        others = [response(factors, confirmed, made_for=circle)]
+    is_clear = all(best.gain_over(other) > BETTER for other in others)
+    return vehicle if is_shown and is_clear else None
+
+
+def _have_same_places(first: Vehicle, second: Vehicle) -> bool:
+    return bool(np.array_equal(first.positions, second.positions))
+
+
+def _quadrotors_in_any_order() -> Iterator[Vehicle]:
+    """Yield quad-x and quad-plus in every motor order, propellers in and out."""
+    for layout in LAYOUTS[4]:
+        rotors = layout_rotors(layout, arm=0.2, order="px4")
+        for numbered in permutations(rotors):
+            yield Vehicle(rotors=numbered)
+            yield Vehicle(rotors=tuple(reversed_rotor(rotor) for rotor in numbered))
+
+
 def _usual_vehicles(rotor_count: int) -> Iterator[tuple[Vehicle, str]]:
     """Yield vehicles of the usual layouts and orders with their names, propellers in and out."""
     for layout in LAYOUTS.get(rotor_count, ()):
@@ -91,7 +125,7 @@ def _usual_vehicles(rotor_count: int) -> Iterator[tuple[Vehicle, str]]:
                 continue
             name = f'layout = "{layout}", order = "{order}"'
             yield Vehicle(rotors=rotors), name
-            turned = tuple(replace(r, spin="cw" if r.spin == "ccw" else "ccw") for r in rotors)
+            turned = tuple(reversed_rotor(rotor) for rotor in rotors)
             yield Vehicle(rotors=turned), f"{name} with every spin reversed (list the rotors)"
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rotorfit.logs.flight_log import FlightLog
+    from rotorfit.model.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,8 +35,10 @@ class SeenAirframe:
     - `spins_shown`: whether the flight yaws enough to show the spins, too.
     - `turned`: whether every rotor turns the other way (props out); False if that is not shown.
     - `speed`: ``measured`` or ``commanded``.
-    - `sites`: forward, left and spin of each rotor by the log's parameters, of any size; empty if
-      it has no such, or the flight itself shows the layout.
+    - `sites`: forward, left and spin of each rotor, of any size: by the log's parameters, or, of a
+      quadrotor with a motor order of its own, by the flight; empty if neither says so, or the
+      flight shows a known layout.
+    - `sites_flown`: whether it is the flight that says so of `sites`.
     - `rotors_table`: the rotors with their places [m] by the log's parameters, as ``[airframe]``
       has them, where somebody has set them; empty otherwise.
     - `posed`: whether only poses show the motion.
@@ -49,21 +52,25 @@ class SeenAirframe:
     turned: bool = False
     speed: str | None = None
     sites: tuple[tuple[float, float, str], ...] = ()
+    sites_flown: bool = False
     rotors_table: tuple[Mapping[str, Any], ...] = ()
     posed: bool = False
 
 
-def motors_in_flight(log: FlightLog) -> str | None:
-    """Name the layout and motor order that a flight confirms, as `inspect_log` does."""
+def motors_in_flight(log: FlightLog) -> tuple[str | None, Vehicle | None]:
+    """Name the layout and motor order that a flight confirms, as `inspect_log` does.
+
+    With the rotors of a quadrotor whose motors have an order of their own, by the flight.
+    """
     from rotorfit.fit.reduction.frequency_bands import retimed
-    from rotorfit.tools.inspection.guessed_rotors import confirmed_motors
+    from rotorfit.tools.inspection.guessed_rotors import confirmed_motors, own_order
     from rotorfit.tools.inspection.lag_search import lines_of_body
     from rotorfit.tools.inspection.motor_lateness import motor_lateness
 
     # Only the parts of the inspection that this takes are done.
     prepared, _ = prepare_if_usable(log)
     if prepared is None:
-        return None
+        return None, None
     response = tried_response(
         expected_response(log, motor_lateness(prepared.data)),
         commanded="rotor_speed" not in log.channels,
@@ -72,16 +79,21 @@ def motors_in_flight(log: FlightLog) -> str | None:
         body = lines_of_body(prepared)
         timed = replace(prepared, data=retimed(prepared, response))
         confirmed = confirmed_motors(timed, body=body)
+        own = own_order(timed, confirmed and confirmed[0], body=body)
     except FlightError:
-        return None
-    return None if confirmed is None else name_in_usual_order(log, confirmed[1])
+        return None, None
+    if own is not None or confirmed is None:
+        return None, own
+    return name_in_usual_order(log, confirmed[1]), None
 
 
-def seen_airframe(log: FlightLog, confirmed: str | None) -> SeenAirframe:
+def seen_airframe(
+    log: FlightLog, confirmed: str | None, own: Vehicle | None = None
+) -> SeenAirframe:
     """Read from a log what it says of the airframe.
 
-    `confirmed`: layout and motor order that its flight confirms, from `motors_in_flight` or the
-    prospects of a report.
+    `confirmed`, `own`: layout and motor order that its flight confirms, and rotors in an order of
+    their own, from `motors_in_flight`; the first from the prospects of a report, too.
     """
     motors = log.channels.get("rotor_speed", log.channels.get("command"))
     if motors is None:
@@ -93,11 +105,13 @@ def seen_airframe(log: FlightLog, confirmed: str | None) -> SeenAirframe:
     table = listed if log.metadata.get("airframe is") == "set" else ()
     if found is None:
         sites = tuple((r["position"][0], r["position"][1], r["spin"]) for r in listed)
+        flown = () if own is None else tuple((*r.position[:2], r.spin) for r in own.rotors)
         return SeenAirframe(
             rotors=count,
             order=_usual_order(log),
             speed=speed,
-            sites=sites,
+            sites=sites or flown,
+            sites_flown=not sites and bool(flown),
             rotors_table=table,
             posed=is_posed(log),
         )
