@@ -18,6 +18,7 @@ from rotorfit.checks.motors.changed_thrust import (
 )
 from rotorfit.checks.vehicle_size import AIR, figure_of_merit, largest_radius
 from rotorfit.errors import FlightError, FrameError
+from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.flight.imu_tilt import ImuTilt, levelled, mean_force_tilt
 from rotorfit.flight.prepare import prepare
@@ -263,3 +264,13 @@ def test_a_pattern_over_all_rotors_is_no_single_rotor(pattern, kind, said):
     # A wrong scale of one speed bends the mean of all, a push does not.
     assert ("kd" in found.numbers) == (kind == "rotor-unlike")
     assert re.search(said.replace("+-", r"\+-"), found.sentence)
+
+
+def test_an_open_scale_of_a_speed_does_not_hide_the_rotor():
+    own = {f"kt_{i}": (3e-6 * k, 1e-8) for i, k in enumerate((0.88, 1.0, 1.01, 0.99), start=1)}
+    sharp = numbers(kt=(3e-6, 1e-8), **own)
+    name = "rotor speed scale"
+    wide = IntervalTerm(name=name, half_width=0.1 * sharp.values, source="a trial")
+    vehicle = SimpleNamespace(vehicle=paper_vehicle("A")[1])
+    (found,) = unlike_rotors(SimpleNamespace(numbers=sharp.with_terms(wide), dataset=vehicle))
+    assert (found.kind, found.severity) == ("rotor-unlike", "doubt")

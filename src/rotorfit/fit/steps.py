@@ -18,6 +18,7 @@ from rotorfit.fit.frame_sides import allow_for_sides
 from rotorfit.fit.motors.commanded_speeds import allow_for_law, allow_for_motor_limits
 from rotorfit.fit.motors.motor_time_split import allow_for_noise_feedback
 from rotorfit.fit.noise_levels import allow_for_noise_levels
+from rotorfit.fit.rotor_scales import allow_for_rotor_scale
 from rotorfit.fit.sensors.gyro_scale import allow_for_gyro_scale
 from rotorfit.fit.sensors.known_faults import (
     allow_for_gyro_lowpass,
@@ -42,6 +43,7 @@ STEPS: Final[tuple[Step, ...]] = (
     allow_for_sensor_response,
     allow_for_noise_feedback,
     allow_for_sides,
+    allow_for_rotor_scale,
     compare_spins,
     fit_each_alone,
     fit_free_bodies,

@@ -77,11 +77,13 @@ def _shares_of_thrust(squares: Float[np.ndarray, "n N"]) -> Float[np.ndarray, " 
 
 def unlike_rotors(fit: Fit) -> Iterator[Finding]:
     """Check that the rotors' thrust coefficients are alike."""
-    excess = most_unlike(fit.numbers, fit.dataset.vehicle)
+    # What a wrong scale leaves open does not make the excess itself less certain.
+    numbers = fit.numbers.without_term("rotor speed scale")
+    excess = most_unlike(numbers, fit.dataset.vehicle)
     if excess is None:
         return
     rotor, evidence = excess
-    alone = others_differ(fit.numbers, rotor) < ALONE * abs(evidence.value)
+    alone = others_differ(numbers, rotor) < ALONE * abs(evidence.value)
     sentence = unlike_sentence(rotor, evidence, alone=alone)
     is_pattern = bool(sentence) and not alone
     because = "one rotor's speed has another scale, or its propeller is another"

@@ -104,6 +104,9 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
     "frame sides": TermKind(
         remedy="measure", action="measure the distances between the motors, front and side"
     ),
+    "rotor speed scale": TermKind(
+        remedy="repair", action="check the rotor that differs: its propeller, and its speed's scale"
+    ),
     "earlier flights": TermKind(remedy="fly"),
     "timing of the motors": TermKind(
         remedy="fly", action="roll briskly: 20 s of quick left-right rolls, one or two a second"

@@ -203,6 +203,10 @@ class Numbers:
         added = (term for term in terms if np.any(term.half_width))
         return replace(self, terms=(*self.terms, *added))
 
+    def without_term(self, name: str) -> Numbers:
+        """Return the numbers as they were before a step appended its term."""
+        return replace(self, terms=tuple(term for term in self.terms if term.name != name))
+
     def limited_to(self, half_width: Float[np.ndarray, " q"], *, source: str) -> Numbers:
         """Return the numbers with no interval wider than a half-width that is known already.
 
