@@ -20,6 +20,7 @@ import numpy as np
 from rotorfit.checks.verdicts.parameters import joint_parameters
 from rotorfit.digits import with_half
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
+from rotorfit.fit.dataset.channel_findings import BY_YAW
 from rotorfit.fit.intervals.numbers import SCALED, Numbers
 from rotorfit.model.parameters import INERTIA, inertia_matrix
 
@@ -38,11 +39,6 @@ NEGATIVE = "it comes out negative, which no inertia is"
 SURELY = 2.0
 """Half-widths below nothing from which a rotor inertia is surely negative."""
 NEGATIVE_ROTORS = "the rotors' inertia comes out negative, which no inertia is"
-BY_YAW = (
-    *("Jr", "kd", "Izz", "Izz_com"),
-    *("kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "Izz_over_kt"),
-)
-"""Numbers that rest on the turn about z."""
 UNFILTERED = "log the gyro unfiltered, all axes by one clock"
 DECLARE = (
     "compare order, places and spins of the rotors under [airframe] with the vehicle, and the axes "

@@ -64,6 +64,7 @@ from rotorfit.flight.other_hovers import OtherHover, other_hovers
 from rotorfit.flight.signals import central_difference, hampel, true_runs
 from rotorfit.flight.used_rows import Window, drop_unsettled, inner_segments, phases_of, window_runs
 from rotorfit.flight.written_twice import written_twice
+from rotorfit.flight.yaw_lowpass import yaw_lowpass
 from rotorfit.logs.motor_law import law_doubts
 
 if TYPE_CHECKING:
@@ -276,6 +277,7 @@ def prepared_from(
             *hung,
             *interpolated_imu(uniform),
             *written_twice(uniform, flights),
+            *yaw_lowpass(uniform, flights),
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
         other_hovers=hovers,

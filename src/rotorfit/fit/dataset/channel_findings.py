@@ -43,6 +43,11 @@ BY_CLOCK: Final = (
     *("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt"),
 )
 """Numbers that rest on the seconds of the log."""
+BY_YAW: Final = (
+    *("Jr", "kd", "Izz", "Izz_com"),
+    *("kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "Izz_over_kt"),
+)
+"""Numbers that rest on the turn about z."""
 BY_THRUST: Final = ("kt", "hover_speed", "max_thrust", "thrust_to_weight")
 """Numbers that rest on the size of the thrust."""
 BY_COMMANDS: Final = (
@@ -102,6 +107,7 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
         numbers=BY_CLOCK,
         doubtful_because="repeated rows stretch the clock of the log",
     ),
+    "yaw-lowpass": RestsOn(numbers=BY_YAW, doubtful_because="the yaw gyro alone is filtered"),
     "gyro-bias": RestsOn(numbers=BY_TURNS),
     "slow-motor-data": RestsOn(numbers=BY_TURNS),
     "slow-cameras": RestsOn(numbers=BY_TURNS),
