@@ -27,6 +27,8 @@ YAW_LOWPASS: Final = "yaw-lowpass"
 """Kind of the finding that the yaw gyro alone is filtered."""
 WINDOW: Final = 0.5
 """Window of one spectrum [s]."""
+SHORTEST: Final = 8
+"""Rows of a window: of slower logs no noise is seen."""
 MOST_WINDOWS: Final = 200
 """Windows of one stretch of flight that are looked at, spread over it: more show no more."""
 LOWEST: Final = 5.0
@@ -126,12 +128,14 @@ def _noise_by_band(
 ) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, "b 3"]] | None:
     """Return middle frequencies of bands [Hz] and the mean ln of each axis' power in them."""
     window = round(WINDOW * rate)
+    if window < SHORTEST:
+        return None
     parts = [
         np.abs(windowed_lines(gyro[a:b], window, max(window // 2, (b - a) // MOST_WINDOWS))) ** 2
         for a, b in flights
         if b - a >= window
     ]
-    if not parts or window < 8:
+    if not parts:
         return None
     power = np.concatenate(parts).mean(axis=0)
     frequency = np.fft.rfftfreq(window, 1.0 / rate)
