@@ -28,7 +28,7 @@ from rotorfit.fit.motors.law_search import fit_with_law
 from rotorfit.fit.noise_levels import fit_by_noise
 from rotorfit.fit.sensors.sensor_place import place_sensor
 from rotorfit.fit.steps import every_step
-from rotorfit.fit.timing.sensor_bandwidth import measure_bandwidths
+from rotorfit.fit.timing.sensor_bandwidth import measure_bandwidths, take_off_lateness
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import (
@@ -151,9 +151,10 @@ def _identify_checked(
     experiment = experiment.model_copy(update={"motors": dataset.motors})
     # The paper neglects lag and delay, but takes out the delay of its motion capture.
     if method != "tls" or dataset.source == "mocap":
-        # Lines without motion hide the motors' timing; commands lag too far to compare them before.
+        # Lines without motion hide the motors' timing, and so does a late accelerometer; commands
+        # lag too far to compare them before.
         if dataset.motors.speed == "measured":
-            dataset = measure_bandwidths(dataset)
+            dataset = take_off_lateness(measure_bandwidths(dataset))
         dataset = time_motors(dataset, lag=method != "tls", report=report)
         dataset = measure_bandwidths(dataset)
     report("fitting")

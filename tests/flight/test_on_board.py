@@ -18,6 +18,7 @@ from rotorfit.flight.on_board import (
     response_of,
     restoring_response,
     with_filters,
+    without_lateness,
 )
 from rotorfit.logs.blackbox.firmware import filters as of_betaflight
 from rotorfit.logs.dataflash.firmware import filters as of_ardupilot
@@ -255,3 +256,18 @@ def test_filters_that_follow_the_rotors_are_not_applied():
     assert (one.kind, one.low) == ("low-pass", 20.0)
     grid = np.array([5.0, 20.0])
     assert np.abs(response_of([one], "accel", grid)) == pytest.approx([1.0, 1.0])
+
+
+@given(st.floats(4.0, 20.0), st.floats(0.1, 0.8))
+def test_a_force_is_moved_by_its_lateness_alone(cutoff, share):
+    """A swing behind a low-pass comes as late as its phase says, and keeps its height."""
+    flight = made_fit.prepared(seconds=20.0).data
+    f, t = share * cutoff, flight.time
+    response = filter_response(low_pass(cutoff), np.array([f]))[0]
+    swing = np.exp(2j * np.pi * f * t)[:, None] * np.array([1.0, 1j, -0.5])
+    late = replace(flight, specific_force=np.real(response * swing))
+    found = without_lateness(late, lambda at: filter_response(low_pass(cutoff), at), jumps=NO_GAPS)
+    middle = slice(len(t) // 4, -len(t) // 4)
+    in_time = np.abs(response) * np.real(swing)
+    assert found.specific_force[middle] == pytest.approx(in_time[middle], abs=0.02)
+    assert (found.rotor_speed == late.rotor_speed).all()

@@ -114,6 +114,22 @@ def with_filters(
     return replace(data, filters=tuple(filters), specific_force=force, velocity=velocity)
 
 
+def without_lateness(
+    data: FlightData,
+    low_pass: Callable[[Float[np.ndarray, " f"]], Complex[np.ndarray, " f"]],
+    *,
+    jumps: Int[np.ndarray, " j"],
+) -> FlightData:
+    """Return a flight whose specific force is no longer late by a low-pass; its gain stays."""
+
+    def advance(frequency: Float[np.ndarray, " f"]) -> Complex[np.ndarray, " f"]:
+        response = low_pass(frequency)
+        return np.conj(response) / np.abs(response)
+
+    force = _filter_stretches(data.specific_force, data.sample_rate, advance, jumps)
+    return replace(data, specific_force=force)
+
+
 def restoring_response(
     filters: Sequence[Filter], frequency: Float[np.ndarray, " f"]
 ) -> Complex[np.ndarray, " f"]:

@@ -116,6 +116,7 @@ class Bandwidth:
     - `cutoff`, `interval`: where the gain is .71, and its 95 % interval [Hz].
     - `delay`: beside that of the filter [s].
     - `gain`: of log-likelihood, against no low-pass.
+    - `taken_off`: whether the flight's samples are no longer late by it.
     """
 
     shape: str
@@ -123,6 +124,7 @@ class Bandwidth:
     interval: tuple[float, float]
     delay: float
     gain: float
+    taken_off: bool = False
 
     def response(self, frequency: Float[np.ndarray, " l"]) -> Complex[np.ndarray, " l"]:
         """Compute the gain and phase of the low-pass at the lower end of the interval."""

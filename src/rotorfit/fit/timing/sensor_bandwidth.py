@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight, with_flights
-from rotorfit.fit.reduction.bandwidth import LEAST_FOLLOWED, LOWEST, Sensor, bandwidths
+from rotorfit.fit.reduction.bandwidth import LEAST_FOLLOWED, LOWEST, ON_BOARD, Sensor, bandwidths
 from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
-from rotorfit.flight.on_board import MOST_RESTORED, response_of
+from rotorfit.flight.motors.motor_model import clock_jumps
+from rotorfit.flight.on_board import MOST_RESTORED, response_of, without_lateness
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,15 +29,54 @@ PLACES: Final[dict[Sensor, slice]] = {"accel": slice(0, 3), "gyro": slice(3, 6)}
 
 
 def measure_bandwidths(dataset: TimedDataset) -> TimedDataset:
-    """Measure the bandwidth of the sensors of every flight, at the timing of its motors."""
+    """Measure the bandwidth of the sensors of every flight, at the timing of its motors.
+
+    One whose lateness was taken off the samples stays as it was found.
+    """
 
     def measured(flight: LoadedFlight) -> LoadedFlight:
         prepared = flight.prepared
         data = retimed(prepared, dataset.timing)
-        top = 0.4 * prepared.slowest_rate
-        return dataclasses.replace(flight, bandwidths=bandwidths(data, dataset.vehicle, top=top))
+        found = bandwidths(data, dataset.vehicle, top=0.4 * prepared.slowest_rate)
+        kept = {sensor: one for sensor, one in flight.bandwidths.items() if one.taken_off}
+        return dataclasses.replace(flight, bandwidths={**found, **kept})
 
     return with_flights(dataset, measured).keeping_bands(dataset)
+
+
+def take_off_lateness(dataset: TimedDataset) -> TimedDataset:
+    """Take the lateness of a low-pass on board off every accelerometer that shows one.
+
+    What is flown moves thrust below the cut-off, where the gain is one, but all of it is late. The
+    timing of the motors is that of forces and turns together: with a late force the rotors would
+    come early, and J_r would make up for it in yaw.
+    """
+    flights = [flight for c in dataset.configurations for flight in c.flights]
+    if dataset.source != "imu" or not any(_is_late(flight) for flight in flights):
+        return dataset
+    changed = with_flights(dataset, lambda one: _in_time(one) if _is_late(one) else one)
+    return dataclasses.replace(changed, body=None).reduced()
+
+
+def _is_late(flight: LoadedFlight) -> bool:
+    """Return whether the accelerometer is behind a low-pass with a delay."""
+    found = flight.bandwidths.get("accel")
+    return found is not None and found.shape in ON_BOARD and not found.taken_off
+
+
+def _in_time(flight: LoadedFlight) -> LoadedFlight:
+    """Take the lateness of the accelerometer's low-pass off a flight."""
+    found, prepared = flight.bandwidths["accel"], flight.prepared
+    data = without_lateness(
+        prepared.data,
+        lambda frequency: ON_BOARD[found.shape](frequency / found.cutoff),
+        jumps=clock_jumps(prepared.data.time, prepared.data.sample_rate),
+    )
+    return dataclasses.replace(
+        flight,
+        prepared=dataclasses.replace(prepared, data=data),
+        bandwidths={**flight.bandwidths, "accel": dataclasses.replace(found, taken_off=True)},
+    )
 
 
 def flight_reach(flight: LoadedFlight) -> Float[np.ndarray, " 6"]:
