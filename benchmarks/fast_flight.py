@@ -9,8 +9,10 @@ other flights together, whose result predicts as `rotorfit validate` does. Its i
 the error of its angular acceleration, times the published inertia, stands beside the others.
 
     ROTORFIT_DATA=... python -m benchmarks.fast_flight
+    ROTORFIT_DATA=... python -m benchmarks.fast_flight --terms  # with one more group of terms each
 """
 
+import argparse
 import os
 import tempfile
 import warnings
@@ -57,6 +59,7 @@ speed = "measured"
 mass = {MASS}
 """
 MODELS: Final = ("kt O^2", "linear drag and inflow", "rotor drag, Glauert, wake")
+COMPONENTS: Final = ("Fx [N]", "Fy [N]", "Fz [N]", "Mx [mN m]", "My [mN m]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +127,26 @@ def solve_induced_velocity(
     return 0.5 * (low + high)
 
 
+def induced_velocities(flight: Flight) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n 1"]]:
+    """Return the velocity that each rotor induces, and what the same thrust does in still air."""
+    # Momentum theory: in still air the thrust T of all rotors induces sqrt(T / (2 rho A)).
+    total = (flight.speeds**2).sum(axis=1)
+    thrust = total * flight.force[:, 2].mean() / total.mean()
+    still = np.sqrt(thrust / (2.0 * AIR_DENSITY * np.pi * PROPELLER**2))[:, None]
+    vx, vy, u = rotor_velocities(flight)
+    return solve_induced_velocity(np.hypot(vx, vy), u, still), still
+
+
+def rotor_velocities(flight: Flight) -> tuple[Float[np.ndarray, "n 4"], ...]:
+    """Return the velocity of each rotor along x, y and z."""
+    v, w, r = flight.velocity, flight.rates, rotor_places()
+    return (
+        v[:, :1] - w[:, 2:] * r[:, 1],
+        v[:, 1:2] + w[:, 2:] * r[:, 0],
+        v[:, 2:] + w[:, :1] * r[:, 1] - w[:, 1:2] * r[:, 0],
+    )
+
+
 def make_columns(flight: Flight, model: str) -> list[Float[np.ndarray, "n k"]]:
     """Return the columns of Fx, Fy, Fz, Mx, My, Mz; each component has coefficients of its own."""
     O, v, w, r = flight.speeds, flight.velocity, flight.rates, rotor_places()
@@ -137,18 +160,14 @@ def make_columns(flight: Flight, model: str) -> list[Float[np.ndarray, "n k"]]:
         [-squares @ r[:, 0], total],
         [squares @ SPINS, one],
     ]
-    u = v[:, 2:] + w[:, :1] * r[:, 1] - w[:, 1:2] * r[:, 0]
+    vx, vy, u = rotor_velocities(flight)
     more: list[list[np.ndarray]] = [[] for _ in columns]
     if model == MODELS[1]:
         lift = (v[:, :2] ** 2).sum(axis=1)
         more = [[v[:, 0]], [v[:, 1]], [(O * u).sum(axis=1), lift]]
         more += [[(O * u) @ r[:, 1], v[:, 1]], [-(O * u) @ r[:, 0], v[:, 0]], [w[:, 2]]]
     elif model == MODELS[2]:
-        # Momentum theory: in still air the thrust T of all rotors induces sqrt(T / (2 rho A)).
-        thrust = total * flight.force[:, 2].mean() / total.mean()
-        still = np.sqrt(thrust / (2.0 * AIR_DENSITY * np.pi * PROPELLER**2))[:, None]
-        vx, vy = v[:, :1] - w[:, 2:] * r[:, 1], v[:, 1:2] + w[:, 2:] * r[:, 0]
-        induced = solve_induced_velocity(np.hypot(vx, vy), u, still)
+        induced, still = induced_velocities(flight)
         lost = O * (u - (still - induced))
         mean = induced.mean(axis=1)
         more = [
@@ -162,6 +181,37 @@ def make_columns(flight: Flight, model: str) -> list[Float[np.ndarray, "n k"]]:
     return [np.column_stack([*c, *m]) for c, m in zip(columns, more, strict=True)]
 
 
+def make_further_columns(flight: Flight) -> dict[str, list[list[Float[np.ndarray, " n"]]]]:
+    """Return groups of further terms, by name: columns of Fx, Fy, Fz, Mx, My; none of some."""
+    v, force = flight.velocity, flight.force
+    x, y, z = v.T
+    fast, speeds = np.linalg.norm(v, axis=1), flight.speeds.sum(axis=1)
+    total, induced = (flight.speeds**2).sum(axis=1), induced_velocities(flight)[0].mean(axis=1)
+    flapping = [speeds * x, speeds * y]
+    return {
+        "none": [[], [], [], [], []],
+        "body drag, speed times velocity": [[fast * x], [fast * y], [fast * z], [], []],
+        "frame drag, linear": [[x], [y], [z], [], []],
+        "thrust that leans": [[total], [total], [], [], []],
+        "force over induced times forward velocity": [
+            [induced * x],
+            [induced * y],
+            [induced * x, induced * y, induced * z],
+            [],
+            [],
+        ],
+        "thrust over squared forward velocity": [[], [], [x**2, y**2], [], []],
+        "moment over rotor speed times velocity (flapping)": [[], [], [], flapping, flapping],
+        "moment over force (another centre of mass)": [
+            [],
+            [],
+            [],
+            [force[:, 1], force[:, 2]],
+            [force[:, 0], force[:, 2]],
+        ],
+    }
+
+
 def measure_errors(error: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "4"]:
     """Return the mean squares of Fxy, Fz [N^2], Mxy, Mz [N^2 m^2]."""
     square = (error**2).mean(axis=0)
@@ -170,16 +220,46 @@ def measure_errors(error: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "4"]:
 
 def predict_left_out(flights: list[Flight], left_out: int, model: str) -> Float[np.ndarray, "4"]:
     """Fit the other flights and return the mean squares of the error in the one left out."""
-    errors: list[np.ndarray] = []
-    for k in range(6):
-        band = FORCE_BAND if k < 3 else MOMENT_BAND
-        fits = [filter_below(make_columns(f, model)[k], band) for f in flights]
-        felt = [filter_below(np.hstack([f.force, f.moment])[:, k], band) for f in flights]
-        others = [i for i in range(len(flights)) if i != left_out]
-        X, y = (np.concatenate([part[i] for i in others]) for part in (fits, felt))
-        theta = np.linalg.lstsq(X, y, rcond=None)[0]
-        errors.append(felt[left_out] - fits[left_out] @ theta)
+    columns = [make_columns(flight, model) for flight in flights]
+    errors = [
+        component_error(flights, left_out, k, [one[k] for one in columns])
+        for k in range(len(columns[0]))
+    ]
     return measure_errors(np.column_stack(errors))
+
+
+def component_error(
+    flights: list[Flight], left_out: int, k: int, columns: list[Float[np.ndarray, "n k"]]
+) -> Float[np.ndarray, " n"]:
+    """Fit a component of the other flights by its columns; return the error in the one left out."""
+    band = FORCE_BAND if k < 3 else MOMENT_BAND
+    fits = [filter_below(one, band) for one in columns]
+    felt = [filter_below(np.hstack([f.force, f.moment])[:, k], band) for f in flights]
+    others = [i for i in range(len(flights)) if i != left_out]
+    X, y = (np.concatenate([part[i] for i in others]) for part in (fits, felt))
+    theta = np.linalg.lstsq(X, y, rcond=None)[0]
+    return felt[left_out] - fits[left_out] @ theta
+
+
+def compare_further_terms(flights: list[Flight]) -> dict[str, list[float]]:
+    """Return the rms errors of Fx, Fy, Fz, Mx, My with each group of further terms."""
+    usual = [make_columns(flight, MODELS[2]) for flight in flights]
+    further = [make_further_columns(flight) for flight in flights]
+    found: dict[str, list[float]] = {}
+    for name in further[0]:
+        found[name] = []
+        for k in range(len(COMPONENTS)):
+            if name != "none" and not further[0][name][k]:
+                found[name].append(found["none"][k])
+                continue
+            own = [
+                np.column_stack([a[k], *b[name][k]]) for a, b in zip(usual, further, strict=True)
+            ]
+            squares = [
+                (component_error(flights, i, k, own) ** 2).mean() for i in range(len(flights))
+            ]
+            found[name].append(float(np.sqrt(np.mean(squares))))
+    return found
 
 
 def compare_bem(flight: Flight) -> Float[np.ndarray, "4"]:
@@ -217,11 +297,33 @@ def predict_by_rotorfit(paths: list[Path], left_out: int) -> Float[np.ndarray, "
     )
 
 
+def print_further_terms(flights: list[Flight]) -> None:
+    """Print the table of rms errors with one more group of terms, and NeuroBEM's."""
+    rows = compare_further_terms(flights)
+    bands = [FORCE_BAND] * 3 + [MOMENT_BAND] * 2
+    wrenches = [np.hstack([f.force, f.moment]) - f.bem for f in flights]
+    rows["NeuroBEM"] = [
+        float(np.sqrt(np.mean([(filter_below(one[:, k], band) ** 2).mean() for one in wrenches])))
+        for k, band in enumerate(bands)
+    ]
+    print(f"| more terms | {' | '.join(COMPONENTS)} |\n|---|---|---|---|---|---|")
+    for name, found in rows.items():
+        forces = " | ".join(f"{value:.3f}" for value in found[:3])
+        moments = " | ".join(f"{1e3 * value:.1f}" for value in found[3:])
+        print(f"| {name} | {forces} | {moments} |", flush=True)
+
+
 def main() -> None:
     """Print the table of rms errors over all flights."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--terms", action="store_true")
+    asked = parser.parse_args()
     folder = Path(os.environ["ROTORFIT_DATA"]) / "neurobem"
     paths = [folder / f"{name}.csv" for name in FLIGHTS]
     flights = [read_flight(path) for path in paths]
+    if asked.terms:
+        print_further_terms(flights)
+        return
     rows = {m: [predict_left_out(flights, i, m) for i in range(len(flights))] for m in MODELS}
     rows["rotorfit identify"] = [predict_by_rotorfit(paths, i) for i in range(len(flights))]
     rows["NeuroBEM"] = [compare_bem(flight) for flight in flights]
