@@ -49,6 +49,17 @@ def test_the_rotors_inertia_does_not_make_up_for_it(filtered):
     assert ratio.verdict == "identified"
 
 
+def test_a_low_pass_that_was_taken_off_is_named(filtered, assert_wording):
+    """A Butterworth delays slow motion by the root of 2 over 2 pi times its cut-off: 47 ms."""
+    found, _ = filtered
+    (said,) = (one for one in found.result.findings if one.kind == "accelerometer-filtered")
+    assert said.severity == "note"
+    assert said.flights == ("flight.csv",)
+    assert said.evidence[0].value == pytest.approx(CUTOFF, rel=0.1)
+    assert "47 ms" in said.sentence
+    assert_wording(said.sentence)
+
+
 def test_a_low_pass_that_was_taken_off_is_not_measured_again(filtered):
     found, _ = filtered
     (flight,) = found.dataset.configurations[0].flights

@@ -1,4 +1,4 @@
-"""Check for sensors at the end of their range, and name a low-pass in the motors' times.
+"""Check for sensors at the end of their range, and name low-passes that the log does not.
 
 A sensor at the end of its range cuts off what is faster or harder: that no interval covers.
 """
@@ -8,13 +8,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from rotorfit.findings import Finding, doubt_or_passed
+import numpy as np
+
+from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
+from rotorfit.fit.reduction.bandwidth import SHAPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rotorfit.fit.dataset.dataset import LoadedFlight
     from rotorfit.fit.fit import Fit
+    from rotorfit.fit.reduction.bandwidth import Bandwidth
     from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 LEAST_CUT_OFF: Final = 1e-3
@@ -74,4 +78,35 @@ def cut_off(flight: LoadedFlight) -> list[tuple[float, str]]:
     return found
 
 
-CHECKS: Final = (saturated_sensors,)
+def filtered_accelerometers(fit: Fit) -> Iterator[Finding]:
+    """Name the slowest low-pass whose lateness was taken off an accelerometer, and its flight."""
+    flights = [flight for c in fit.dataset.configurations for flight in c.flights]
+    found = [(f.bandwidths["accel"], f) for f in flights if "accel" in f.bandwidths]
+    late = [(low_pass, flight) for low_pass, flight in found if low_pass.taken_off]
+    if not late:
+        return
+    low_pass, flight = min(late, key=lambda one: one[0].cutoff)
+    low, high = low_pass.interval
+    yield note(
+        "accelerometer-filtered",
+        f"{Path(flight.entry.file).name}: the accelerometer is behind a low-pass of about "
+        f"{low_pass.cutoff:.2g} Hz ({low:.2g} to {high:.2g}) that the log does not name: it is "
+        f"{1e3 * _slow_delay(low_pass):.0f} ms late, which is taken off; log it unfiltered for "
+        "narrower intervals",
+        flights=(flight.entry.written,),
+        evidence=(
+            Evidence(
+                name="accelerometer_cutoff", value=low_pass.cutoff, interval=low_pass.interval
+            ),
+        ),
+    )
+
+
+def _slow_delay(low_pass: Bandwidth) -> float:
+    """Compute by how much a low-pass delays slow motion [s]."""
+    slow = 0.01
+    phase = float(np.angle(SHAPES[low_pass.shape](np.array([slow])))[0])
+    return -phase / (2.0 * np.pi * slow * low_pass.cutoff)
+
+
+CHECKS: Final = (saturated_sensors, filtered_accelerometers)
