@@ -1,4 +1,4 @@
-"""What drag of the frame that a model lacks leaves open of the drag of the rotors."""
+"""What drag of the frame and wakes that a model lacks leave open of its other numbers."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 import made_fit
 from rotorfit.estimation.banded import banded
 from rotorfit.estimation.factors import Factors, triangular_factors
-from rotorfit.fit.intervals.frame_drag import frame_drag_shifts, rms_above_zero
+from rotorfit.fit.intervals.frame_drag import frame_drag_shifts, rms_above_zero, wake_shifts
 from rotorfit.fit.joint.joint_problem import joint_problem
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.registry import added_signals
@@ -17,11 +17,12 @@ MASS, HOVER = 1.4, 2000.0
 """Of four rotors at 500 rad/s together."""
 TERMS = ("rotor_drag",)
 AIR = ("rotor_drag", "inflow", "drag")
+WAKES = (*AIR, "wake_moment")
 
 
-def dragged(*, frame, changes, blocks=12, rows=80):
+def dragged(*, frame, changes, wake=0.0, air=AIR, blocks=12, rows=80):
     """A body whose signals are noise, but for drag; `changes`: share of the rotors' speeds."""
-    model = regressor(made_fit.QUAD, added=added_signals(AIR))
+    model = regressor(made_fit.QUAD, added=added_signals(air))
     names, rng = model.layout.names, np.random.default_rng(4)
     Z = np.zeros((blocks, rows, len(names)))
     for i, name in enumerate(names):
@@ -34,8 +35,11 @@ def dragged(*, frame, changes, blocks=12, rows=80):
         Z[:, :, names.index(f"v{name}")] = v[:, :, axis]
     for axis, name in enumerate("xy"):
         Z[:, :, names.index(f"Od_F{name}")] = speeds * v[:, :, axis]
+    for axis, name in enumerate("xy" if "wake_x" in names else ""):
+        Z[:, :, names.index(f"wake_{name}")] = 5.0 * v[:, :, axis]
     Z[:, :, names.index("one")] = 1.0
     true = {**made_fit.BODY, "mass": MASS, "drag_x": frame, "drag_y": frame}
+    true |= {"wake_moment_x": wake, "wake_moment_y": wake}
     B = np.einsum("p,pjz->jz", [true.get(name, 0.0) for name in model.names], model.tensor)
     Z[:, :, :6] = -np.linalg.solve(B[:, :6], np.einsum("jz,bmz->bmj", B, Z)[..., None])[..., 0]
     Z[:, :, :6] += rng.normal(size=(blocks, rows, 6)) * [0.3, 0.3, 0.3, 2.0, 2.0, 2.0]
@@ -96,3 +100,24 @@ def test_the_air_does_not_drive(mean):
     weight = np.exp(-0.5 * (x - mean) ** 2 + 0.5 * min(mean, 0.0) ** 2)
     found = rms_above_zero(np.array([mean]), np.array([1.0]))[0]
     assert found == pytest.approx(np.sqrt((x**2 * weight).sum() / weight.sum()), rel=2e-3)
+
+
+@pytest.mark.parametrize("wake", [0.0, 0.01, 0.03])
+def test_wakes_that_the_model_lacks_leave_the_height_open(wake):
+    """They pitch with the velocity, as drag does over a centre of mass that is low."""
+    body = dragged(frame=0.0, changes=0.0, wake=wake, air=WAKES)
+    fit = fitted(body)
+    place = fit.estimate.names.index("msz@A")
+    shift = np.linalg.norm(wake_shifts(fit, [body])[:, place])
+    error = abs(fit.estimate.values[place] - made_fit.BODY["msz"])
+    assert error < 1.96 * np.hypot(shift, fit.estimate.std[place])
+    if wake:
+        assert error > 1.96 * fit.estimate.std[place]
+
+
+def test_wakes_in_the_model_leave_nothing_open():
+    body = dragged(frame=0.0, changes=0.0, wake=0.02, air=WAKES)
+    fit = fitted(body, (*TERMS, "wake_moment"))
+    assert wake_shifts(fit, [body]).shape == (0, len(fit.estimate.names))
+    slow = dragged(frame=0.0, changes=0.0)
+    assert len(wake_shifts(fitted(slow), [slow])) == 0

@@ -63,6 +63,9 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
     "drag of the frame": TermKind(
         remedy="fly", action="fly at speed with a payload, too, and climb and descend there"
     ),
+    "moments of the wakes": TermKind(
+        remedy="fly", action="fly faster, to and fro, or slower than 2 m/s"
+    ),
     "motor lean": TermKind(remedy="repair", action="mount the motors straight"),
     "IMU size": TermKind(remedy="none", action="nothing: the IMU is no point"),
     "motor tilt": TermKind(remedy="none", action="identify with the default method (banded)"),

@@ -46,7 +46,7 @@ from rotorfit.fit.intervals.excitation import (
     excitation,
     weighed_excitation,
 )
-from rotorfit.fit.intervals.frame_drag import frame_drag_shifts
+from rotorfit.fit.intervals.frame_drag import frame_drag_shifts, wake_shifts
 from rotorfit.fit.intervals.interval_terms import IntervalTerm, combined_half_width
 from rotorfit.fit.intervals.numbers import FEWEST_PHASES, Numbers, correlation_of, hover_speed
 from rotorfit.fit.joint.joint_map import spread_names
@@ -120,21 +120,32 @@ def joint_numbers(
     std = np.sqrt(np.diagonal(formal + shared))
     widened = inertia_uncertainty(widened, configurations, std)
     widened = air_uncertainty(widened, configurations, std)
-    widened = widened.with_terms(_frame_drag_term(fit, configurations, jacobian))
+    widened = widened.with_terms(*_terms_left_out(fit, configurations, jacobian))
     widened = coupling_uncertainty(widened, configurations)
     return replace(widened, excitation=numbers.excitation, weighed=weighed)
 
 
-def _frame_drag_term(
+def _terms_left_out(
     fit: BandedEstimate,
     configurations: Sequence[JointConfiguration],
     jacobian: Float[np.ndarray, "q f"],
-) -> IntervalTerm:
-    shifts = frame_drag_shifts(fit, configurations) @ jacobian.T
-    return IntervalTerm(
-        name="drag of the frame",
-        half_width=1.96 * np.linalg.norm(shifts, axis=0),
-        source="drag of the frame that stands in the drag of the rotors",
+) -> tuple[IntervalTerm, IntervalTerm]:
+    """Return the terms by what the model lacks of the air."""
+    drag, wakes = (
+        1.96 * np.linalg.norm(shifts(fit, configurations) @ jacobian.T, axis=0)
+        for shifts in (frame_drag_shifts, wake_shifts)
+    )
+    return (
+        IntervalTerm(
+            name="drag of the frame",
+            half_width=drag,
+            source="drag of the frame that stands in the drag of the rotors",
+        ),
+        IntervalTerm(
+            name="moments of the wakes",
+            half_width=wakes,
+            source="moments of the rotors' wakes that the model lacks",
+        ),
     )
 
 
