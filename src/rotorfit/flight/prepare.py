@@ -26,6 +26,7 @@ from rotorfit.flight.clocks import (
     uniform_channels,
     usable_samples,
 )
+from rotorfit.flight.drag_direction import accelerometer_axes
 from rotorfit.flight.flight_checks import (
     explained_by_slow_motors,
     frozen_channel_doubts,
@@ -278,6 +279,7 @@ def prepared_from(
             *interpolated_imu(uniform),
             *written_twice(uniform, flights),
             *yaw_lowpass(uniform, flights),
+            *accelerometer_axes(data),
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
         other_hovers=hovers,

@@ -25,7 +25,14 @@ from rotorfit.flight.motors.rotor_telemetry import (
 )
 from rotorfit.flight.motors.telemetry_pair import mend_stray_commands, pair_channels
 from rotorfit.flight.signals import true_runs
-from rotorfit.model.parameters import COM, INERTIA, INERTIA_COM, NUISANCE, PARAMETERS
+from rotorfit.model.parameters import (
+    COM,
+    FIRST_MOMENTS,
+    INERTIA,
+    INERTIA_COM,
+    NUISANCE,
+    PARAMETERS,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -48,6 +55,8 @@ BY_YAW: Final = (
     *("kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "Izz_over_kt"),
 )
 """Numbers that rest on the turn about z."""
+BY_PLACE: Final = (*COM, *FIRST_MOMENTS, *INERTIA, *INERTIA_COM)
+"""Numbers that rest on the direction of the specific force."""
 BY_THRUST: Final = ("kt", "hover_speed", "max_thrust", "thrust_to_weight")
 """Numbers that rest on the size of the thrust."""
 BY_COMMANDS: Final = (
@@ -106,6 +115,9 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     "rows-written-twice": RestsOn(
         numbers=BY_CLOCK,
         doubtful_because="repeated rows stretch the clock of the log",
+    ),
+    "accelerometer-axes": RestsOn(
+        numbers=BY_PLACE, doubtful_because="the accelerometer's x and y contradict the drag"
     ),
     "yaw-lowpass": RestsOn(numbers=BY_YAW, doubtful_because="the yaw gyro alone is filtered"),
     "gyro-bias": RestsOn(numbers=BY_TURNS),
