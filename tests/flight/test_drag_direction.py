@@ -52,7 +52,7 @@ def test_drag_against_the_velocity_is_found_and_not_said(log):
     [
         ([[-1, 0, 0], [0, -1, 0], [0, 0, 1]], "both reversed"),
         ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], "swapped"),
-        ([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], "one of them reversed"),
+        ([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], "mirrored (one of them reversed)"),
         ([[0, -1, 0], [1, 0, 0], [0, 0, 1]], "turned by 90 degrees"),
     ],
 )

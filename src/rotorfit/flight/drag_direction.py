@@ -65,7 +65,7 @@ class DragDirection(NamedTuple):
             "both reversed": -self.along.real,
             "turned by 90 degrees": abs(self.along.imag),
             "swapped": abs(self.mirrored.imag),
-            "one of them reversed": abs(self.mirrored.real),
+            "mirrored (one of them reversed)": abs(self.mirrored.real),
         }
         name = max(found, key=lambda key: found[key])
         others = (max(self.along.real, 0.0), *(found[key] for key in found if key != name))
