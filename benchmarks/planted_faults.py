@@ -189,7 +189,7 @@ ROOMS: Final[dict[str, Room]] = {
     ),
     "estimation/estimate.py": Room(
         tests=("tests/estimation/test_scatter.py",),
-        scaled=("(<<2.0 * shift[i]>>)",),
+        scaled=("(above - below).T / (<<2.0 * step>>)",),
     ),
     "estimation/damped_steps.py": Room(
         tests=("tests/estimation/test_damped_steps.py",),

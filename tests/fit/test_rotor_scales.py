@@ -41,7 +41,7 @@ def test_one_rotor_unlike_three_equal_ones_leaves_k_t_open(excess):
     assert half[0] == pytest.approx(0.25 * abs(excess), rel=0.3)
 
 
-def test_the_speed_at_the_same_command_tells_scale_from_propeller():
+def test_speed_at_the_same_command_tells_scale_from_propeller():
     unlike = 0.01, -0.1, 0.01, -0.01
     by_thrust = wrong(odds(*unlike))
     alike, faster = (wrong(odds(*unlike, speeds=(0.0, own, 0.0, 0.0))) for own in (0.0, 0.05))
@@ -64,7 +64,7 @@ def test_the_half_width_grows_with_the_excess_without_a_jump():
     assert np.diff(half).max() < 0.015
 
 
-def test_a_speed_5_percent_off_is_covered_where_the_rotors_are_equal(tmp_path):
+def test_a_speed_5_percent_off_is_covered_where_rotors_are_alike(tmp_path):
     flight = flown.simulated("quad-x", "noisy", seed=5, seconds=25.0)
     sound = numbers_of(flown.identified(tmp_path, [flight]))
     speeds = flight.rotor_speed_measured * np.array([1.0, 1.05, 1.0, 1.0])

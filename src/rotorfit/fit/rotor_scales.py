@@ -195,7 +195,7 @@ def speeds_at_command(dataset: Dataset) -> Float[np.ndarray, " N"] | None:
 def posterior_half_widths(
     odds: ScaleOdds, slopes: Float[np.ndarray, "N q"]
 ) -> Float[np.ndarray, " q"]:
-    """Return what holds 95 % of the posterior of each number about its value.
+    """Return half-widths about the numbers that hold 95 % of their posterior.
 
     `slopes`: of the numbers by the excess of each rotor.
     """

@@ -377,7 +377,7 @@ def _physical_numbers(
     out["Iyy_over_kt"] = inertia["Iyy"] / kt
     out["kd_over_Izz"] = p["yaw.kd"]
     out["Jr_over_Izz"] = p["yaw.Jr"]
-    out["hover_speed"] = float(hover_speed(np.array(kt), mass=mass, vehicle=vehicle))
+    out["hover_speed"] = float(hover_speed(np.array([kt]), mass=mass, vehicle=vehicle)[0])
     return tuple(out), np.array(list(out.values()))
 
 

@@ -60,7 +60,7 @@ class DragDirection(NamedTuple):
 
     @property
     def wrong_axes(self) -> str | None:
-        """Return what the accelerometer's axes seem to be; None where drag is as it should be."""
+        """Name what is wrong with the accelerometer's axes; None where drag is as it should be."""
         found = {
             "both reversed": -self.along.real,
             "turned by 90 degrees": abs(self.along.imag),

@@ -330,8 +330,8 @@ def correlation_of(covariance: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q
 
 
 def hover_speed(
-    kt: Float[np.ndarray, "*b"], *, mass: float, vehicle: Vehicle
-) -> Float[np.ndarray, "*b"]:
+    kt: Float[np.ndarray, " b"], *, mass: float, vehicle: Vehicle
+) -> Float[np.ndarray, " b"]:
     """Return the rotor speed, equal for all, whose thrust along z is the weight [rad/s]."""
     lift = float(vehicle.axes[:, 2].sum())
     return np.sqrt(mass * GRAVITY / (lift * np.maximum(kt, 1e-300)))
