@@ -75,35 +75,32 @@ def confirmed_motors(
 
     `body`: the lines of its body, which are the same for all layouts.
     """
+    return likely_motors(*factors_on_circle(timed, body=body))
+
+
+def factors_on_circle(timed: PreparedFlight, *, body: tuple[Lines, ...]) -> tuple[Factors, Vehicle]:
+    """Reduce a timed flight for `likely_motors` and `own_order`, with rotors on a circle."""
     circle = rotors_on_circle(timed.data.rotor_speed.shape[1])
-    factors = prepared_bands(timed, circle, None, body=body, top=BAND[1])
-    return likely_motors(factors, circle)
+    return prepared_bands(timed, circle, None, body=body, top=BAND[1]), circle
 
 
-def own_order(
-    timed: PreparedFlight, confirmed: Vehicle | None, *, body: tuple[Lines, ...]
-) -> Vehicle | None:
-    """Find the motor order of a quadrotor, any at all, by which a timed flight responds.
+def own_order(factors: Factors, circle: Vehicle, confirmed: Vehicle | None) -> Vehicle | None:
+    """Find the motor order of a quadrotor, any at all, by which a flight responds.
 
     None where the flight shows none, or not the spins, or where `confirmed`, the vehicle of a known
-    order, explains it as well; `body` as for `confirmed_motors`.
+    order, explains it as well; the rest is from `factors_on_circle`.
     """
-    if timed.data.rotor_speed.shape[1] != 4:
+    if len(circle.rotors) != 4:
         return None
-    circle = rotors_on_circle(4)
-    factors = prepared_bands(timed, circle, None, body=body, top=BAND[1])
     tried = [(response(factors, v, made_for=circle), v) for v in _quadrotors_in_any_order()]
     best, vehicle = max(tried, key=lambda one: one[0].score)
     is_shown = min(best.roll, best.pitch) > LEAST_ORDER_FIT and best.yaw > LEAST_YAW
-    others = [*(r for r, v in tried if v is not vehicle and not _have_same_places(v, vehicle))]
-    if confirmed is not None:
+    if confirmed is None:
+        others = [r for r, v in tried if not np.array_equal(v.positions, vehicle.positions)]
+    else:
         others = [response(factors, confirmed, made_for=circle)]
     is_clear = all(best.gain_over(other) > BETTER for other in others)
     return vehicle if is_shown and is_clear else None
-
-
-def _have_same_places(first: Vehicle, second: Vehicle) -> bool:
-    return bool(np.array_equal(first.positions, second.positions))
 
 
 def _quadrotors_in_any_order() -> Iterator[Vehicle]:

@@ -63,7 +63,11 @@ def motors_in_flight(log: FlightLog) -> tuple[str | None, Vehicle | None]:
     With the rotors of a quadrotor whose motors have an order of their own, by the flight.
     """
     from rotorfit.fit.reduction.frequency_bands import retimed
-    from rotorfit.tools.inspection.guessed_rotors import confirmed_motors, own_order
+    from rotorfit.tools.inspection.guessed_rotors import (
+        factors_on_circle,
+        likely_motors,
+        own_order,
+    )
     from rotorfit.tools.inspection.lag_search import lines_of_body
     from rotorfit.tools.inspection.motor_lateness import motor_lateness
 
@@ -78,10 +82,11 @@ def motors_in_flight(log: FlightLog) -> tuple[str | None, Vehicle | None]:
     try:
         body = lines_of_body(prepared)
         timed = replace(prepared, data=retimed(prepared, response))
-        confirmed = confirmed_motors(timed, body=body)
-        own = own_order(timed, confirmed and confirmed[0], body=body)
+        factors, circle = factors_on_circle(timed, body=body)
     except FlightError:
         return None, None
+    confirmed = likely_motors(factors, circle)
+    own = own_order(factors, circle, confirmed and confirmed[0])
     if own is not None or confirmed is None:
         return None, own
     return name_in_usual_order(log, confirmed[1]), None
