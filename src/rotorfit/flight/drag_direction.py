@@ -20,6 +20,7 @@ import numpy as np
 from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.recursion import solve_recursion
+from rotorfit.flight.signals import running_mean
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -140,7 +141,7 @@ def _blocks_of_segment(
     for _ in range(2):
         across = _forget(np.diff(across, prepend=across[0]), kept)
     mean = max(round(SMOOTHED / step), 1)
-    v, f = (_average_near(x, mean) * np.conj(turn) for x in (velocity, across))
+    v, f = (running_mean(x, mean) * np.conj(turn) for x in (velocity, across))
     for start in range(first, count - length - mean, length):
         own = slice(start, start + length)
         if np.abs(lean[own]).max() < MOST_LEAN * GRAVITY:
@@ -153,10 +154,3 @@ def _forget(values: Complex[np.ndarray, " n"], kept: float) -> Complex[np.ndarra
     bands[0] = 1.0
     found = solve_recursion(bands, np.column_stack([np.real(values), np.imag(values)]))
     return found[:, 0] + 1j * found[:, 1]
-
-
-def _average_near(values: Complex[np.ndarray, " n"], rows: int) -> Complex[np.ndarray, " n"]:
-    """Average complex values over some rows."""
-    window = np.full(rows, 1.0 / rows)
-    real = np.convolve(np.real(values), window, "same")
-    return real + 1j * np.convolve(np.imag(values), window, "same")

@@ -34,7 +34,7 @@ from rotorfit.logs.flight_log import LONG, pieces
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from jaxtyping import Bool, Float, Int
+    from jaxtyping import Bool, Float, Inexact, Int
 
 MEDIAN_WIDTH = 7
 SCALE_WIDTH = 51
@@ -123,11 +123,11 @@ def local_medians(
 
 
 def running_mean(
-    values: Float[np.ndarray, "..."],
+    values: Inexact[np.ndarray, "..."],
     width: int,
     *,
     beyond: Literal["edge", "symmetric"] = "edge",
-) -> Float[np.ndarray, "..."]:
+) -> Inexact[np.ndarray, "..."]:
     """Average over `width` samples around each; beyond the ends stand those, or a mirror image."""
     before = width // 2
     around = ((before, width - before - 1), *((0, 0) for _ in values.shape[1:]))
