@@ -227,7 +227,10 @@ def title_of(name: str) -> str:
 
 def inertia_matrix(elements: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 3 3"]:
     """Return the symmetric tensor of (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
-    return elements[..., [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+    matrix = np.empty((*elements.shape[:-1], 3, 3))
+    for k, (i, j) in enumerate(INERTIA_PLACES):
+        matrix[..., i, j] = matrix[..., j, i] = elements[..., k]
+    return matrix
 
 
 def inertia_about(
