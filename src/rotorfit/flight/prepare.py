@@ -69,7 +69,7 @@ from rotorfit.flight.yaw_lowpass import yaw_lowpass
 from rotorfit.logs.motor_law import law_doubts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Sequence
 
     from jaxtyping import Bool, Float, Int
 
@@ -276,14 +276,21 @@ def prepared_from(
             *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
             *frozen,
             *hung,
-            *interpolated_imu(uniform),
-            *written_twice(uniform, flights),
-            *yaw_lowpass(uniform, flights),
-            *accelerometer_axes(data),
+            *_imu_faults(uniform, flights, data),
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
         other_hovers=hovers,
     )
+
+
+def _imu_faults(
+    uniform: UniformChannels, flights: Sequence[tuple[int, int]], data: FlightData
+) -> Iterator[Finding]:
+    """Find what is wrong with the IMU's samples over the whole flight."""
+    yield from interpolated_imu(uniform)
+    yield from written_twice(uniform, flights)
+    yield from yaw_lowpass(uniform, flights)
+    yield from accelerometer_axes(data)
 
 
 def _find_flights(
