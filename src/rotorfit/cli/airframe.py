@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 SMALLEST, LARGEST = 15.0, 10_000.0
 """Limits of a spacing [mm]."""
+SPIN_WORDS = {"cw": "clockwise", "ccw": "counterclockwise"}
+"""How a rotor turns, seen from above, in a sentence."""
 Layout = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="quad-x, quad-plus, hexa-x, ...; asked for if not given."),
@@ -290,9 +292,8 @@ def _seen_in(path: Path, log_number: int | None, table: ReadOptions | None) -> S
 def _shown_by_flight(seen: SeenAirframe) -> str:
     """State which of layout, motor order and spins the flight shows."""
     if seen.sites_flown:
-        turns = {"cw": "clockwise", "ccw": "counterclockwise"}
         motors = (
-            f"motor {number} {_place_words(x, y)} ({turns[spin]})"
+            f"motor {number} {_place_words(x, y)} ({SPIN_WORDS[spin]})"
             for number, (x, y, spin) in enumerate(seen.sites, start=1)
         )
         return f"the flight shows where each motor is: {', '.join(motors)}"
@@ -363,10 +364,10 @@ def _asked_spins(layout: str, order: str) -> str:
 
     first = layout_rotors(layout, arm=1.0, order=order)[0]
     place = _place_words(*first.position[:2])
-    turns = {"cw": "clockwise", "ccw": "counterclockwise"}
-    other = turns["ccw" if first.spin == "cw" else "cw"]
+    other = SPIN_WORDS["ccw" if first.spin == "cw" else "cw"]
     question = (
-        f"Motor 1 ({place}), seen from above, turns {turns[first.spin]}: usual, {other}: reversed"
+        f"Motor 1 ({place}), seen from above, turns {SPIN_WORDS[first.spin]}: usual, "
+        f"{other}: reversed"
     )
     try:
         return _ask_choice(["usual", "reversed"], question, "usual", "--spins")
