@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -11,7 +13,7 @@ if TYPE_CHECKING:
 Severity = Literal["refusal", "doubt", "note", "passed"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Evidence:
     """A quantity that a check measured, such as ``thrust_over_weight``.
 
@@ -27,7 +29,7 @@ class Evidence:
     limit: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Finding:
     """What one check says of a log, a flight or a fit.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -31,6 +30,7 @@ from rotorfit.fit.steps import every_step
 from rotorfit.fit.timing.sensor_bandwidth import measure_bandwidths, take_off_lateness
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.results.assemble import (
     log_metadata,
     mark_doubtful,
@@ -63,7 +63,7 @@ IMU_PLACE_UNUSED: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Identified:
     """A result, and what it was made of.
 
@@ -79,7 +79,7 @@ class Identified:
     result: IdentificationResult
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Tabulated:
     """What an estimator returns: the tables of its numbers, and what they were made of.
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
@@ -14,7 +16,7 @@ MOST_COLUMNS = 8192
 """Columns that are kept: two numbers each, more than any screen shows at once."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Series:
     """Curves by name over one rising axis, in general time since the log's first sample [s].
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 import textwrap
-from dataclasses import dataclass
 from html import escape
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 from rotorfit.errors import OutputError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -48,7 +48,7 @@ def wrapped(text: str, width: int, first: str = "", later: str | None = None) ->
     return [line.replace(_UNBROKEN, " ") for line in lines]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Sheet:
     """A heading, a table and remarks.
 

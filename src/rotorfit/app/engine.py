@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from rotorfit import version
@@ -25,6 +24,7 @@ from rotorfit.app.form import described, form_of_file
 from rotorfit.app.outcome import exported, missing_numbers
 from rotorfit.errors import ExperimentError, MissingNumbersError, RotorfitError
 from rotorfit.export.targets import OFFERED
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.formats import FORMATS
 from rotorfit.model.vehicle import LAYOUTS, layout_rotors
@@ -52,7 +52,7 @@ LONG: Final = ("add_file", "look", "identify", "plan", "export", "example")
 """Calls that take seconds or minutes, and read files from outside."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Engine:
     """The calls of a page, all of whose state is in its folder."""
 

@@ -9,10 +9,10 @@ import json
 import re
 import secrets
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from rotorfit.errors import ExperimentError, OutputError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import file_name, write_whole
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ _UNSEEN: Final = re.compile(
 """Control characters, those that turn the direction of writing, and halves of characters."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Dropped:
     """A file of the page, known to page and experiment file by its name; files are in order.
 

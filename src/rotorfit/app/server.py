@@ -14,7 +14,6 @@ import secrets
 import signal
 import socket
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,6 +27,7 @@ from starlette.routing import Route
 from rotorfit.app.engine import CALLS, LONG, MOST_BYTES, JsonObject
 from rotorfit.app.pages import STOPPED, Job, Page, Pages
 from rotorfit.errors import OutputError, RotorfitError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator, Callable, Iterable
@@ -114,7 +114,7 @@ TYPES: Final = {".js": "text/javascript", ".html": "text/html", ".css": "text/cs
 ENDED: Final = {"type": "http.response.body", "body": b"", "more_body": False}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Served:
     """A server that listens already; the address is that of the page, token included."""
 

@@ -12,7 +12,6 @@ the second moments of its mass. About the centre of mass that is :math:`\tfrac12
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +21,7 @@ from rotorfit.digits import with_half
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.dataset.channel_findings import BY_YAW
 from rotorfit.fit.intervals.numbers import SCALED, Numbers
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import INERTIA, inertia_matrix
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ DECLARE = (
 FLY = "fly longer and livelier about all three axes, 20 s each, then identify all flights together"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class SecondMoment:
     """The smallest second moment of the mass about the CoM; negative for an impossible body.
 

@@ -9,7 +9,6 @@ measured without it. So a wrong arm shows as one factor.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -19,6 +18,7 @@ from rotorfit.estimation.distributions import chi_square_tail, normal_tail
 from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.alternatives.free_bodies import FreeBodies
 from rotorfit.fit.experiment.payload import MOMENTS, added_moments, tolerances
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import PARAMETERS
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ FINEST = 1e-3
 flight hold no better."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class PayloadCheck:
     """A declared payload, and the payload that the flights show.
 

@@ -21,7 +21,6 @@ Krueger, J. Applied Econometrics 14, 1999): c_{-i} r_i = (c r_i - h_i u_i) / (1 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -34,6 +33,7 @@ from rotorfit.fit.intervals.numbers import AXES, Numbers
 from rotorfit.fit.joint.joint_problem import NOISY, TURN_ERRORS, JointConfiguration, theta_of
 from rotorfit.fit.reduction.frequency_bands import banded_data
 from rotorfit.fit.reduction.reduce import banded_lines
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.signals import signal_matrix
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ EXACT: Final = 1e-12
 _TINY: Final = 1e-200
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Instrumented:
     """The response of an axis over the model's.
 
@@ -169,7 +169,7 @@ def _of_blocks(asked: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> 
     return float((sums**2).sum()) * count / max(count - 1, 1)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ReferenceLines:
     """Lines about x, y and z, of all bands of a fit in order.
 

@@ -9,7 +9,6 @@ loop rings: an IMU beside the centre of mass feels a swing in pitch as a forward
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -21,6 +20,7 @@ from rotorfit.fit.joint.joint_problem import theta_of
 from rotorfit.fit.reduction.frequency_bands import EDGES, STRETCH, retimed
 from rotorfit.fit.reduction.reduce import split_segment
 from rotorfit.flight.filters import tukey_window
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.signals import signal_matrix
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ LOOP_RATIO = 2.0
 AXES = ("forward force", "side force", "lift", "roll", "pitch", "yaw")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Peak:
     """The highest peak in the errors of one configuration.
 
@@ -77,7 +77,7 @@ class Peak:
         return self.push_ratio > LOOP_RATIO and self.coherence > by_chance
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Spectra:
     """Power of errors and of the rotors' push, per bin and axis, and of each with each."""
 

@@ -9,7 +9,6 @@ and the root of largest over smallest eigenvalue is the condition number of colu
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +18,7 @@ from rotorfit.checks.verdicts.parameters import joint_parameters
 from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
 from rotorfit.fit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, Numbers
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.sheet import listed
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ SAME = 0.2
 """Relative changes that differ by less are one factor: only the ratio is known."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class WeakDirection:
     """A combination of parameters.
 

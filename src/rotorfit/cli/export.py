@@ -7,7 +7,6 @@ import json
 import textwrap
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, cast, get_args
@@ -28,6 +27,7 @@ from rotorfit.cli.terminal import (
 )
 from rotorfit.errors import OutputError, RotorfitWarning
 from rotorfit.export.targets import AnyTargetName, RandomTargetName, TargetName
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from rotorfit.export.into import Patched
@@ -97,7 +97,7 @@ DrawSeed = Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Written:
     """Where a target is written, and how that is reported."""
 

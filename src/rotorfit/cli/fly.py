@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,6 +27,7 @@ from rotorfit.cli.terminal import (
     write_pictures,
 )
 from rotorfit.errors import MissingNumbersError, OutputError, RotorfitError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from rotorfit.export.vehicle import VehicleModel
@@ -71,7 +71,7 @@ Output = Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Side:
     """One set of parameters, for the tuning of MuJoCo's autopilot and for the replay."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +24,7 @@ from rotorfit.cli.terminal import (
     terminal_width,
 )
 from rotorfit.errors import ExperimentError, RotorfitError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from rotorfit.fit.experiment.flight_entries import FlightEntry
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from rotorfit.tools.inspection.inspect_log import LogReport
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class SeveralLogs:
     """A file that holds several logs, of which one must be chosen."""
 
@@ -39,7 +40,7 @@ class SeveralLogs:
     logs: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class InspectedLog:
     """A log to inspect, and its entry where an experiment file names it."""
 

@@ -20,7 +20,7 @@ from the blocks' influences (one-step jackknife), and is at least the difference
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +43,7 @@ from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import borrowed_rows
 from rotorfit.estimation.leaps import MOST_NOISE, Leaps, corrected_root
 from rotorfit.estimation.reweighted import scatter_covariance
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,7 +72,7 @@ UNKNOWN = 10.0
 """Factor on the deviation of such a direction."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BandedEstimate:
     """An estimate, and the influence of each block on it.
 
@@ -97,7 +98,7 @@ class BandedEstimate:
     residual: Float[np.ndarray, "b m k"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class NormalEquations:
     """The linearised equations of some blocks of an estimate, at the estimate.
 
@@ -370,7 +371,7 @@ UNDETERMINED = 1e-10
 """Eigenvalue of the unit-diagonal information under which a direction counts as lost."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Shift:
     """Shifts of numbers, and their covariance by chance.
 

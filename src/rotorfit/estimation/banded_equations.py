@@ -13,7 +13,7 @@ likelihood term by term", names the function of each term.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -27,6 +27,7 @@ from rotorfit.estimation.banded_problem import (
     split_blocks,
 )
 from rotorfit.estimation.factors import Factors, borrowed_mean_square
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,7 +46,7 @@ SMALLEST_PIVOT: Final = 1e-5
 what only a prior determines would drown beside exact flights."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class State:
     """Where the equations are linearised.
 
@@ -58,7 +59,7 @@ class State:
     variance: Float[np.ndarray, "b k"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Evaluated(State):
     """The likelihood at such a point.
 
@@ -78,7 +79,7 @@ class Evaluated(State):
         return float((self.squares / variance).sum()) + self.rest
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class CorrectedEquations:
     """The linearised equations of some blocks, and what known noise of the regressors adds.
 

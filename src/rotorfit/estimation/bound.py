@@ -8,10 +8,11 @@ determine the parameters. Informations of several flights add.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from rotorfit.estimation.parameter_map import ParameterMap
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Linearised:
     """The noisy signals' error of one configuration, linearised in the free parameters.
 

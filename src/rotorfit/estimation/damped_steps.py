@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import EstimationError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -17,7 +17,7 @@ SMALLEST_SHARE: Final = float(np.finfo(float).eps)
 """Least eigenvalue of the scaled information over the largest: below it there is only rounding."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Step:
     """A damped step, the deviations of its parameters, and the predicted gain of the cost.
 

@@ -24,12 +24,12 @@ each flight's part is as much larger; P is stated and no scatter contradicts it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.estimation.banded import BandedEstimate, information_of_parts, square_root
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +40,7 @@ LEAST: Final = 1e-9
 """Share of what the parts know that another part can contradict: less is rounding."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Dispersion:
     """Variances between parts of a fit over the formal ones, and their degrees of freedom.
 
@@ -131,7 +131,7 @@ def degrees_of(variance: float, *, least: float = float(np.finfo(float).eps)) ->
     return float((1.0 + np.sqrt(1.0 + 2.0 * variance)) / max(variance, least))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class CommonMean:
     """The mean of one quantity over groups in which it differs.
 

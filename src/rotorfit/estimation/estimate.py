@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rotorfit.errors import EstimationError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rotorfit.estimation.parameter_map import ParameterMap
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LinearProblem:
     """Equations B(theta) z = 0 for every row z of every configuration's signals.
 
@@ -41,7 +41,7 @@ class LinearProblem:
         return int(np.dot(counts, used))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Estimate:
     """Free parameters with their covariance, and how well the equations determine them.
 
@@ -103,7 +103,7 @@ def problem_rows(problem: LinearProblem) -> Float[np.ndarray, "m g"]:
     return rows
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ScaledSingular:
     """Singular values of equations whose columns are scaled to unit length."""
 

@@ -20,10 +20,12 @@ depends on it is `banded.response_sensitivity`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ClosedLoopResponses:
     """The controller's response to the errors in the blocks of one configuration.
 
@@ -66,7 +68,7 @@ class ClosedLoopResponses:
         return np.real(weighted * self.log_effect_slopes)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Feedback:
     """Errors (places among the noisy signals) that a controller responds to by some inputs.
 

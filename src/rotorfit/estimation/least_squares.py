@@ -9,7 +9,6 @@ equations carried an independent error of one size, which flight data never do.
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -24,6 +23,7 @@ from rotorfit.estimation.estimate import (
     refuse_free_direction,
     scaled_singular,
 )
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -49,7 +49,7 @@ def ordinary(problem: LinearProblem) -> Estimate:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class EssentialEstimate:
     """The essential parameters, and the removed ones in the order of their removal."""
 

@@ -7,10 +7,11 @@ outvotes a sound one. `combine_scales` therefore averages logarithms, by the rel
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +21,7 @@ CONTRADICTION: Final = 5.0
 Then no mean of the two is right, and the second fades out; at twice as many it is gone."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Measured:
     """A measured number and its standard deviation."""
 

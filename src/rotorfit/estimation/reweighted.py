@@ -9,7 +9,6 @@ as it does for homogeneous equations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import Estimate, LinearProblem, equation_rows, scaled_singular
 from rotorfit.estimation.factors import SMALLEST_PIVOT, borrowed_mean_square
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,7 +30,7 @@ RELATIVE_FLOOR = 1e-20
 """Smallest variance of a band, relative to the known signal's: a simulation may be exact."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BandedFit:
     """An estimate, and the influence of each block of the factors on it.
 

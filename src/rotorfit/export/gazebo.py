@@ -19,7 +19,6 @@ the former: both are written.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +35,7 @@ from rotorfit.export.file_format import (
     xml_elements,
 )
 from rotorfit.export.vehicle import ExportedRotor, VehicleModel, inertia_at_origin
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,7 +51,7 @@ NO_SPIN_INERTIA = 1e-4
 """Spin inertia of a rotor's link over the vehicle's Izz where Jr is not known: negligible."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Part:
     """A link: mass [kg], CoM from the model's origin [m], inertia about it, FLU [kg m^2]."""
 

@@ -17,6 +17,7 @@ from xml.parsers import expat
 import numpy as np
 
 from rotorfit.errors import OutputError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -55,7 +56,7 @@ class Element:
         return next((child for child in self.children if child.name == name), None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Number:
     """A number of the user's file: what it is, its bytes, as they are and as they shall be."""
 
@@ -78,7 +79,7 @@ class Number:
         return f"{self.what} {value.strip()}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Rotor:
     """A motor's plugin, the link that it turns, and where that is [m]."""
 
@@ -88,7 +89,7 @@ class _Rotor:
     turns: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Model:
     """The body and the rotors of a model, in its own axes, and the bytes that hold it."""
 
@@ -286,7 +287,7 @@ SECTION: Final = re.compile(r"(rate)?profile \d+|# (restore|rateprofile)\b|save\
 """Where a profile of a dump ends."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Patched:
     """The user's file with the parameters of an export.
 

@@ -8,7 +8,7 @@ only as a ratio of which the user has the other half.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from rotorfit.checks.verdicts.judge import body_verdict, is_width, relative_width, twin_of
 from rotorfit.digits import with_interval
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import (
     COM,
     DERIVED,
@@ -60,7 +61,7 @@ MAY_BE_ASSUMED: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Number:
     """One number as it is exported.
 
@@ -79,7 +80,7 @@ class Number:
     remark: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Missing:
     """A number that the flights do not give; `cure`: another one that would have to be assumed."""
 

@@ -6,10 +6,11 @@ The command line and the page offer the names at once; a writer is imported when
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -60,7 +61,7 @@ _GROUPS: Final = dict(
 """Groups of numbers by their names in the file."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Target:
     """A kind of file.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -12,6 +12,7 @@ from rotorfit import version
 from rotorfit.errors import OutputError
 from rotorfit.export.file_format import npz
 from rotorfit.export.vehicle import VehicleModel, is_possible, thickened
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import COM, INERTIA_COM, inertia_matrix
 
@@ -25,7 +26,7 @@ DRAWN: Final = ("identified", "weak", "doubtful")
 """Origins of numbers that a draw replaces; given, assumed and computed ones stand."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Variants:
     """Vehicles drawn around a nominal one, and the draws in the units of the result."""
 

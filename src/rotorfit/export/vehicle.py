@@ -9,7 +9,7 @@ and de Croon, J. of Guidance, Control, and Dynamics 39(3), 2016), before a firmw
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -20,6 +20,7 @@ from rotorfit.export.file_format import frd
 from rotorfit.export.result_numbers import Number, unit_of
 from rotorfit.export.targets import BODY
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import (
     COM,
     FIRST_MOMENTS,
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 NOT_MEASURED: Final = ("assumed", "from-ratio", "removed")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ExportedRotor:
     """One rotor, in the order of the log's motors.
 
@@ -58,7 +59,7 @@ class ExportedRotor:
     kt: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class VehicleModel:
     """One configuration, ready to be written; positions from the origin, FLU [m].
 
@@ -280,7 +281,7 @@ LEVELS: Final = (2.5, 97.5)
 """Percentiles of drawn vehicles: the ends of a 95 % interval."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Effectiveness:
     """Body axes FRD, one column a rotor.
 
@@ -308,7 +309,7 @@ def effectiveness(model: VehicleModel) -> Effectiveness:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Spread:
     """Numbers of the estimated vehicle, with the ends of 95 % intervals from drawn ones."""
 

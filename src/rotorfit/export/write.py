@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import datetime
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -22,6 +22,7 @@ from rotorfit.export.targets import RANDOM_TARGETS, TARGETS, RandomTargetName, T
 from rotorfit.export.variants import Variants, refuse_suffix, variants, write_samples
 from rotorfit.export.vehicle_model import terms_left_out, vehicle_model
 from rotorfit.fit.experiment.experiment import experiment_of_settings
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import file_name, write_whole
 from rotorfit.results.validation.wrench_comparison import COMPONENTS, WrenchComparison
 
@@ -129,7 +130,7 @@ COUNT: Final = 100
 """Vehicles of a randomised target, where nobody says how many."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Export:
     """The text of a file, and the vehicle it describes.
 

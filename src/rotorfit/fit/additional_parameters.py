@@ -9,7 +9,6 @@ states and what its blocks and phases show, with what is assumed of autopilot an
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -25,6 +24,7 @@ from rotorfit.fit.intervals.joint_numbers import (
 )
 from rotorfit.fit.joint.added_parameters import Added as Added
 from rotorfit.fit.joint.added_parameters import with_added
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,7 +38,7 @@ CLOSE: Final = 0.01
 FEWEST_BLOCKS: Final = 2.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Additional:
     """Estimates of parameters additional to the parameters of a fit.
 

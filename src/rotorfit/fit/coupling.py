@@ -9,7 +9,6 @@ which it vanishes, with I_zz near I_xx and I_yy, and all of yaw too small.
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -19,6 +18,7 @@ from rotorfit.fit.additional_parameters import gained
 from rotorfit.fit.fit import Fit, refit
 from rotorfit.fit.frame_sides import likeliest_sides
 from rotorfit.fit.intervals.numbers import SCALED, Numbers
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import INERTIA
 
@@ -41,7 +41,7 @@ such a program, and the ratios stay what they are."""
 _PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class AbsentCoupling:
     """Gain of log-likelihood without gyroscopic terms, and the least one to drop them, if any."""
 

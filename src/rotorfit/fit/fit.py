@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, TypeVar, Unpack
 
 import numpy as np
@@ -12,6 +12,7 @@ from rotorfit.errors import UnsettledError
 from rotorfit.fit.intervals.joint_numbers import joint_numbers, physical
 from rotorfit.fit.joint.joint_fit import FitSettings, FittedFactors, joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, at_values
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 Record = TypeVar("Record")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Fit:
     """The dataset of an experiment, its estimate, and the numbers of the vehicle.
 

@@ -8,7 +8,6 @@ says so.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +18,7 @@ from rotorfit.estimation.least_squares import EssentialEstimate, essential_total
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.reduction.reduce import LowPass, time_factors
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import full_name
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ SHARED_FREE = ("kt", "kd")
 OWN_FREE = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class PaperSettings:
     """What the paper chose, each of which can be overridden.
 

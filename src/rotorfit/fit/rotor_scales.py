@@ -15,7 +15,7 @@ unlikely, the whole shift where it is not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,6 +24,7 @@ from rotorfit.estimation.distributions import normal_density
 from rotorfit.fit.dataset.dataset import with_prepared
 from rotorfit.fit.fit import shift_of
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ HELD_TO: Final = 1e-4
 _STEPS: Final = np.linspace(-3.0, 3.0, 25)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ScaleOdds:
     """Explanations of how the rotors differ, each with its chance.
 

@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import dataclasses
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,6 +47,7 @@ from rotorfit.fit.intervals.numbers import (
     t_half_width,
 )
 from rotorfit.fit.reduction.frequency_bands import excited_bands, in_pilot_band, slow_bands
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import EVERY, INERTIA, inertia_about
 from rotorfit.model.terms.body import ACCEL_BIAS_STD, MOUNTING_STD
 from rotorfit.model.terms.term import Size
@@ -82,7 +82,7 @@ ROW_SPREAD_STD = 0.015
 cannot tell more than that from products of inertia."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RowFits:
     """The four fits, and the joint covariance of all their parameters.
 

@@ -11,7 +11,7 @@ would give too small a thrust and a bias of metres per second squared. These par
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
@@ -27,6 +27,7 @@ from rotorfit.flight.signals import (
     true_runs,
     whole_samples,
 )
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -57,7 +58,7 @@ LONGEST_LEVEL: Final = 1200
 """Values of one part, for speed alone: parts as long that are alike are joined again."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Motion:
     """The signals of the search for flight, on one uniform clock.
 
@@ -81,7 +82,7 @@ class Motion:
         return np.einsum("nr,nr->n", self.rotor_speed, self.rotor_speed)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Features:
     """A stretch as the search sees it, all low-passed.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from rotorfit.errors import FlightError
 from rotorfit.flight.signals import true_runs
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import Channel, pieces
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ JITTER_STEPS = 0.05
 """Samples closer than this to the uniform clock are taken as they are, without interpolation."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class UniformChannels:
     """Channels on one clock.
 

@@ -7,7 +7,6 @@ same two samples, of all signals alike.
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -25,6 +24,7 @@ from rotorfit.flight.signals import (
     thinning_low_pass,
     whole_samples,
 )
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -38,7 +38,7 @@ FEWEST_PER_PERIOD: Final = 8.0
 central difference by 0.2 %, at a third of its frequency by 0.003 %."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class AsRecorded:
     """A flight as recorded, however many samples are kept of it.
 

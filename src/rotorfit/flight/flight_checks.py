@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,6 +13,7 @@ from rotorfit.flight.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.flight.interpolated import source_rate
 from rotorfit.flight.motors.coarse_speeds import coarse_speeds_sentence
 from rotorfit.flight.signals import repeated_rows, true_runs, whole_samples
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ FLAT: Final = 0.01
 """Deviation over that of the others, below which a channel is noise about a constant."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FrozenChannel:
     """A rotor whose motor channel stands still.
 

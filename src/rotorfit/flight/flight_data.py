@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import operator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,7 +23,7 @@ Differentiation = Literal["exact", "central"]
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Segment:
     """A stretch of consecutive samples: rows ``start`` to ``stop`` (exclusive).
 
@@ -38,7 +40,7 @@ class Segment:
         return self.stop - self.start
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class HeldCommands:
     """Commands of which a decimated flight has means: each was held until the next.
 
@@ -54,7 +56,7 @@ class HeldCommands:
     jumps: Int[np.ndarray, " j"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FlightData:
     """A flight on one uniform clock, in SI units and FLU body axes.
 

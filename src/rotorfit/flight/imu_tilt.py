@@ -8,12 +8,12 @@ a fast flight leans it, too, and so does a bias: the caller must separate them.)
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.flight.kinematics import climb_velocity
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +27,7 @@ LEAST_TILT: Final = float(np.radians(5.0))
 """Tilt below which a usual bias explains the lean (sound logs: up to 4.5 degrees)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ImuTilt:
     """The tilt of the IMU in the vehicle.
 

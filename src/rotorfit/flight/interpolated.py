@@ -7,13 +7,13 @@ line in its spectrum at the rate of the source, which rounding does not hide.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from rotorfit.flight.signals import running_mean
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -48,7 +48,7 @@ OWN_LINE: Final = 5.0
 """Ratio of a line of the signals themselves, which bend by swinging."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BendSource:
     """The likeliest source of a signal.
 

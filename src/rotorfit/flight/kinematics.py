@@ -15,7 +15,6 @@ slow parts, which are taken out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -23,6 +22,7 @@ import numpy as np
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.filters import without_line
 from rotorfit.flight.signals import spline_derivatives
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -90,7 +90,7 @@ def _cross_product(a: Vectors, b: Vectors) -> Vectors:
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BodyMotion:
     """The motion by a pose, body axes, every column at the instant of its sample.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -17,6 +16,7 @@ from rotorfit.flight.airborne import (
     take_drift_out,
 )
 from rotorfit.flight.signals import running_mean, true_runs, whole_samples
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -39,7 +39,7 @@ SMOOTHED: Final = 1.0
 """[s] over which thrust is averaged."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class OtherHover:
     """A hover that is not used.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -66,6 +66,7 @@ from rotorfit.flight.signals import central_difference, hampel, true_runs
 from rotorfit.flight.used_rows import Window, drop_unsettled, inner_segments, phases_of, window_runs
 from rotorfit.flight.written_twice import written_twice
 from rotorfit.flight.yaw_lowpass import yaw_lowpass
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.motor_law import law_doubts
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
 """Of motors whose commands are all that is known, for the search of the flight only [s]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Cut:
     """A stretch of the log that is not used [s], and why."""
 
@@ -91,7 +92,7 @@ class Cut:
     reason: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class PreparedFlight:
     """A flight ready for the model, and what was done to it.
 
@@ -140,7 +141,7 @@ class PreparedFlight:
         return sentences(self.findings)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class OneClock:
     """The part of a log that `prepare` needs, so that the log need not stay in memory.
 

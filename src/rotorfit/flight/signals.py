@@ -13,7 +13,6 @@ what still acts on each of them is the one low-pass.
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, Literal
@@ -29,6 +28,7 @@ from rotorfit.flight.filters import (
     thinned_sums,
 )
 from rotorfit.flight.quintic_spline import quintic_spline
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import LONG, pieces
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ STEEP: Final = 5.0
 """A step of so many times the smallest one is no rounded peak's."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Saturation:
     """The share of a flight that a sensor's end cut off, and the largest reading, in its unit."""
 
@@ -333,7 +333,7 @@ DAMPED: Final = 100.0
 """Damping of the signals that would fold back there [dB]; flat is as even."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Stretch:
     """Recorded rows without a gap in the clock, and which of them are kept.
 
@@ -390,7 +390,7 @@ def kept_rows(within: Sequence[Stretch], start: int, stop: int) -> tuple[int, in
     return own.place(start), own.place(stop)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Thinning:
     """A filter, and the rows that are kept behind it.
 

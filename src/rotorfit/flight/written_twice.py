@@ -8,7 +8,6 @@ noise does not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -17,6 +16,7 @@ import numpy as np
 from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.flight.frozen_imu import fewest_repetitions, imu_axes
 from rotorfit.flight.signals import repeated_rows, running_mean, true_runs, whole_samples
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -70,7 +70,7 @@ class PassedTime(NamedTuple):
         return self.share - CERTAIN * self.std > HALF
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Repeats:
     """Rows of an IMU that repeat the row before.
 

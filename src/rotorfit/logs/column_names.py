@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.columns import NAMES, TIME
 from rotorfit.logs.units import UNITS
 
@@ -115,7 +115,7 @@ _OF_STICKS: Final = frozenset(
 _MOTOR_WORDS: Final = (*SPEED_WORDS, *COMMAND_WORDS, "motor", "esc", "prop", "thrust")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Candidate:
     """Columns of one stem: by their index, and the unit that the names give."""
 

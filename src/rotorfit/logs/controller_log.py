@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import read_head
 from rotorfit.logs.formats import Format, load
 from rotorfit.logs.read import format_of
@@ -25,7 +25,7 @@ TURNED: Final = np.array([1.0, -1.0, -1.0])
 """Signs from FRD to FLU."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ControllerLog:
     """Signals of the rate controller in one flight, a row per run, body axes FLU.
 

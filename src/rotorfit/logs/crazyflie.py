@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.findings import doubts
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.crazyflie_records import (
     MAGIC,
     Event,
@@ -76,7 +76,7 @@ _AIR: Final = ("baro.pressure", "baro.temp")
 _ACCEL_Z: Final = "controller.accelz"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Scaled:
     """Variables that make a channel by a factor to SI; `unit`: as recorded, for its source."""
 
@@ -122,7 +122,7 @@ SETTINGS: Final = settings_of(
 """Lines of config.txt on the card. Source: Bitcraze "Micro SD card deck"."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Recording:
     """The records of one event in order of time: where each begins, and the variables by name."""
 
@@ -142,7 +142,7 @@ _IMU: Final = frozenset(f"{name}.{axis}" for name in ("gyro", "acc") for axis in
 """Variables by which an event is recognised as the one with the flight."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Found:
     """A channel, the variables it was made of, with notes on it."""
 

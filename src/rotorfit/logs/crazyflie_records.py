@@ -10,12 +10,12 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import Content, let_go, report_progress
 from rotorfit.logs.flight_log import pieces
 
@@ -61,7 +61,7 @@ PIECE_BYTES: Final = 1 << 22
 _VARIABLE: Final = re.compile(r"([!-~]+)\((.)\)")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Variable:
     """A variable of an event: its name, NumPy type, and place in the record [bytes]."""
 
@@ -70,7 +70,7 @@ class Variable:
     offset: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Event:
     """A kind of record: its variables in order, and its size with number and time [bytes]."""
 
@@ -80,7 +80,7 @@ class Event:
     size: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Header:
     """What a log declares: version, events, and where the records begin [bytes]."""
 
@@ -89,7 +89,7 @@ class Header:
     start: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Records:
     """Where the records of a log are: position of each [bytes], by number of the event.
 
@@ -223,7 +223,7 @@ def _checksum_matches(data: Content) -> bool:
     return checksum == int.from_bytes(data[-CRC_BYTES:], "little")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Walk:
     """What the search for records needs: the file's bytes, up to `stop`, and the sizes."""
 

@@ -8,7 +8,7 @@ import io
 import mmap
 import re
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import islice, pairwise
 from typing import TYPE_CHECKING, Final
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import Content, let_go, report_progress
 from rotorfit.logs.units import is_unit
 
@@ -42,7 +43,7 @@ _LINES_PER_WORD: Final = 100
 """Looked at together: numbers need a tenth of the memory of what finds them."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class DelimitedText:
     """A text file that begins with a row of names.
 

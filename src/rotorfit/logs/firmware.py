@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, Literal
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.formats import BY_NAME, load
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def is_before(program: str, first: tuple[int, int], metadata: Mapping[str, str])
     return found is not None and (int(found[1]), int(found[2])) < first
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Setting:
     """One setting of a firmware, what it is for, and what in a log asks for it.
 
@@ -62,7 +63,7 @@ class Setting:
     new: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Advice:
     """The settings to change before the next log, and the file of all of a firmware's settings."""
 
@@ -140,7 +141,7 @@ FilterShape = Literal["butterworth", "pt1", "pt2", "pt3"]
 SENSORS: Final = {"gyro": "the gyro", "accel": "the accelerometer"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Filter:
     """One filter on board.
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, sentences
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.sheet import DataFrame, Sheet, frame, pandas, sheet_html, sheet_text
 
@@ -103,7 +104,7 @@ def in_order(stamps: Shaped[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     return ~early if np.count_nonzero(early) <= np.count_nonzero(late) else ~late
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Channel:
     """One recorded quantity on its own clock.
 
@@ -130,7 +131,7 @@ LagOn = Literal["speed", "thrust"]
 """What of a motor follows its command with a first-order lag."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LoggedMotors:
     """What the autopilot's parameters say of the motors; `words` names the parameters."""
 
@@ -143,7 +144,7 @@ AIR_CONSTANT: Final = 287.05
 """Gas constant of dry air [J/(kg K)]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Circumstances:
     """Vehicle, start time and air of a log; None for what the log does not have.
 
@@ -182,7 +183,7 @@ def seconds_of(channels: Iterable[Channel]) -> float:
     return float(max(t[-1] for t in times) - min(t[0] for t in times)) if times else 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FlightLog:
     """One log of one flight, as a reader found it.
 

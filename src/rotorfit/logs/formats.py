@@ -8,11 +8,11 @@ files of another format.
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.foreign import FOREIGN
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rotorfit.logs.units import Axes
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ReadOptions:
     """How to read a file, where its content leaves that open.
 
@@ -50,7 +50,7 @@ class ReadOptions:
     motor_poles: int | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LogEntry:
     """One log of a file with several: its number from 1, its byte range, and what it is."""
 
@@ -60,7 +60,7 @@ class LogEntry:
     description: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Format:
     """A format that rotorfit reads; functions are places for `load`, empty if it has none.
 

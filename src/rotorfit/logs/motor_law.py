@@ -13,6 +13,7 @@ import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.findings import Finding, doubt
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -90,7 +91,7 @@ class VoltageFactor:
 Curve = PolynomialCurve | TableCurve | SquareRootCurve | PowerCurve
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class MotorLaw:
     """From command to rotor speed [rad/s], and how well that is known.
 

@@ -6,10 +6,10 @@ the axes, the attitude's rate the unit and the signs of the gyro. What neither s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.column_names import Candidate, candidates_of
 from rotorfit.logs.columns import NAMES, TIME, ColumnSpec, quantity_of
 from rotorfit.logs.exporters import Exporter, exporter_of, refuse_export, with_original
@@ -47,7 +47,7 @@ LARGEST_ROWS: Final = 200_000
 """Most rows of a table that are read, the first ones."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Proposal:
     """The columns of a table, as far as its names and values show them.
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.columns import NAMES, TIME, ColumnSpec, unit_of
 from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Axes, Quantity, attitude_from_euler
 
@@ -39,7 +40,7 @@ MOTORS: Final = ("motors", "rotor", "command")
 MOTOR_UNITS: Final = ("rad/s", "rpm", "erpm", "Hz", "1", "%", "us", "counts")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Question:
     """A unit that neither names nor values of the table show.
 
@@ -58,7 +59,7 @@ class Question:
         return "--column time=NAME" if is_column else f"--unit {self.channel}=UNIT"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Found:
     """What one channel adds to a proposal."""
 

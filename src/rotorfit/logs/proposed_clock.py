@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.column_names import Candidate
 from rotorfit.logs.columns import TIME, ColumnSpec
 from rotorfit.logs.proposed_channels import Found, Question
@@ -42,7 +43,7 @@ _RATES_DIFFER: Final = 0.005
 after their trim, and less than the usual interval of an inertia."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Clock:
     """A column that only rises: how it steps, and how far it gets, as recorded.
 

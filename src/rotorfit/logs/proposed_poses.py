@@ -5,11 +5,11 @@ A multirotor accelerates to where its thrust leans, by g times the tilt, whateve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.columns import NAMES, TIME, ColumnSpec, unit_of
 from rotorfit.logs.proposed_channels import Found, stacked
 from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Axes, attitude_from_euler, unit_or_nan
@@ -31,7 +31,7 @@ _LEAST_ALIKE: Final = 0.7
 """Correlation of acceleration and lean from which they say something of one another."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Lean:
     """How the acceleration by position goes with the lean of the attitude.
 

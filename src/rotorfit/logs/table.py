@@ -7,13 +7,13 @@ damaged file with an exception.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from rotorfit.errors import LogError, OutputError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.columns import (
     EULER,
     TIME,
@@ -66,7 +66,7 @@ _CLOCK: Final = re.compile(r"(?:timestamp|duration|time|date)(32)?(?:64)?\[(s|ms
 _SECONDS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "day": 86400.0}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ParquetTable:
     """A Parquet file of which only the columns asked for are decoded."""
 

@@ -6,13 +6,13 @@ Every conversion of a unit is one factor and one offset.
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
 from math import pi
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -88,7 +88,7 @@ _ALIASES: Final[Mapping[str, str]] = {
 _NEEDS_RANGE: Final = ("us", "counts")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Conversion:
     """SI value = factor * recorded value + offset."""
 

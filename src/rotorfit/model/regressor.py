@@ -35,11 +35,11 @@ constant torques in `terms/body.py`, of the rotors in `terms/rotors.py`, of the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.signals import AddedSignals, SignalLayout, signal_layout
 from rotorfit.model.terms.body import body_first_moments
 from rotorfit.model.terms.registry import terms_in
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from rotorfit.model.vehicle import Vehicle
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Regressor:
     """The tensor A of a vehicle.
 

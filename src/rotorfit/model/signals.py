@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rotorfit.errors import FlightError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,7 +36,7 @@ RATE_SIGNALS = ("wx", "wy", "wz")
 DERIVATIVES = ("dwx", "dwy", "dwz", "dHx", "dHy", "dHz")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class AddedSignals:
     """Signals that a layout has only for terms that need them: more columns round otherwise.
 

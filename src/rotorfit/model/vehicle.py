@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final, Literal, get_args
 import numpy as np
 
 from rotorfit.errors import LIST_ROTORS, ExperimentError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,7 +35,7 @@ UNIT: Final = 1e-3
 """Tolerance of the length of an axis, which was rounded, from 1."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Rotor:
     """One rotor of a vehicle.
 

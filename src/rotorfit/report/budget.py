@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.digits import short, with_half
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import INERTIA_COM, title_of
 from rotorfit.report.pages import drawing, tag, text
 from rotorfit.report.parameters import unit_words
@@ -135,7 +135,7 @@ def _without_interval(budget: Budget, width: int) -> list[str]:
     return lines
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BudgetRow:
     """One number of the page's table; `parts` are its contributions in words with their remedy."""
 

@@ -7,11 +7,11 @@ by ``data-from`` and ``data-to``, lines by ``data-at``, all in the axis' own num
 from __future__ import annotations
 
 import base64
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.report.pages import (
     drawing,
     label,
@@ -54,7 +54,7 @@ Legend = tuple[tuple[str, tuple[Switch, ...]], ...]
 """The switches of each panel."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Curve:
     """One curve; its `key` in `series` and the page is unique in a chart, `style` a CSS class."""
 
@@ -64,7 +64,7 @@ class Curve:
     series: Series
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Span:
     """A shaded stretch of a panel; `row` of its strips, the whole height where None."""
 
@@ -76,7 +76,7 @@ class Span:
     row: int | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Area:
     """A shaded area between two curves; zooming does not redraw it."""
 
@@ -86,7 +86,7 @@ class Area:
     high: Float[np.ndarray, " n"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Line:
     """A vertical line with its words."""
 
@@ -95,7 +95,7 @@ class Line:
     label: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Mark:
     """A point, the interval that it stands for, and its words."""
 
@@ -106,7 +106,7 @@ class Mark:
     words: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Panel:
     """One pair of axes; without a title it stands close to the one above.
 
@@ -134,7 +134,7 @@ class Panel:
         return TITLE if self.title else GAP
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Axis:
     """The common axis: its ends (powers of ten where `log`), and `least`, at which zooming ends."""
 
@@ -145,7 +145,7 @@ class Axis:
     log: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Chart:
     """Panels over one axis; `words` say what is seen to whom does not see it."""
 

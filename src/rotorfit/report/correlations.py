@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rotorfit.checks.weak_directions import condition_words
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.report.pages import drawing, label, tag, text
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ MOST = 40
 BLUE, ORANGE = (23, 95, 160), (190, 84, 8)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Pair:
     """Two parameters that move together."""
 
@@ -34,7 +34,7 @@ class Pair:
     words: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Direction:
     """A combination of parameters that carries more than its share of the uncertainty."""
 
@@ -42,7 +42,7 @@ class Direction:
     share: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Excitation:
     """How much livelier the motion was than what the rotors do not explain."""
 
@@ -51,7 +51,7 @@ class Excitation:
     enough: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class CorrelationSection:
     """All of the section."""
 

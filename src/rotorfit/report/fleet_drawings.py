@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.report.pages import decimal, drawing, label, tag, text, tick_label, ticks
 from rotorfit.tools.fleet.changes import NORMAL_95
 from rotorfit.tools.fleet.compared import IN_METRES
@@ -27,7 +27,7 @@ ROOM: Final = 0.06
 """Room of a scale beyond its ends."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Scale:
     """The scale of a drawing: percent of the type's mean, or millimetres from it; ends in units."""
 
@@ -42,7 +42,7 @@ class Scale:
         return (values - self.zero) / self.per_unit
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Points:
     """Estimates over a vehicle's flights, averaged where there are many."""
 
@@ -51,7 +51,7 @@ class _Points:
     std: Float[np.ndarray, " n"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Plot:
     """Where a drawing's axes are."""
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.digits import number_of, short
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import file_name
 from rotorfit.report.fleet_drawings import large_svg, mark_class, scale_of, small_svg, strip_svg
 from rotorfit.report.pages import render_page
@@ -49,7 +49,7 @@ SHOWN: Final = (*THRUST, "com_x", "com_y", "thrust_center_x", "thrust_center_y",
 """Numbers that are drawn where there are no findings about others."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Links:
     """The address of a flight's own report from the fleet's page ("": none), and its command."""
 
@@ -207,7 +207,7 @@ def _render_section(
     }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Cell:
     """A cell: its text, its sort key, and its tooltip."""
 

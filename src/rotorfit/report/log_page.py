@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import write_whole
 from rotorfit.report.chart import (
     LEAST_SECONDS,
@@ -71,7 +71,7 @@ ROOM: Final = 0.15
 """Room above a spectrum for its labels, as a share of its height."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LogFigure:
     """One figure as the page shows it: drawing, data for zooming, and what it says in words."""
 
@@ -83,7 +83,7 @@ class LogFigure:
     words: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LogArticle:
     """One log as the page shows it."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -12,6 +11,7 @@ from rotorfit.digits import Number, number_of
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.flight.motors.motor_model import speeds
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.report.chart import Area, Axis, Chart, Curve, Mark, Panel, Span, chart_svg
 from rotorfit.report.law_words import formula_of, law_sentences, motors_lines
 from rotorfit.report.parameters import unit_words
@@ -44,7 +44,7 @@ NAMES: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LawRow:
     """One number of the law as it is shown."""
 
@@ -54,7 +54,7 @@ class LawRow:
     unit: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LawSection:
     """The law as the page shows it."""
 

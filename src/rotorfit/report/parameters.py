@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.checks.verdicts.judge import body_advice, body_reason, body_verdict, twin_of
 from rotorfit.digits import Number, finite_interval, known, number_of
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE, OF_FLIGHT, TITLES, title_of
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.report.pages import drawing, plus_minus, tag
@@ -79,7 +79,7 @@ AXES: Final = {
 COM_FIRST = (*COM, *INERTIA_COM)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Row:
     """One line of a table; `source` is the number with all its digits, `ends` those of its bar."""
 
@@ -95,7 +95,7 @@ class Row:
     note: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Note:
     """Why some verdicts are not better and what to do, once for all rows that share it."""
 
@@ -105,7 +105,7 @@ class Note:
     advice: str | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ParameterTable:
     """A table with its notes."""
 
@@ -115,7 +115,7 @@ class ParameterTable:
     notes: tuple[Note, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Entry:
     """A number with its verdict, before it is laid out."""
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import write_whole
 from rotorfit.report.pages import drawing, label, render_page, tag
 from rotorfit.report.plan_text import (
@@ -44,7 +44,7 @@ PLAIN_NAMES: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class CardFlight:
     """One flight of the card: its name, how the vehicle is loaded, and its steps."""
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import textwrap
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.sheet import wrapped
 from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre, Stick
 from rotorfit.tools.planning.next_step import best_manoeuvre, next_step
@@ -56,7 +56,7 @@ LARGEST_SHOWN: Final = 0.05
 LAND_SECONDS: Final = 5.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Step:
     """One line of a flight: how long, what it is called, and what to do."""
 

@@ -13,11 +13,11 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from rotorfit.digits import known, short
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import file_name, write_whole
 from rotorfit.model.parameters import title_of
 from rotorfit.report.budget import budget_rows
@@ -78,7 +78,7 @@ ILLEGIBLE: Final = {
 ORDER = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "kt", "kd")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class PaperRow:
     """The paper's number beside ours, all in words."""
 
@@ -93,7 +93,7 @@ class PaperRow:
     difference: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class PaperTable:
     """One of the paper's tables of parameters, for one configuration."""
 
@@ -104,7 +104,7 @@ class PaperTable:
     has_mocap: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class PaperSection:
     """Tables I or II, and III."""
 
@@ -350,7 +350,7 @@ METHODS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Provenance:
     """Everything needed to do it again."""
 

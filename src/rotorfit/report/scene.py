@@ -6,7 +6,6 @@ Everything is in body axes FLU, from the point that the rotor positions are meas
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -16,6 +15,7 @@ from rotorfit.digits import known
 from rotorfit.errors import RotorfitError
 from rotorfit.fit.experiment.airframe_table import AirframeEntry
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.report.parameters import half_width
 from rotorfit.results.result import IdentificationResult, configuration_names
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Point = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Payload:
     """A known mass [kg] at a place [m]."""
 
@@ -35,7 +35,7 @@ class Payload:
     position: Point
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Body:
     """Centre of mass (None in unknown directions), its covariance [m^2], and payloads."""
 
@@ -45,7 +45,7 @@ class Body:
     payloads: tuple[Payload, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Scene:
     """The whole drawing in metres."""
 

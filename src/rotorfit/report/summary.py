@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import textwrap
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import floor, log10, pi, sqrt
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.digits import known, number_of, with_interval
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.report.parameters import VERDICT_MEANING
 from rotorfit.report.text import flight_notes, flights_in_words
 from rotorfit.results.command_law import AT_COMMAND, UNDER_LOAD
@@ -50,7 +51,7 @@ TITLE_WIDTH: Final = 26
 REST: Final = "Full tables{more}: --full; a page: --report FILE.html; data: --json"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Part:
     """One number of a line in the line's unit; `words` say which, or are empty."""
 
@@ -71,7 +72,7 @@ class Part:
         return "" if self.value is None or self.verdict == "identified" else self.verdict
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Line:
     """What a pilot asks for, with a remark on all parts; without parts it says why."""
 
@@ -86,7 +87,7 @@ class Line:
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Summary:
     """A result in ten lines, by what they are of, with doubts, next step, counts of verdicts.
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import file_name
 from rotorfit.report.pages import drawing, label, labelled_ticks, tag, text
 
@@ -19,7 +19,7 @@ MARGIN = 12.0
 MOST_LISTED = 6
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Cut:
     """Why something was cut, how much in all, and where."""
 
@@ -29,7 +29,7 @@ class Cut:
     places: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class UsedFlightView:
     """One flight as it is shown."""
 

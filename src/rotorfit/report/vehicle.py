@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import cos, pi, sin
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.report.pages import drawing, label, nice_step, tag
 from rotorfit.report.scene import Body, Point, Scene, scene_of
 
@@ -35,7 +35,7 @@ CLOSE = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class View:
     """A direction to look from, and a scale."""
 
@@ -54,7 +54,7 @@ class View:
         return x, y
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class VehicleDrawings:
     """The drawings, and what their caption says."""
 

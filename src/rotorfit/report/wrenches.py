@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.digits import short
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import file_name
 from rotorfit.report.chart import (
     Axis,
@@ -60,7 +60,7 @@ COMPONENT = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class WrenchFigure:
     """One flight: its drawing, and its data for zooming."""
 
@@ -199,7 +199,7 @@ def is_predicted(comparison: WrenchComparison, component: str) -> bool:
     return error is not None and math.isfinite(error)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ExcitationFigure:
     """Drawing, data for zooming, and what is to be seen, one sentence each."""
 

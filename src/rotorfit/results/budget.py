@@ -7,7 +7,7 @@ JCGM 100:2008 (GUM), 5.1 and Annex H: a budget lists every contribution to a com
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from difflib import get_close_matches
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
@@ -22,6 +22,7 @@ from rotorfit.fit.intervals.interval_terms import (
     TermKind,
     half_width_of_number,
 )
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.results.result import IdentificationResult, verdict_of
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ UNKNOWN_KIND: Final = TermKind(remedy="none", action="unknown to this version of
 """Of a term that a later version wrote."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BudgetLine:
     """One contribution to an interval.
 
@@ -50,7 +51,7 @@ class BudgetLine:
     action: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Budget:
     """What makes up the interval of one number, the largest contribution first.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, get_args
 
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.motor_law.law_model import FormName
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.motor_law import (
     Curve,
     MotorLaw,
@@ -29,7 +29,7 @@ UNDER_LOAD: Final = "full_load_voltage"
 """Diagnostics: the voltage of full thrust by the law, and the one that the battery gives then."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LawNumber:
     """One number of the law.
 
@@ -47,7 +47,7 @@ class LawNumber:
     unit: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LawPoint:
     """Measured speeds about one command: their median, and the range of 90 % of them.
 
@@ -65,7 +65,7 @@ class LawPoint:
     high: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class CommandLaw:
     """The speed that motors settle at over their command, fitted to measured speeds.
 

@@ -6,12 +6,12 @@ Differences are relative to the first result's value, as in Table II.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.digits import with_interval
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.measured import Measured
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import EFFECTIVE_UNITS
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.results.command_law import AT_COMMAND, USUAL_EXPONENT
@@ -35,7 +35,7 @@ PER_COMMAND: Final = {
 """The same of numbers in the unit of commands."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Entry:
     """A number as one result has it.
 
@@ -54,7 +54,7 @@ class Entry:
     overlap: bool | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ComparedNumber:
     """One number in every result, in their order."""
 
@@ -64,7 +64,7 @@ class ComparedNumber:
     entries: tuple[Entry, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Comparison:
     """Results side by side; as text a table, an asterisk where intervals do not overlap.
 

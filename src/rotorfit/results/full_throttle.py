@@ -6,7 +6,7 @@ one. At full throttle the battery gives less, and the rotors turn slower with it
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,6 +24,7 @@ from rotorfit.flight.motors.battery_sag import (
     BatterySag,
     relative_load,
 )
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.results.command_law import AT_COMMAND, UNDER_LOAD
 from rotorfit.results.command_units import flight_number
 from rotorfit.results.law_tables import voltage_exponent
@@ -42,7 +43,7 @@ EMPTY: Final = 0.2
 """Share of its voltage at rest below which no battery is looked for."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FullLoad:
     """A vehicle at full throttle on a battery that sags.
 

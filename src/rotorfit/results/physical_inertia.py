@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ from rotorfit.checks.impossible_inertia import ESTIMATE, moment_slopes
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.fit.experiment.payload import MOMENTS
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import INERTIA, INERTIA_PLACES
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rotorfit.results.result import IdentificationResult
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Projected:
     """The body nearest to an estimate that can exist.
 

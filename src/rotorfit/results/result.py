@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
@@ -19,6 +19,7 @@ from rotorfit.digits import with_interval
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.findings import Finding, doubt, finding_from_plain, finding_to_plain, sentences
 from rotorfit.fit.intervals.interval_terms import NumberTerm
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.read import kind_of
 from rotorfit.model.parameters import (
@@ -49,7 +50,7 @@ RESULT_FILE = "a result of rotorfit identify"
 Entry = TypeVar("Entry", Parameter, Derived)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FlightRecord:
     """A flight, and the part of it that was used.
 
@@ -85,7 +86,7 @@ class FlightRecord:
         return sentences(self.findings)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class IdentificationResult:
     """Parameters with intervals and verdicts, and everything needed to judge them.
 

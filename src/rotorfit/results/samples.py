@@ -10,12 +10,12 @@ upwards, drag torque against the spin, motors without a lag below zero.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import EstimationError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import COM, FIRST_MOMENTS, INERTIA, INERTIA_COM, INERTIA_PLACES
 from rotorfit.sheet import DataFrame, frame
 
@@ -35,7 +35,7 @@ _NOT_BELOW_ZERO: Final = re.compile(r"Jr|motor_lag(_up|_down)?")
 """A delay is below zero where motors are recorded late."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Estimated:
     """A number of a vehicle as it was estimated.
 
@@ -49,7 +49,7 @@ class Estimated:
     column: int | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Samples:
     """Vehicles drawn from the joint posterior of a result.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import platform
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ import scipy
 
 from rotorfit import version
 from rotorfit.fit.dataset.load import resolved_method
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from rotorfit.results.command_law import CommandLaw
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ResultTables:
     """What a result will hold, before its last check.
 
@@ -62,7 +63,7 @@ class ResultTables:
         return dataclasses.replace(self, findings=(*self.findings, *findings))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Advice:
     """What simulated flights of its vehicle say of a result.
 

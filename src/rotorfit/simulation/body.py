@@ -10,12 +10,12 @@ rotors at rest in it put on the body is in `rotors.py`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import atan2, cos, pi, sin, sqrt
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.simulation.truth import GRAVITY, Truth, tensor_elements
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ torque (3) [N m], angular momentum Jr H of the rotors relative to the body (3) [
 where the air acts on moving rotors, the speed of each [rad/s]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RotorAir:
     """What the air does to rotors that move through it.
 
@@ -154,7 +154,7 @@ class RotorAir:
     hover_square: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RigidBody:
     """The inertial parameters, in the form that the inner loop reads.
 

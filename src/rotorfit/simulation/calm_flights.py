@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.errors import ExperimentError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.simulation.controller import Autopilot, autopilot_of, mix, trimmed
 from rotorfit.simulation.flight import Recording, Scenario, assemble_flight
 from rotorfit.simulation.pilot import Sticks, plan_rows
@@ -107,7 +108,7 @@ class _Flights:
     trim: Float[np.ndarray, "m 3"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Loop:
     """Vehicle and autopilot as arrays; the gains times inertia and sample period.
 

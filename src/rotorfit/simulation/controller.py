@@ -6,12 +6,12 @@ be measured with any number of noises.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import atan, atan2, cos, sin, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.simulation.body import (
     Matrix,
     State,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rotorfit.simulation.pilot import Reference
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Gains:
     """Gains of the loops, from the outermost to the innermost.
 
@@ -60,7 +60,7 @@ class Gains:
     integral: Vector = (4.0, 4.0, 0.2)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Autopilot:
     """The autopilot of one vehicle.
 

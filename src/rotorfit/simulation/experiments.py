@@ -22,13 +22,14 @@ Each configuration flies once for the fit and once for validation, from the grou
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import cos, pi, sin
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
 
 from rotorfit.errors import ExperimentError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.vehicle import Rotor, Spin, Vehicle
 from rotorfit.simulation.flight import Scenario, simulate_flight
 from rotorfit.simulation.sensors import PERFECT, TYPICAL, Sensors, SimulatedFlight
@@ -182,7 +183,7 @@ PAIR_MASS: Final = 0.1
 PAIR_ANGLE: Final = pi / 4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FlownConfiguration:
     """One configuration of a simulated experiment.
 
@@ -198,7 +199,7 @@ class FlownConfiguration:
     weight: float = 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ExperimentPlan:
     """A simulated experiment, before it is flown.
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import ceil
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from rotorfit.errors import ExperimentError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.simulation.body import (
     RigidBody,
     State,
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
     from rotorfit.simulation.rotors import Decay
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Scenario:
     """How the vehicle is flown and what measures it.
 
@@ -101,7 +102,7 @@ class _Stretch(NamedTuple):
     decay: Decay
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Machine:
     """The vehicle and its autopilot, in the form that the inner loop reads."""
 
@@ -122,7 +123,7 @@ class _Moment(NamedTuple):
     grounded: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Recording:
     """What a simulation records of a flight, a row for each sample.
 

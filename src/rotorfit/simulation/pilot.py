@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
 
 from rotorfit.errors import ExperimentError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +27,7 @@ EDGE_SECONDS: Final = 0.5
 Shape = Literal["noise", "turns", "doublets"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Stick:
     """One stick of the pilot.
 
@@ -42,7 +43,7 @@ class Stick:
     shape: Shape = "noise"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Sticks:
     """The pilot's four sticks; the defaults fill a hall of 6 x 4 x 4 m.
 
@@ -69,7 +70,7 @@ STILL: Final = Sticks(
 Route = Literal["to-and-fro", "circles", "eights"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Course:
     """A course over ground that is flown fast, next to what the sticks do.
 

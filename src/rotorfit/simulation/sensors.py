@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.flight.filters import first_order_recursion
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.simulation.body import rotation, times
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from rotorfit.simulation.truth import Truth
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Sensors:
     """Errors of the sensors: white noise, constant bias, and the smallest step of the log.
 
@@ -126,7 +127,7 @@ def gauss_markov(
     return process * std
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class SimulatedFlight:
     """A flight with known truth, at the sample instants.
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rotorfit.errors import ExperimentError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -16,7 +17,7 @@ GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Truth:
     """The physical parameters of a simulated multirotor, body axes FLU, SI units.
 

@@ -14,7 +14,7 @@ that is late is so in all bands, so that bands and axes are weighed together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -32,6 +32,7 @@ from rotorfit.fit.sensors.sensor_response import (
     deviation_by_chance,
     flight_spectra,
 )
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.firmware import FILTERED_ACCEL
 from rotorfit.model.parameters import INERTIA
 
@@ -56,7 +57,7 @@ ROUNDS: Final = 20
 """After the first, until what is left belongs to the time that is found."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Lateness:
     """The delay of a sensor after another, or after the rotors, and its deviation [s]."""
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import floor, inf, isfinite
 from typing import TYPE_CHECKING, Final, Literal
 
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, moments_of_product
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
 from rotorfit.model.terms.body import product_scale
 from rotorfit.model.terms.rotors import MOST_ROTORS
@@ -25,7 +26,7 @@ Verdict = Literal[
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Parameter:
     """One parameter of the model, with its estimate, verdict and advice.
 
@@ -70,7 +71,7 @@ class Parameter:
         return f"{self.name}@{self.configuration}" if self.configuration else self.name
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Derived:
     """A number computed from the parameters.
 
@@ -138,7 +139,7 @@ ADVICE: Final[Mapping[str, str]] = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Judgement:
     """A verdict with its reason and advice, and what that asks for."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import EstimationError
@@ -11,6 +11,7 @@ from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
 from rotorfit.fit.joint.joint_fit import INTERMEDIATE
 from rotorfit.fit.joint.joint_problem import joint_estimate, only
 from rotorfit.fit.joint.trims import TRIM
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -24,7 +25,7 @@ EQUATIONS_EACH: Final = 2.0
 """Equations per free parameter of a flight that is informative by itself."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FlightsAlone:
     """The numbers of a configuration's flights, each by itself, by their places in it."""
 
@@ -32,7 +33,7 @@ class FlightsAlone:
     numbers: Mapping[int, Numbers]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class EachAlone:
     """The flights of every configuration that has several, each by itself."""
 

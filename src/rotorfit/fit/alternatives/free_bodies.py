@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rotorfit.fit.fit import numbers_of
 from rotorfit.fit.joint.joint_problem import joint_estimate
 from rotorfit.fit.row_fits import fit_rows
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from rotorfit.fit.fit import Fit
     from rotorfit.fit.intervals.numbers import Numbers
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FreeBodies:
     """The numbers of all bodies without what is known of their payloads."""
 

@@ -12,7 +12,7 @@ are fitted with the spins that are suspected.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Final
 
@@ -36,6 +36,7 @@ from rotorfit.fit.coupling import without_coupling
 from rotorfit.fit.intervals.excitation import excitation
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
 from rotorfit.fit.joint.joint_fit import joint_fit
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.rotors import rotor_torque
 
@@ -71,7 +72,7 @@ ROUNDS: Final = 10
 """Rounds of the search for the mean drag torque of a pattern."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RotorDrags:
     """The drag torque of each rotor over its squared speed, positive where it spins as declared.
 
@@ -121,7 +122,7 @@ class RotorDrags:
         return other / one, float(np.sqrt(slopes @ covariance @ slopes))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LikelierSpins:
     """Other spins that gain over the declared ones.
 
@@ -136,7 +137,7 @@ class LikelierSpins:
     twins: tuple[Pattern, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class SpinEvidence:
     """What yaw says of the declared spins.
 
@@ -260,7 +261,7 @@ def _suspected_patterns(fit: Fit, drags: RotorDrags | None) -> list[Pattern]:
     return list({tuple(pattern.tolist()): pattern for pattern in (*suspects, *others)}.values())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class SpinFit:
     """A fit of the flights with other spins."""
 

@@ -6,7 +6,7 @@ model.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from rotorfit.estimation.least_squares import nonnegative_solution
 from rotorfit.fit.dataset.response_signals import BAND
 from rotorfit.fit.reduction.frequency_bands import EDGES, excited_bands
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.vehicle import Vehicle, reversed_rotor
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ PASSES: Final = 4
 _TINY: Final = float(np.finfo(float).tiny)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Yaw:
     """The yaw row of some blocks: its angular acceleration, and what may turn the body."""
 
@@ -47,7 +48,7 @@ class _Yaw:
     factors: Factors
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Fit:
     """The residual of yaw with one pattern of spins: log of the power per row and band.
 

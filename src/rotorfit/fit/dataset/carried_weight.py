@@ -25,7 +25,6 @@ thrust may lack.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -36,6 +35,7 @@ from rotorfit.estimation.measured import Measured
 from rotorfit.fit.dataset.weight_balance import VELOCITY_CHANGE, Held, Turning, grouped
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.kinematics import product, rotated, rotation_matrices, small_turns
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -64,7 +64,7 @@ LARGEST: Final = 1.5
 """That is looked for [m/s^2 a metre]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class HeightForce:
     """The growth of a force over mass with height [m/s^2 a metre].
 
@@ -181,7 +181,7 @@ PASSES = 2
 """A bias of 0.05 rad/s turns the axes by over a radian in thirty seconds."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class VerticalMotion:
     """Of one stretch without gaps, along the vertical as the gyro carries it.
 

@@ -8,7 +8,6 @@ the channel makes wrong become doubtful.
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -25,6 +24,7 @@ from rotorfit.flight.motors.rotor_telemetry import (
 )
 from rotorfit.flight.motors.telemetry_pair import mend_stray_commands, pair_channels
 from rotorfit.flight.signals import true_runs
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import (
     COM,
     FIRST_MOMENTS,
@@ -83,7 +83,7 @@ LOST: Final = "a motor channel does not show what its rotor does"
 MEND: Final = "repair the motor channel that stands still, or leave that part out (--start, --end)"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RestsOn:
     """What rests on the channel that a kind of finding is about.
 

@@ -13,6 +13,7 @@ from rotorfit.fit.experiment.declared_vehicle import motor_model_of
 from rotorfit.fit.experiment.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.fit.reduction.bandwidth import Bandwidth, Sensor
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -67,7 +68,7 @@ class LoadedFlight:
         return turning(self.prepared.data)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ConfigurationData:
     """One configuration with its flights, ready for an estimator."""
 

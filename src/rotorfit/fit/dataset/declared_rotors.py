@@ -9,7 +9,7 @@ of the declared rotors does, the declaration is wrong and every number would be.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import permutations
 from pathlib import Path
@@ -31,6 +31,7 @@ from rotorfit.fit.reduction.frequency_bands import prepared_bands
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.flight.imu_tilt import LEAST_TILT, mean_force_tilt, tilt_phrase
 from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import LAYOUTS, Rotor, Vehicle, layout_rotors, reversed_rotor
 
@@ -56,7 +57,7 @@ PARALLEL = 1e-9
 """Share of two drives' product of squares, up to which they are one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Response:
     """Signed share of each angular acceleration that the rotors explain (1: all, -1: reversed)."""
 

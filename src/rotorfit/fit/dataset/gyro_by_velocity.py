@@ -14,7 +14,6 @@ estimated beside. The windows, each left out in turn (jackknife), give the devia
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,6 +23,7 @@ from rotorfit.fit.dataset.weight_balance import grouped
 from rotorfit.fit.reduction.reduce import split_segment
 from rotorfit.flight.filters import first_order_recursion
 from rotorfit.flight.kinematics import rotated, rotation_matrices, running_product, small_turns
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -64,7 +64,7 @@ TINY: Final = 1e-8
 _GRID: Final = np.arange(-1200, 1201) / 4000.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class GyroScale:
     """By which share a gyro reads too much about each axis.
 

@@ -15,7 +15,6 @@ nine tenths at the most, and the tips of what hovers make 40 to 130 m/s.
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -25,6 +24,7 @@ from rotorfit.errors import FlightError, FrameError
 from rotorfit.fit.dataset.weight_balance import held_up, hovering, turning
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_checks import UNIT_OF_GYRO
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import AS_A_TABLE
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
@@ -51,7 +51,7 @@ IDLE: Final = 0.5
 ALLOWED: Final = ACCEL_BIAS_STD / GRAVITY
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class GravitySeen:
     """Readings of the accelerometer where gravity is known.
 

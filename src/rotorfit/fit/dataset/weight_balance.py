@@ -8,7 +8,7 @@ and the thrust that a fit makes of the rotor speeds, can each be held against gr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from rotorfit.fit.reduction.reduce import split_segment
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.flight.kinematics import rotated, running_product, small_turns
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -37,7 +38,7 @@ MOST_OUTSIDE = 0.1
 """Share of a piece that may be outside of it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Held:
     """The mean force that held a vehicle up, over gravity: 1 where everything is right.
 
@@ -51,7 +52,7 @@ class Held:
     seconds: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Turning:
     """The turn of the body axes within windows of a flight, for every force of that flight.
 

@@ -13,12 +13,12 @@ that of the jackknife, with what is not known of the bias.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.estimation.distributions import f_quantile
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -43,7 +43,7 @@ SURE_DRAG: Final = 4.0
 """Deviations by which the drag must be above zero for a wind that is a force over it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Wind:
     """A steady wind over one flight, along the world's horizontal axes x and y.
 

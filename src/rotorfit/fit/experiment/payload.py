@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, inertia_about
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ MOMENTS = (*FIRST_MOMENTS, *INERTIA)
 """The parameters to which a payload adds, in this order."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class PointMass:
     """One item of a payload: mass [kg], position of its centre from the body origin, FLU [m]."""
 

@@ -17,10 +17,11 @@ half-width h by a factor s appends h sqrt(s^2 - 1), which in quadrature gives h 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -33,7 +34,7 @@ Remedy = Literal["fly", "measure", "declare", "log", "repair", "none"]
 """What shrinks a term: a flight, a ruler or scale, the motors' law, a log setting, the vehicle."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class TermKind:
     """What is known of all interval terms of one name.
 
@@ -124,7 +125,7 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
 """Every interval term by its name. A new term needs its row here and a step that appends it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class IntervalTerm:
     """One contribution to the 95 % intervals of a fit.
 
@@ -138,7 +139,7 @@ class IntervalTerm:
     source: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class NumberTerm:
     """One contribution to the 95 % interval of one number.
 

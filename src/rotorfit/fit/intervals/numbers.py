@@ -18,7 +18,7 @@ gives it without that link. The height of the centre of mass depends on roll and
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -31,6 +31,7 @@ from rotorfit.fit.intervals.interval_terms import (
     terms_of_number,
 )
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import EVERY, FIRST_MOMENTS
 
 if TYPE_CHECKING:
@@ -169,7 +170,7 @@ LONGEST_LEVER = 0.15
 """k_d / k_t over the arm: a propeller of radius r has some .1 r."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Numbers:
     """Physical numbers of all configurations, with their intervals.
 

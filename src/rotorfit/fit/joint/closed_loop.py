@@ -14,7 +14,6 @@ autopilot is the same. Its deviation is that of the flights' scatter about it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -28,6 +27,7 @@ from rotorfit.estimation.banded import (
 from rotorfit.estimation.banded_equations import feedback_scores
 from rotorfit.estimation.banded_problem import solutions
 from rotorfit.estimation.distributions import student_quantile
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -42,7 +42,7 @@ LEAST_OPEN: Final = np.array([1.0, 1.0, 0.5, 1.0])
 response goes with frequency is assumed, and the scale of yaw depends on that of pitch."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ClosedLoopResponse:
     """An autopilot's response to roll, pitch, yaw and climb errors, over the nominal one.
 

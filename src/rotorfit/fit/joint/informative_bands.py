@@ -14,7 +14,7 @@ errors of the turns comes with those of the forces is therefore known, and is ta
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -39,6 +39,7 @@ from rotorfit.fit.reduction.frequency_bands import (
     slow_bands,
 )
 from rotorfit.fit.row_fits import turned_flights
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.terms.registry import DEFAULT_TERMS
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ def _followed_thrust(
     return followed_bands(factors, measured, measured - error)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Pushes:
     """Sums for the regression of an angular error on the force errors, per block.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Final, TypedDict
 
@@ -19,6 +19,7 @@ from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, scatters
 from rotorfit.fit.reduction.frequency_bands import LEAST_RATIO
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.timing.sensor_bandwidth import sensor_reach
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.terms.registry import DEFAULT_TERMS
 
@@ -34,7 +35,7 @@ SMALLEST_BODY: Final = 1e-6
 """Moment of inertia over mass times arm squared, far below that of any body (about .1)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FittedFactors:
     """A fit's factors and values, to fit it again alone or with other flights; without samples.
 

@@ -6,13 +6,13 @@ for itself, under names that end in ``@`` and its name.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.fit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse
 from rotorfit.fit.joint.trims import UNSEEN, Scatter
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import FIRST_MOMENTS
 from rotorfit.model.terms.body import MASS
 from rotorfit.model.terms.registry import DEFAULT_TERMS, TERMS
@@ -36,7 +36,7 @@ Products = dict[tuple[int, str], list[tuple[float, str, str]]]
 """The bilinear terms of each entry of theta."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class JointConfiguration:
     """One configuration of the joint estimate.
 

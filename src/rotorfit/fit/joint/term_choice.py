@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +18,7 @@ from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem, size_of
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.terms.air import DRAG
 from rotorfit.model.terms.registry import BY_LIKELIHOOD, DEFAULT_TERMS, OPTIONAL, terms_named
 from rotorfit.model.terms.rotors import DRAG_OF_ROTORS
@@ -42,7 +42,7 @@ LIKELY = 2.0
 """Deviations by which what brakes may be less than none by chance."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Choice:
     """The terms of the model, and why.
 

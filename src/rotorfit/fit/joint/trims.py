@@ -9,12 +9,13 @@ mass they share.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.estimation.parameter_map import ParameterMap, Product
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import INERTIA, PARAMETERS, inertia_about
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ LEAST_MOVED: Final = 5e-4
 """Of the arm, which is not measured better: flights that scatter less are taken to do so much."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Scatter:
     """Scatter of the flights of a configuration: deviations about their common values.
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.estimation.distributions import student_quantile
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,7 @@ FEWEST_BLOCKS: Final = 8
 """Fewest blocks: with fewer, the scatter between them is hardly known."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BlockSums:
     """What a jackknife needs of slopes J and residuals e: sums over each block of rows.
 
@@ -45,7 +45,7 @@ class BlockSums:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Jackknife:
     """What leaving out one block after the other does.
 

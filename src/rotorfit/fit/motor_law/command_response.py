@@ -7,13 +7,14 @@ however they jitter: no channel is resampled, and a delay is any number of secon
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.flight.cubic_spline import cubic_spline_between
 from rotorfit.flight.recursion import solve_recursion
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,7 +39,7 @@ STRETCH_DISTANCE: Final = 1e4
 """Distance of two stretches on the common clock: longer than any of them [s]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Recording:
     """All stretches of all rotors, one after the other on one clock.
 
@@ -72,7 +73,7 @@ class Recording:
     flight_time: Float[np.ndarray, " m"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Timing:
     """Logarithms of the rising lag [s] and of falling over rising, and the delay [s]."""
 

@@ -10,7 +10,7 @@ are correlated by battery, air and what no law says.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
@@ -42,6 +42,7 @@ from rotorfit.flight.motors.command_response import (
     responses_within,
 )
 from rotorfit.flight.motors.motor_model import white_noise_std
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -73,7 +74,7 @@ def held_between(recording: Recording) -> Recording:
     return recording
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LawFromSpeeds:
     """The law of the motors, and what else it might be.
 

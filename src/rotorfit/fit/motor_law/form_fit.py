@@ -30,6 +30,7 @@ from rotorfit.fit.motor_law.command_response import (
 )
 from rotorfit.fit.motor_law.huber_fit import CLOSE, HuberFit, fit_huber
 from rotorfit.fit.motor_law.law_model import FORMS, FormName, Layout, predicted, timing_of
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -62,7 +63,7 @@ RATIO: Final = 2.0
 """Largest logarithm of falling over rising lag."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class PreparedRecording:
     """A recording as forms are fitted to it.
 

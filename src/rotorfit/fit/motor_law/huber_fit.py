@@ -6,10 +6,11 @@ that `scipy.optimize.least_squares` takes at every step, and to import it takes 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -48,7 +49,7 @@ KNOWN: Final = 1e-13
 """Share of the largest eigenvalue of the scaled information, below which nothing is known."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class HuberFit:
     """A fit, after its last step by the slopes.
 
@@ -66,7 +67,7 @@ class HuberFit:
     residuals: Float[np.ndarray, " m"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Point:
     """Parameters with their prediction, the cost and its equations."""
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from rotorfit.fit.motor_law.command_response import Recording, Timing, speed_response
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.motor_law import Curve, MotorLaw, PowerCurve, SquareRootCurve, VoltageFactor
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ TINY: Final = 1e-6
 """Commands below are as it, in what goes with their logarithm."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Form:
     """A curve of relative speed, 1 at full command.
 
@@ -99,7 +99,7 @@ FORMS: Final[Mapping[FormName, Form]] = {
 """By name, those with fewer parameters first."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Layout:
     """Which parameters a fit has, and where they are.
 

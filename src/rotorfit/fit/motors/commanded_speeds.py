@@ -11,7 +11,6 @@ the battery has. Where commands tell the speed, those two speeds are as open as 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
@@ -21,6 +20,7 @@ from rotorfit.fit.motors.bent_law import bend_speed
 from rotorfit.fit.weight.kt_from_weight import kt_from_weight
 from rotorfit.fit.weight.weigh_thrust import HELD_TO, kt_of
 from rotorfit.flight.motors.motor_model import with_motors
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import EVERY
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def shift_by_speeds(fit: Fit, other: TimedDataset) -> Float[np.ndarray, " q"]:
     return shift_of(fit, other, known={"kt": (kt, HELD_TO * kt)})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LawError:
     """What a law from command to speed leaves open, as the step `allow_for_law` found it.
 

@@ -24,7 +24,7 @@ measured: real motors have powers of it, with a deviation of `STATED_STD`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -37,6 +37,7 @@ from rotorfit.fit.motors.commanded_speeds import with_other_speeds
 from rotorfit.fit.motors.hovers_by_mass import exponent_share_by_masses, rms_speed
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.weight.weigh_thrust import kt_from_changes, weight_of
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.motor_law import MotorLaw, PowerCurve
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ power in hover agrees with the setting to 5 %, and .12 where it is off by 20 to 
 hover shows the slope, not what lies above. Nor do flights up to twice the thrust of hover (.11)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Trial:
     """A fit with a law, and what it shows.
 
@@ -111,7 +112,7 @@ class Trial:
         return Measured(value=self.power + step, std=self.shown.std / (1.0 - growth))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LawFromThrust:
     """The law from command to rotor speed by a flight.
 

@@ -17,7 +17,6 @@ are of one gyro, and have one filter. Yaw shows none: the torque of propellers l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ import numpy as np
 from rotorfit.fit.reduction.noise_rolloff import judge_noise
 from rotorfit.fit.reduction.windows import WINDOW, transform_rows, window_starts
 from rotorfit.flight.on_board import first_order, second_order
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.signals import central_average
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ FEWEST_WINDOWS: Final = 4
 TINY: Final = float(np.finfo(float).tiny)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Bandwidth:
     """The bandwidth of a channel, as a flight shows it.
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,7 +26,7 @@ LARGEST_SKEW: Final = 0.8
 """Largest share by which rising is faster and falling slower than their mean, or vice versa."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FreeTiming:
     """Times that a fit may move, from where its signals were made.
 
@@ -76,7 +77,7 @@ def skew_of(response: MotorResponse) -> float:
     return response.lag_down / response.mean_lag - 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class TimedBands:
     """Band factors that a timing was found with: they serve the next fit of the same flights.
 
@@ -94,7 +95,7 @@ class TimedBands:
         return all(own is other for own, other in zip(self.inputs, inputs, strict=True))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class MotorTiming:
     """The motors' timing by the flights.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from rotorfit.flight.filters import butterworth, filter_both_ways, tukey_window
 from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.flight.on_board import response_of
 from rotorfit.flight.signals import fading_rows
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.signals import (
     AddedSignals,
     SignalLayout,
@@ -45,7 +46,7 @@ CHUNK_ROWS = 16_384
 """Rows of Z alive at a time: 20 columns of them stay near the processor's cache."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LowPass:
     """A zero-phase Butterworth low-pass, and the decimation that follows it.
 
@@ -142,7 +143,7 @@ def _filtered_chunks(
         yield smooth[start - first : stop - first : lowpass.step(flight.sample_rate)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BandPlan:
     """How a flight is cut into stretches and frequency bands.
 
@@ -159,7 +160,7 @@ class BandPlan:
     taper: float = 0.1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BandLines:
     """The Fourier lines of one stretch of a flight, from which its bands are factored.
 

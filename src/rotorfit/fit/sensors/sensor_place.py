@@ -10,7 +10,6 @@ the fit finds the centre of mass at the accelerometer, wherever that is. The mea
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -22,6 +21,7 @@ from rotorfit.fit.joint.joint_problem import COM_HEIGHT
 from rotorfit.fit.reduction.bandwidth import ON_BOARD, SHAPES
 from rotorfit.fit.reduction.frequency_bands import PILOT_BAND, retimed
 from rotorfit.fit.timing.sensor_bandwidth import PLACES, flight_reach
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import FIRST_MOMENTS
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
@@ -67,7 +67,7 @@ UNSHOWN: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class SensorPlace:
     """Where the accelerometer is from the centre of mass, FLU [m].
 

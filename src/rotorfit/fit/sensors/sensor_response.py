@@ -14,7 +14,6 @@ by how much the fit's is off.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -27,6 +26,7 @@ from rotorfit.fit.joint.joint_problem import theta_of
 from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
 from rotorfit.fit.reduction.windows import WINDOW, transform_rows, window_starts
 from rotorfit.fit.timing.timing_faults import lowpass_of
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.signals import signal_matrix
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ class BandRatio(NamedTuple):
     std: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FoundFilter:
     """The filter or mount that fits best.
 

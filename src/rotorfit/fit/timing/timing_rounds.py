@@ -8,12 +8,13 @@ Iterative procedures for nonlinear integral equations, J. ACM 12, 1965, of depth
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.fit.reduction.motor_timing import FreeTiming, skew_of
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +27,7 @@ MOST_LEAP: Final = 3.0
 """Longest accelerated step over the plain one: beyond it the two rounds do not lie on one line."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class TimingRound:
     """One round: where its signals were made, and where its fit goes.
 

@@ -9,13 +9,14 @@ says (battery, load, propellers, density of the air), the interval covers what t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.estimation.distributions import chi_square_tail
 from rotorfit.estimation.measured import Measured, mean_scale
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +29,7 @@ sets of flights, as for the two estimates of one flight (`DOUBTED`)."""
 SHARED: Final = "shared by all flights"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FlightWeight:
     """k_t that carries the weight in one flight.
 

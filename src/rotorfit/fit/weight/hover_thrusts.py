@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +13,7 @@ from rotorfit.fit.dataset.weight_balance import Held
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.weight.estimated_air import estimated_air_force
 from rotorfit.fit.weight.kt_from_weight import bias_and_velocity_std, pooled_weight
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +34,7 @@ FEWEST_BATCHES = 4
 """Fewest batches of a half whose scatter is informative."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class HoverThrust:
     """The estimated thrust over the weight in one flight.
 

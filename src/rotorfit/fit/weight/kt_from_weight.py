@@ -6,7 +6,6 @@ stretches are pooled, by a random effect where they differ by more than chance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +20,7 @@ from rotorfit.fit.dataset.plausible_units import gravity_at_rest
 from rotorfit.fit.reduction.frequency_bands import retimed
 from rotorfit.fit.sensors.known_faults import ERROR, is_estimate
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.terms.rotors import spread_std
 
@@ -50,7 +50,7 @@ CAMERA_BIAS = Measured(value=0.0, std=0.01)
 """Bias of an acceleration by motion capture, over seconds [m/s^2]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ThrustShares:
     """Each rotor's k_t over their mean, with its covariance by the fit and before it."""
 
@@ -63,7 +63,7 @@ class ThrustShares:
         return float(np.sqrt(min(load @ self.covariance @ load, load @ self.prior @ load)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class WeighedFlight:
     """What carries the weight in one flight.
 

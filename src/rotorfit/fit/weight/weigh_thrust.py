@@ -14,7 +14,7 @@ by the flight, k_t is that of the weight.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +44,7 @@ from rotorfit.fit.weight.kt_from_weight import (
     thrust_shares,
     weighed_flights,
 )
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.terms.air import VELOCITY
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ DOUBTED = 2.58
 """Deviations by which weight and changes differ once in a hundred sound flights."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Balance:
     """k_t from changes of thrust and k_t from the weight.
 
@@ -106,7 +107,7 @@ class Balance:
         return self.weight if self.changes is None else combine_scales(self.weight, self.changes)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Weighing:
     """What the step `weigh_thrust` found, from which checks make their findings.
 

@@ -11,7 +11,6 @@ the best rotation between the axes follows in closed form (Wahba 1965; Kabsch, A
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +23,7 @@ from rotorfit.flight.filters import correlate
 from rotorfit.flight.kinematics import continuous_quaternions, motion_from_quaternions
 from rotorfit.flight.mocap.camera import camera_clock, poses
 from rotorfit.flight.signals import low_pass, whole_samples
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,7 +54,7 @@ SLOWEST_TURNS = 0.05
 ITERATIONS = 8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Alignment:
     """The alignment of a motion-capture recording with the clock and the axes of a log.
 
@@ -79,7 +79,7 @@ class Alignment:
         return self.origin + (time + self.offset - self.origin) / (1.0 - self.drift)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Rates:
     """Angular velocity on a uniform grid, zero if there is none.
 
@@ -185,7 +185,7 @@ def _best_start(body: _Rates, marker: _Rates) -> _Start:
     return starts[0]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Start:
     """A trial: offset [s], rotation of the axes, correlation of the rates."""
 
@@ -248,7 +248,7 @@ def _interpolate_rates(
     return values, inside & rates.known[left] & rates.known[left + 1]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Trial:
     """The unknowns, in the order of the columns of `_linearise_trial`."""
 
@@ -267,7 +267,7 @@ class _Trial:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Pair:
     """Both rates, the slope of the marker's, and on the body's grid the rows known of both.
 

@@ -7,7 +7,6 @@ put back on the line of their neighbours before anything is filtered (`spikes.py
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -20,6 +19,7 @@ from rotorfit.flight.mocap.spikes import without_spikes
 from rotorfit.flight.signals import (
     local_medians,
 )
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import Channel, FlightLog
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ JUMP = (100.0, 1000.0)
 JUMP_DEVIATIONS = 10.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class CameraClock:
     """The clock of the frames, if the cameras ran regularly.
 
@@ -59,7 +59,7 @@ class CameraClock:
     jitter: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Tracked:
     """The frames in which the body was seen.
 

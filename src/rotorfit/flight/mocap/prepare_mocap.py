@@ -65,6 +65,7 @@ from rotorfit.flight.signals import (
     whole_samples,
 )
 from rotorfit.flight.used_rows import Window, phases_of, window_rows
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.motor_law import law_doubts, speed_from_command
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ SLOWEST = 60.0
 """Frames per second below which much of the motion of a small multirotor is lost [Hz]."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Frames:
     """Pose and motors on the clock of the cameras, low-passed.
 

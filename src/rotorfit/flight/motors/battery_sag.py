@@ -7,10 +7,12 @@ what it loses steadily is the charge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -41,7 +43,7 @@ HELD_STD: Final = 0.15
 """Deviation of that factor between those vehicles."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BatterySag:
     """The battery under load.
 

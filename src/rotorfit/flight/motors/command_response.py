@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.flight.signals import hampel, true_runs
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,7 +36,7 @@ LARGEST: Final = 1e9
 Span = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class MeasuredResponse:
     """The commands of one rotor over one stretch, and the speeds measured in it.
 
@@ -218,7 +219,7 @@ ALONGSIDE_STEPS: Final = 4.0
 """The same of coarse commands, in steps of theirs."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class MotorLimits:
     """The shares of a flight with motors at the ends of their commands.
 

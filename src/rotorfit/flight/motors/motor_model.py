@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from functools import cache, partial
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -13,6 +12,7 @@ from rotorfit.flight.filters import first_order_recursion
 from rotorfit.flight.recursion import solve_recursion
 from rotorfit.flight.signals import central_difference, smooth_motors
 from rotorfit.flight.spectral_density import power_density
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import LONG, LagOn, pieces
 from rotorfit.logs.motor_law import MotorLaw, SquareRootCurve, speed_from_command
 
@@ -30,7 +30,7 @@ NOISE_ROWS = 256
 """Length of the spectra in which the noise of rotor speeds is looked for."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class MotorResponse:
     """The response of the rotors to the motor channel: lags and delay.
 
@@ -233,7 +233,7 @@ SLOW_LAG: Final = 2.0
 """Lag in samples, from which means of commands do as well as these: to 1e-4 up to 30 Hz."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class MotorModel:
     """The model from the log's motor channel to rotor speed.
 
@@ -349,7 +349,7 @@ NEWTON_STEPS: Final = 4
 TINY: Final = 1e-12
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ThrustCurve:
     """Relative thrust f u^2 + (1 - f) u of a command u, PX4's model and ArduPilot's.
 

@@ -8,7 +8,7 @@ rotor follows its command; how late the speeds are as a whole is found first.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
@@ -27,6 +27,7 @@ from rotorfit.flight.motors.telemetry_pair import (
     pair_channels,
 )
 from rotorfit.flight.signals import smooth, true_runs, whole_samples
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -73,7 +74,7 @@ State = Literal[
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RotorTelemetry:
     """The measured speed of one rotor compared with the commands.
 
@@ -100,7 +101,7 @@ class RotorTelemetry:
     later: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Telemetry:
     """Measured rotor speeds beside the commands.
 

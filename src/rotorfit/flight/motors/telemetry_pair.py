@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.flight.motors.coarse_speeds import speed_step
 from rotorfit.flight.signals import true_runs, whole_samples
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -45,7 +46,7 @@ USUAL_PERCENTILE: Final = 90.0
 """Share of the samples whose jumps count as usual [%]: strays are rarer."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class TelemetryPair:
     """Commands and speeds on one clock; the rows that count, and which columns are alive.
 

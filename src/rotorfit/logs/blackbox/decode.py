@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.blackbox.encodings import (
     add_constants,
     gps_values,
@@ -38,7 +39,7 @@ MAX_ITERATION_JUMP: Final = 5000 * 500
 """Most credible loop iterations between consecutive I frames."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Table:
     """All frames of one kind, as 32-bit integers.
 
@@ -65,7 +66,7 @@ class Table:
         return self.bits[:, i].astype(np.int32 if self.signed[i] else np.uint32).astype(np.int64)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class BlackboxLog:
     """One decoded log.
 
@@ -98,7 +99,7 @@ class BlackboxLog:
     logs_in_file: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Written:
     """Frames of one kind (I and P are one) before prediction.
 

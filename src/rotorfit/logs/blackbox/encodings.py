@@ -12,12 +12,12 @@ computed together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.blackbox.header import Encoding, FrameDefinition, Header, Predictor
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ _GROUP_SIZE: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ByteIndex:
     """The bytes of one log, and the variable-byte numbers in them.
 
@@ -56,7 +56,7 @@ class ByteIndex:
     size: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Group:
     """Consecutive fields that are written together.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.blackbox import LOG_START
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ _NEXT_LINE = re.compile(rb"\nH [A-Za-z_ ]{2,128}:")
 _INTEGER = re.compile(r"\s*[+-]?\d{1,10}\s*")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FrameDefinition:
     """The fields of one kind of frame, one entry per field in each tuple."""
 
@@ -113,7 +113,7 @@ class FrameDefinition:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Header:
     """What the text header of one log declares.
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from array import array
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.blackbox.encodings import (
     MAX_VB_BYTES,
     ByteIndex,
@@ -49,7 +50,7 @@ _INFLIGHT_ADJUSTMENT: Final = 13
 _END_MESSAGE = re.compile(rb"End of log(?: \(disarm reason:([^)]?)\))?\x00", re.DOTALL)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Event:
     """One event: its number in the specification, its name, what is recorded with it.
 
@@ -128,7 +129,7 @@ WINDOW: Final = 1 << 20
 _RUN, _MASKED_RUN, _TABLE = 0, 1, 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Window:
     """The frames that begin in one part of a log, in the order of the file.
 
@@ -152,7 +153,7 @@ class Window:
     ended: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Walk:
     """How to find the end of a frame of one kind without reading it.
 

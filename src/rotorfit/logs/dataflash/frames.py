@@ -13,12 +13,13 @@ that changes slowly: the slow outputs show it. They also show whether the mix is
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.dataflash.columns import rate_of, timed, vector
 from rotorfit.logs.flight_log import SITL, Channel, LoggedMotors
 from rotorfit.logs.motor_law import MotorLaw, SquareRootCurve, VoltageFactor
@@ -110,7 +111,7 @@ _LAYOUTS: Final = {
 _OLD_CLASSES: Final = {"OCTA_QUAD": "OCTAQUAD", "OCTA QUAD": "OCTAQUAD"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Frame:
     """A frame whose mixer is known.
 
@@ -237,7 +238,7 @@ IDLE: Final = 0.01
 """Above MOT_SPIN_MIN by less than this, motors idle and are not mixed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ThrustCurve:
     """From relative thrust to a motor's output: MOT_THST_EXPO, MOT_SPIN_MIN and MOT_SPIN_MAX."""
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.dataflash import HEAD
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ TIMES: Final[Mapping[str, float]] = {"TimeUS": 1e-6, "TimeMS": 1e-3}
 """Labels of a message's time, and their units [s]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Field:
     """A field of a message: a letter of `LETTERS`, and its offset in the message [bytes]."""
 
@@ -67,7 +68,7 @@ class Field:
         return LETTERS[self.letter][1]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class MessageFormat:
     """One definition of a type of message; `length` is with the head [bytes].
 
@@ -143,7 +144,7 @@ GLIMPSES: Final = 8
 """Runs of messages that are looked at together, of names that are only glimpsed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Messages:
     """The messages of a log.
 
@@ -184,7 +185,7 @@ class Messages:
         return sum(self.counts[i] for i in self.named(name))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Wanted:
     """Which messages are kept, so that a long log need not fit into the memory.
 
@@ -230,7 +231,7 @@ class _Walk:
     bad_formats: int = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Block:
     """A piece of the file: its bytes, where heads are, and up to where those can be decided."""
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.dataflash.columns import (
     columns,
     first_label,
@@ -44,7 +44,7 @@ _FEW: Final = 4
 """Outputs of an old log that does not have its number of motors."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Wiring:
     """The output of each motor, numbered from 1; empty if it is not known, and why."""
 
@@ -52,7 +52,7 @@ class Wiring:
     words: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Range:
     """PWM of a stopped motor and of a full command [us], and where that comes from."""
 

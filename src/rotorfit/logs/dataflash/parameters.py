@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.dataflash.columns import columns, timed, vector
 from rotorfit.logs.flight_log import Circumstances, in_air
 
@@ -23,7 +23,7 @@ ARMED_EVENT, DISARMED_EVENT = 10, 11
 NAMES = ("PARM", "MSG", "ARM", "EV")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Parameters:
     """The parameters of a log: the last values, and the names of those that changed."""
 

@@ -5,11 +5,11 @@ Of the IMUs one is taken, from its fastest messages; NED and FRD are turned.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.dataflash.columns import (
     by_time,
     columns,
@@ -44,7 +44,7 @@ LABELS: Final = ("TimeUS", "TimeMS", "I", "SampleUS", *GYRO, *ACCEL)
 CHOICE_NAMES: Final = ("XKF4", "NKF4")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Series:
     """Vectors of one sensor in the file's axes, with their times [s] and where they come from."""
 
@@ -53,7 +53,7 @@ class Series:
     source: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ImuChannels:
     """What one IMU recorded; `gyro_lowpass` is the cut-off on board [Hz], None if unknown."""
 
@@ -63,7 +63,7 @@ class ImuChannels:
     gyro_lowpass: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ImuChoice:
     """Which IMU is read, counted from 0, and why."""
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.dataflash import HEAD
 from rotorfit.logs.dataflash.messages import FMT_TYPE, HEAD_BYTES, LETTERS
 from rotorfit.logs.files import read_blocks
@@ -49,7 +49,7 @@ _DEFINITION: Final = re.compile(r"\s*FMT\s*,\s*(\d+)\s*,\s*\d+\s*,\s*(\w+)\s*,\s
 _BLOCK_LINES: Final = 4096
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Line:
     """How the fields of a message are packed behind its head."""
 

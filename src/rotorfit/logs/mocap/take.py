@@ -10,12 +10,13 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.delimited import DelimitedText, with_line_feeds
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.flight_log import Channel, FlightLog
@@ -42,7 +43,7 @@ LENGTHS: Final[Mapping[str, float]] = {
 _NAMES_SHOWN: Final = 12
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Body:
     """One rigid body: position of its tracked point, world with z up [m], attitude to that world.
 
@@ -53,7 +54,7 @@ class Body:
     attitude_wxyz: Float[np.ndarray, "n 4"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Take:
     """One recording: bodies by name (empty if the file has no names), times of the frames [s].
 

@@ -8,12 +8,12 @@ RZ RW, or a rotation vector RX RY RZ (axis times angle, "helical"), from body ax
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.mocap.take import Body, Take, finite, log_of_file, number_or_nan, numbers
 from rotorfit.logs.units import Axes, unit_or_nan
 
@@ -42,7 +42,7 @@ _MOST_TURN: Final = 1e3
 """A longer rotation vector [rad] is a damaged one; Nexus counts whole turns on."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Block:
     """A block of rigid bodies: the cells of its header, and the text that ends with the block.
 

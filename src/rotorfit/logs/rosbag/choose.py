@@ -7,13 +7,13 @@ rosbags, which may not be there.
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.columns import EULER, ColumnSpec, Group, complete_groups, quantity_of, unit_of
 from rotorfit.logs.flight_log import Channel
 from rotorfit.logs.units import (
@@ -45,7 +45,7 @@ Form = Literal[
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Quantity:
     """Numbers of one channel in a message, by paths as of `definitions.taken_by`."""
 
@@ -53,7 +53,7 @@ class Quantity:
     form: Form
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class MessageKind:
     """A type of message that is read, by channels.
 
@@ -116,7 +116,7 @@ MEASURED: Final = ("gyro", "accel", "position", "attitude", "velocity")
 """Channels of which a set-point is no measurement."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Candidate:
     """A topic that can give a channel."""
 

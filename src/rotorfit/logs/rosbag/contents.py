@@ -23,6 +23,7 @@ from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import open_file, read_head, unpacked_log
 from rotorfit.logs.rosbag import MCAP_MAGIC, ROS1_BEGINS, SQLITE_MAGIC
 from rotorfit.logs.rosbag.choose import MESSAGES, STAMPS, mapped_paths
@@ -63,7 +64,7 @@ _CONSTANT: Final = re.compile(r"^\S+\s+\w+\s*=")
 _SEPARATING: Final = "=" * 80 + "\n"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Definition:
     """The messages of a type (``package/msg/Name``), with the functions that rosbags made of it."""
 
@@ -282,7 +283,7 @@ _LATEST: Final = (9e9, 9e15)
 """Seconds, and micro- or nanoseconds, that still count nanoseconds in 64 bits."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Form:
     """What is taken from messages of one definition: the stamp, then the quantities."""
 

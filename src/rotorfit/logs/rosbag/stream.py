@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, ParamSpec, TypeAlias, Typ
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import report_progress
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 Encoding = Literal["ros1", "cdr"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Topic:
     """A topic of a recording; `kind` is the type of its messages as ``package/Name``.
 
@@ -50,7 +51,7 @@ Wanted: TypeAlias = Callable[[Topic], bool]
 Messages: TypeAlias = Iterator[Message]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Recorded:
     """What one topic recorded: times of receipt and of the messages' own stamps [ns], numbers.
 
@@ -65,7 +66,7 @@ class Recorded:
     unreadable: tuple[int, str]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Contents:
     """What the files of a recording hold: topics that were read, others, and damage by phrase."""
 
@@ -123,7 +124,7 @@ _BACKWARDS: Final = 0.1
 _REPEATED: Final = 0.2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Timing:
     """The clock of one topic, since the beginning of the recording [s].
 

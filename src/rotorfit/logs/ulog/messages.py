@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol, runtime_checkable
 
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import pieces
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Judge(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Block:
     """Whole messages of a stretch of the file.
 
@@ -179,7 +179,7 @@ _FIELD: Final = re.compile(r"([A-Za-z_]\w*)(?:\[(\d{1,5})\])? ([A-Za-z_]\w*)")
 _NAME: Final = re.compile(r"[A-Za-z_][\w\-/]*")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Field:
     """A field of a format: its type, its name, and how many of it (0: one, not an array)."""
 
@@ -188,7 +188,7 @@ class Field:
     count: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Row:
     """The type of a topic's rows without padding at the end; the largest size with it [bytes]."""
 
@@ -255,7 +255,7 @@ LARGEST_VALUE: Final = 1e100
 """Beyond it a number of double precision is damage, and its square no number."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Topic:
     """The messages of one instance of a topic, in order of time.
 

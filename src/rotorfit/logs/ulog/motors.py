@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import Channel, pieces
 from rotorfit.logs.ulog.firmware import log_faster
 
@@ -55,7 +55,7 @@ TELEMETRY: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Motors:
     """The motor channel, or None, with notes about it."""
 
@@ -280,7 +280,7 @@ def _fraction_of(thrust: Float[np.ndarray, "n N"], factor: float) -> Float[np.nd
     return 2.0 * thrust / np.where(thrust > 0.0, below, 1.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Outputs:
     """Which outputs are motors: their places and ranges, and the parameters that say so."""
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, BinaryIO, Final
 import numpy as np
 
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import open_file, read_head, report_progress
 from rotorfit.logs.flight_log import in_order
 from rotorfit.logs.ulog import MAGIC
@@ -57,7 +58,7 @@ _DECLARATION: Final = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Scan:
     """What a file has.
 
@@ -113,7 +114,7 @@ class Scan:
         return float(changed[-1]) if changed else self.number(name)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Subscription:
     name: str
     instance: int

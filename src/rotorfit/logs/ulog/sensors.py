@@ -5,11 +5,12 @@ Gyro and accelerometer come from the best of the topics that have them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import Channel, pieces
 from rotorfit.logs.ulog.firmware import log_faster
 from rotorfit.logs.units import attitude_to_flu, vectors_to_flu, world_to_body
@@ -53,7 +54,7 @@ COMPLETE: Final = 0.98
 """Share of the time that raw samples must cover."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Imu:
     """Gyro and accelerometer from one source, with notes about it."""
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.findings import Finding, doubt
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import GAZEBO, PX4_OTHER, SIH, Circumstances, LoggedMotors, in_air
 from rotorfit.logs.motor_law import MotorLaw, PolynomialCurve, SquareRootCurve
 from rotorfit.logs.ulog.firmware import MOTOR_OUTPUTS, PWM
@@ -69,7 +69,7 @@ _MATTERS: Final = ("CA_", "THR_MDL", "PWM_", "DSHOT_", "IMU_", "SENS_BOARD", "MO
 _LISTED: Final = 8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RotorSite:
     """A rotor by the parameters, in body axes FLU."""
 

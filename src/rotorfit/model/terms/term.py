@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -29,7 +30,7 @@ LEAST_SHARE: Final = 1e-3
 without noise show what is of no account."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Size:
     """The size of a vehicle, by which sizes and priors of its parameters are measured.
 
@@ -109,7 +110,7 @@ class Move:
     factor: float = 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Significance:
     """The rule by which a term by likelihood is more than a trace, in some configuration.
 
@@ -122,7 +123,7 @@ class Significance:
     brakes: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Term:
     """One effect of the model.
 

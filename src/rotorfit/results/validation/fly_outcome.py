@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.results.validation.judgement import (
     AXES,
     GOOD_SHARE,
@@ -49,7 +49,7 @@ STEADY: Final = 0.7
 """Share of an error from which on it is mostly steady: trim."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ModelFlight:
     """One manoeuvre: height above the start [m], angle [rad] or yaw rate [rad/s] over time [s].
 
@@ -90,7 +90,7 @@ def settling_time(flight: ModelFlight) -> float | None:
     return float(flight.time[last + 1]) - BEFORE
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FlyOutcome:
     """Everything that was flown with one configuration of a result.
 

@@ -6,12 +6,13 @@ how long rates are right where nothing corrects them. `validate` and `fly` say t
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
 from rotorfit.digits import short
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.results.validation.replay import (
     HOLD,
     IDENTIFIED,
@@ -58,7 +59,7 @@ WORDS: Final[Mapping[Level, str]] = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class AxisJudgement:
     """The judgement of thrust or one axis of a model.
 
@@ -88,7 +89,7 @@ class AxisJudgement:
         return "" if held is None else f"error {held:.2g} times that of a constant rate"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Judgement:
     """The judgement of a model on some flights; `doubtful` are numbers that it rests on."""
 
@@ -271,7 +272,7 @@ def _explain_cause(steady: float, moved: float, *, of: str) -> str:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class MomentSplit:
     """The power of a moment that the motion needs, below 3 Hz, by its causes.
 

@@ -22,13 +22,13 @@ it: the gyro's noise at one instant would else be carried through the whole wind
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import FlightError
 from rotorfit.flight.signals import smooth
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -51,7 +51,7 @@ IDENTIFIED: Final = "identified"
 NORMAL_95: Final = 1.96
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Predicted:
     """Predictions by one set of parameters in K windows.
 
@@ -65,7 +65,7 @@ class Predicted:
     force: Float[np.ndarray, "K B 3"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Replay:
     """One flight in windows: flown, and predicted by one or more sets of parameters.
 
@@ -87,7 +87,7 @@ class Replay:
     comparison: WrenchComparison | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Entrant:
     """One set of parameters, and the rotor speeds at the motors' timing that goes with it.
 

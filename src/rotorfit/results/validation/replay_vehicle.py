@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import COM, INERTIA_COM, PARAMETERS
 from rotorfit.model.terms.registry import TERMS
 from rotorfit.results.hover_balance import fitted_balance, fitted_thrusts
@@ -40,7 +41,7 @@ ROTOR_KT: Final = re.compile(r"kt_[0-9]+")
 """Names of the thrust coefficients of single rotors."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ReplayVehicle:
     """D vehicles of one geometry, the nominal one first, body axes FLU.
 

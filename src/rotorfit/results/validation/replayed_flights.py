@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from rotorfit.fit.dataset.load import load_flight
 from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import Experiment, experiment_of_settings, unseen_entry
 from rotorfit.fit.reduction.frequency_bands import retimed
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.air_force import air_wrenches
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.rotors import DRAG_OF_ROTORS
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from rotorfit.results.validation.wrench_comparison import WrenchComparison
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Timed:
     """A vehicle (and draws of it), and its motors' timing; None leaves flights as prepared."""
 

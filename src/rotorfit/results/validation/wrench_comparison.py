@@ -7,13 +7,13 @@ so that it cancels: of body wrench and rotor wrench, and of the rotor wrench ove
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.flight.signals import whole_samples
 from rotorfit.flight.spectral_density import cross_densities
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +25,7 @@ SHOWN = ("Fz", "Mx", "My", "Mz")
 """The components that rotors of a flat multirotor make (Six et al. 2020, Fig. 3 and 4)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class WrenchComparison:
     """Two sides of the equations of motion on one flight, with a result's parameters.
 
@@ -73,7 +73,7 @@ INDEPENDENT: Final = 0.95
 TINY: Final = float(np.finfo(float).tiny)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class WrenchSpectra:
     """Spectra of all compared flights together.
 

@@ -11,12 +11,13 @@ libraries/AC_AttitudeControl/AC_AttitudeControl_Multi.cpp rate_controller_run.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from rotorfit.flight.filters import first_order_recursion
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.tools.control_loop.plant import (
     GyroFilter,
     delays,
@@ -38,7 +39,7 @@ FULL_INTEGRAL = np.deg2rad(400.0)
 """Rate error at which PX4 stops integrating [rad/s] (rate_control.cpp, updateIntegral)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RateController:
     """From set point and rate [rad/s] to a torque in parts of full output, of one axis.
 
@@ -271,7 +272,7 @@ def moving_filters(log: ControllerLog) -> tuple[str, ...]:
     return (*found, f"IMU_GYRO_DNF_EN {followed}") if followed else tuple(found)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ThrustCurve:
     """Thrust that a mixer takes for a command c: f u^2 + (1 - f) u.
 

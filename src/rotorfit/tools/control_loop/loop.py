@@ -6,7 +6,7 @@ The outcome of a loop as JSON.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.digits import finite_json
 from rotorfit.errors import LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.controller_log import ControllerLog, knows_controller, read_with_controller
 from rotorfit.results.result import IdentificationResult, owner_of
 from rotorfit.tools.control_loop.controllers import AXES, RateController, rate_controller
@@ -81,7 +82,7 @@ STEP: Final = (0.3, 5e-3)
 """The longest of them: logarithm of the effectiveness, and delay [s]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class AxisLoop:
     """The judged loop of one axis.
 
@@ -140,7 +141,7 @@ class AxisLoop:
         return (good[0].low, good[-1].high) if good and not self.doubts else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LoopOutcome:
     """The rate loops of a flight, with notes about them.
 

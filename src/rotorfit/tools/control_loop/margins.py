@@ -6,10 +6,11 @@ signed crossings of the negative real axis left of -1 cancel (Astrom and Murray 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,7 +30,7 @@ TINY: Final = np.finfo(float).tiny
 """Least gain: a notch may leave nothing, and that has a logarithm all the same."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Margins:
     """Margins of D open loops, each the smallest over all crossings; NaN if a loop has none.
 
@@ -100,7 +101,7 @@ def last_crossover(frequency: Float[np.ndarray, " f"], loop: Complex[np.ndarray,
     return float(falling[-1]) if len(falling) else float("nan")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Turns:
     """Crossings of the negative real axis: loop, logarithm of the gain, branches passed upwards."""
 
@@ -109,7 +110,7 @@ class _Turns:
     upward: Int[np.ndarray, " c"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Crossings:
     """Crossings of gain 1: loop, frequency [Hz], phase above -180 degrees [rad], 1 if it rises."""
 

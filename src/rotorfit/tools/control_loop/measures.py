@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
@@ -22,7 +23,7 @@ HALF_POWER: Final = 0.5**0.5
 """Size of a closed loop at its bandwidth."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Measure:
     """A number of the loop with its 95 % interval; NaN if the loop has none.
 
@@ -39,7 +40,7 @@ class Measure:
     high: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LoopMeasures:
     """Distances of a loop from oscillating, each the smallest over all crossings.
 
@@ -74,7 +75,7 @@ class LoopMeasures:
     stable: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class StepResponse:
     """Rate over the rate asked for, that steps to 1 at time 0 [s], with its 95 % band.
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -49,7 +51,7 @@ def hold(frequency: Float[np.ndarray, " f"], period: float) -> Response:
     return (1.0 - np.exp(-s)) / s
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class GyroFilter:
     """A filter on board between the gyro and the rate controller; it runs at the gyro's rate.
 
@@ -86,7 +88,7 @@ def from_lag(
     return lag - less, delay + less
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Plant:
     """One axis of D vehicles, the nominal one first, hovering.
 

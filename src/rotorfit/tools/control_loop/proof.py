@@ -9,13 +9,14 @@ outer loop's response to gusts for one to the pilot.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.digits import with_half
 from rotorfit.flight.filters import butterworth, filter_both_ways
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.tools.control_loop.controllers import RateController, moving_filters, thrust_curve
 from rotorfit.tools.control_loop.vehicle import Flown, cross_spectra, withheld_output
 
@@ -61,7 +62,7 @@ SLOPE = 0.03
 """Difference of the replayed output's slope from one, beyond which the controller was misread."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ReplayedOutput:
     """The logged output over the replayed one: slope, and share that is left.
 
@@ -78,7 +79,7 @@ class ReplayedOutput:
         return max(abs(self.slope - 1.0), abs(self.derivative - 1.0)) <= SLOPE
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ReplayedMixer:
     """The motors' commands over the output of an axis.
 
@@ -134,7 +135,7 @@ def pieces(count: int) -> list[slice]:
     return [slice(a, b) for a, b in itertools.pairwise(edges)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Band:
     """The closed loop in a band, measured over predicted.
 
@@ -164,7 +165,7 @@ class Band:
         return self.ratio * complex(np.exp(1j * np.radians(self.degrees)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LoopError:
     """The error of the predicted loop, by the closed loop as flown.
 
@@ -244,7 +245,7 @@ def _follows_log(
     return float(slope), float(left)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class MeasuredLoop:
     """Spectra of one axis: of set point r and rate y, and across with the instrument z.
 

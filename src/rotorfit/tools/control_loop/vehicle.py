@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from rotorfit.fit.experiment.declared_vehicle import motor_model_of, vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.flight.signals import true_runs
 from rotorfit.flight.spectral_density import cross_densities
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.motor_law import speed_from_command
 from rotorfit.results.result import is_per_command
 from rotorfit.results.samples import about_com, normal_draws
@@ -46,7 +47,7 @@ INERTIA = ("Ixx_over_kt", "Iyy_over_kt")
 TIMES = ("motor_lag", "motor_delay")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Flown:
     """The rows of a controller's log in flight, and the squared speeds that it commanded.
 

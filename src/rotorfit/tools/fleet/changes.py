@@ -22,13 +22,13 @@ the American Statistical Association 107, 2012 (changes by a penalised likelihoo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from rotorfit.estimation.dispersion import degrees_of
 from rotorfit.estimation.distributions import student_quantile, student_tail
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +58,7 @@ ALIKE: Final = 1.0 - 1e-9
 """Correlation of two shapes from which on they are one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Shapes:
     """Every way of changing that is tried on a series.
 
@@ -72,7 +72,7 @@ class Shapes:
     first: Int[np.ndarray, " k"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Change:
     """What changed in a series.
 
@@ -101,7 +101,7 @@ class Change:
         return float(self.size * self.shape[-1])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Changes:
     """What changed in the series of some vehicles.
 
@@ -113,7 +113,7 @@ class Changes:
     share: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Series:
     """One vehicle's values in order of time, and their variance for each scatter."""
 

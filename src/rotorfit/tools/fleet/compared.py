@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.tools.fleet.records import KT_WEIGHT, TRIM, FlightRecord
@@ -55,7 +55,7 @@ IN_METRES: Final = ("com_x", "com_y", "com_z", *TRIM[:2])
 """Lengths that may be zero: their changes are given in millimetres, others in percent."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class NumberTable:
     """Some numbers of some flights, in order of vehicle and time.
 

@@ -26,7 +26,6 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from multiprocessing import connection
@@ -35,6 +34,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from rotorfit import version
 from rotorfit.errors import OutputError, RotorfitError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import read_head
 from rotorfit.logs.read import logs_in_file
 from rotorfit.tools.fleet.listing import FlightTask
@@ -57,7 +57,7 @@ AHEAD: Final = 3
 CONNECT_SECONDS: Final = 15
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Workspace:
     """Where and how long to work on a log.
 
@@ -78,7 +78,7 @@ class Workspace:
         return self.running / hashlib.sha256(repr(task).encode()).hexdigest()[:32]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class TaskOutcome:
     """What came of a task: the key of its entry, or a refusal, or the logs that its file holds.
 

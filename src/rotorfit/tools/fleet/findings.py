@@ -6,13 +6,13 @@ coefficient, in that of all rotors, and in where their thrust acts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.findings import Evidence, Finding
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import TITLES, title_of
 from rotorfit.tools.fleet.changes import LEAST_SERIES, NORMAL_95, Change
@@ -59,7 +59,7 @@ WEATHER: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class VehicleFinding(Finding):
     """A finding about one vehicle of a fleet.
 
@@ -71,7 +71,7 @@ class VehicleFinding(Finding):
     record: int | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Seen:
     """A change of one number of a vehicle, and the vehicle's place in its statistics."""
 

@@ -13,13 +13,13 @@ Statistical Society B 76, 2014 (rates within what was selected).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import comb
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.estimation.distributions import student_quantile, student_tail
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.tools.fleet.random_effects import LEAST_GROUPS
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ SET_ASIDE: Final = 0.05
 """Chance that a group is set aside, where none is an outlier, before the others are judged."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Contrasts:
     """How far the first group of each pair is from the second; NaN if the scatter is not known.
 
@@ -51,7 +51,7 @@ class Contrasts:
     p: Float[np.ndarray, " k"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class OutlierTest:
     """How far each group is from the others.
 

@@ -11,7 +11,7 @@ flight are eliminated from its equations.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -28,6 +28,7 @@ from rotorfit.fit.joint.joint_fit import FittedFactors
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
 from rotorfit.fit.joint.trims import OWN, TRIM, UNSEEN, Scatter, scatters
 from rotorfit.fit.row_fits import block_diagonal
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.tools.fleet.one_flight import experiment_of, fitted_factors
 from rotorfit.tools.fleet.records import FlightRecord, read_entry
 
@@ -56,7 +57,7 @@ LoadedVehicle = tuple[str, str, float | None]
 """Vehicle, configuration and mass: what one row of the table of vehicles is of."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Joined:
     """What the flights of a vehicle say together.
 
@@ -78,7 +79,7 @@ class Joined:
         return float(self.values[i]), float(self.std[i])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class CachedFlight:
     """Where the factors of a flight are, and what they were made with."""
 
@@ -86,7 +87,7 @@ class CachedFlight:
     task: FlightTask
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class JoinTask:
     """The flights of one vehicle as it was loaded, to be fitted together."""
 
@@ -94,7 +95,7 @@ class JoinTask:
     flights: tuple[CachedFlight, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Trims:
     """The trims of one flight (`fit/joint/trims.py`), at the vehicle's numbers."""
 
@@ -102,7 +103,7 @@ class _Trims:
     covariance: Float[np.ndarray, "t t"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _FlightEquations:
     """One flight's normal equations of the vehicle's free parameters, its own times eliminated."""
 
@@ -111,7 +112,7 @@ class _FlightEquations:
     trims: _Trims
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Vehicle:
     """The free parameters of a vehicle, and what is known of them before the flights."""
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import ExperimentError, LogError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.formats import FORMATS
 from rotorfit.logs.read import format_of
@@ -30,7 +30,7 @@ BAG: Final = "metadata.yaml"
 """A file in every folder that is one recording of ROS 2."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FlightTask:
     """One log to identify: all that its numbers depend on, but for the bytes of the files.
 
@@ -43,7 +43,7 @@ class FlightTask:
     log_number: int | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ListedLog:
     """A log of a fleet, `name` as in tables and page; `vehicle` None: by the log, or its folder."""
 
@@ -53,7 +53,7 @@ class ListedLog:
     configuration: str = "A"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Defaults:
     """What holds for every log for which no table gives it."""
 

@@ -16,12 +16,12 @@ adds to the error of a prediction).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import EstimationError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,7 +41,7 @@ LEAST_CURVATURE: Final = 0.5
 """Least curvature of the likelihood in that logarithm: it is known to a factor of four at worst."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Repeated:
     """Numbers that were estimated several times for each of several groups.
 
@@ -68,7 +68,7 @@ class Repeated:
         return int(self.group.max()) + 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RandomEffects:
     """What groups and repeats say together.
 
@@ -92,7 +92,7 @@ class RandomEffects:
     shrunk_covariance: Float[np.ndarray, "g p p"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Levels:
     """Each group's level by its repeats: information, its product with the level, cost."""
 
@@ -101,7 +101,7 @@ class _Levels:
     cost: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Posterior:
     """Mean, and levels drawn towards it, for given deviations."""
 

@@ -13,7 +13,7 @@ import io
 import json
 import zipfile
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
@@ -22,6 +22,7 @@ import numpy as np
 from rotorfit import version
 from rotorfit.errors import OutputError
 from rotorfit.findings import Finding, finding_from_plain, finding_to_plain
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import write_whole
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 
@@ -63,7 +64,7 @@ DAMAGE_ERRORS: Final = (
 """What reading a damaged archive raises."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FlightRecord:
     """One flight that was identified by itself.
 
@@ -128,7 +129,7 @@ class FlightRecord:
         return self.verdicts[self.names.index(name)] if name in self.names else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RefusedLog:
     """A log that was not identified, and why; there may be a record of its motors all the same."""
 
@@ -143,7 +144,7 @@ def refusal(kind: str, reason: str, next_step: str) -> Finding:
     return Finding(kind=kind, severity="refusal", sentence=reason, next_step=next_step)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Entry:
     """What one log came to.
 

@@ -6,11 +6,12 @@ import json
 import os
 import shutil
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import OutputError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import write_whole
 from rotorfit.tools.fleet.executors import (
     TaskOutcome,
@@ -46,7 +47,7 @@ TIME_LIMIT: Final = 600.0
 """Time limit of a log [s], where none is given."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Workers:
     """Who works, with a time limit for a log [s].
 
@@ -59,7 +60,7 @@ class Workers:
     time_limit: float = TIME_LIMIT
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Progress:
     """How far the work is: `done` of `total` logs, `fresh` of them worked on now."""
 
@@ -68,7 +69,7 @@ class Progress:
     fresh: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Fleet:
     """What all logs came to, in the order of their names.
 
@@ -81,7 +82,7 @@ class Fleet:
     refused: tuple[RefusedLog, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FleetType:
     """The flights of all vehicles of one type, which is one airframe file, and their statistics."""
 

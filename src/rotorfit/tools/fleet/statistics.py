@@ -7,11 +7,12 @@ flights about their vehicle. Nothing here looks into a log.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.tools.fleet.changes import LEAST_SERIES, Change, Changes, find_changes
 from rotorfit.tools.fleet.compared import MEANS_OVER_FLIGHT, NumberTable, Weather, number_tables
 from rotorfit.tools.fleet.group_differences import contrasts, discoveries, outlier_test
@@ -30,7 +31,7 @@ FALSE_DISCOVERY_RATE: Final = 0.05
 """Expected share of false ones among the vehicles said to be outliers."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class NumberStatistics:
     """One number of the type, of each vehicle, and of each flight. SI; NaN if not known.
 
@@ -78,7 +79,7 @@ class NumberStatistics:
         return self.rows[self.vehicle_of_row == place]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LoadingDifference:
     """By how much one number of a vehicle differs between two of its loadings.
 
@@ -100,7 +101,7 @@ class LoadingDifference:
     p: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FleetStatistics:
     """What a fleet's flights say together.
 
@@ -123,7 +124,7 @@ class FleetStatistics:
         return next(found, None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Fitted:
     """A table with its vehicles, what changed in them, and their levels."""
 

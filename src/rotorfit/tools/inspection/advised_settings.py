@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.firmware import Filter, Lack, Setting, filters_on_board
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.formats import BY_NAME
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class AdvisedSettings:
     """The settings to change before the next flight, of one log.
 

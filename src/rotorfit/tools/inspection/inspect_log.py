@@ -6,7 +6,7 @@ What the doctor objects to is a list of findings, each by one of `CHECKS`.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.checks.left_out_hovers import contradicting_hovers
@@ -22,6 +22,7 @@ from rotorfit.fit.dataset.plausible_units import (
 from rotorfit.flight.flight_checks import other_columns
 from rotorfit.flight.mocap.camera import camera_clock
 from rotorfit.flight.motors.rotor_telemetry import Telemetry, telemetry
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, SENSORS, Lack, Setting, filters_on_board
 from rotorfit.tools.inspection.advised_settings import (
     channel_reports,
@@ -67,7 +68,7 @@ PLACED: Final = (READER_NOTE, NO_AIRFRAME, VERDICT)
 """Kinds of notes that have their own place in a report; all other findings are trouble."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LogReport:
     """The report on one inspected log; seconds are since its first sample."""
 
@@ -128,7 +129,7 @@ class LogReport:
         return sentences(one for one in self.findings if one.kind == kind)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Look:
     """The input of the checks: a log, its prepared flight, and why something is absent."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,6 +11,7 @@ from rotorfit.fit.reduction.frequency_bands import banded_data, prepared_bands, 
 from rotorfit.fit.reduction.reduce import body_lines
 from rotorfit.fit.row_fits import angular_log_likelihood
 from rotorfit.fit.timing.timing_search import CLEAR_GAIN
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from rotorfit.estimation.factors import Factors
@@ -24,7 +25,7 @@ LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
 """Lags of commanded motors, tried one by one [s]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class TriedLag:
     """The factors of a flight whose motors follow with one lag."""
 

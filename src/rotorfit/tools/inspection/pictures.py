@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -11,6 +11,7 @@ import numpy as np
 from rotorfit.errors import FlightError
 from rotorfit.flight.clocks import GAP_STEPS, LARGEST_VALUE, usable_samples
 from rotorfit.flight.signals import LEAST_LIMIT, at_limit, true_runs
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.firmware import Filter, filters_on_board
 from rotorfit.logs.flight_log import CHANNELS, COMPONENTS, Channel, FlightLog
 from rotorfit.series import Series, thinned
@@ -54,7 +55,7 @@ NONE: Final[Mapping[str, float]] = MappingProxyType({})
 MarkKind = Literal["cut", "gap", "limit"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Trace:
     """One channel over time; columns that lack other samples than the rest have their own clock.
 
@@ -67,7 +68,7 @@ class Trace:
     curves: tuple[Series, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Mark:
     """A stretch that is marked, in seconds since the log's first sample.
 
@@ -83,7 +84,7 @@ class Mark:
     words: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Activity:
     """The motion of one axis, window by window.
 
@@ -114,7 +115,7 @@ class Activity:
         return self.step * float(counted.sum())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class TimePicture:
     """The picture of a log over time, in seconds since its first sample."""
 
@@ -304,7 +305,7 @@ def _measure_activity(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class LogPictures:
     """The pictures of one log; their size does not grow with the log's length.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
@@ -30,6 +30,7 @@ from rotorfit.fit.weight.kt_from_weight import bias_at_rest, pooled_weight, velo
 from rotorfit.fit.weight.weigh_thrust import CHANGES_STD, DOUBTED, Balance
 from rotorfit.flight.flight_checks import LEAST_RATE
 from rotorfit.flight.signals import smooth
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.regressor import regressor
 from rotorfit.tools.inspection.flown_part import tried_response
 from rotorfit.tools.inspection.guessed_rotors import confirmed_motors, guessed_vehicles
@@ -69,7 +70,7 @@ PROSPECT: Final[dict[Verdict, Prospect]] = {
 IDENTIFY: Final = "describe the vehicle: rotorfit airframe {log}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Excitation:
     """The excitation of one axis, and the prospect of its number.
 
@@ -95,7 +96,7 @@ class Excitation:
         return _judge_prospect(self.width, axis=self.axis, excitation=self.rho)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Thrust:
     """The excitation of thrust, and the coefficient that carries the weight.
 
@@ -136,7 +137,7 @@ class Thrust:
         return float(np.sqrt(carried + self.law_reach**2))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Commands:
     """Possible faults of commands in place of speeds.
 
@@ -154,7 +155,7 @@ class Commands:
     rate: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Prospects:
     """The prospects of a flight; `motors` names the layout and order that explain the motion.
 
@@ -294,7 +295,7 @@ def _likeliest_rotors(prepared: PreparedFlight, body: tuple[Lines, ...]) -> Vehi
     return max(likely, key=likelihood)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _CommandedRows:
     """The rows of a flight of commanded motors: at which lag, and the lag of the pilot's band."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
@@ -16,6 +15,7 @@ from rotorfit.flight.signals import (
     true_runs,
 )
 from rotorfit.flight.spectral_density import power_density
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.firmware import Lack, Setting, advice_for
 from rotorfit.logs.flight_log import CHANNELS, Channel
 
@@ -65,7 +65,7 @@ BANDS: Final = ((10.0, 50.0), (50.0, 150.0), (150.0, 500.0))
 """Bands in which vibration is given [Hz]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class ChannelReport:
     """One channel of a log, measured.
 
@@ -91,7 +91,7 @@ class ChannelReport:
     source: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Vibration:
     """Level of the accelerometer's noise in one band, rms over the three axes [m/s^2]."""
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from rotorfit.errors import FlightError
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.tools.inspection.flown_part import (
     NAMED_LAYOUT,
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from rotorfit.model.vehicle import Vehicle
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class SeenAirframe:
     """The airframe as far as a log shows it.
 

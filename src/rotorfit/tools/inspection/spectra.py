@@ -6,7 +6,6 @@ axis is nearly a sine whose frequency rises all the time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -15,6 +14,7 @@ from rotorfit.errors import FlightError
 from rotorfit.flight.clocks import UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.signals import true_runs
 from rotorfit.flight.spectral_density import power_density, prominent_peaks, windowed_lines
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import CHANNELS, COMPONENTS, Channel
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ STRONGER: Final = 2.0
 """Power at a peak while a rotor turns so fast, over that while none does."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RotorBand:
     """The band of a multiple of the rotors' frequency, 10 % to 90 % of the time.
 
@@ -62,7 +62,7 @@ class RotorBand:
     high: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Peak:
     """A peak of a spectrum.
 
@@ -90,7 +90,7 @@ class Peak:
         return f"{name} ({self.true_frequency:.0f} Hz), folded to {at}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Spectrum:
     """The spectrum of one sensor.
 
@@ -112,7 +112,7 @@ class Spectrum:
     peaks: tuple[Peak, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RotorTimes:
     """The speed of each rotor, block by block [Hz]: mean and deviation."""
 
@@ -335,7 +335,7 @@ STEADY: Final = 0.95
 AXES: Final = ("roll", "pitch", "yaw")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Sweep:
     """A frequency sweep about one axis: when it was in `BAND` [s], and its frequencies [Hz]."""
 

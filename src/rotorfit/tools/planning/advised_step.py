@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 Kind = Literal["log", "declare", "fly", "done"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class NextStep:
     """The one thing to do next.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf, isfinite, isinf
 from typing import TYPE_CHECKING, Final
 
@@ -26,6 +26,7 @@ from rotorfit.fit.experiment.declared_vehicle import vehicle_of
 from rotorfit.fit.experiment.experiment import experiment_of_settings
 from rotorfit.fit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.allowances import number_scale
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.results.budget import BudgetLine, budget_lines
 from rotorfit.results.result import (
@@ -76,7 +77,7 @@ UNFLOWN: Final = ("measure", "declare", "log", "repair")
 LACKING: Final = ("doubtful", "weak", "ratio-only", "not-identified")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Knowledge:
     """An earlier result in the terms of a plan.
 
@@ -101,7 +102,7 @@ class Knowledge:
         return numbers.limited_to(half, source="the earlier result")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Missing:
     """A number that the earlier result lacks.
 
@@ -274,7 +275,7 @@ def missing_numbers(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class JudgedNumber:
     """A number as reports have it: those of a body are about its CoM.
 

@@ -8,7 +8,7 @@ its intervals: half a sample of the motors' timing, lack of excitation, and the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from typing import TYPE_CHECKING, Final
 
@@ -26,6 +26,7 @@ from rotorfit.fit.joint.joint_map import joint_map
 from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior
 from rotorfit.fit.reduction.frequency_bands import EDGES, STRETCH, in_pilot_band
 from rotorfit.fit.reduction.reduce import BandPlan, band_factors
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import EVERY, NO_NUMBERS, SHARED
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.term import Size
@@ -70,7 +71,7 @@ TRIALS: Final = 3
 """Settings that `identify` tries for its intervals; two of them shift the timing."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Problem:
     """The identification problem of a plan: the bare vehicle, and the vehicle with a payload.
 
@@ -95,7 +96,7 @@ class Problem:
     jacobian: Float[np.ndarray, "q f"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Evidence:
     """The information of flights: of one manoeuvre a second, or of any sum.
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 from rotorfit.checks.verdicts.judge import judge
 from rotorfit.digits import finite_json
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.intervals.allowances import number_scale
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre
 from rotorfit.tools.planning.after import (
@@ -87,7 +88,7 @@ LONGER: Final = (2.0, 3.0, 4.0, 6.0, 8.0)
 """How many times the longest flight is tried, where no candidate is good enough."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class PlanRequest:
     """The request for a plan.
 
@@ -130,7 +131,7 @@ class PlanRequest:
     after: IdentificationResult | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Remedy:
     """A change that reaches the wanted accuracy, where no candidate does.
 
@@ -142,7 +143,7 @@ class Remedy:
     candidate: Candidate
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class FlightPlan:
     """The candidate flights and the recommended one, or remedies if none is good enough.
 
@@ -214,7 +215,7 @@ class FlightPlan:
         return sheet_html(_plan_sheet(self))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class _Study:
     """The simulated flights of a plan, and the information of an earlier result."""
 

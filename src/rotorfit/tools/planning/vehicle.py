@@ -21,13 +21,13 @@ deviate by 3 % from their commands.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.experiment.payload import PointMass
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import inertia_about
 from rotorfit.simulation import GRAVITY, Truth, with_payload
 from rotorfit.simulation.rotors import allocation
@@ -72,7 +72,7 @@ GUESSABLE: Final = ("Ixx", "Iyy", "Izz", "hover_speed", "kd_over_kt", "Jr", "mot
 """What a user may know better than the guess; inertia about the CoM, SI."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class RoughVehicle:
     """A vehicle as assumed before it is identified; the geometry gave what is in `guessed`."""
 
@@ -247,7 +247,7 @@ REFERENCE_RATE: Final = 200.0
 """The rate at which noise of a sample is given [Hz]: it is white, and only its density counts."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Assumptions:
     """Levels of noise and disturbance.
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 from rotorfit.errors import ExperimentError
+from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ USUAL: Final = ("kt", "kd", "Ixx", "Iyy", "Izz")
 ScheduleName = Literal["hover", "axes", "sticks", "doublets", "wiggles", "turns", "mixed"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Wanted:
     """The accuracy wanted.
 
@@ -95,7 +95,7 @@ def _parse_limit(text: str, name: str) -> float:
     return limit
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class PredictedNumber:
     """One number as `identify` would give it: half of its 95 % interval, SI, and its verdict.
 
@@ -109,7 +109,7 @@ class PredictedNumber:
     largest_term: str = "noise"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen_dataclass
 class Candidate:
     """One way to fly, for some seconds each flight, and the numbers by the names of `WANTABLE`.
 
