@@ -125,6 +125,7 @@ def test_a_command_imports_no_other() -> None:
     found = imported("why", "missing.json")
     assert {name for name in found if name.startswith("rotorfit.cli.")} == {
         "rotorfit.cli.main",
+        "rotorfit.cli.postponed_imports",
         "rotorfit.cli.terminal",
         "rotorfit.cli.why",
     }

@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from rotorfit import version
+from rotorfit.cli.postponed_imports import postpone_imports
 from rotorfit.cli.terminal import (
     Colour,
     colour_from,
@@ -186,6 +187,7 @@ def main(arguments: list[str] | None = None) -> None:
         Without the program's name; those of the process if None.
     """
     escape_unprintable()
+    postpone_imports()
     try:
         if arguments is None:
             sys.argv[1:] = colour_from(sys.argv[1:])
