@@ -5,18 +5,22 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import flown
 from rotorfit.errors import FrameError
 from rotorfit.fit.dataset.declared_rotors import (
+    Response,
     check_frame,
     free_response,
     response,
+    with_coupled_yaw,
     yaw_by_drag,
 )
 from rotorfit.fit.reduction.frequency_bands import EDGES
 from rotorfit.fit.reduction.reduce import BandPlan, band_factors
 from rotorfit.model.signals import signal_layout
+from rotorfit.model.vehicle import reversed_rotor
 from rotorfit.simulation import (
     PERFECT,
     STILL,
@@ -65,6 +69,10 @@ def swapped(vehicle, i, k):
 def flipped(vehicle):
     turned = {"ccw": "cw", "cw": "ccw"}
     return replace(vehicle, rotors=tuple(replace(r, spin=turned[r.spin]) for r in vehicle.rotors))
+
+
+def one_spin_reversed(vehicle):
+    return replace(vehicle, rotors=(reversed_rotor(vehicle.rotors[0]), *vehicle.rotors[1:]))
 
 
 def seen_by(data, R):
@@ -233,6 +241,46 @@ def test_an_offset_centre_of_mass_does_not_hide_the_response(flights):
     assert free_response(factors, vehicle).pitch == pytest.approx(
         response(factors, vehicle).pitch, abs=0.02
     )
+
+
+def flown_about_one_axis(axis, *, turned_by, seed):
+    """Return a flight in roll or pitch alone of a vehicle whose principal axes are turned."""
+    truth, vehicle = layout_vehicle("quad-x")
+    rotation = Rotation.from_euler({"roll": "y", "pitch": "x"}[axis], turned_by, degrees=True)
+    tensor = rotation.as_matrix() @ truth.inertia_tensor @ rotation.as_matrix().T
+    places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    truth = replace(truth, inertia=tuple(tensor[place] for place in places))
+    sticks = replace(STILL, **{axis: replace(getattr(STILL, axis), rms=0.3)})
+    flight = simulate_flight(truth, vehicle, Scenario(seconds=SECONDS, sticks=sticks), seed=seed)
+    return sampled_flight_data(flight), vehicle
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch"])
+@pytest.mark.parametrize("turned_by", [-12.0, 8.0])
+def test_products_of_inertia_are_no_wrong_declaration(axis, turned_by):
+    data, vehicle = flown_about_one_axis(axis, turned_by=turned_by, seed=5)
+    assert checked(data, vehicle).yaw < 0.0  # the autopilot holds yaw against what roll does to it
+    for i, k in combinations(range(4), 2):
+        assert "of the declared rotors" not in refusal(data, swapped(vehicle, i, k))
+
+
+@pytest.mark.parametrize("coupling", [0.1, 0.2, 0.5])
+@pytest.mark.parametrize("reversed_spins", [0, 1])
+def test_yaw_follows_roll_only_as_far_as_a_body_may(coupling, reversed_spins):
+    rng, vehicle = np.random.default_rng(4), flown.simulated_vehicle("quad-x").vehicle
+    layout = signal_layout(vehicle)
+    torque = np.cross(vehicle.positions, vehicle.axes)[:, :2]
+    roll, pitch = (100.0 * rng.normal(size=(400, 2))).T
+    R = np.zeros((400, len(layout)))
+    squares = np.column_stack([roll, pitch]) @ np.linalg.pinv(torque)
+    R[:, [layout.index(f"O2_{i + 1}") for i in range(4)]] = squares
+    R[:, layout.index("dwx")], R[:, layout.index("dwy")] = roll, pitch
+    R[:, layout.index("dwz")] = coupling * np.sqrt(2.0) * roll
+    rotors = [reversed_rotor(r) if i < reversed_spins else r for i, r in enumerate(vehicle.rotors)]
+    declared = replace(vehicle, rotors=tuple(rotors))
+    without = Response(roll=1.0, pitch=1.0, yaw=0.0)
+    found = with_coupled_yaw(without, replace(without, yaw=1.0), R, declared)
+    assert (found.yaw > 0.9) == (coupling < 0.3 and not reversed_spins)
 
 
 def test_a_flight_without_roll_still_shows_swapped_motors():

@@ -53,6 +53,14 @@ NEGLIGIBLE = 0.1
 LAGS_TRIED = (LAG_PRIOR[0], 0.06, 0.1, 0.012)
 """Of motors whose lag is not known [s]: a refusal holds for all of them. At one that is too short
 a vehicle that circles in roll and pitch, as in a limit cycle, responds as if its IMU was turned."""
+MOST_COUPLED: Final = 0.3
+"""Acceleration about z over those of roll and pitch, up to which products of inertia may make it:
+principal axes turned by 30 degrees make .25 where Izz is twice Ixx."""
+AS_EXPLAINED: Final = 0.5
+"""Share of what rotors anywhere explain of roll and pitch, which the declared ones explain, too."""
+INDEPENDENT: Final = 0.9
+"""Share of the drag's pattern that is neither thrust, roll nor pitch, from which spins are such
+as a vehicle needs to yaw: 1 as it should be, .25 with one of four spins reversed."""
 PARALLEL = 1e-9
 """Share of two drives' product of squares, up to which they are one."""
 
@@ -226,7 +234,7 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
             "correct the rotors' order and spin, or the log's axes"
         )
     refuse_turned(factors, vehicle)
-    if better or _is_hidden(declared, free):
+    if better or _is_hidden(with_coupled_yaw(declared, free, R, vehicle), free):
         raise FrameError(
             f"{seen}; with rotor positions left free, the speeds explain {_shown_response(free)}: "
             "check the rotors' positions, order and spin, and the log's axes"
@@ -242,6 +250,41 @@ def _is_sure(best: Response, declared: Response, R: np.ndarray, vehicle: Vehicle
     # roll and pitch torques do to it: by products of inertia or tilted motors they turn about z,
     # and an autopilot that holds yaw opposes that by drag of either sign.
     return bool(others.max() > ALIKE) or yaw_by_drag(R, vehicle) < -CLEAR
+
+
+def with_coupled_yaw(
+    declared: Response, free: Response, R: np.ndarray, vehicle: Vehicle
+) -> Response:
+    """Return the response with what roll and pitch torques explain of yaw, where they may.
+
+    By products of inertia a flight of one axis at a time turns about z more by them than by drag.
+
+    Parameters
+    ----------
+    declared, free
+        Responses to the declared rotors, and to rotors anywhere.
+    R
+        Factor of the signals.
+    vehicle
+        The rotors.
+    """
+    across = declared.shares[:2]
+    if across.max() < 1.0 - CLEAR or (across < AS_EXPLAINED * free.shares[:2]).any():
+        return declared
+    layout, lift = signal_layout(vehicle), vehicle.axes[:, 2]
+    pattern = np.column_stack(
+        [lift, np.cross(vehicle.positions, vehicle.axes)[:, :2], -vehicle.spins * lift]
+    )
+    if 1.0 - _explained_share(pattern[:, 3], pattern[:, :3]) < INDEPENDENT:
+        return declared
+    squares = R[:, square_columns(vehicle)] @ pattern
+    turns = R[:, [layout.index(name) for name in ("dwx", "dwy", "dwz", "dHz")]]
+    signals = remove_parallel(np.hstack([turns, squares[:, 1:]]), squares[:, 0])
+    roll, pitch, yaw = np.linalg.norm(signals[:, :3], axis=0).tolist()
+    if yaw > MOST_COUPLED * np.hypot(roll, pitch):
+        return declared
+    coupled = _explained_share(signals[:, 2], signals[:, 3:])
+    return replace(declared, yaw=max(declared.yaw, coupled))
 
 
 def yaw_by_drag(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> float:
