@@ -388,13 +388,13 @@ def _read_attitude(recording: _Recording) -> _Found | None:
 
 def _read_velocity(recording: _Recording) -> _Found | None:
     """Read the estimated velocity, turned from the world into the body's axes."""
-    from scipy.spatial.transform import Rotation
-
     if not recording.has(*_VELOCITY):
         return None
     turned = _turned_attitude(recording)
     if turned is None:
         return None
+    from scipy.spatial.transform import Rotation  # slow to import
+
     names, attitude = turned
     known = np.isfinite(attitude).all(axis=1)
     values = np.full((len(attitude), 3), np.nan)
