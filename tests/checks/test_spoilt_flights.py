@@ -12,6 +12,8 @@ import flown
 import made_fit
 from rotorfit.checks.motors.changed_thrust import (
     LEAST_UNLIKE,
+    half_change,
+    lone_change,
     most_unlike,
     unlike_rotors,
     unlike_sentence,
@@ -198,6 +200,34 @@ def test_a_propeller_that_breaks_is_named(tmp_path, flight, columns, assert_word
     assert "rotor 3 has 24" in words
     assert_wording(words)
     assert "30 % in the second" in words
+    doubted = {p.name for p in (*result.parameters, *result.derived) if p.verdict == "doubtful"}
+    assert {"kt", "kd", "Izz", "com_x", "kd_over_Izz"} <= doubted
+
+
+YAWLESS, ALONE = np.array([1.0, -1.0, 1.0, -1.0]), np.array([0.0, 1.0, 0.0, 0.0])
+
+
+def squares_of_flight(change, *, at=0.5, rms=0.05):
+    """Return squared speeds of four rotors that move, with a change from a moment on."""
+    rng = np.random.default_rng(8)
+    moving = 1.0 + rms * rng.normal(size=(4000, 4)).cumsum(axis=0) / np.sqrt(4000.0)
+    moving += 0.05 * rng.normal(size=moving.shape)
+    late = np.arange(len(moving)) >= at * len(moving)
+    return moving * (1.0 + np.outer(late, change))
+
+
+@pytest.mark.parametrize(("loss", "at"), [(0.05, 0.5), (0.1, 0.25), (0.2, 0.75)])
+def test_a_propeller_that_loses_thrust_is_told_from_motion(loss, at):
+    found = lone_change(squares_of_flight(ALONE / (1.0 - loss) - ALONE, at=at, rms=0.0))
+    assert (found.rotor, found.moment) == (1, at)
+    assert found.after - found.before == pytest.approx(3.0 / 16.0 * loss, rel=0.25)
+
+
+def test_neither_a_push_nor_motion_is_one_rotor():
+    assert lone_change(squares_of_flight(0.0 * ALONE, rms=0.5)) is None
+    pushed = squares_of_flight(0.2 * YAWLESS, rms=0.0)
+    assert lone_change(pushed) is None
+    assert half_change(pushed) is not None
 
 
 def numbers(**values):

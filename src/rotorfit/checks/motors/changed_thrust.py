@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -38,34 +38,97 @@ OF_ONE_ROTOR: Final = ("kd", "Jr", "twist")
 """Means over all rotors that one speed on another scale bends, beside thrust and balance."""
 SHORTEST: Final = 5.0
 """Flight [s] of which halves are compared."""
+PARTS: Final = 8
+"""Parts of a flight, whose scatter tells a change from motion."""
+LEAST_ALONE: Final = 0.01
+"""Least change of one rotor's share over the others': a propeller of four that loses 4 %."""
+OTHERS: Final = 0.3
+"""Share of a change that is not of one rotor alone: of a push in roll and pitch it is .58."""
+CERTAIN: Final = 6.0
+"""Deviations from which one rotor surely changed."""
 
 
 def changed_in_flight(fit: Fit) -> Iterator[Finding]:
     """Check that no rotor turns otherwise late in a flight than early."""
     for flight in (f for c in fit.dataset.configurations for f in c.flights):
-        sentence = _describe_changed_rotor(flight)
-        if sentence is not None:
-            yield doubt("rotor-changed", sentence, flights=(flight.entry.written,))
+        data = flight.prepared.data
+        squares = data.rotor_speed[data.used_rows] ** 2
+        if len(squares) < SHORTEST * data.sample_rate:
+            continue
+        alone = lone_change(squares)
+        change = half_change(squares) if alone is None else alone
+        if change is not None:
+            yield doubt(
+                "rotor-changed",
+                _describe_changed_rotor(flight, change),
+                flights=(flight.entry.written,),
+                doubtful_because=None if alone is None else "one rotor changed during a flight",
+            )
             return
 
 
-def _describe_changed_rotor(flight: LoadedFlight) -> str | None:
-    """Explain that a rotor's share of the squared speeds changed between halves of a flight."""
-    data = flight.prepared.data
-    rows = data.used_rows
-    if len(rows) < SHORTEST * data.sample_rate:
+class RotorChange(NamedTuple):
+    """Share of a rotor in all squared speeds before and after a moment.
+
+    - `rotor`: from 0.
+    - `before`, `after`: its share.
+    - `moment`: share of the flight before the change.
+    """
+
+    rotor: int
+    before: float
+    after: float
+    moment: float
+
+
+def half_change(squares: Float[np.ndarray, "n N"]) -> RotorChange | None:
+    """Return the largest change between a flight's halves, for whatever reason; None if small."""
+    first, second = (_shares_of_thrust(half) for half in np.array_split(squares, 2))
+    worst = int(np.argmax(np.abs(second - first)))
+    if abs(second[worst] - first[worst]) < LEAST_CHANGE:
         return None
-    first, second = (
-        _shares_of_thrust(data.rotor_speed[half] ** 2) for half in np.array_split(rows, 2)
-    )
-    change = second - first
-    worst = int(np.argmax(np.abs(change)))
-    if abs(change[worst]) < LEAST_CHANGE:
-        return None
+    return RotorChange(worst, float(first[worst]), float(second[worst]), 0.5)
+
+
+def lone_change(squares: Float[np.ndarray, "n N"]) -> RotorChange | None:
+    """Return the surest change of one rotor alone; None if chance or motion may make it.
+
+    A propeller that loses thrust turns faster, and the others share what is left as before. A
+    push of the air, or a battery that shifts, changes roll and pitch torques without yaw: a
+    pattern over all rotors. Motion makes the parts of a flight differ without any such moment.
+    """
+    parts = np.array([_shares_of_thrust(part) for part in np.array_split(squares, PARTS)])
+    rotors = parts.shape[1]
+    pattern = np.eye(rotors) - 1.0 / rotors
+    sizes = parts @ pattern / (1.0 - 1.0 / rotors)
+    found: RotorChange | None = None
+    surest = CERTAIN
+    for k in range(2, PARTS - 1):
+        first, second = parts[:k].mean(axis=0), parts[k:].mean(axis=0)
+        own = sizes[k:].mean(axis=0) - sizes[:k].mean(axis=0)
+        left = np.linalg.norm(second - first - own[:, None] * pattern, axis=1)
+        spread = k * sizes[:k].var(axis=0) + (PARTS - k) * sizes[k:].var(axis=0)
+        std = np.sqrt(spread / (PARTS - 2) * (1.0 / k + 1.0 / (PARTS - k)))
+        deviations = np.abs(own) / np.maximum(std, np.finfo(float).tiny)
+        alone = left <= OTHERS * np.linalg.norm(second - first)
+        sure = np.where(alone & (np.abs(own) >= LEAST_ALONE), deviations, 0.0)
+        i = int(np.argmax(sure))
+        if sure[i] > surest:
+            surest = float(sure[i])
+            found = RotorChange(i, float(first[i]), float(second[i]), k / PARTS)
+    return found
+
+
+def _describe_changed_rotor(flight: LoadedFlight, change: RotorChange) -> str:
+    """Explain that a rotor's share of the squared speeds changed during a flight."""
+    part, rest = "half", "the second"
+    if change.moment != 0.5:
+        part, rest = f"{100 * change.moment:.0f} %", "the rest"
     return (
-        f"{Path(flight.entry.file).name}: rotor {worst + 1} has {100 * first[worst]:.0f} % of all "
-        f"squared rotor speeds in the first half of the flight and {100 * second[worst]:.0f} % in "
-        "the second: its propeller broke or slipped, the battery shifted, or its speed is wrong in "
+        f"{Path(flight.entry.file).name}: rotor {change.rotor + 1} has {100 * change.before:.0f} % "
+        f"of all squared rotor speeds in the first {part} of the flight and "
+        f"{100 * change.after:.0f} % in "
+        f"{rest}: its propeller broke or slipped, the battery shifted, or its speed is wrong in "
         "one of them; identify each part by itself (start and end)"
     )
 

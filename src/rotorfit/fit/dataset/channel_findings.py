@@ -59,6 +59,10 @@ BY_PLACE: Final = (*COM, *FIRST_MOMENTS, *INERTIA, *INERTIA_COM)
 """Numbers that rest on the direction of the specific force."""
 BY_THRUST: Final = ("kt", "hover_speed", "max_thrust", "thrust_to_weight")
 """Numbers that rest on the size of the thrust."""
+BY_PROPELLERS: Final = tuple(
+    dict.fromkeys((*BY_ROTORS, *BY_CLOCK, *BY_YAW, *BY_THRUST, "motor_imbalance"))
+)
+"""Numbers that a propeller makes wrong which is another one for a part of the flight."""
 BY_COMMANDS: Final = (
     "max_speed",
     "max_thrust",
@@ -141,7 +145,7 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     "accelerometer-against-gravity": RestsOn(numbers=BY_ROTORS),
     "gyro-scale": RestsOn(numbers=BY_TURNS),
     "residual-peak": RestsOn(numbers=BY_TURNS),
-    "rotor-changed": RestsOn(numbers=BY_ROTORS),
+    "rotor-changed": RestsOn(numbers=BY_PROPELLERS),
     "hovers-differ": RestsOn(numbers=BY_THRUST),
     "thrust-sags": RestsOn(numbers=BY_THRUST),
     "force-by-height": RestsOn(numbers=BY_THRUST),
