@@ -62,6 +62,15 @@ def test_a_permutation_is_named(log, order):
     assert [i for i, state in enumerate(states(found)) if state == "swapped"] == moved
 
 
+@pytest.mark.parametrize(("step", "state"), [(400.0, "coarse"), (40.0, "dead")])
+def test_a_step_wider_than_the_motion_is_no_dead_telemetry(log, step, state):
+    time = log.channels["rotor_speed"].time
+    flown = np.minimum(np.maximum(time - time[0], 0.0), 2.0)  # the motors start in two seconds
+    level = 2000.0 * flown[:, None] / 2.0 + 0.0 * speeds(log)
+    found = telemetry(with_channel(log, "rotor_speed", step * np.round(level / step)))
+    assert states(found) == [state] * 4
+
+
 @pytest.mark.parametrize(
     ("value", "words"),
     [

@@ -173,7 +173,8 @@ def describe_spiky_commands(command: Channel) -> list[str]:
 
 def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
     live = pair.live
-    if not len(live):
+    coarse = coarse_speeds_sentence(speeds_as_commanded(pair), pair.speed_step)
+    if not len(live) and coarse is None:
         dead = tuple(
             RotorTelemetry(rotor=i + 1, state="dead") for i in range(pair.command.shape[1])
         )
@@ -182,7 +183,6 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
             "turn: the ESC telemetry is dead, or the commands are"
         )
         return Telemetry(seconds=seconds, lateness=None, rotors=dead, doubts=(sentences,))
-    coarse = coarse_speeds_sentence(pair.speed[pair.used], pair.speed_step)
     if coarse is not None:
         every = (RotorTelemetry(rotor=i + 1, state="coarse") for i in range(pair.speed.shape[1]))
         return Telemetry(seconds=seconds, lateness=None, rotors=tuple(every), doubts=(coarse,))
@@ -203,6 +203,20 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
         rotors=tuple(rotors),
         doubts=tuple(_explain_telemetry(rotors, pair)),
     )
+
+
+def speeds_as_commanded(pair: TelemetryPair) -> Float[np.ndarray, "n N"]:
+    """Return the speeds of turning motors; one that never changes moves as its command does.
+
+    A live speed in steps that are wider than its motion stands still, too; a speed moves at most
+    in proportion to its command.
+    """
+    speed, command = pair.speed[pair.used], pair.command[pair.used]
+    if not len(speed):
+        return speed
+    still = (np.ptp(speed, axis=0) == 0.0) & (speed[0] > 0.0) & (command.mean(axis=0) > 0.0)
+    speed[:, still] *= command[:, still] / command[:, still].mean(axis=0)
+    return speed
 
 
 def _dead_state(pair: TelemetryPair, i: int) -> State:
