@@ -7,6 +7,7 @@ below were the project's own, for which the field has others.
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,7 @@ def words_of(name):
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
+@cache  # most names are bound many times
 def replacement(name):
     parts = words_of(name)
     found = (new for word, new in WORDS.items() if re.search(rf"(^|_)({word})(_|$)", parts))

@@ -37,6 +37,14 @@ def helpers(path: Path) -> dict[str, Function]:
 
 
 @cache
+def imports(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """Return the imports of a file, those inside functions too."""
+    return [
+        node for node in ast.walk(parsed(path)) if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+
+
+@cache
 def modules() -> dict[str, Path]:
     return {path.stem: path for path in TESTS.rglob("*.py") if path.name != "conftest.py"}
 
@@ -44,7 +52,7 @@ def modules() -> dict[str, Path]:
 def places(path: Path, name: str) -> Iterator[Path]:
     """Yield where a name that a file calls may be defined: here, where it is from, a conftest."""
     yield path
-    for node in ast.walk(parsed(path)):
+    for node in imports(path):
         if isinstance(node, ast.ImportFrom) and node.module in modules():
             if any((alias.asname or alias.name) == name for alias in node.names):
                 yield modules()[node.module]

@@ -6,7 +6,6 @@ out (the transitive reduction). A test holds the file against the imports.
 """
 
 import ast
-import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -84,17 +83,15 @@ def _room(name: str, names: Sequence[str]) -> Room:
 
 def _imported(tree: ast.Module) -> set[str]:
     """Return the first part of every module of the package that is imported, wherever."""
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     found = {
         node.module.split(".")[1]
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and re.match(r"rotorfit\.", node.module or "")
+        for node in imports
+        if node.module and node.module.startswith("rotorfit.")
     }
     # `from rotorfit import version` names the room itself.
     return found | {
-        alias.name
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and node.module == "rotorfit"
-        for alias in node.names
+        alias.name for node in imports if node.module == "rotorfit" for alias in node.names
     }
 
 

@@ -22,9 +22,11 @@ def results_made(tree: ast.AST) -> list[str]:
     A result is what is annotated as one, or named `result` or `draft`.
     """
     made = [
-        ast.unparse(node.func)
+        node.func.id
         for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and ast.unparse(node.func) == "IdentificationResult"
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "IdentificationResult"
     ]
     if isinstance(tree, ast.Module):
         made += copies_made(tree, "the module", {"result", "draft"})
@@ -54,12 +56,20 @@ def is_copy(node: ast.AST, results: set[str]) -> bool:
     """Return whether a node is a call of `replace` with a result."""
     if not isinstance(node, ast.Call) or not node.args:
         return False
-    is_replace = ast.unparse(node.func) in ("replace", "dataclasses.replace")
-    return is_replace and ast.unparse(node.args[0]) in results
+    return is_replace(node.func) and ast.unparse(node.args[0]) in results
+
+
+def is_replace(called: ast.expr) -> bool:
+    """Return whether what is called is `replace` or `dataclasses.replace`."""
+    if isinstance(called, ast.Attribute):
+        module = called.value
+        is_of_module = isinstance(module, ast.Name) and module.id == "dataclasses"
+        return is_of_module and called.attr == "replace"
+    return isinstance(called, ast.Name) and called.id == "replace"
 
 
 def is_result(annotation: ast.expr | None) -> bool:
-    return annotation is not None and ast.unparse(annotation) == "IdentificationResult"
+    return isinstance(annotation, ast.Name) and annotation.id == "IdentificationResult"
 
 
 def test_one_function_makes_the_result():
