@@ -1,12 +1,13 @@
 """Simulations that depend on their arguments alone, done once for equal ones.
 
-A conftest that imports `shared_manoeuvres` or `shared_experiments` has them for all tests of its
-folder.
+A conftest that imports `shared_manoeuvres`, `shared_bandwidths` or `shared_experiments` has them
+for all tests of its folder.
 """
 
 import copy
 import functools
 import hashlib
+import importlib
 import pickle
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -28,19 +29,27 @@ def answer_once(function: Callable[..., Any]) -> Callable[..., Any]:
     return answer
 
 
-@functools.cache
-def manoeuvres_flown_once() -> Callable[..., Any]:
-    """Return the simulator of calm flights that a plan uses; it keeps what it flew."""
-    from rotorfit.tools.planning import bound  # only where something is planned
+PLANNED = "rotorfit.tools.planning.bound"
+JUDGED = "rotorfit.fit.timing.sensor_bandwidth"
 
-    return answer_once(bound.simulate_calm_flights)
+
+@functools.cache
+def kept_answers(module: str, name: str) -> Callable[..., Any]:
+    """Return a function of a module as `answer_once` keeps its answers, for all tests."""
+    return answer_once(getattr(importlib.import_module(module), name))
 
 
 @pytest.fixture(autouse=True)
 def shared_manoeuvres(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fly each manoeuvre of each vehicle once for all tests."""
-    shared = manoeuvres_flown_once()
-    monkeypatch.setattr("rotorfit.tools.planning.bound.simulate_calm_flights", shared)
+    """Fly and reduce each manoeuvre of each vehicle once for all tests."""
+    for name in ("simulate_calm_flights", "band_factors"):
+        monkeypatch.setattr(f"{PLANNED}.{name}", kept_answers(PLANNED, name))
+
+
+@pytest.fixture(autouse=True)
+def shared_bandwidths(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Look once for the low-passes of each flight at each timing of its motors."""
+    monkeypatch.setattr(f"{JUDGED}.bandwidths", kept_answers(JUDGED, "bandwidths"))
 
 
 @functools.cache

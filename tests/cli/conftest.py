@@ -17,6 +17,7 @@ from rotorfit.simulation import (
     simulate_flight,
     variant,
 )
+from shared_work import shared_bandwidths as shared_bandwidths
 from shared_work import shared_experiments as shared_experiments
 from shared_work import shared_manoeuvres as shared_manoeuvres
 
