@@ -1,4 +1,4 @@
-"""Simulations that depend on their arguments alone, done once for equal ones.
+"""Simulations and reductions that depend on their arguments alone, done once for equal ones.
 
 A conftest that imports `shared_manoeuvres`, `shared_bandwidths` or `shared_experiments` has them
 for all tests of its folder.
