@@ -38,13 +38,17 @@ OF_ONE_ROTOR: Final = ("kd", "Jr", "twist")
 """Means over all rotors that one speed on another scale bends, beside thrust and balance."""
 SHORTEST: Final = 5.0
 """Flight [s] of which halves are compared."""
-PARTS: Final = 8
+PARTS: Final = 12
 """Parts of a flight, whose scatter tells a change from motion."""
+FEWEST_PARTS: Final = 3
+"""Parts on either side of a change, of which the scatter is known."""
+LEAST_PART: Final = 2.0
+"""Length of a part in which motion averages out [s]."""
 LEAST_ALONE: Final = 0.01
 """Least change of one rotor's share over the others': a propeller of four that loses 4 %."""
 OTHERS: Final = 0.3
 """Share of a change that is not of one rotor alone: of a push in roll and pitch it is .58."""
-CERTAIN: Final = 6.0
+CERTAIN: Final = 8.0
 """Deviations from which one rotor surely changed."""
 
 
@@ -55,7 +59,8 @@ def changed_in_flight(fit: Fit) -> Iterator[Finding]:
         squares = data.rotor_speed[data.used_rows] ** 2
         if len(squares) < SHORTEST * data.sample_rate:
             continue
-        alone = lone_change(squares)
+        is_long = len(squares) >= PARTS * LEAST_PART * data.sample_rate
+        alone = lone_change(squares) if is_long else None
         change = half_change(squares) if alone is None else alone
         if change is not None:
             yield doubt(
@@ -103,26 +108,29 @@ def lone_change(squares: Float[np.ndarray, "n N"]) -> RotorChange | None:
     sizes = parts @ pattern / (1.0 - 1.0 / rotors)
     found: RotorChange | None = None
     surest = CERTAIN
-    for k in range(2, PARTS - 1):
-        first, second = parts[:k].mean(axis=0), parts[k:].mean(axis=0)
-        own = sizes[k:].mean(axis=0) - sizes[:k].mean(axis=0)
+    for k in range(FEWEST_PARTS, PARTS - FEWEST_PARTS):
+        # The part in which it changes is on neither side.
+        before, after = parts[:k], parts[k + 1 :]
+        first, second = before.mean(axis=0), after.mean(axis=0)
+        own = (second - first) @ pattern / (1.0 - 1.0 / rotors)
         left = np.linalg.norm(second - first - own[:, None] * pattern, axis=1)
-        spread = k * sizes[:k].var(axis=0) + (PARTS - k) * sizes[k:].var(axis=0)
-        std = np.sqrt(spread / (PARTS - 2) * (1.0 / k + 1.0 / (PARTS - k)))
+        spread = ((sizes[:k] - sizes[:k].mean(axis=0)) ** 2).sum(axis=0)
+        spread += ((sizes[k + 1 :] - sizes[k + 1 :].mean(axis=0)) ** 2).sum(axis=0)
+        std = np.sqrt(spread / (PARTS - 3) * (1.0 / len(before) + 1.0 / len(after)))
         deviations = np.abs(own) / np.maximum(std, np.finfo(float).tiny)
         alone = left <= OTHERS * np.linalg.norm(second - first)
         sure = np.where(alone & (np.abs(own) >= LEAST_ALONE), deviations, 0.0)
         i = int(np.argmax(sure))
         if sure[i] > surest:
             surest = float(sure[i])
-            found = RotorChange(i, float(first[i]), float(second[i]), k / PARTS)
+            found = RotorChange(i, float(first[i]), float(second[i]), (k + 0.5) / PARTS)
     return found
 
 
 def _describe_changed_rotor(flight: LoadedFlight, change: RotorChange) -> str:
     """Explain that a rotor's share of the squared speeds changed during a flight."""
     part, rest = "half", "the second"
-    if change.moment != 0.5:
+    if abs(change.moment - 0.5) > 1.0 / PARTS:
         part, rest = f"{100 * change.moment:.0f} %", "the rest"
     return (
         f"{Path(flight.entry.file).name}: rotor {change.rotor + 1} has {100 * change.before:.0f} % "
