@@ -40,14 +40,14 @@ def frozen_dataclass(cls: type[Made]) -> type[Made]:
 
 def _initializer(cls: type) -> Callable[..., None]:
     """Return `__init__`: by keyword, checked, with the defaults filled in."""
-    every = tuple(_fields_of(cls))
+    every = _fields_of(cls)
     given = {one.name for one in every if one.init}
     has_more = any(not one.init and _has_default(one) for one in every)
     has_afterword = hasattr(cls, "__post_init__")
 
     def __init__(self: Any, **values: Any) -> None:  # noqa: N807 (the name in messages)
         if has_more or values.keys() != given:
-            values = _completed_values(cls.__name__, every, values)
+            values = _completed_values(cls, given, values)
         for name, value in values.items():
             _put(self, name, value)
         if has_afterword:
@@ -56,22 +56,19 @@ def _initializer(cls: type) -> Callable[..., None]:
     return __init__
 
 
-def _completed_values(
-    name: str, every: tuple[Field[Any], ...], values: dict[str, Any]
-) -> dict[str, Any]:
-    """Return `values` of the class `name` with the defaults of what was not given.
+def _completed_values(cls: type, names: set[str], values: dict[str, Any]) -> dict[str, Any]:
+    """Return `values` of a class with its defaults; `names`: what may be given.
 
     Raises: TypeError where one is missing or unknown.
     """
-    known = {one.name for one in every if one.init}
-    if unknown := [one for one in values if one not in known]:
-        raise TypeError(f"{name}() got an unexpected keyword argument {unknown[0]!r}")
+    if unknown := [name for name in values if name not in names]:
+        raise TypeError(f"{cls.__name__}() got an unexpected keyword argument {unknown[0]!r}")
     filled = dict(values)
-    for one in every:
+    for one in _fields_of(cls):
         if one.name in filled or not (one.init or _has_default(one)):
             continue
         if not _has_default(one):
-            raise TypeError(f"{name}() missing a required keyword argument {one.name!r}")
+            raise TypeError(f"{cls.__name__}() missing a required keyword argument {one.name!r}")
         fresh = one.default_factory
         filled[one.name] = one.default if fresh is MISSING else fresh()
     return filled

@@ -231,8 +231,9 @@ def assumptions(
         )
     seconds = sum(f.recorded.seconds for c in dataset.configurations for f in c.flights)
     clock = f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)"
-    scale = ", inertia to the inverse of the gyro's scale, kd/Izz and Jr/Izz to that scale"
-    parts.append(f"{clock}{scale if dataset.source == 'imu' else ''}")
+    if dataset.source == "imu":
+        clock += ", inertia to the inverse of the gyro's scale, kd/Izz and Jr/Izz to that scale"
+    parts.append(clock)
     parts.append(_imu_place(dataset))
     parts += [
         _shared_uncertainty(c.name, len(flights))

@@ -110,13 +110,12 @@ def lone_change(squares: Float[np.ndarray, "n N"]) -> RotorChange | None:
     surest = CERTAIN
     for k in range(FEWEST_PARTS, PARTS - FEWEST_PARTS):
         # The part in which it changes is on neither side.
-        before, after = parts[:k], parts[k + 1 :]
-        first, second = before.mean(axis=0), after.mean(axis=0)
-        own = (second - first) @ pattern / (1.0 - 1.0 / rotors)
+        first, second = parts[:k].mean(axis=0), parts[k + 1 :].mean(axis=0)
+        early, late = sizes[:k], sizes[k + 1 :]
+        own = late.mean(axis=0) - early.mean(axis=0)
         left = np.linalg.norm(second - first - own[:, None] * pattern, axis=1)
-        spread = ((sizes[:k] - sizes[:k].mean(axis=0)) ** 2).sum(axis=0)
-        spread += ((sizes[k + 1 :] - sizes[k + 1 :].mean(axis=0)) ** 2).sum(axis=0)
-        std = np.sqrt(spread / (PARTS - 3) * (1.0 / len(before) + 1.0 / len(after)))
+        spread = len(early) * early.var(axis=0) + len(late) * late.var(axis=0)
+        std = np.sqrt(spread / (PARTS - 3) * (1.0 / len(early) + 1.0 / len(late)))
         deviations = np.abs(own) / np.maximum(std, np.finfo(float).tiny)
         alone = left <= OTHERS * np.linalg.norm(second - first)
         sure = np.where(alone & (np.abs(own) >= LEAST_ALONE), deviations, 0.0)

@@ -62,7 +62,7 @@ BY_THRUST: Final = ("kt", "hover_speed", "max_thrust", "thrust_to_weight")
 BY_PROPELLERS: Final = tuple(
     dict.fromkeys((*BY_ROTORS, *BY_CLOCK, *BY_YAW, *BY_THRUST, "motor_imbalance"))
 )
-"""Numbers that a propeller makes wrong which is another one for a part of the flight."""
+"""Numbers that are wrong where a propeller changes in flight."""
 BY_COMMANDS: Final = (
     "max_speed",
     "max_thrust",

@@ -23,6 +23,7 @@ from rotorfit.fit.dataset.response_signals import (
     CLEAR,
     inside_band,
     remove_parallel,
+    rotor_patterns,
     select_response_band,
     square_columns,
 )
@@ -142,10 +143,9 @@ def _drive_columns(vehicle: Vehicle, declared: Vehicle) -> Float[np.ndarray, "3 
 
     One drive or two; zeros stand for none.
     """
-    n, s = vehicle.axes, vehicle.spins
-    torque = np.cross(vehicle.positions, n)
+    s = vehicle.spins
     one = np.eye(4, 4 + len(s))
-    drives = np.pad([n[:, 2], torque[:, 0], torque[:, 1], -s * n[:, 2]], ((0, 0), (4, 0)))
+    drives = np.pad(rotor_patterns(vehicle).T, ((0, 0), (4, 0)))
     thrust, roll, pitch, drag = drives
     agree = float(s @ declared.spins) / len(s)
     # The signal of the rotors' spin-up holds the declared spins: it serves all or none.
@@ -271,13 +271,10 @@ def with_coupled_yaw(
     across = declared.shares[:2]
     if across.max() < 1.0 - CLEAR or (across < AS_EXPLAINED * free.shares[:2]).any():
         return declared
-    layout, lift = signal_layout(vehicle), vehicle.axes[:, 2]
-    pattern = np.column_stack(
-        [lift, np.cross(vehicle.positions, vehicle.axes)[:, :2], -vehicle.spins * lift]
-    )
-    if 1.0 - _explained_share(pattern[:, 3], pattern[:, :3]) < INDEPENDENT:
+    layout, patterns = signal_layout(vehicle), rotor_patterns(vehicle)
+    if 1.0 - _explained_share(patterns[:, 3], patterns[:, :3]) < INDEPENDENT:
         return declared
-    squares = R[:, square_columns(vehicle)] @ pattern
+    squares = R[:, square_columns(vehicle)] @ patterns
     turns = R[:, [layout.index(name) for name in ("dwx", "dwy", "dwz", "dHz")]]
     signals = remove_parallel(np.hstack([turns, squares[:, 1:]]), squares[:, 0])
     roll, pitch, yaw = np.linalg.norm(signals[:, :3], axis=0).tolist()
@@ -298,10 +295,8 @@ def yaw_by_drag(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> float:
     import scipy.linalg  # slow to import
 
     layout = signal_layout(vehicle)
-    squares = R[:, square_columns(vehicle)]
-    torque = np.cross(vehicle.positions, vehicle.axes)[:, :2]
-    others = squares @ np.column_stack([vehicle.axes[:, 2], torque])
-    drag = squares @ (-vehicle.spins * vehicle.axes[:, 2])
+    driven = R[:, square_columns(vehicle)] @ rotor_patterns(vehicle)
+    others, drag = driven[:, :3], driven[:, 3]
     columns = np.column_stack([R[:, layout.index("dwz")], drag, R[:, layout.index("dHz")]])
     basis: Float[np.ndarray, "z k"] = scipy.linalg.orth(others)
     yaw, *drives = (columns - basis @ (basis.T @ columns)).T

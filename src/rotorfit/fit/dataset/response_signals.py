@@ -37,6 +37,13 @@ def square_columns(vehicle: Vehicle) -> list[int]:
     return [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]
 
 
+def rotor_patterns(vehicle: Vehicle) -> Float[np.ndarray, "N 4"]:
+    """Return thrust, torques in roll and pitch, and drag torque, of each rotor's squared speed."""
+    lift = vehicle.axes[:, 2]
+    across = np.cross(vehicle.positions, vehicle.axes)[:, :2]
+    return np.column_stack([lift, across, -vehicle.spins * lift])
+
+
 def remove_parallel(
     columns: Float[np.ndarray, "z k"], from_: Float[np.ndarray, " z"]
 ) -> np.ndarray:
@@ -54,8 +61,7 @@ def cross_signals(
     """
     layout = signal_layout(vehicle)
     columns = square_columns(vehicle)
-    across = np.cross(vehicle.positions, vehicle.axes)[:, :2]
-    drives = np.column_stack([vehicle.axes[:, 2], across])
+    drives = rotor_patterns(vehicle)[:, :3]
     named = [layout.index("dwx"), layout.index("dwy")]
     own, every = (np.hstack([one[:, columns] @ drives, one[:, named]]) for one in (R, whole))
     thrust = every[:, 0]

@@ -173,7 +173,7 @@ def describe_spiky_commands(command: Channel) -> list[str]:
 
 def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
     live = pair.live
-    coarse = coarse_speeds_sentence(speeds_as_commanded(pair), pair.speed_step)
+    coarse = coarse_speeds_sentence(_speeds_as_commanded(pair), pair.speed_step)
     if not len(live) and coarse is None:
         dead = tuple(
             RotorTelemetry(rotor=i + 1, state="dead") for i in range(pair.command.shape[1])
@@ -205,11 +205,11 @@ def _compare_telemetry(pair: TelemetryPair, seconds: float) -> Telemetry:
     )
 
 
-def speeds_as_commanded(pair: TelemetryPair) -> Float[np.ndarray, "n N"]:
+def _speeds_as_commanded(pair: TelemetryPair) -> Float[np.ndarray, "n N"]:
     """Return the speeds of turning motors; one that never changes moves as its command does.
 
-    A live speed in steps that are wider than its motion stands still, too; a speed moves at most
-    in proportion to its command.
+    Steps that are wider than a speed's motion hide it, and a speed moves at most in proportion to
+    its command.
     """
     speed, command = pair.speed[pair.used], pair.command[pair.used]
     if not len(speed):
