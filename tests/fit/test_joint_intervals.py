@@ -628,6 +628,31 @@ def test_the_scale_of_yaw_depends_on_the_best_flown_of_all_turns():
     assert half["kt"] == 0.1
 
 
+def of_yaw(relative):
+    """Return what hangs on the scale of yaw, known to a share, of a body with I_zz at a tenth."""
+    moments = {"Ixx_com@A": (20.0, 0.0), "Iyy_com@A": (20.0, 0.0), "Izz_com@A": (4.0, 4 * relative)}
+    scaled = {"kd": (1.0, relative), "Jr": (0.01, 0.03)}
+    shares = {"twist@A": (0.001, 0.002), "Ixz_com@A": (0.1, 0.2)}
+    rho = {**A_ALONE, "pitch@A": 50.0}
+    numbers = numbers_of({**moments, **scaled, **shares}, rho)
+    found = coupling_uncertainty(numbers, [made_fit.configuration()])
+    return dict(zip(found.names, found.half_width.tolist(), strict=True))
+
+
+def test_twist_and_products_are_on_the_scale_of_yaw():
+    half = of_yaw(0.6)
+    for name, own in {"Jr": 0.03, "twist@A": 0.002, "Ixz_com@A": 0.2}.items():
+        assert half[name] == pytest.approx(own / (1.0 - 0.6**2))
+
+
+def test_where_the_scale_of_yaw_is_lost_only_izz_has_a_bound():
+    """From a relative half-width of .62 on, that of the inverse reaches zero; I_zz is below 40."""
+    half = of_yaw(0.63)
+    assert half["kd"] == half["Izz_com@A"] == half["Jr"] == np.inf
+    assert half["twist@A"] == pytest.approx(0.002 * 40.0 / 4.0)
+    assert half["Ixz_com@A"] == pytest.approx(0.2 * 40.0 / 4.0)
+
+
 def test_heights_depend_on_the_turns_of_their_own_configuration():
     half = hanging(A_ALONE)
     assert half["com_z@A"] == 0.003

@@ -16,6 +16,7 @@ from rotorfit.fit.intervals.numbers import (
     HEIGHTS,
     LEAST_EXCITATION,
     PLACES,
+    SHARES_OF_IZZ,
     YAW_PRODUCTS,
     Numbers,
     attenuation_allowance,
@@ -252,10 +253,14 @@ def _stretch_factors(numbers: Numbers) -> Float[np.ndarray, " q"]:
             continue
         # J_r and the rotors' drag may be near zero; their scale is that of k_d.
         at = numbers.index(f"Izz_com@{owner}" if owner else "kd")
-        stretch[i] = scale_stretch(float(numbers.values[at]), float(half[at]))
-        # The yaw equation has the products of inertia in proportion to I_zz. Where its scale has no
-        # upper end, I_zz is at most I_xx + I_yy, as of every body.
-        if base in YAW_PRODUCTS and not np.isfinite(stretch[i]):
+        scale, scale_half = abs(float(numbers.values[at])), float(half[at])
+        stretch[i] = scale_stretch(scale, scale_half)
+        if stretch[i] * scale_half < scale:
+            continue
+        # The flights do not tell the scale from zero, and it may be many times what was found; but
+        # I_zz is at most I_xx + I_yy, as of every body.
+        stretch[i] = np.inf
+        if base in SHARES_OF_IZZ:
             Ixx, Iyy, Izz = (abs(numbers.number(f"{n}_com@{owner}")[0]) for n in INERTIA[:3])
             stretch[i] = max((Ixx + Iyy) / max(Izz, np.finfo(float).tiny), 1.0)
     return stretch

@@ -65,6 +65,8 @@ SCALED: Final = tuple(name for name, info in EVERY.items() if info.on_yaw_scale)
 YAW_PRODUCTS: Final = ("Ixz", "Ixz_com", "Iyz", "Iyz_com")
 """Where roll and pitch are flown and yaw is not, these stand in the yaw equation alone, where
 their scale is that of k_d."""
+SHARES_OF_IZZ: Final = (*YAW_PRODUCTS, "twist")
+"""What the yaw equation has in proportion to I_zz, which is at most I_xx + I_yy."""
 HEIGHTS: Final = tuple(name for name, info in EVERY.items() if info.motion == "height")
 ROTORS_LEAN: Final = math.radians(0.25)
 """Deviation of the mean of four motors that each lean by half a degree [rad]."""

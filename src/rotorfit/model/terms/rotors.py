@@ -363,6 +363,7 @@ TWIST: Final = Term(
             0,
             "yaw torque over thrust: mean tilt about the arms, times arm",
             title="Yaw torque over thrust (motors tilted about their arms)",
+            on_yaw_scale=True,
             relevant=lambda s: s.arm / 50.0,  # a degree
             prior=lambda s: TWIST_STD * s.arm,
             step=lambda s: s.arm,
