@@ -230,10 +230,16 @@ def fitting(monkeypatch, fit):
     monkeypatch.setattr(timing_fit, "joint_fit", fit)
 
 
-def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0, before=None):
+def no_lag(at):
+    """Motors without lag lose thousands of log-likelihood with any."""
+    return -1e4 * (at.mean_lag > 2e-3)
+
+
+def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0, likelihood=no_lag, before=None):
     """Let every fit move the times by a share of the way to the bottom; return where it was.
 
-    `before` is called with the flights of each fit and its options.
+    `bottom`: of fits from some times, or of all. `likelihood`: logarithm at some times. `before` is
+    called with the flights of each fit and its options.
     """
     seen = []
 
@@ -242,15 +248,16 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0, before=None):
             before(dataset, options)
         free, begin = dataset.free_timing, options.get("begin")
         seen.append((free, begin))
+        end = bottom(free) if callable(bottom) else bottom
         way = {
-            "motor_lag": bottom.mean_lag - free.at.mean_lag,
-            "motor_delay": bottom.delay - free.at.delay,
+            "motor_lag": end.mean_lag - free.at.mean_lag,
+            "motor_delay": end.delay - free.at.delay,
             "motor_skew": skew - skew_of(free.at),
         }
         moved = [share * way[name] / MS for name in free.names]
         fit = fit_at(free, moved=moved, covariance=np.eye(len(free.names)))
         won = gain if "motor_skew" in free.names else 0.0
-        return replace(fit, log_likelihood=5.0 + won), []
+        return replace(fit, log_likelihood=5.0 + won + likelihood(free.at)), []
 
     fitting(monkeypatch, joint_fit)
     return seen
@@ -377,7 +384,53 @@ def test_motors_without_lag_are_known_by_turns_that_are_flown(monkeypatch, turne
     found = fitted_timing(flights, AT, BOTH, ())
     assert found.free == free
     if turned:
-        assert (found.response.lag, 1.96 * found.lag_std) == (0.0, pytest.approx(0.001))
+        assert found.response.lag == 0.0
+        assert found.lag_std == found.delay_std == found.total_std > MS  # no better than their sum
+
+
+LOST_AT = MotorResponse(lag=0.0004, delay=0.0113)
+
+
+def likely_to_24_ms(at):
+    """Return log-likelihood that tells lags between nothing and 24 ms apart by less than 3."""
+    return -2.0 * ((at.mean_lag - 0.011) / 0.011) ** 2 if at.mean_lag < 0.03 else -100.0
+
+
+def test_a_lag_that_the_search_has_lost_is_found_again(monkeypatch):
+    """Six random worlds had motors with 12 to 25 ms, and lag 0 +- .5 ms identified."""
+
+    def bottom(free):
+        return MotorResponse(lag=0.014, delay=-0.003) if free.at.mean_lag > 0.006 else LOST_AT
+
+    begun = MotorResponse(lag=0.004, delay=0.007)
+    fits_to(monkeypatch, bottom, likelihood=likely_to_24_ms)
+    found = fitted_timing(dataset(), begun, BOTH, ())
+    assert found.free == BOTH
+    assert (found.response.lag, found.response.delay) == pytest.approx((0.014, -0.003))
+
+
+def test_of_a_lag_that_is_lost_again_the_sum_alone_is_known(monkeypatch):
+    """The lag is as unknown as before the flight, and so is the delay."""
+
+    def bottom(free):
+        late = MotorResponse(lag=0.0, delay=0.0115 - free.at.mean_lag)
+        return late if free.names == ("motor_delay",) else LOST_AT
+
+    fits_to(monkeypatch, bottom, likelihood=likely_to_24_ms)
+    found = fitted_timing(dataset(), AT, BOTH, ())
+    assert found.free == ("motor_delay",)
+    assert (found.response.lag, found.response.delay) == pytest.approx((0.008, 0.0035))
+    assert (found.lag_std, found.delay_std) == (0.03, 0.03)
+    assert found.total_std < 3.0 * MS
+    assert replace(found, lag_std=None, delay_std=MS).with_lag_of(found).delay_std == 0.03
+
+
+def test_a_sum_that_is_unknown_shows_no_lag(monkeypatch):
+    """Once the delay was 19 +- 39 ms, and the lag 0 +- 1 of motors with 25."""
+    monkeypatch.setattr(timing_fit, "hold_fault", lambda dataset: 0.020)
+    fits_to(monkeypatch, MotorResponse(lag=0.0004, delay=0.0003))
+    found = fitted_timing(dataset(), AT, BOTH, ())
+    assert (found.free, found.response) == ((), MotorResponse(lag=0.035))
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.0305])

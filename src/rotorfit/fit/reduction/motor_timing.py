@@ -139,7 +139,17 @@ class MotorTiming:
 
     def with_lag_of(self, before: MotorTiming) -> MotorTiming:
         """Return it with the lag's deviation of another one, where its delay alone is free."""
-        return replace(self, lag_std=before.lag_std) if self.lag_std is None else self
+        if self.lag_std is not None or before.lag_std is None:
+            return self
+        return self.with_lag_std(before.lag_std)
+
+    def with_lag_std(self, lag_std: float) -> MotorTiming:
+        """Return it with a lag that was held in the fit of its delay, and known to a deviation [s].
+
+        The delay is what is left of their sum.
+        """
+        delay_std = None if self.delay_std is None else max(self.delay_std, lag_std)
+        return replace(self, lag_std=lag_std, delay_std=delay_std)
 
 
 def is_time_identifiable(value: float, std: float) -> bool:

@@ -79,6 +79,9 @@ residual, lag and delay of commanded motors are those of the autopilot's respons
 instead of 39 in a hover)."""
 STARTS: Final = (1.0, 0.5, 2.0)
 """Factors of the lag that the fit begins with, one after the other where it gets lost."""
+LONGER_LAGS: Final = (0.008, 0.016, 0.032)
+"""Lags of usual motors [s], one of which is likely where the search lost a lag on its way: of an
+autopilot's simulator, whose motors have none, they lose thousands of log-likelihood."""
 LOST: Final = 1.0
 """A fit that moves a time further has lost the motion: its slopes hold for some 20 ms [s]."""
 FEWEST_TERMS: Final = tuple(term.name for term in DEFAULT if term.dropped is None)
@@ -184,6 +187,13 @@ def _settled_timing(
     timed, fit = settled_fit(begun, terms, first)
     if _loses_the_motion(timed):
         return _timing_without_lag(timed, fit, terms)
+    return _timing_of_settled(timed, fit, names, terms)
+
+
+def _timing_of_settled(
+    timed: TimedDataset, fit: BandedEstimate, names: tuple[str, ...], terms: tuple[str, ...]
+) -> MotorTiming | None:
+    """Look for a skew, and add the deviations; None if the motion follows no motors."""
     if "motor_skew" in names and not _skew_is_shown(timed, fit):
         names, found = tuple(name for name in names if name != "motor_skew"), timed.free_timing
         assert found is not None
@@ -316,19 +326,56 @@ def _loses_the_motion(dataset: TimedDataset) -> bool:
 def _timing_without_lag(
     begun: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
 ) -> MotorTiming | None:
-    """Fit the delay of motors without lag, as simulators have them."""
+    """Fit the delay of motors without lag, as simulators have them, or with one that is unknown."""
     free = begun.free_timing
     assert free is not None
     total = free.at.mean_lag + free.at.delay
     begin = free.without_times(fit.estimate.by_name)
     # The slope by a lag below `LEAST_LAG` is that of a delay, and the two run away from each other.
     start = begun.at(MotorResponse(lag=0.0, delay=total), ("motor_delay",))
-    first, _ = joint_fit(start, terms=terms, begin=begin)
-    found = _settled_timing(start, first, ("motor_delay",), terms)
+    late, fit = settled_fit(start, terms, joint_fit(start, terms=terms, begin=begin)[0])
+    longer = _likeliest_longer_lag(late, fit, terms)
+    if longer is not None:  # the search has lost its way
+        late, fit = longer
+        again, split = settled_fit(late.at(_ended_at(late, fit), SUMMED), terms)
+        if not _loses_the_motion(again):
+            return _timing_of_settled(again, split, SUMMED, terms)
+    found = _settled_timing(late, fit, ("motor_delay",), terms)
     # As with a lag: what comes before its command, or in a calm flight, is the autopilot's answer.
-    if found is None or found.response.delay <= 0.0 or gust_bias(begun) > 0.0:
+    shown = found is not None and found.identifiable and gust_bias(begun) == 0.0
+    if found is None or not shown or found.response.mean_lag + found.response.delay <= 0.0:
         return unidentifiable_timing(begun, delay_free=True)
-    return replace(found, lag_std=LEAST_LAG / 1.96)
+    # So short a lag is known no better than its sum with the delay; a longer one, of which these
+    # flights show nothing but the sum, no better than before.
+    before = begun.lag_prior[1] if longer is not None else LEAST_LAG / 1.96
+    return found.with_lag_std(max(before, found.total_std))
+
+
+def _likeliest_longer_lag(
+    late: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
+) -> tuple[TimedDataset, BandedEstimate] | None:
+    """Fit the delay with the likeliest longer lag; None if the flights show that there is none."""
+    total, free = _ended_at(late, fit).delay, late.free_timing
+    assert free is not None
+    begin = free.without_times(fit.estimate.by_name)
+    likeliest, most = None, fit.log_likelihood - LEAST_GAIN
+    for lag in LONGER_LAGS:
+        at = late.at(MotorResponse(lag=lag, delay=total - lag), free.names)
+        try:
+            longer = settled_fit(at, terms, joint_fit(at, terms=terms, begin=begin)[0])
+        except EstimationError:
+            continue
+        if longer[1].log_likelihood < most:
+            break
+        likeliest, most = longer, longer[1].log_likelihood
+    return likeliest
+
+
+def _ended_at(dataset: TimedDataset, fit: BandedEstimate) -> MotorResponse:
+    """Return where a fit of the times of these flights has ended."""
+    free = dataset.free_timing
+    assert free is not None
+    return _move_timing(free, fit)
 
 
 def _is_near(free: FreeTiming, fit: BandedEstimate) -> bool:
