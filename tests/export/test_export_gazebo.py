@@ -89,6 +89,13 @@ def test_all_links_together_are_the_vehicle(axes):
     np.testing.assert_allclose(numbers(imu)[:3], IMU)
 
 
+def test_names_of_shapes_are_unique_in_the_whole_model():
+    # SDF asks for it in each link only, but rod, which turns SDF into URDF, mistakes equal names.
+    root = ET.fromstring(text_of(a_result(), "gazebo"))
+    names = [e.attrib["name"] for kind in ("visual", "collision") for e in root.iter(kind)]
+    assert len(set(names)) == len(names) == 6
+
+
 def test_rotors_have_place_axis_and_angular_momentum():
     root = ET.fromstring(text_of(a_result(axes=TILTED), "gazebo"))
     plugin = plugins_of(root)[0]

@@ -173,7 +173,7 @@ def _rotor_link(i: int, rotor: ExportedRotor, part: Part) -> str:
         f'    <link name="rotor_{i}">\n'
         f"      <pose>{texts(rotor.position)} {roll_pitch}</pose>\n"
         + _inertial_element(disc)
-        + f'      <visual name="disc"><geometry>{shape}</geometry></visual>\n'
+        + f'      <visual name="rotor_{i}_disc"><geometry>{shape}</geometry></visual>\n'
         + "    </link>\n"
         + f'    <joint name="rotor_{i}_joint" type="revolute">\n'
         + f"      <parent>base_link</parent>\n      <child>rotor_{i}</child>\n"
