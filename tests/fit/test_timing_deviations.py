@@ -636,6 +636,14 @@ def test_an_axis_excited_above_the_pilots_band_is_not_biased(yaw, bias):
     bands = [(1.0, 2.0), (3.0, 4.0)]
     factors = made_fit.turned([1.0, 1.0, 1.0], [2.0, 2.0, yaw], bands=bands)
     assert gust_bias(dataset(given=(factors,))) == pytest.approx(bias)
+    assert gust_bias(dataset(given=(factors,)), turns=2) == pytest.approx(0.15)
+
+
+def test_yaw_alone_does_not_show_that_motors_have_no_lag(monkeypatch):
+    """Of motors with 22 ms, in gusts: the lag was 0 +- .9 ms, and the delay 39."""
+    fits_to(monkeypatch, MotorResponse(lag=0.0004, delay=0.0003))
+    quick = made_fit.turned([1.0, 1.0, 6.0], [2.0, 2.0, 9.0], bands=[(1.0, 2.0), (3.0, 4.0)])
+    assert fitted_timing(dataset(given=(quick,)), AT, BOTH, ()).free == ()
 
 
 @pytest.mark.parametrize(

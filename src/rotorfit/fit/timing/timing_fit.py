@@ -342,7 +342,8 @@ def _timing_without_lag(
             return _timing_of_settled(again, split, SUMMED, terms)
     found = _settled_timing(late, fit, ("motor_delay",), terms)
     # As with a lag: what comes before its command, or in a calm flight, is the autopilot's answer.
-    shown = found is not None and found.identifiable and gust_bias(begun) == 0.0
+    # Yaw does not show a lag: its quick turns are by the rotors' inertia.
+    shown = found is not None and found.identifiable and gust_bias(begun, turns=2) == 0.0
     if found is None or not shown or found.response.mean_lag + found.response.delay <= 0.0:
         return unidentifiable_timing(begun, delay_free=True)
     # So short a lag is known no better than its sum with the delay; a longer one, of which these

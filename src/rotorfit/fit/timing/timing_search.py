@@ -165,19 +165,22 @@ def _every_cost(dataset: TimedDataset, response: MotorResponse) -> float:
     )
 
 
-def gust_bias(dataset: TimedDataset) -> float:
+def gust_bias(dataset: TimedDataset, turns: int = 3) -> float:
     """Compute the bias of a delay by the autopilot's response to gusts, where no pilot flies [s].
 
     Nothing where a turn is flown above the pilot's band; else by the ratio of explained to residual
-    power in it, of the turn that has most of it.
+    power in it, of the turn that has most of it. `turns`: so many of roll, pitch and yaw count.
     """
     bands = dataset.timed_bands
     masses = [configured.mass for configured in dataset.configurations]
     for factors, mass in zip(bands, masses, strict=True):
-        if (excited_turns(factors, dataset.model, mass=mass) & ~slow_bands(factors)).any():
+        flown = excited_turns(factors, dataset.model, mass=mass) & ~slow_bands(factors)
+        if flown[:, :turns].any():
             return 0.0
     ratios = [
-        turn_ratios(factors.select(slow_bands(factors)[:, 0]), dataset.model, mass=mass).max()
+        turn_ratios(factors.select(slow_bands(factors)[:, 0]), dataset.model, mass=mass)[
+            :turns
+        ].max()
         for factors, mass in zip(bands, masses, strict=True)
     ]
     return GUST_BIAS / max(float(max(ratios)), SMALLEST_RATIO)
