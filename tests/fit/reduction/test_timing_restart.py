@@ -8,9 +8,9 @@ from rotorfit.flight.motors.motor_model import MotorResponse
 BOTH = ("motor_lag", "motor_delay")
 
 
-def timing(free, *, lag_std=None, reached=None):
+def timing(free, *, lag=0.0, lag_std=None, reached=None):
     return MotorTiming(
-        response=MotorResponse(lag=0.0, delay=1e-3),
+        response=MotorResponse(lag=lag, delay=1e-3),
         total_std=1e-3,
         lag_std=lag_std,
         free=free,
@@ -24,6 +24,7 @@ def timing(free, *, lag_std=None, reached=None):
         (timing(BOTH, lag_std=0.01), True),
         (timing((*BOTH, "motor_skew"), lag_std=0.01), True),
         (timing(("motor_delay",), lag_std=5e-4), True),  # motors without lag
+        (timing(("motor_delay",), lag=0.016, lag_std=0.03), False),  # a lag that was lost
         (timing(("motor_delay",)), False),  # a lag that was given then, and is asked for now
         (timing(()), False),
     ],

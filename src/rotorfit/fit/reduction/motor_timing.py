@@ -135,7 +135,8 @@ class MotorTiming:
         """Return whether it has all of these times, or the delay of motors without lag."""
         if set(names) <= set(self.free):
             return True
-        return self.free == ("motor_delay",) and self.lag_std is not None and "motor_lag" in names
+        no_lag = self.lag_std is not None and self.response.mean_lag == 0.0
+        return self.free == ("motor_delay",) and no_lag and "motor_lag" in names
 
     def with_lag_of(self, before: MotorTiming) -> MotorTiming:
         """Return it with the lag's deviation of another one, where its delay alone is free."""
