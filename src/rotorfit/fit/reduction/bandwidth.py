@@ -249,20 +249,17 @@ def measured_bandwidth(
         every[name] = _by_lowpass(frequency, channels, _gains_of(shape, frequency)) - none
         if noise is not None:
             every[name] += noise[name][:, None]
-    best, i = _likeliest_lowpass({name: one.max(axis=1) for name, one in every.items()})
-    gain = float(every[best][i].max())
-    near = _mark_near_best(every[best].max(axis=1))
-    if noise is not None:
-        # An autopilot that works against gusts turns the motion, but not the noise: where the
-        # two differ, the interval has both. Neighbouring bands share peaks: two count as one.
-        alone = {name: EACH_BAND * one for name, one in noise.items()}
+    whole = {name: one.max(axis=1) for name, one in every.items()}
+    best, i = _likeliest_lowpass(whole)
+    gain = float(whole[best][i])
+    # An autopilot that works against gusts turns the motion, but not the noise. Neighbouring bands
+    # of that share peaks: two count as one.
+    alone = {name: EACH_BAND * one for name, one in (noise or {}).items()}
+    if alone:
+        best, i = _shape_by_noise(whole, alone)
+    near = _mark_near_best(whole[best])
+    if alone:  # where the two differ, the interval has both
         near = near | _mark_near_best(np.max(list(alone.values()), axis=0))
-        name, k = _likeliest_lowpass(alone)
-        others = max(float(one.max()) for other, one in alone.items() if other != name)
-        # Noise that tells another shape from all shows the filter, if the motion allows it.
-        sure = alone[name][k] - others > WITHIN and every[name].max() > ALLOWED * gain
-        if name != best and sure:
-            best, i = name, k
     late = int(np.argmax(every[best][i]))
     cutoffs = CUTOFFS[near]
     found = Bandwidth(
@@ -276,6 +273,29 @@ def measured_bandwidth(
     if shown and noise is None and best in ON_BOARD:
         shown = _exceeds_response_to_gusts(frequency, channels, SHAPES[best])
     return found if shown else None
+
+
+def _shape_by_noise(
+    whole: Mapping[str, Float[np.ndarray, " c"]], alone: Mapping[str, Float[np.ndarray, " c"]]
+) -> tuple[str, int]:
+    """Return the shape and the place of the cut-off that motion and noise show together.
+
+    Noise that tells a shape, or those on board, from all others shows the filter, if the motion
+    allows it. `whole`, `alone`: gains of log-likelihood, by both and by the noise.
+    """
+    likeliest = _likeliest_lowpass(whole)
+    name, k = _likeliest_lowpass(alone)
+    on_board = [one for one in SHAPES if (one in ON_BOARD) == (name in ON_BOARD)]
+    for alike in ([name], on_board):
+        others = max(float(one.max()) for shape, one in alone.items() if shape not in alike)
+        if alone[name][k] - others > WITHIN:
+            if likeliest[0] in alike:
+                break
+            shown = {shape: alone[shape] if alike == [name] else whole[shape] for shape in alike}
+            best, i = _likeliest_lowpass(shown)
+            if whole[best].max() > ALLOWED * whole[likeliest[0]].max():
+                return best, i
+    return likeliest
 
 
 def _likeliest_lowpass(gains: Mapping[str, Float[np.ndarray, " c"]]) -> tuple[str, int]:
