@@ -55,8 +55,8 @@ def test_options_reach_the_table_reader(tmp_path):
             "a MATLAB file: give the log from which it was made (.bin of ArduPilot), or save its "
             "signals with writetable as CSV",
         ),
-        (b'{"time": 0}', "JSON"),
-        (b"[1, 2]", "JSON"),
+        (b'{"time": 0}', "JSON: save a recording as the columns of a CSV or Parquet file"),
+        (b"[1, 2]", "JSON: save a recording as the columns of a CSV or Parquet file"),
         (
             b'# mine\nname = "x"\n\n[tool.ruff]\nlayout = "quad-x"\n',
             "a TOML file: name the log itself, and an airframe file with --airframe",

@@ -147,7 +147,7 @@ FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
         _begins_with(b"version https://git-lfs"),
     ),
     ("a TOML file: name the log itself, and an airframe file with --airframe", _is_toml),
-    ("JSON", _begins_with(b"{", b"[")),
+    ("JSON: save a recording as the columns of a CSV or Parquet file", _begins_with(b"{", b"[")),
     ("a web page or other XML", _begins_with(b"<")),
     ("text without rows of numbers: give a flight log, or a table of numbers", _is_prose),
 )
