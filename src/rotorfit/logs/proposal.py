@@ -134,6 +134,11 @@ def _make_proposal(
     if not motors.columns or (lacking and not by_pose):
         lacking = [*lacking, *([] if motors.columns else ["motors"])]
         words = _lacking_words(lacking, candidates, source)
+        if lacking == ["motors"] and motors.reasons:
+            words = (
+                f"no motor speeds or commands: {'; '.join(motors.reasons)}: record what the motors "
+                "are sent or how fast they turn, or name these columns, as --column rotor_1=NAME"
+            )
         raise LogError(with_original(words, source.names))
     clock = founds[0].columns[TIME]
     found_by = _propose_poses if by_pose else _propose_sensors

@@ -25,6 +25,9 @@ _RANGES: Final = {"us": (1000.0, 2000.0), "counts": (0.0, 65535.0)}
 
 _DSHOT: Final = (48.0, 2047.0)
 """Least and largest throttle of DShot, which flight controllers log as it is sent."""
+_TURNING_SHARE: Final = 0.05
+"""Share of the rows with each sign from which a column is no speed and no command of a motor: noise
+at rest is far smaller than flight, and signed speeds keep their sign."""
 _LEAST_PULSE: Final = 900.0
 _LARGEST_PULSE: Final = 2000.0
 """Pulse widths that motors are sent [us]."""
@@ -40,11 +43,19 @@ def motors_found(
     columns: dict[str, ColumnSpec] = {}
     reasons: list[str] = []
     questions: list[Question] = []
-    # What a controller computed as thrust [N] stands beside what it sent to the motors.
-    for one in sorted(candidates, key=lambda one: "thrust" in one.stem.split()):
+    # What a controller computed as thrust [N] stands beside what it sent to the motors, and the
+    # speed that it asked for beside the speed that was measured.
+    for one in sorted(candidates, key=_rank_group):
         held, words = _used_columns(one, numbers) if one.kind == "motor" else ([], "")
         values = known_rows(stacked(held, numbers)) if len(held) > 2 else np.empty((0, 0))
         if len(values) < 2 or float(np.ptp(values)) == 0:
+            continue
+        turning = _list_turning(held, values) if one.stem else []
+        if len(turning) > 1:
+            reasons.append(
+                f"{held[0]} ...: left out, {' and '.join(turning[:2])} change their sign, as "
+                "torques do and motors do not"
+            )
             continue
         unit, why, choices = _unit_by_exporter(one, values, exporter) or _motor_unit(one, values)
         if unit is None:
@@ -69,6 +80,19 @@ def motors_found(
         what = "rotor speed" if stem == "rotor" else "command"
         reasons.append(f"{what}: {held[0]} to {held[-1]} in {unit} {why}{words}")
     return Found(columns=columns, reasons=tuple(reasons), questions=tuple(questions))
+
+
+def _rank_group(one: Candidate) -> tuple[bool, bool]:
+    """Rank groups of motor columns: those of a controller's arithmetic last."""
+    words = set(one.stem.split())
+    return "thrust" in words, not words.isdisjoint(("cmd", "command", "commanded"))
+
+
+def _list_turning(held: Sequence[str], values: Float[np.ndarray, "n k"]) -> list[str]:
+    """List the columns that are well above zero in some rows, and well below in others."""
+    large = 0.1 * np.quantile(np.abs(values), 0.95, axis=0)
+    shares = np.minimum((values > large).mean(axis=0), (values < -large).mean(axis=0))
+    return [name for name, share in zip(held, shares, strict=True) if share > _TURNING_SHARE]
 
 
 def _used_columns(one: Candidate, numbers: Numbers) -> tuple[list[str], str]:
