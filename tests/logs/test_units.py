@@ -83,7 +83,7 @@ def test_every_channel_has_its_unit_as_the_first_of_its_quantity():
             "degs/s",
             {},
             "unknown unit 'degs/s' of angular velocity: did you mean 'deg/s'? "
-            "known are rad/s, mrad/s, deg/s, rpm, Hz",
+            "known are rad/s, mrad/s, deg/s, mdeg/s, rpm, Hz",
         ),
         ("voltage", "mv", {}, "unknown unit 'mv' of voltage: did you mean 'mV'? known are V, mV"),
         ("time", "fortnights", {}, "unknown unit 'fortnights' of time: known are s, ms, us, ns"),

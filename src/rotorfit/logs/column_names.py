@@ -20,6 +20,15 @@ _UNIT_WORDS: Final = (
     (("degs",), "deg/s"),
     (("dps",), "deg/s"),
     (("°", "s"), "deg/s"),
+    (("mrad", "s"), "mrad/s"),
+    (("mrads",), "mrad/s"),
+    (("mdeg", "s"), "mdeg/s"),
+    (("mdegs",), "mdeg/s"),
+    (("mdps",), "mdeg/s"),
+    (("cm", "s", "2"), "cm/s^2"),
+    (("cms", "2"), "cm/s^2"),
+    (("mm", "s", "2"), "mm/s^2"),
+    (("mms", "2"), "mm/s^2"),
     (("m", "s", "2"), "m/s^2"),
     (("ms", "2"), "m/s^2"),
     (("mps", "2"), "m/s^2"),
@@ -74,6 +83,15 @@ _NO_MEASUREMENT: Final = frozenset(
     )
 )
 _SET_POINT: Final = frozenset(["sp", "setpoint", "ref", "reference", "target", "desired", "des"])
+_ASKED: Final = _SET_POINT | {"cmd", "command", "commanded", "demand", "demanded", "goal"}
+"""Words of what a controller asks for; the further ones are of what motors are sent, too."""
+COMPRESSED_RATES: Final = "state estimate z rate angle"
+"""Stem of the rates in a Crazyflie's compressed state, as its firmware has them: mrad/s, and about
+y against the gyro."""
+_UNITS_OF_STEMS: Final = {COMPRESSED_RATES: "mrad/s"}
+"""Units of columns whose program is known by their names alone."""
+_ESTIMATES: Final = frozenset([("nav", "pos"), ("nav", "vel"), ("nav", "acc")])
+"""Words of INAV's estimates, which are in world axes and cm."""
 SPEED_WORDS: Final = ("rpm", "speed", "omega", "rads", "hz", "rps", "rot", "velocities")
 COMMAND_WORDS: Final = (
     *("pwm", "cmd", "command", "throttle", "duty", "output", "servo", "actuator"),
@@ -217,6 +235,8 @@ _TURNS: Final = frozenset(["w", "om", "omega"])
 def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
     """Guess what a column holds by the words of its name; None if they say nothing."""
     joined = "".join(words)
+    if index is not None and _is_estimate_or_target(words, joined):
+        return None
     bare = tuple(word for word in words if not word.isdecimal() and word not in _FRAMES)
     is_clock = index is None and re.search(r"time|clock|elapsed", joined) is not None
     # "offset" is a fault of a sensor, but the time since a log began, too; esc_status is a topic.
@@ -241,7 +261,9 @@ def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
     )
     turns = turns or bare[-1:] in (("w",), ("g",), ("om",)) or "rate" in words or "rates" in words
     if (turns or ("omega" in words and index < 3 and not _is_motor(words))) and index >= 0:
-        return "reference" if _SET_POINT.intersection(words) else "gyro"
+        # axisRate is what the rate controller of INAV is asked for.
+        is_asked = _ASKED.intersection(words) or words == ("axis", "rate")
+        return "reference" if is_asked else "gyro"
     if _SET_POINT.intersection(words):
         return None
     if (
@@ -249,6 +271,17 @@ def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
     ) and index >= 0:
         return "accel"
     return _kind_of_rest(words, bare, joined, index)
+
+
+def _is_estimate_or_target(words: tuple[str, ...], joined: str) -> bool:
+    """Return whether a column is an estimate in world axes, or what a Crazyflie's controller wants.
+
+    An angular acceleration is no accelerometer either.
+    """
+    is_target = words[:1] == ("controller",) and not re.search("gyr|acc|imu|motor|rotor", joined)
+    is_world = words[:2] == ("state", "estimate") and words[-1] == "a"
+    is_angular = re.search("ang(ular)?acc", joined) is not None
+    return is_target or is_world or is_angular or words in _ESTIMATES
 
 
 _FRAMES: Final = frozenset(["body", "imu", "rs", "r", "s", "b", "frd", "flu", "field", "data"])
@@ -312,7 +345,7 @@ def candidates_of(names: Sequence[str], named: Mapping[str, str]) -> list[Candid
         if kind in ("time", "battery"):
             key = (kind, name)
         groups.setdefault(key, {}).setdefault(0 if index is None else index, name)
-        units.setdefault(key, unit)
+        units.setdefault(key, unit or _UNITS_OF_STEMS.get(key[1]))
     return [
         Candidate(kind=kind, stem=stem, by_index=found, unit=units[kind, stem])
         for (kind, stem), found in groups.items()
@@ -325,7 +358,12 @@ def _rotors_by_letter(names: Sequence[str]) -> set[str]:
     by_stem: dict[tuple[str, ...], list[str]] = {}
     for name in names:
         words, index, _ = parts_of(name)
-        if words[-1:] and words[-1] in _TURNS and index is not None and re.search(r"\d", name):
+        if (
+            words
+            and not _TURNS.isdisjoint((words[0], words[-1]))
+            and index is not None
+            and re.search(r"\d", name)
+        ):
             by_stem.setdefault(words, []).append(name)
     return {name for found in by_stem.values() if len(found) > len(NAMES["gyro"]) for name in found}
 

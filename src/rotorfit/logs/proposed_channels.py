@@ -9,11 +9,12 @@ import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.frozen_dataclass import frozen_dataclass
+from rotorfit.logs.column_names import COMPRESSED_RATES
 from rotorfit.logs.columns import NAMES, TIME, ColumnSpec, unit_of
 from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Axes, Quantity, attitude_from_euler
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from jaxtyping import Float
 
@@ -81,13 +82,39 @@ def known_rows(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
 
 def chosen_of(kind: str, candidates: Sequence[Candidate], numbers: Numbers) -> Candidate | None:
     """Select the first whole group of a kind whose columns hold numbers, by index from 0."""
+    return next(_whole_groups(kind, candidates, numbers), None)
+
+
+def accelerometer_of(candidates: Sequence[Candidate], numbers: Numbers) -> Candidate | None:
+    """Select the accelerometer: named by hand, else the first group with gravity, else the first.
+
+    Accelerations without gravity, as of an estimate or a set point, may stand before it.
+    """
+    whole = list(_whole_groups("accel", candidates, numbers))
+    by_hand_or_felt = (one for one in whole if one.stem == "" or _feels_gravity(one, numbers))
+    return next(by_hand_or_felt, whole[0] if whole else None)
+
+
+def _feels_gravity(one: Candidate, numbers: Numbers) -> bool:
+    """Return whether the median of a group is gravity along z, in some unit."""
+    values = known_rows(stacked(one.by_index.values(), numbers))
+    try:
+        _gravity_unit(float(np.median(np.linalg.norm(values, axis=1))), one.unit)
+    except LogError:
+        return False
+    return int(np.argmax(np.abs(np.median(values, axis=0)))) == 2
+
+
+def _whole_groups(
+    kind: str, candidates: Sequence[Candidate], numbers: Numbers
+) -> Iterator[Candidate]:
+    """Iterate over the whole groups of a kind whose columns hold numbers, by index from 0."""
     wanted = len(NAMES[kind])
     for one in candidates:
         held = {i: n for i, n in sorted(one.by_index.items()) if n in numbers}
         whole = len(held) >= wanted and len(known_rows(stacked(held.values(), numbers))) > 1
         if one.kind == kind and whole:
-            return replace(one, by_index=dict(enumerate(list(held.values())[:wanted])))
-    return None
+            yield replace(one, by_index=dict(enumerate(list(held.values())[:wanted])))
 
 
 def _column_specs(
@@ -110,7 +137,7 @@ def accelerometer_found(
     along = np.median(values, axis=0)
     if stated is not None or stated_axes is not None:
         return _set_accelerometer(chosen, length, float(along[2]), stated, stated_axes)
-    unit, factor = _gravity_unit(length)
+    unit, factor = _gravity_unit(length, chosen.unit)
     axis = int(np.argmax(np.abs(along)))
     if abs(along[axis]) < 0.5 * length:
         shown = ", ".join(f"{one:.3g}" for one in along)
@@ -144,7 +171,7 @@ def _set_accelerometer(
     """Take unit or axes of the accelerometer as stated; doubt them where gravity says otherwise."""
     factor = 1.0
     if unit is None:
-        unit, factor = _gravity_unit(length)
+        unit, factor = _gravity_unit(length, chosen.unit)
     felt = length * factor * UNITS["acceleration"][unit]
     seen: Axes = "FLU" if up > 0 else "FRD"
     doubts: list[str] = []
@@ -166,14 +193,21 @@ def _set_accelerometer(
     return found, axes or seen
 
 
-def _gravity_unit(length: float) -> tuple[str, float]:
-    """Find the unit in which a length is gravity, with the factor of raw counts before it."""
-    for unit, si in UNITS["acceleration"].items():
-        if 0.75 < length * si / STANDARD_GRAVITY < 1.35:
+def _gravity_unit(length: float, named: str | None) -> tuple[str, float]:
+    """Find the unit in which a length is gravity, with the factor of raw counts before it.
+
+    The unit of the name first: 981 is gravity in cm/s^2 and nearly so in mg.
+    """
+    known = UNITS["acceleration"]
+    by_name = [named] if named is not None and named in known else []
+    for unit in (*by_name, "m/s^2", "g", "mg"):
+        if 0.75 < length * known[unit] / STANDARD_GRAVITY < 1.35:
             return unit, 1.0
     for counts in (512, 2048, 4096, 8192, 16384):
         if 0.85 < length / counts < 1.15:
             return "g", 1.0 / counts
+    if 0.75 < length * known["mm/s^2"] / STANDARD_GRAVITY < 1.35:
+        return "mm/s^2", 1.0
     raise LogError(
         f"the accelerometer's median length is {length:.4g}, gravity in no unit (9.81 m/s^2, 1 g): "
         "record the accelerometer itself, gravity included, and look at its columns"
@@ -281,7 +315,9 @@ def gyro_found(
 
 
 def _with_unit(chosen: Candidate, unit: str, words: str) -> Found:
-    return Found(columns=_column_specs("gyro", chosen, unit), reasons=(words,))
+    signs = (1.0, -1.0, 1.0) if chosen.stem == COMPRESSED_RATES else 1.0
+    columns = _column_specs("gyro", chosen, unit, scale=signs)
+    return Found(columns=columns, reasons=(words,))
 
 
 def _fit_slopes(
