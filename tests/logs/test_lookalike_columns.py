@@ -167,3 +167,27 @@ def test_measured_speeds_come_before_those_asked_for(tmp_path, name):
     np.testing.assert_allclose(channels["rotor_speed"].values, SPEED, rtol=1e-9)
     assert_flight(channels)
     assert proposal.columns["rotor_1"].name == "omega_1"
+
+
+@pytest.mark.parametrize("full", [255.0, 1023.0, 4095.0, 65535.0])
+def test_counts_are_of_the_least_bits_that_hold_them(tmp_path, full):
+    """ESP32 and Arduino set motors by 8 to 12 bits; of 16 they would be a thousandth of full."""
+    columns = {**SENSORS, **block("pwm_1 pwm_2 pwm_3 pwm_4", np.round(full * (SHARE + 0.1)))}
+    proposal, channels = proposed(tmp_path, columns, units={"motors": "counts"})
+    np.testing.assert_allclose(channels["command"].values, SHARE + 0.1, atol=0.5 / full)
+    assert proposal.columns["command_1"].range == (0.0, full)
+
+
+def test_a_position_asked_for_is_not_the_motion(tmp_path):
+    attitude = np.column_stack([np.ones(ROWS), np.zeros((ROWS, 3))])
+    columns = {
+        "t_s": TIME,
+        **block("goal_pos_x goal_pos_y goal_pos_z", ASKED),
+        **block("goal_q_w goal_q_x goal_q_y goal_q_z", attitude),
+        **block("pos_x pos_y pos_z", GYRO),
+        **block("q_w q_x q_y q_z", attitude),
+        **MOTORS,
+    }
+    proposal, _ = proposed(tmp_path, columns, units={"motors": "rad/s"})
+    assert proposal.columns["pos_x"].name == "pos_x"
+    assert proposal.columns["quat_w"].name == "q_w"

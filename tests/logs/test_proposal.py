@@ -323,7 +323,7 @@ def test_units_of_speeds_and_commands_are_stated_separately(tmp_path):
     assert proposal.columns["command_1"].unit == "us"
     stated = propose_columns(path, units={"motors": "rad/s", "command": "counts"})
     assert (stated.columns["rotor_1"].unit, stated.columns["command_1"].unit) == ("rad/s", "counts")
-    assert stated.columns["command_1"].range == (0.0, 65535.0)
+    assert stated.columns["command_1"].range == (0.0, 2047.0)
 
 
 def test_text_next_to_the_numbers_is_left_out(tmp_path, assert_wording):

@@ -269,7 +269,7 @@ def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
     if (
         "acc" in joined or bare[-1:] in (("a",), ("f",)) or "specificforce" in joined
     ) and index >= 0:
-        return "accel"
+        return None if _ASKED.intersection(words) else "accel"
     return _kind_of_rest(words, bare, joined, index)
 
 
@@ -302,6 +302,8 @@ def _kind_of_rest(
         ("mot",),
     ):
         return None if index < 0 or _NO_MOTOR.intersection(words) else "motor"
+    if _ASKED.intersection(words):
+        return None
     if "quat" in joined or "orientation" in joined or bare[-1:] == ("q",):
         return "quaternion"
     if "angle" in words or "euler" in joined:

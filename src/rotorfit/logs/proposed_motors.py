@@ -20,8 +20,11 @@ if TYPE_CHECKING:
     from rotorfit.logs.exporters import Exporter
     from rotorfit.logs.proposed_channels import Numbers
 
-_RANGES: Final = {"us": (1000.0, 2000.0), "counts": (0.0, 65535.0)}
-
+_PULSES: Final = (1000.0, 2000.0)
+"""Pulse widths of stop and full throttle [us], as a rule."""
+_FULL_COUNTS: Final = (255.0, 1023.0, 2047.0, 4095.0, 65535.0)
+"""Full scales of 8, 10, 11, 12 and 16 bits: full throttle is the first that the flight stays under,
+as a rotor that hovers at a sixteenth of its scale or less is none that anybody builds."""
 
 _DSHOT: Final = (48.0, 2047.0)
 """Least and largest throttle of DShot, which flight controllers log as it is sent."""
@@ -70,6 +73,8 @@ def motors_found(
         if _column_stem(unit) in units:
             unit, why = units[_column_stem(unit)], "as stated"
         stem = _column_stem(unit)
+        if unit == "counts" and "DShot" not in why:
+            why = f"(0 to {_counted_range(values)[1]:.0f}: correct range if full is another) {why}"
         if f"{stem}_1" in columns:
             reasons.append(f"{held[0]} ...: left out, {stem}_1 is {columns[f'{stem}_1'].name}")
             continue
@@ -121,10 +126,16 @@ def _spec_of(
 ) -> ColumnSpec:
     """Return how a motor's column is read."""
     scale = exporter.erpm_scale if exporter is not None and unit == "erpm" else 1.0
-    span = _RANGES.get(unit)
-    if unit == "counts" and exporter is not None and exporter.dshot:
-        span = _DSHOT
+    span = _PULSES if unit == "us" else None
+    if unit == "counts":
+        span = _DSHOT if exporter is not None and exporter.dshot else _counted_range(values)
     return ColumnSpec(name=name, unit=unit, scale=scale, range=span)
+
+
+def _counted_range(values: Float[np.ndarray, "n k"]) -> tuple[float, float]:
+    """Guess stop and full throttle of a command in counts."""
+    high = float(values.max())
+    return 0.0, next((full for full in _FULL_COUNTS if high <= full), _FULL_COUNTS[-1])
 
 
 def _unit_by_exporter(

@@ -4,7 +4,7 @@ import { h } from "./dom.js";
 
 const AXES = { FLU: "forward, left, up (z up)", FRD: "forward, right, down (z down)" };
 
-const UNIT_WORDS = { 1: "of full, 0 to 1", "%": "% of full", us: "us (pulse width)", counts: "counts (0 to 65535)" };
+const UNIT_WORDS = { 1: "of full, 0 to 1", "%": "% of full", us: "us (pulse width)", counts: "counts (8 to 16 bits)" };
 const unitWords = (unit) => UNIT_WORDS[unit] ?? unit;
 
 /** The map of a table's columns, open as long as somebody should look at it. */
