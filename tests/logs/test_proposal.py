@@ -425,3 +425,20 @@ def test_poses_that_gravity_contradicts_are_doubted(tmp_path, assert_wording):
     upside = posed() | {"pz": -posed()["pz"]}
     below = propose_columns(written(tmp_path / "below.csv", upside), axes="FLU")
     assert_wording(" ".join(below.doubts))
+
+
+def test_a_slower_attitude_tells_the_unit_of_the_gyro(tmp_path):
+    """Tables joined by time have empty cells where a slower message has no sample."""
+    rows = np.arange(ROWS) % 3 == 0
+    columns = {
+        name: np.where(rows, values, np.nan) if name.startswith("quat") else values
+        for name, values in FLIGHT.items()
+    }
+    for axis in "xyz":
+        columns[f"ang_vel_{axis}"] = np.rad2deg(columns.pop(f"gyro_{axis}"))
+    path = written(tmp_path / "joined.csv", columns)
+    path.write_text(path.read_text().replace("nan", ""))
+    proposal = propose_columns(path, units={"motors": "rad/s"})
+    assert proposal.columns["gyro_x"].unit == "deg/s"
+    assert proposal.questions == ()
+    assert proposal.doubts == ()

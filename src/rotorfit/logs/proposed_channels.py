@@ -254,12 +254,18 @@ def attitude_rate(
         unit = unit_of("roll", attitude.columns["roll"])
         values = attitude_from_euler(values * UNITS["angle"][unit])
     time = numbers[clock.name] * UNITS["time"][unit_of(TIME, clock)]
-    w, u = values[:, :1], values[:, 1:]
+    rate = np.full((len(values), 3), np.nan)
+    # A slower attitude has empty cells between its rows.
+    known = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    if known.sum() < 2:
+        return rate
+    w, u = values[known, :1], values[known, 1:]
     with np.errstate(divide="ignore", invalid="ignore"):
-        turn = np.gradient(values, time, axis=0)
+        turn = np.gradient(values[known], time[known], axis=0)
     dw, du = turn[:, :1], turn[:, 1:]
     # 2 conj(q) dq, which a change of sign of q from row to row spoils: its median does not see it.
-    return 2.0 * (w * du - u * dw - np.cross(u, du))
+    rate[known] = 2.0 * (w * du - u * dw - np.cross(u, du))
+    return rate
 
 
 def gyro_found(
