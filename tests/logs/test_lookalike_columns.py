@@ -153,10 +153,10 @@ def test_thrust_and_torques_are_no_motors(tmp_path):
 
 def test_speeds_with_the_sign_of_their_spin_are_motors(tmp_path):
     rest = np.arange(ROWS) < 80
-    signed = np.where(rest[:, None], RNG.normal(0.0, 2.0, (ROWS, 4)), SPEED) * [1, -1, 1, -1]
-    columns = {**SENSORS, **block("w1 w2 w3 w4", signed)}
+    speeds = np.where(rest[:, None], RNG.normal(0.0, 2.0, (ROWS, 4)), SPEED)
+    columns = {**SENSORS, **block("w1 w2 w3 w4", speeds * [1, -1, 1, -1])}
     _, channels = proposed(tmp_path, columns, units={"motors": "rad/s"})
-    np.testing.assert_allclose(channels["rotor_speed"].values, signed, rtol=1e-9)
+    np.testing.assert_allclose(channels["rotor_speed"].values, speeds, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["omega_cmd", "rotor_command"])

@@ -373,9 +373,27 @@ def _make_channel(
         values = attitude_to_flu(quaternion, axes)
     elif group.channel in _VECTORS:
         values = vectors_to_flu(values, axes)
+    elif group.channel == "rotor_speed":
+        values = _without_spin_signs(values, group, notes)
     return Channel(
         time=time, values=values, source=_source_words(group, specs), resolution=resolution
     )
+
+
+def _without_spin_signs(
+    speeds: Float[np.ndarray, "n k"], group: Group, notes: list[str]
+) -> Float[np.ndarray, "n k"]:
+    """Reverse the columns that are negative on the whole; the airframe says which way rotors spin.
+
+    Noise about zero at rest keeps its sign in all columns.
+    """
+    with np.errstate(over="ignore"):
+        is_negative = np.nansum(speeds, axis=0) < 0.0
+    if not is_negative.any():
+        return speeds
+    names = [name for name, one in zip(group.names, is_negative, strict=True) if one]
+    notes.append(f"Took {', '.join(names)} without the minus sign: the airframe has the spins.")
+    return np.where(is_negative, -speeds, speeds)
 
 
 def _normalise_quaternions(
