@@ -11,6 +11,7 @@ from scipy.signal import butter, sosfilt
 import made_fit
 from rotorfit.fit.reduction.bandwidth import (
     CUTOFFS,
+    ON_BOARD,
     SHAPES,
     bandwidths,
     channel_lines,
@@ -92,6 +93,18 @@ def test_noise_that_tells_a_shape_decides_it(seed):
     assert decided is not None
     assert decided.shape == "second order"
     assert decided.cutoff == pytest.approx(6.0, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_that_no_smoothing_leaves_is_of_a_filter_on_board(seed):
+    """First and second order are alike by it: J_r was 50 % off, of an accelerometer at 10 Hz."""
+    frequency, channels = channel_lines(slow_flight(seed), made_fit.QUAD, top=80.0)
+    peak = np.exp(-(np.log(CUTOFFS / 6.0) ** 2) / 0.02)
+    noise = {name: (199.0 if name in ON_BOARD else 195.0) * peak for name in SHAPES}
+    shown = measured_bandwidth(frequency, [channels["az"]], noise)
+    assert shown is not None
+    assert shown.shape in ON_BOARD
+    assert shown.cutoff == pytest.approx(6.0, rel=0.1)
 
 
 @settings(max_examples=15, deadline=None)
