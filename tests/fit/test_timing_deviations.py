@@ -639,6 +639,12 @@ def test_an_axis_excited_above_the_pilots_band_is_not_biased(yaw, bias):
     assert gust_bias(dataset(given=(factors,)), turns=2) == pytest.approx(0.15)
 
 
+def test_of_some_turns_those_flown_most_count():
+    whole = dataset(given=(made_fit.turned([1.0, 3.0, 5.0]),))
+    assert gust_bias(whole) == pytest.approx(0.15 / 5.0)
+    assert gust_bias(whole, turns=2) == pytest.approx(0.15 / 3.0)
+
+
 def test_yaw_alone_does_not_show_that_motors_have_no_lag(monkeypatch):
     """Of motors with 22 ms, in gusts: the lag was 0 +- .9 ms, and the delay 39."""
     fits_to(monkeypatch, MotorResponse(lag=0.0004, delay=0.0003))

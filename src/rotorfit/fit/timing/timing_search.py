@@ -178,9 +178,8 @@ def gust_bias(dataset: TimedDataset, turns: int = 3) -> float:
         if flown[:, :turns].any():
             return 0.0
     ratios = [
-        turn_ratios(factors.select(slow_bands(factors)[:, 0]), dataset.model, mass=mass)[
-            :turns
-        ].max()
+        turn_ratios(factors.select(slow_bands(factors)[:, 0]), dataset.model, mass=mass)
         for factors, mass in zip(bands, masses, strict=True)
     ]
-    return GUST_BIAS / max(float(max(ratios)), SMALLEST_RATIO)
+    most = max(float(own[:turns].max()) for own in ratios)
+    return GUST_BIAS / max(most, SMALLEST_RATIO)
