@@ -73,13 +73,14 @@ def motors_found(
         if _column_stem(unit) in units:
             unit, why = units[_column_stem(unit)], "as stated"
         stem = _column_stem(unit)
-        if unit == "counts" and "DShot" not in why:
-            why = f"(0 to {_counted_range(values)[1]:.0f}: correct range if full is another) {why}"
+        span = _range_of(unit, values, exporter)
+        if unit == "counts" and span is not None and span != _DSHOT:
+            why = f"(0 to {span[1]:.0f}: correct range if full is another) {why}"
         if f"{stem}_1" in columns:
             reasons.append(f"{held[0]} ...: left out, {stem}_1 is {columns[f'{stem}_1'].name}")
             continue
         columns |= {
-            f"{stem}_{i}": _spec_of(name, unit, values, exporter)
+            f"{stem}_{i}": _spec_of(name, unit, span, exporter)
             for i, name in enumerate(held, start=1)
         }
         what = "rotor speed" if stem == "rotor" else "command"
@@ -122,18 +123,23 @@ def _used_columns(one: Candidate, numbers: Numbers) -> tuple[list[str], str]:
 
 
 def _spec_of(
-    name: str, unit: str, values: Float[np.ndarray, "n k"], exporter: Exporter | None
+    name: str, unit: str, span: tuple[float, float] | None, exporter: Exporter | None
 ) -> ColumnSpec:
     """Return how a motor's column is read."""
     scale = exporter.erpm_scale if exporter is not None and unit == "erpm" else 1.0
-    span = _PULSES if unit == "us" else None
-    if unit == "counts":
-        span = _DSHOT if exporter is not None and exporter.dshot else _counted_range(values)
     return ColumnSpec(name=name, unit=unit, scale=scale, range=span)
 
 
-def _counted_range(values: Float[np.ndarray, "n k"]) -> tuple[float, float]:
-    """Guess stop and full throttle of a command in counts."""
+def _range_of(
+    unit: str, values: Float[np.ndarray, "n k"], exporter: Exporter | None
+) -> tuple[float, float] | None:
+    """Return stop and full throttle of a command; None if its unit says them, or of a speed."""
+    if unit == "us":
+        return _PULSES
+    if unit != "counts":
+        return None
+    if exporter is not None and exporter.dshot:
+        return _DSHOT
     high = float(values.max())
     return 0.0, next((full for full in _FULL_COUNTS if high <= full), _FULL_COUNTS[-1])
 
