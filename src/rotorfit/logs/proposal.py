@@ -20,7 +20,6 @@ from rotorfit.logs.proposed_channels import (
     Found,
     Question,
     accelerometer_found,
-    accelerometer_of,
     attitude_found,
     attitude_rate,
     attitude_signed,
@@ -128,7 +127,6 @@ def _make_proposal(
     numbers, texts = _read_numbers(source, candidates)
     founds = [clock_found(source, candidates, numbers, units)]
     chosen = {kind: chosen_of(kind, candidates, numbers) for kind in NAMES}
-    chosen["accel"] = accelerometer_of(candidates, numbers)
     motors = motors_found(candidates, numbers, units, exporter)
     lacking = [kind for kind in ("gyro", "accel") if chosen[kind] is None]
     attitude = attitude_found(chosen, numbers, units.get("angle"))

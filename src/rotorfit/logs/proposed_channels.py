@@ -81,18 +81,16 @@ def known_rows(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
 
 
 def chosen_of(kind: str, candidates: Sequence[Candidate], numbers: Numbers) -> Candidate | None:
-    """Select the first whole group of a kind whose columns hold numbers, by index from 0."""
-    return next(_whole_groups(kind, candidates, numbers), None)
+    """Select the first whole group of a kind whose columns hold numbers, by index from 0.
 
-
-def accelerometer_of(candidates: Sequence[Candidate], numbers: Numbers) -> Candidate | None:
-    """Select the accelerometer: named by hand, else the first group with gravity, else the first.
-
-    Accelerations without gravity, as of an estimate or a set point, may stand before it.
+    Of accelerometers the one that is named by hand, or feels gravity: accelerations without it, as
+    of an estimate or a set point, may come first.
     """
-    whole = list(_whole_groups("accel", candidates, numbers))
-    by_hand_or_felt = (one for one in whole if one.stem == "" or _feels_gravity(one, numbers))
-    return next(by_hand_or_felt, whole[0] if whole else None)
+    whole = list(_whole_groups(kind, candidates, numbers))
+    first = whole[0] if whole else None
+    if kind != "accel":
+        return first
+    return next((one for one in whole if one.stem == "" or _feels_gravity(one, numbers)), first)
 
 
 def _feels_gravity(one: Candidate, numbers: Numbers) -> bool:
