@@ -280,13 +280,13 @@ def _shape_by_noise(
 ) -> tuple[str, int]:
     """Return the shape and the place of the cut-off that motion and noise show together.
 
-    Noise that tells a shape, or those on board, from all others shows the filter, if the motion
-    allows it. `whole`, `alone`: gains of log-likelihood, by both and by the noise.
+    Noise that tells a shape, or those on board or of smoothing, from all others shows the filter,
+    if the motion allows it. `whole`, `alone`: gains of log-likelihood, by both and by the noise.
     """
     likeliest = _likeliest_lowpass(whole)
     name, k = _likeliest_lowpass(alone)
-    on_board = [one for one in SHAPES if (one in ON_BOARD) == (name in ON_BOARD)]
-    for alike in ([name], on_board):
+    of_its_kind = [one for one in SHAPES if (one in ON_BOARD) == (name in ON_BOARD)]
+    for alike in ([name], of_its_kind):
         others = max(float(one.max()) for shape, one in alone.items() if shape not in alike)
         if alone[name][k] - others > WITHIN:
             if likeliest[0] in alike:
