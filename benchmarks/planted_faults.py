@@ -654,15 +654,20 @@ ROOMS: Final[dict[str, Room]] = {
             ("return 0.0\n    rates", "pass\n    rates"),
         ),
     ),
+    "fit/timing/timed_fit.py": Room(
+        tests=("tests/fit/test_timing_deviations.py",),
+        scaled=(
+            "LONGEST_MOVE: Final = <<0.02>>",
+            "NEAR: Final = <<0.3>>",
+            "LEAST_GAIN: Final = <<10.0>>",
+        ),
+    ),
     "fit/timing/timing_fit.py": Room(
         tests=("tests/fit/test_timing_deviations.py",),
         scaled=(
             "MOST_ROUNDS: Final = <<15>>",
-            "LONGEST_MOVE: Final = <<0.02>>",
-            "NEAR: Final = <<0.3>>",
             "LONGEST_LAG: Final = <<0.2>>",
             "LONGEST_DELAY: Final = <<0.16>>",
-            "LEAST_GAIN: Final = <<10.0>>",
             "UNIDENTIFIABLE_BIAS: Final = <<0.03>>",
             "delay_std=<<UNIDENTIFIABLE_BIAS>> if delay_free",
             "total_std=_norm_of_deviations(std, <<UNIDENTIFIABLE_BIAS>>) if",

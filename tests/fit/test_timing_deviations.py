@@ -20,6 +20,7 @@ from rotorfit.fit.reduction.motor_timing import (
 )
 from rotorfit.fit.timing import timing_fit, timing_search
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.fit.timing.timed_fit import TimedFit
 from rotorfit.fit.timing.timing_faults import hold_fault, shape_fault
 from rotorfit.fit.timing.timing_fit import (
     find_timing,
@@ -115,7 +116,8 @@ def deviations(*, names=BOTH, hold=0.0, shifts=None, motors=COMMANDED, influence
         rows[:, [fit.estimate.names.index(name) for name in names]] = MS * np.array(shifts)
         fit = made_fit.moved_by_responses(fit, rows)
     flight = made_fit.prepared(motor_rate=0.25 / (hold * MS) if hold else np.inf)
-    return timing_with_deviations(dataset(flight, motors=motors), free, fit, gusts=gusts * MS)
+    timed = dataset(flight, motors=motors).at(free.at, free.names)
+    return timing_with_deviations(TimedFit(timed, fit), gusts=gusts * MS)
 
 
 def test_lag_and_delay_deviations_add_fit_and_model_faults():
@@ -191,7 +193,7 @@ def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(cutoffs, fault):
 
     free = FreeTiming(at=AT, names=BOTH)
     fit = fit_at(free, moved=[0.5, 0.5], covariance=COVARIANCE)
-    found = timing_with_deviations(filtered(COMMANDED), free, fit)
+    found = timing_with_deviations(TimedFit(filtered(COMMANDED).at(AT, BOTH), fit))
     c = chance(2)
     assert found.lag_std == pytest.approx(norm(4 * c, 0.3, fault), rel=1e-3)
     assert found.delay_std == pytest.approx(norm(3 * c, 0.3, fault), rel=1e-3)
@@ -263,13 +265,17 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0, likelihood=no
     return seen
 
 
+def settled_from(start, names):
+    return settled_fit(timing_fit.fit_at(dataset().at(start, names), ()), ())
+
+
 def test_a_fit_that_moved_far_restarts_there_without_its_times(monkeypatch):
     """No further than 20 ms a round, which is how far the slopes reach; all times by one share.
 
     Along the lines first, and once more where that ends.
     """
     seen = fits_to(monkeypatch, MotorResponse(lag=0.055, delay=0.012))
-    timed, fit = settled_fit(dataset().at(MotorResponse(lag=0.005), BOTH), ())
+    timed, fit = settled_from(MotorResponse(lag=0.005), BOTH)
     places = [(free.at.lag, free.at.delay) for free, _ in seen]
     expected = [(0.005, 0.0), (0.025, 0.0048), (0.045, 0.0096), (0.055, 0.012), (0.055, 0.012)]
     assert np.array(places) == pytest.approx(np.array(expected))
@@ -309,14 +315,14 @@ def test_three_tenths_of_a_deviation_need_no_other_round(monkeypatch):
     for off, rounds in ((0.29, 1), (0.31, 2)):
         seen = fits_to(monkeypatch, AT)
         start = MotorResponse(lag=AT.lag + off * MS, delay=AT.delay)
-        settled_fit(dataset().at(start, BOTH), ())
+        settled_from(start, BOTH)
         assert len(seen) == rounds
 
 
 def test_a_timing_that_never_settles_is_taken_from_the_last_fit(monkeypatch):
     """Steps of 5 ms for ever: fifteen of them, none counted twice, the last one of the samples."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.040, delay=10.0), share=5e-4)
-    timed, fit = settled_fit(dataset().at(AT, ("motor_delay",)), ())
+    timed, fit = settled_from(AT, ("motor_delay",))
     assert len(seen) == timing_fit.MOST_ROUNDS == 15
     assert timed.free_timing.at == seen[-1][0].at
     moved = fit.estimate.value("motor_delay")

@@ -21,21 +21,10 @@ from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
 from rotorfit.fit.joint.joint_fit import INTERMEDIATE, joint_fit
-from rotorfit.fit.reduction.motor_timing import (
-    LARGEST_SKEW,
-    SPLIT_FAULT,
-    SUM_FAULT,
-    FreeTiming,
-    MotorTiming,
-    skew_of,
-)
+from rotorfit.fit.reduction.motor_timing import SPLIT_FAULT, SUM_FAULT, MotorTiming
+from rotorfit.fit.timing.timed_fit import LEAST_GAIN, LEAST_LAG, LONGEST_MOVE, TimedFit
 from rotorfit.fit.timing.timing_faults import hold_fault, shape_fault
-from rotorfit.fit.timing.timing_rounds import (
-    TimingRound,
-    accelerated_move,
-    round_between,
-    timing_round,
-)
+from rotorfit.fit.timing.timing_rounds import accelerated_move, round_between, timing_round
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.terms.registry import DEFAULT, DEFAULT_TERMS
@@ -52,27 +41,8 @@ SUMMED: Final = ("motor_lag", "motor_delay")
 """Times whose sum is known better than each."""
 MOST_ROUNDS: Final = 15
 """Fits of one search, along the lines of the flights or with signals made anew."""
-LONGEST_MOVE: Final = 0.02
-"""Longest move of a time in one round [s], within which its slope holds."""
-MOST_OF_A_LAG: Final = 0.75
-"""Largest share by which a lag falls in one round: without any lag, its slope says nothing of
-longer ones."""
-NEAR: Final = 0.3
-"""Deviations by which the last round may still move a time, by the slopes of its signals. On a
-flight whose rising and falling lags differ such a step was off by a quarter in the signals, so that
-made anew they would move the time by about a tenth of its deviation."""
-ENOUGH: Final[Mapping[str, float]] = {
-    "motor_delay": 0.1 * SUM_FAULT,
-    "motor_lag": 0.1 * SUM_FAULT,
-    "motor_skew": 1e-3,
-}
-"""Or so much of it [s, s, share], which no flight shows: simulators do, to microseconds."""
 LONGEST_LAG: Final = 0.2
 LONGEST_DELAY: Final = 0.16
-LEAST_GAIN: Final = 10.0
-"""Gain of log-likelihood for which rising and falling speed get a lag each."""
-LEAST_LAG: Final = 1e-3
-"""Least lag of rotors whose rising and falling may differ [s]."""
 UNIDENTIFIABLE_BIAS: Final = 0.03
 """From here on [s], which is where the turns are explained less than five times over their
 residual, lag and delay of commanded motors are those of the autopilot's response to gusts (70 ms
@@ -157,7 +127,7 @@ def timed_again(
             again = fitted_timing(dataset, found.response, found.free, terms)
         else:
             first, _ = joint_fit(dataset, terms=terms, begin=begin)
-            again = _settled_timing(dataset, first, found.free, terms)
+            again = _settled_timing(TimedFit(dataset, first), found.free, terms)
     except UnsettledError:
         return dataset
     if again is None:
@@ -177,46 +147,50 @@ def fitted_timing(
 
     `guess`: where the first fit, of the pilot's band, begins; None: at the row fits.
     """
-    return _settled_timing(*first_fit(dataset, start, names, terms, guess=guess), names, terms)
+    return _settled_timing(first_fit(dataset, start, names, terms, guess=guess), names, terms)
 
 
 def _settled_timing(
-    begun: TimedDataset, first: BandedEstimate, names: tuple[str, ...], terms: tuple[str, ...]
+    begun: TimedFit, names: tuple[str, ...], terms: tuple[str, ...]
 ) -> MotorTiming | None:
     """Fit the timing on from a first fit; None if the motion follows no motors."""
-    timed, fit = settled_fit(begun, terms, first)
-    if _loses_the_motion(timed):
-        return _timing_without_lag(timed, fit, terms)
-    return _timing_of_settled(timed, fit, names, terms)
+    fit = settled_fit(begun, terms)
+    if fit.loses_the_motion:
+        return _timing_without_lag(fit, terms)
+    return _timing_of_settled(fit, names, terms)
 
 
 def _timing_of_settled(
-    timed: TimedDataset, fit: BandedEstimate, names: tuple[str, ...], terms: tuple[str, ...]
+    fit: TimedFit, names: tuple[str, ...], terms: tuple[str, ...]
 ) -> MotorTiming | None:
     """Look for a skew, and add the deviations; None if the motion follows no motors."""
-    if "motor_skew" in names and not _skew_is_shown(timed, fit):
-        names, found = tuple(name for name in names if name != "motor_skew"), timed.free_timing
-        assert found is not None
-        at = MotorResponse(lag=found.at.mean_lag, delay=found.at.delay)
-        timed, fit = settled_fit(timed.at(at, names), terms)
-    elif "motor_skew" not in names and _may_skew(timed, names):
-        timed, fit = _with_skew(timed, fit, terms)
-    free, dataset = timed.free_timing, timed
-    assert free is not None
-    response = _move_timing(free, fit)
+    if "motor_skew" in names and not fit.shows_skew:
+        names = tuple(name for name in names if name != "motor_skew")
+        at = MotorResponse(lag=fit.free.at.mean_lag, delay=fit.free.at.delay)
+        fit = settled_fit(fit_at(fit.dataset.at(at, names), terms), terms)
+    elif "motor_skew" not in names and _may_skew(fit.dataset, names):
+        fit = _with_skew(fit, terms)
+    response = fit.ended
     if response.mean_lag >= LONGEST_LAG or abs(response.delay) >= LONGEST_DELAY:
         return None  # the motion does not follow these commands at all
-    bias = gust_bias(timed)
+    bias = gust_bias(fit.dataset)
     total = response.mean_lag + response.delay
     # Before the command no motor responds: there the autopilot responds to its gyro's noise. Of
     # motors without lag, as simulators have them, the turns that are flown show it.
     late = total > 0.0 and (response.mean_lag > LEAST_LAG or bias == 0.0)
     if "motor_lag" in names and (bias > UNIDENTIFIABLE_BIAS or not late):
-        return unidentifiable_timing(dataset, delay_free="motor_delay" in names)
+        return unidentifiable_timing(fit.dataset, delay_free="motor_delay" in names)
     # Above, the fit knows what the autopilot answers; below, nothing confirms that.
     gusts = bias if bias > UNIDENTIFIABLE_BIAS else 0.0
-    found = timing_with_deviations(dataset, free, fit, gusts=gusts)
-    return replace(found, bands=timed.found_with()) if _is_near(free, fit) else found
+    found = timing_with_deviations(fit, gusts=gusts)
+    return replace(found, bands=fit.dataset.found_with()) if fit.is_near else found
+
+
+def fit_at(
+    dataset: TimedDataset, terms: tuple[str, ...], *, begin: Mapping[str, float] | None = None
+) -> TimedFit:
+    """Fit flights at a timing; `begin`: see `joint_fit`."""
+    return TimedFit(dataset, joint_fit(dataset, terms=terms, begin=begin)[0])
 
 
 def first_fit(
@@ -226,23 +200,20 @@ def first_fit(
     terms: tuple[str, ...],
     *,
     guess: Mapping[str, float] | None = None,
-) -> tuple[TimedDataset, BandedEstimate]:
+) -> TimedFit:
     """Make the first fit; of many flights, near where the liveliest few of them settle."""
     few = liveliest(dataset)
     if few is not dataset:
         with suppress(EstimationError):
-            begun, first = first_fit(few, start, names, terms, guess=guess)
-            timed, fit = settled_fit(begun, terms, first)
-            free = timed.free_timing
-            assert free is not None
-            start, guess = _move_timing(free, fit), free.without_times(fit.estimate.by_name)
-    tried: list[tuple[TimedDataset, BandedEstimate]] = []
+            settled = settled_fit(first_fit(few, start, names, terms, guess=guess), terms)
+            start, guess = settled.ended, settled.values
+    tried: list[TimedFit] = []
     for share in STARTS if start.lag > 0.0 else STARTS[:1]:
         begun = dataset.at(_scaled_lag(start, share), names)
         fit, _ = joint_fit(begun, terms=terms, guess=guess)
+        tried.append(TimedFit(begun, fit))
         if max(abs(fit.estimate.value(name)) for name in names) < LOST:
-            return begun, fit
-        tried.append((begun, fit))
+            return tried[-1]
     return tried[0]
 
 
@@ -252,138 +223,89 @@ def _scaled_lag(response: MotorResponse, share: float) -> MotorResponse:
     return replace(response, lag=share * response.lag, lag_down=down)
 
 
-def settled_fit(
-    dataset: TimedDataset, terms: tuple[str, ...], fit: BandedEstimate | None = None
-) -> tuple[TimedDataset, BandedEstimate]:
+def settled_fit(begun: TimedFit, terms: tuple[str, ...]) -> TimedFit:
     """Fit until the signals are made where the fit ends; with the flights at that timing.
 
     Each round searches along the lines of the flights first (`moved_along_lines`), and reduces the
-    samples again where that ends. `fit` is the one at the timing that the flights have, where it is
-    there already.
+    samples again where that ends.
     """
-    fit = fit or joint_fit(dataset, terms=terms)[0]
-    last: TimingRound | None = None
+    made, last = begun, None
     rounds = iter(range(MOST_ROUNDS - 1))
     for _ in rounds:
-        free = dataset.free_timing
-        assert free is not None
-        if _is_near(free, fit) or _is_lagless(dataset):
+        if made.is_near or made.is_lagless:
             break
-        along, fit = _search_along_lines(dataset, terms, fit, rounds)
-        ended = along.free_timing
-        assert ended is not None
-        if along is not dataset and _loses_the_motion(along):
-            return along, fit
-        own = round_between(free, timing_round(ended, fit))
-        if along is dataset:
-            moved = _move_times(free, accelerated_move(own, last, longest=LONGEST_MOVE))
-        else:  # it ended within a deviation, and needs no limit
-            moved = _move_timing(ended, fit)
-        dataset, last = dataset.at(moved, free.names), own
-        fit, _ = joint_fit(dataset, terms=terms, begin=ended.without_times(fit.estimate.by_name))
-    return dataset, fit
+        along = _search_along_lines(made, terms, rounds)
+        moved_along = along.dataset is not made.dataset
+        if moved_along and along.loses_the_motion:
+            return along
+        own = round_between(made.free, timing_round(along.free, along.estimate))
+        if moved_along:  # it ended within a deviation, and needs no limit
+            moved = along.ended
+        else:
+            moved = made.moved(accelerated_move(own, last, longest=LONGEST_MOVE))
+        dataset, last = made.dataset.at(moved, made.free.names), own
+        made = fit_at(dataset, terms, begin=along.values)
+    return made
 
 
-def _search_along_lines(
-    made: TimedDataset, terms: tuple[str, ...], fit: BandedEstimate, rounds: Iterator[int]
-) -> tuple[TimedDataset, BandedEstimate]:
+def _search_along_lines(made: TimedFit, terms: tuple[str, ...], rounds: Iterator[int]) -> TimedFit:
     """Fit on along the lines of flights until a fit moves no time by more than a deviation."""
-    dataset = made
-    last: TimingRound | None = None
+    fit, last = made, None
     while True:
-        free = dataset.free_timing
-        assert free is not None
-        own = timing_round(free, fit)
+        own = timing_round(fit.free, fit.estimate)
         if (
-            _loses_the_motion(dataset)
+            fit.loses_the_motion
             or (np.abs(own.move) <= own.std).all()
             or next(rounds, None) is None
         ):
-            return dataset, fit
-        moved = _move_times(free, accelerated_move(own, last, longest=LONGEST_MOVE))
-        dataset, last = made.moved_along_lines(moved), own
+            return fit
+        moved = fit.moved(accelerated_move(own, last, longest=LONGEST_MOVE))
+        dataset, last = made.dataset.moved_along_lines(moved), own
+        begin, fit = fit.values, TimedFit(dataset, fit.estimate)
         # Of motors without lag the fit would lose the motion: it is the last one before.
-        if _loses_the_motion(dataset):
-            return dataset, fit
-        begin = free.without_times(fit.estimate.by_name)
-        fit, _ = joint_fit(dataset, terms=terms, begin=begin, close=INTERMEDIATE)
+        if fit.loses_the_motion:
+            return fit
+        fit = TimedFit(dataset, joint_fit(dataset, terms=terms, begin=begin, close=INTERMEDIATE)[0])
 
 
-def _is_lagless(dataset: TimedDataset) -> bool:
-    """Return whether the lag is free, and too short to separate from a delay."""
-    free = dataset.free_timing
-    assert free is not None
-    return "motor_lag" in free.names and free.at.mean_lag < LEAST_LAG
-
-
-def _loses_the_motion(dataset: TimedDataset) -> bool:
-    """Return whether a fit would take its delay for a lag that hardly is: both are free."""
-    free = dataset.free_timing
-    assert free is not None
-    return _is_lagless(dataset) and "motor_delay" in free.names
-
-
-def _timing_without_lag(
-    begun: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
-) -> MotorTiming | None:
+def _timing_without_lag(begun: TimedFit, terms: tuple[str, ...]) -> MotorTiming | None:
     """Fit the delay of motors without lag, as simulators have them, or with one that is unknown."""
-    free = begun.free_timing
-    assert free is not None
-    total = free.at.mean_lag + free.at.delay
-    begin = free.without_times(fit.estimate.by_name)
+    at, dataset = begun.free.at, begun.dataset
     # The slope by a lag below `LEAST_LAG` is that of a delay, and the two run away from each other.
-    start = begun.at(MotorResponse(lag=0.0, delay=total), ("motor_delay",))
-    late, fit = settled_fit(start, terms, joint_fit(start, terms=terms, begin=begin)[0])
-    longer = _likeliest_longer_lag(late, fit, terms)
+    start = dataset.at(MotorResponse(lag=0.0, delay=at.mean_lag + at.delay), ("motor_delay",))
+    late = settled_fit(fit_at(start, terms, begin=begun.values), terms)
+    longer = _likeliest_longer_lag(late, terms)
     if longer is not None:  # the search has lost its way
-        late, fit = longer
-        again, split = settled_fit(late.at(_ended_at(late, fit), SUMMED), terms)
-        if not _loses_the_motion(again):
-            return _timing_of_settled(again, split, SUMMED, terms)
-    found = _settled_timing(late, fit, ("motor_delay",), terms)
+        late = longer
+        split = settled_fit(fit_at(late.dataset.at(late.ended, SUMMED), terms), terms)
+        if not split.loses_the_motion:
+            return _timing_of_settled(split, SUMMED, terms)
+    found = _settled_timing(late, ("motor_delay",), terms)
     # As with a lag: what comes before its command, or in a calm flight, is the autopilot's answer.
     # Yaw does not show a lag: its quick turns are by the rotors' inertia.
-    shown = found is not None and found.identifiable and gust_bias(begun, turns=2) == 0.0
+    shown = found is not None and found.identifiable and gust_bias(dataset, turns=2) == 0.0
     if found is None or not shown or found.response.mean_lag + found.response.delay <= 0.0:
-        return unidentifiable_timing(begun, delay_free=True)
+        return unidentifiable_timing(dataset, delay_free=True)
     # So short a lag is known no better than its sum with the delay; a longer one, of which these
     # flights show nothing but the sum, no better than before.
-    before = begun.lag_prior[1] if longer is not None else LEAST_LAG / 1.96
+    before = dataset.lag_prior[1] if longer is not None else LEAST_LAG / 1.96
     return found.with_lag_std(max(before, found.total_std))
 
 
-def _likeliest_longer_lag(
-    late: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
-) -> tuple[TimedDataset, BandedEstimate] | None:
+def _likeliest_longer_lag(late: TimedFit, terms: tuple[str, ...]) -> TimedFit | None:
     """Fit the delay with the likeliest longer lag; None if the flights show that there is none."""
-    total, free = _ended_at(late, fit).delay, late.free_timing
-    assert free is not None
-    begin = free.without_times(fit.estimate.by_name)
-    likeliest, most = None, fit.log_likelihood - LEAST_GAIN
+    total, names = late.ended.delay, late.free.names
+    likeliest, most = None, late.estimate.log_likelihood - LEAST_GAIN
     for lag in LONGER_LAGS:
-        at = late.at(MotorResponse(lag=lag, delay=total - lag), free.names)
+        at = late.dataset.at(MotorResponse(lag=lag, delay=total - lag), names)
         try:
-            longer = settled_fit(at, terms, joint_fit(at, terms=terms, begin=begin)[0])
+            longer = settled_fit(fit_at(at, terms, begin=late.values), terms)
         except EstimationError:
             continue
-        if longer[1].log_likelihood < most:
+        if longer.estimate.log_likelihood < most:
             break
-        likeliest, most = longer, longer[1].log_likelihood
+        likeliest, most = longer, longer.estimate.log_likelihood
     return likeliest
-
-
-def _ended_at(dataset: TimedDataset, fit: BandedEstimate) -> MotorResponse:
-    """Return where a fit of the times of these flights has ended."""
-    free = dataset.free_timing
-    assert free is not None
-    return _move_timing(free, fit)
-
-
-def _is_near(free: FreeTiming, fit: BandedEstimate) -> bool:
-    """Return whether the fit has moved no time by more than a little of its deviation."""
-    at = [fit.estimate.names.index(name) for name in free.names]
-    enough = np.maximum(NEAR * fit.estimate.std[at], [ENOUGH[name] for name in free.names])
-    return bool((np.abs(fit.estimate.values[at]) <= enough).all())
 
 
 def _may_skew(dataset: TimedDataset, names: tuple[str, ...]) -> bool:
@@ -398,54 +320,17 @@ def _may_skew(dataset: TimedDataset, names: tuple[str, ...]) -> bool:
     )
 
 
-def _skew_is_shown(dataset: TimedDataset, fit: BandedEstimate) -> bool:
-    """Return whether a fit would lose `LEAST_GAIN` without the skew (Wald's test)."""
-    free = dataset.free_timing
-    assert free is not None
-    place = fit.estimate.names.index("motor_skew")
-    skew = skew_of(free.at) + float(fit.estimate.values[place])
-    return 0.5 * (skew / float(fit.estimate.std[place])) ** 2 > LEAST_GAIN
-
-
-def _move_timing(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
-    """Compute the timing of a fit, moved in its direction as far as its slopes hold."""
-    return _move_times(free, {name: fit.estimate.value(name) for name in free.names})
-
-
-def _move_times(free: FreeTiming, by: Mapping[str, float]) -> MotorResponse:
-    """Move the times of a fit, in that direction as far as the signals' slopes hold."""
-    reach = {name: LARGEST_SKEW if name == "motor_skew" else LONGEST_MOVE for name in by}
-    if by.get("motor_lag", 0.0) < 0.0 and free.at.mean_lag > LEAST_LAG:
-        reach["motor_lag"] = min(LONGEST_MOVE, MOST_OF_A_LAG * free.at.mean_lag)
-    share = min(reach[name] / max(abs(value), reach[name]) for name, value in by.items())
-    return free.moved({name: share * value for name, value in by.items()})
-
-
-def _with_skew(
-    dataset: TimedDataset, fit: BandedEstimate, terms: tuple[str, ...]
-) -> tuple[TimedDataset, BandedEstimate]:
+def _with_skew(fit: TimedFit, terms: tuple[str, ...]) -> TimedFit:
     """Fit a lag for rising and one for falling speed, and keep them if the gain is enough."""
-    free = dataset.free_timing
-    assert free is not None
-    wide = dataset.at(free.at, (*free.names, "motor_skew"))
+    wide = fit.dataset.at(fit.free.at, (*fit.free.names, "motor_skew"))
     try:
-        first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
-        gain = first.log_likelihood - fit.log_likelihood
-        found = settled_fit(wide, terms, first) if gain > LEAST_GAIN else (dataset, fit)
+        first = fit_at(wide, terms, begin=fit.estimate.estimate.by_name)
+        gain = first.estimate.log_likelihood - fit.estimate.log_likelihood
+        found = settled_fit(first, terms) if gain > LEAST_GAIN else fit
     except EstimationError:
-        return dataset, fit
+        return fit
     # Motors too quick to separate their rising from their falling lose the motion, step by step.
-    return (dataset, fit) if _exceeds_slopes(*found) else found
-
-
-def _exceeds_slopes(dataset: TimedDataset, fit: BandedEstimate) -> bool:
-    """Test whether a fit that has ended moved, or would move, beyond where its slopes hold."""
-    free = dataset.free_timing
-    assert free is not None
-    still = any(
-        abs(fit.estimate.value(name)) > LONGEST_MOVE for name in free.names if name != "motor_skew"
-    )
-    return still or free.at.mean_lag < LEAST_LAG or abs(skew_of(free.at)) >= LARGEST_SKEW
+    return fit if found.exceeds_slopes else found
 
 
 def unidentifiable_timing(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
@@ -459,18 +344,17 @@ def unidentifiable_timing(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
     )
 
 
-def timing_with_deviations(
-    dataset: TimedDataset, free: FreeTiming, fit: BandedEstimate, *, gusts: float = 0.0
-) -> MotorTiming:
+def timing_with_deviations(found: TimedFit, *, gusts: float = 0.0) -> MotorTiming:
     """Add the deviations: of chance, of the autopilot's answer and of faults.
 
     `gusts`: of the sum of the times, where nobody steers (`gust_bias`) [s].
     """
+    dataset, free, fit = found.dataset, found.free, found.estimate
     names = fit.estimate.names
     each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}
     std = _std_of_combinations(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
     lag, delay = (std.get(name) for name in SUMMED)
-    hold, shape, response = hold_fault(dataset), shape_fault(dataset), _move_timing(free, fit)
+    hold, shape, response = hold_fault(dataset), shape_fault(dataset), found.ended
     split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
     # With a delay that is given, what a command held too long or too short is taken for lag.
     held, late = (hold, gusts) if delay is None else (0.0, 0.0)
@@ -482,7 +366,7 @@ def timing_with_deviations(
         delay_std=None if delay is None else _norm_of_deviations(delay, split, hold, shape, gusts),
         total_std=_norm_of_deviations(std["total"], SUM_FAULT, hold, shape, gusts),
         free=free.names,
-        reached=free.without_times(fit.estimate.by_name),
+        reached=found.values,
     )
 
 
