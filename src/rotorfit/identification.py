@@ -25,6 +25,7 @@ from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.imu_tilt import correct_imu_tilt
 from rotorfit.fit.motors.law_search import fit_with_law
 from rotorfit.fit.noise_levels import fit_by_noise
+from rotorfit.fit.sensors.late_accelerometer import fit_with_force_in_time
 from rotorfit.fit.sensors.sensor_place import place_sensor
 from rotorfit.fit.steps import every_step
 from rotorfit.fit.timing.sensor_bandwidth import measure_bandwidths, take_off_lateness
@@ -178,6 +179,7 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Tabulated:
     fit = fit_with_law(fit, wanted)
     if fit.dataset.law_found:
         experiment = experiment.model_copy(update={"motors": fit.dataset.motors})
+    fit = fit_with_force_in_time(fit, lambda moved: _fit_timed_anew(moved, fit.terms, wanted))
     fit = every_step(fit)
     tables = joint_tables(fit, diagnose(fit))
     tables = dataclasses.replace(tables, findings=(*tilt, *tables.findings))
@@ -187,6 +189,15 @@ def by_likelihood(experiment: Experiment, dataset: TimedDataset) -> Tabulated:
 
 def _fit_with_noise(dataset: TimedDataset, wanted: Sequence[str] | None) -> Fit:
     return fit_by_noise(fit_flights(dataset, wanted), wanted)
+
+
+def _fit_timed_anew(
+    dataset: TimedDataset, terms: Sequence[str], wanted: Sequence[str] | None
+) -> Fit:
+    """Time the motors and fit, with signals that have changed a little."""
+    near = dataset.motor_timing
+    timed = time_motors(dataset, lag=True, report=ignore_progress, near=near, terms=terms)
+    return _fit_with_noise(timed, wanted)
 
 
 def by_rows(experiment: Experiment, dataset: TimedDataset) -> Tabulated:

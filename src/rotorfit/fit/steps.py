@@ -24,6 +24,7 @@ from rotorfit.fit.sensors.known_faults import (
     allow_for_gyro_lowpass,
     allow_for_velocity_errors,
 )
+from rotorfit.fit.sensors.late_accelerometer import allow_for_force_delays
 from rotorfit.fit.sensors.sensor_response import allow_for_sensor_response
 from rotorfit.fit.weight.thrust_change import allow_for_thrust_change
 from rotorfit.fit.weight.weigh_thrust import weigh_thrust
@@ -40,6 +41,7 @@ STEPS: Final[tuple[Step, ...]] = (
     allow_for_gyro_lowpass,
     allow_for_gyro_scale,
     allow_for_thrust_change,
+    allow_for_force_delays,
     allow_for_sensor_response,
     allow_for_noise_feedback,
     allow_for_sides,

@@ -8,17 +8,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from rotorfit.findings import Evidence, Finding, doubt_or_passed, note
-from rotorfit.fit.reduction.bandwidth import SHAPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rotorfit.fit.dataset.dataset import LoadedFlight
     from rotorfit.fit.fit import Fit
-    from rotorfit.fit.reduction.bandwidth import Bandwidth
     from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 LEAST_CUT_OFF: Final = 1e-3
@@ -91,7 +87,7 @@ def filtered_accelerometers(fit: Fit) -> Iterator[Finding]:
         "accelerometer-filtered",
         f"{Path(flight.entry.file).name}: the accelerometer is behind a low-pass of about "
         f"{low_pass.cutoff:.2g} Hz ({low:.2g} to {high:.2g}) that the log does not name: it is "
-        f"{1e3 * _slow_delay(low_pass):.0f} ms late, which is taken off; log it unfiltered for "
+        f"{1e3 * low_pass.slow_delay:.0f} ms late, which is taken off; log it unfiltered for "
         "narrower intervals",
         flights=(flight.entry.written,),
         evidence=(
@@ -100,13 +96,6 @@ def filtered_accelerometers(fit: Fit) -> Iterator[Finding]:
             ),
         ),
     )
-
-
-def _slow_delay(low_pass: Bandwidth) -> float:
-    """Compute by how much a low-pass delays slow motion [s]."""
-    slow = 0.01
-    phase = float(np.angle(SHAPES[low_pass.shape](np.array([slow])))[0])
-    return -phase / (2.0 * np.pi * slow * low_pass.cutoff)
 
 
 CHECKS: Final = (saturated_sensors, filtered_accelerometers)

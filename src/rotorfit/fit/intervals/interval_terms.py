@@ -102,6 +102,9 @@ TERM_KINDS: Final[Mapping[str, TermKind]] = {
     "thrust changes in flight": TermKind(
         remedy="fly", action="fly higher than 2 m, on a fresh battery, without a tether"
     ),
+    "late accelerometer": TermKind(
+        remedy="log", action="log the accelerometer unfiltered, by the gyro's clock"
+    ),
     "sensor response": TermKind(
         remedy="repair", action="mount the IMU stiffly, and log it before its filters"
     ),

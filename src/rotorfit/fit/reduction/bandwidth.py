@@ -126,6 +126,13 @@ class Bandwidth:
     gain: float
     taken_off: bool = False
 
+    @property
+    def slow_delay(self) -> float:
+        """By how much the low-pass delays slow motion [s]."""
+        slow = 0.01
+        phase = float(np.angle(SHAPES[self.shape](np.array([slow])))[0])
+        return -phase / (2.0 * np.pi * slow * self.cutoff)
+
     def response(self, frequency: Float[np.ndarray, " l"]) -> Complex[np.ndarray, " l"]:
         """Compute the gain and phase of the low-pass at the lower end of the interval."""
         return SHAPES[self.shape](frequency / self.interval[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import count
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,11 +15,12 @@ from rotorfit.flight.motors.motor_model import clock_jumps
 from rotorfit.flight.on_board import MOST_RESTORED, response_of, without_lateness
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from jaxtyping import Float
+    from jaxtyping import Complex, Float
 
     from rotorfit.estimation.factors import Factors
+    from rotorfit.fit.reduction.bandwidth import Bandwidth
     from rotorfit.fit.timing.timed_dataset import TimedDataset
     from rotorfit.logs.firmware import Filter
 
@@ -52,10 +54,22 @@ def take_off_lateness(dataset: TimedDataset) -> TimedDataset:
     come early, and J_r would make up for it in yaw.
     """
     flights = [flight for c in dataset.configurations for flight in c.flights]
-    if dataset.source != "imu" or not any(_is_late(flight) for flight in flights):
-        return dataset
-    changed = with_flights(dataset, lambda one: _in_time(one) if _is_late(one) else one)
-    return dataclasses.replace(changed, body=None).reduced()
+    late = {k: one.bandwidths["accel"] for k, one in enumerate(flights) if _is_late(one)}
+    return with_force_in_time(dataset, late) if dataset.source == "imu" and late else dataset
+
+
+def with_force_in_time(dataset: TimedDataset, low_passes: Mapping[int, Bandwidth]) -> TimedDataset:
+    """Take the lateness of a low-pass off the accelerometers of some flights, by their number.
+
+    One that was taken off before is replaced by it.
+    """
+    numbers = count()
+
+    def in_time(flight: LoadedFlight) -> LoadedFlight:
+        found = low_passes.get(next(numbers))
+        return flight if found is None else _in_time(flight, found)
+
+    return dataclasses.replace(with_flights(dataset, in_time), body=None).reduced()
 
 
 def _is_late(flight: LoadedFlight) -> bool:
@@ -64,12 +78,19 @@ def _is_late(flight: LoadedFlight) -> bool:
     return found is not None and found.shape in ON_BOARD and not found.taken_off
 
 
-def _in_time(flight: LoadedFlight) -> LoadedFlight:
+def _in_time(flight: LoadedFlight, found: Bandwidth) -> LoadedFlight:
     """Take the lateness of the accelerometer's low-pass off a flight."""
-    found, prepared = flight.bandwidths["accel"], flight.prepared
+    prepared, before = flight.prepared, flight.bandwidths.get("accel")
+
+    def still_late(frequency: Float[np.ndarray, " f"]) -> Complex[np.ndarray, " f"]:
+        late = ON_BOARD[found.shape](frequency / found.cutoff)
+        if before is None or not before.taken_off:
+            return late
+        return late / ON_BOARD[before.shape](frequency / before.cutoff)
+
     data = without_lateness(
         prepared.data,
-        lambda frequency: ON_BOARD[found.shape](frequency / found.cutoff),
+        still_late,
         jumps=clock_jumps(prepared.data.time, prepared.data.sample_rate),
     )
     return dataclasses.replace(
