@@ -396,7 +396,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("bias = weight / (1.0 + rho)", "bias = weight / np.maximum(rho, 1.0)"),
         ),
     ),
-    "checks/sensors/clocks.py": Room(
+    "fit/sensors/lateness.py": Room(
         tests=("tests/checks/test_lever_arms_and_clocks.py",),
         scaled=(
             "phase = <<FED_BACK * _mean_unexplained(bands, about)>>",

@@ -9,20 +9,15 @@ from scipy import signal
 import flown
 import made_fit
 from rotorfit.checks.lever_arms import judge_sides
-from rotorfit.checks.sensors.clocks import (
-    BandDelay,
-    Lateness,
-    accelerometer_delay,
-    late_speeds,
-    of_one_vehicle,
-    weigh_bands,
-)
+from rotorfit.checks.sensors.clocks import accelerometer_delay, late_speeds
 from rotorfit.checks.vehicle_size import unusual_loading
 from rotorfit.errors import FrameError
 from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.frame_sides import FrameSides
 from rotorfit.fit.imu_tilt import lean_sentence
 from rotorfit.fit.reduction.motor_timing import MotorTiming
+from rotorfit.fit.sensors.late_accelerometer import force_delays
+from rotorfit.fit.sensors.lateness import BandDelay, Lateness, of_one_vehicle, weigh_bands
 from rotorfit.fit.sensors.sensor_response import deviation_by_chance
 from rotorfit.flight.motors.motor_model import MotorResponse
 
@@ -118,6 +113,10 @@ def rotors_that_respond(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0)
     return made_fit.dataset(replace(flat, data=data, motor_channel=data.rotor_speed))
 
 
+def judged(fit):
+    return accelerometer_delay(fit.with_record(force_delays(fit)))
+
+
 def test_a_late_accelerometer_asks_for_its_low_pass(assert_wording):
     """Betaflight logs the accelerometer behind acc_lpf_hz; `inspect` says so of the same log."""
     made = made_fit.fit(rotors_that_respond(accel_late=0.03))
@@ -130,7 +129,7 @@ def test_a_late_accelerometer_asks_for_its_low_pass(assert_wording):
     )
     flights = [replace(flight, log=log)]
     dataset = replace(made.dataset, configurations=(replace(configuration, flights=flights),))
-    [found] = accelerometer_delay(replace(made, dataset=dataset))
+    [found] = judged(replace(made, dataset=dataset))
     assert "acc_lpf_hz = 100 (as" in found.next_step
     assert_wording(found.next_step)
     assert "acc_lpf_hz = 100" in found.sentence
@@ -139,7 +138,7 @@ def test_a_late_accelerometer_asks_for_its_low_pass(assert_wording):
 
 def late_sensor(**flight):
     made = made_fit.fit(rotors_that_respond(**flight))
-    [found] = accelerometer_delay(made)
+    [found] = judged(made)
     [evidence] = found.evidence
     assert (found.severity == "doubt") is bool(found.sentence)
     return found.sentence, evidence

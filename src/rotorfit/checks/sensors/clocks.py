@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from rotorfit.checks.sensors.log_settings import better_log
 from rotorfit.digits import with_half
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
-from rotorfit.fit.sensors.lateness import accelerometer_lateness, of_one_vehicle
+from rotorfit.fit.sensors.late_accelerometer import ForceDelays
 from rotorfit.logs.firmware import FILTERED_ACCEL
 from rotorfit.model.parameters import INERTIA
 
@@ -29,13 +29,10 @@ FILTERED: Final = 0.2
 
 def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
     """Check that accelerometer and gyro respond to the rotors at the same time."""
-    if fit.dataset.source != "imu":
+    recorded = fit.record_of(ForceDelays)
+    if recorded is None or not recorded.left:
         return
-    found = list(accelerometer_lateness(fit))
-    if not found:
-        return
-    drawn = zip((flight for flight, _ in found), of_one_vehicle([t for _, t in found]), strict=True)
-    flight, late = max(drawn, key=lambda one: abs(one[1].least))
+    flight, late = max(recorded.left, key=lambda one: abs(one[1].least))
     evidence = Evidence(
         name="accelerometer_lateness",
         value=late.seconds,
