@@ -93,6 +93,17 @@ def test_the_imu_of_the_primary_core_is_taken(tmp_path, assert_wording):
     assert_wording(found.notes)
 
 
+def test_a_log_without_the_imu_that_flew_is_noted(tmp_path, assert_wording):
+    # mavlogdump.py of pymavlink 2.4.50 with --reduce 3 keeps the last of three IMUs alone.
+    xkf4 = Kind(190, "XKF4", "QBB", "TimeUS,C,PI")
+    messages = [message(xkf4, 0, 0, 0)] * 5
+    messages += [imu(t, (2, 0, 0), (0, 0, -9.8), instance=2) for t in one_second(100)]
+    found = read(tmp_path, messages, kinds=(*KINDS, xkf4), settings={"EK3_IMU_MASK": 3.0})
+    assert found.channels["gyro"].values[0, 0] == 2.0
+    (note,) = (note for note in found.notes if "flew with IMU 1" in note)
+    assert_wording(note)
+
+
 def test_the_mostly_primary_core_shows_the_imu(tmp_path):
     xkf4 = Kind(190, "XKF4", "QBB", "TimeUS,C,PI")
     messages = [message(xkf4, k, 0, core) for k, core in enumerate((0, 1, 1, 1, 0))]

@@ -116,8 +116,15 @@ def choose_imu(messages: Messages, parameters: Parameters) -> ImuChoice:
     if not present:
         return ImuChoice(instance=0, notes=())
     chosen, why = _choose_imu(messages, parameters, present)
-    words = f"IMU {chosen + 1} of {len(present)} is used: {why}"
-    return ImuChoice(instance=chosen, notes=(words,) if len(present) > 1 else ())
+    words = [f"IMU {chosen + 1} of {len(present)} is used: {why}"] if len(present) > 1 else []
+    flown = _primary_imu(messages, parameters)
+    if flown is not None and flown not in present:
+        # mavlogdump --reduce drops whole IMUs: findings/pymavlink_reduce_instances.sh.
+        words.append(
+            f"the estimator flew with IMU {flown + 1}, which is not in this log; IMU {chosen + 1} "
+            "may have other filters and another place: give the whole log, if this one was reduced"
+        )
+    return ImuChoice(instance=chosen, notes=tuple(words))
 
 
 def _list_instances(messages: Messages) -> list[int]:
@@ -145,11 +152,9 @@ def _instance_numbers(messages: Messages, name: str) -> list[int]:
 
 def _choose_imu(messages: Messages, parameters: Parameters, present: list[int]) -> tuple[int, str]:
     """Choose the IMU of the estimator's primary core, else the first that is in use; and why."""
-    primary = _primary_core(messages)
-    mask = parameters.integer("EK3_IMU_MASK") or parameters.integer("EK2_IMU_MASK") or 0
-    cores = [i for i in range(MOST_IMUS) if mask & (1 << i)]
-    if primary is not None and primary < len(cores) and cores[primary] in present:
-        return cores[primary], "the estimator's primary core flew with it"
+    primary = _primary_imu(messages, parameters)
+    if primary is not None and primary in present:
+        return primary, "the estimator's primary core flew with it"
     names = {i: "INS_USE" if i == 0 else f"INS_USE{i + 1}" for i in present}
     used = [i for i in present if parameters.number(names[i]) != 0.0]
     if not used:
@@ -157,6 +162,14 @@ def _choose_imu(messages: Messages, parameters: Parameters, present: list[int]) 
     if used[0] == present[0]:
         return used[0], "the first, as no other is known to have been preferred"
     return used[0], f"the first that {names[present[0]]} and the like do not switch off"
+
+
+def _primary_imu(messages: Messages, parameters: Parameters) -> int | None:
+    """Find the IMU of the estimator's primary core."""
+    primary = _primary_core(messages)
+    mask = parameters.integer("EK3_IMU_MASK") or parameters.integer("EK2_IMU_MASK") or 0
+    cores = [i for i in range(MOST_IMUS) if mask & (1 << i)]
+    return cores[primary] if primary is not None and primary < len(cores) else None
 
 
 def _primary_core(messages: Messages) -> int | None:
