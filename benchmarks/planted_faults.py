@@ -396,6 +396,23 @@ ROOMS: Final[dict[str, Room]] = {
             ("bias = weight / (1.0 + rho)", "bias = weight / np.maximum(rho, 1.0)"),
         ),
     ),
+    "fit/sensors/late_accelerometer.py": Room(
+        tests=("tests/fit/test_late_accelerometer.py",),
+        scaled=(
+            "FILTERED: Final = <<0.1>>",
+            "USUAL_DELAY: Final = <<0.01>>",
+            "SURE: Final = <<0.5>>",
+            "SLOW_DELAY: Final = <<float(np.sqrt(2.0) / (2.0 * np.pi))>>",
+            "return float(np.clip(delay + <<left.seconds / slope>>, DELAYS[0]",
+            "DELAYS[-1])), <<left.std / slope>>",
+            "half = <<1.96 * SURE>> * np.array",
+        ),
+        changed=(
+            ("slope = (one.seconds - other.seconds)", "slope = (other.seconds - one.seconds)"),
+            ("(one.seconds > 0.0 or delay > 0.0)", "one.seconds > 0.0"),
+            ("(one.seconds > 0.0 or delay > 0.0)", "True"),
+        ),
+    ),
     "fit/sensors/lateness.py": Room(
         tests=("tests/checks/test_lever_arms_and_clocks.py",),
         scaled=(

@@ -1,4 +1,4 @@
-"""The lateness of an accelerometer's low-pass, which is taken off before the motors are timed."""
+"""The lateness of an accelerometer's low-pass is taken off, whether seen or felt in its time."""
 
 import warnings
 from dataclasses import replace
@@ -7,16 +7,32 @@ import numpy as np
 import pytest
 from benchmarks.fast_worlds import draw_world, experiment_text
 
+import flown
 import made_fit
+from rotorfit.errors import UnsettledError
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.fit.reduction.bandwidth import Bandwidth
-from rotorfit.fit.timing.sensor_bandwidth import measure_bandwidths, take_off_lateness
+from rotorfit.fit.sensors import late_accelerometer
+from rotorfit.fit.sensors.late_accelerometer import (
+    ForceDelays,
+    allow_for_force_delays,
+    fit_with_force_in_time,
+    log_odds_of_delay,
+)
+from rotorfit.fit.sensors.lateness import Lateness
+from rotorfit.fit.timing.sensor_bandwidth import (
+    measure_bandwidths,
+    take_off_lateness,
+    with_force_in_time,
+)
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.identification import identify_flights
-from rotorfit.simulation import simulate_flight, write_flight_table
+from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
 from rotorfit.simulation.experiment_files import true_parameters
+from rotorfit.simulation.sensors import Sensors
 
 CUTOFF = 4.8
+MS = 1e-3
 
 
 @pytest.fixture(scope="module")
@@ -94,3 +110,158 @@ def test_only_an_imu_behind_a_filter_on_board_is_late(shape, source, is_moved):
     )
     assert np.array_equal(before, after) is not is_moved
     assert (moved is dataset) is not is_moved
+
+
+# What neither noise nor motion shows, forces and turns may: they respond to the rotors at once.
+
+
+COARSE = Sensors(gyro_std=0.005, gyro_resolution=0.004, accel_std=0.02, accel_resolution=0.05)
+"""Of whose accelerometer the steps hide the noise, and with it what its low-pass takes off that."""
+
+
+@pytest.fixture(scope="module")
+def felt(tmp_path_factory):
+    """What is found in a flight by commands behind a low-pass at 9 Hz: 25 ms."""
+    folder = tmp_path_factory.mktemp("felt")
+    vehicle = flown.simulated_vehicle("quad-x")
+    scenario = Scenario(sensors=replace(COARSE, accel_cutoff=9.0), seconds=25.0)
+    flight = simulate_flight(*variant(vehicle, "clean")[0], scenario, seed=3)
+    write_flight_table(flight, folder / "flight.csv", channels=("gyro", "accel", "command"))
+    commanded = f'[motors]\nspeed = "commanded"\nlaw = {{ linear = [0, {flight.max_speed}] }}\n'
+    path = flown.experiment_file(
+        folder / "experiment.toml",
+        flight.vehicle,
+        [folder / "flight.csv"],
+        mass=flight.truth.mass,
+        extra=commanded,
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return identify_flights(load_experiment(path))
+
+
+def test_a_low_pass_that_only_its_delay_shows_is_taken_off(felt, assert_wording):
+    (said,) = (one for one in felt.result.findings if one.kind == "accelerometer-filtered")
+    assert said.evidence[0].value == pytest.approx(9.0, rel=0.05)
+    assert "25 ms" in said.sentence
+    assert_wording(said.sentence)
+    (clocks,) = (one for one in felt.result.findings if one.kind == "imu-clocks")
+    assert clocks.severity == "passed"
+
+
+def test_what_such_a_delay_leaves_open_is_in_the_intervals(felt):
+    (com,) = (n for n in felt.result.derived if n.name == "com_x")
+    terms = {one.name: one.half_width for one in com.interval_terms}
+    assert terms["late accelerometer"] > 0.0
+    (delay,) = (n for n in felt.result.parameters if n.name == "motor_delay")
+    assert delay.interval[0] < 0.0 < delay.interval[1]
+
+
+@pytest.mark.parametrize(
+    ("late", "std", "likely"),
+    [
+        (2.6, 1.0, False),
+        (2.9, 1.0, True),
+        (-2.9, 1.0, True),
+        (7.0, 3.0, False),
+        (8.0, 3.0, True),
+        (60.0, 20.0, False),  # no autopilot filters so much
+        (60.0, 6.0, True),
+    ],
+)
+def test_a_delay_is_likely_as_its_deviation_and_usual_filters_say(late, std, likely):
+    """One in ten is behind a low-pass, whose delay is 10 ms on the average; the others are not."""
+    odds = log_odds_of_delay(Lateness(seconds=late * MS, std=std * MS))
+    delays, step = np.linspace(0.0, 0.2, 20_001), 1e-5
+    by_delay = np.exp(-0.5 * ((abs(late) * MS - delays) / (std * MS)) ** 2 - delays / 0.01) / 0.01
+    none = np.exp(-0.5 * (late / std) ** 2)
+    assert odds == pytest.approx(np.log(by_delay.sum() * step / none / 9.0), abs=0.1)
+    assert (odds > 0.0) is likely
+
+
+class Felt:
+    """Fits whose lateness shrinks by a share of what is taken off, and number by its delay."""
+
+    def __init__(self, monkeypatch, *, true, share=0.45, std=2.0, before=0.0, fails_at=9):
+        self.true, self.share, self.std, self.fails_at = true, share, std, fails_at
+        self.delays = []
+        monkeypatch.setattr(late_accelerometer, "accelerometer_lateness", self.lateness)
+        flights = TimedDataset.of(made_fit.dataset(made_fit.prepared()))
+        if before:
+            flights = with_force_in_time(flights, {0: low_pass_of(before)})
+        self.begun = self.fit(flights)
+
+    def lateness(self, fit):
+        (flight,) = fit.dataset.configurations[0].flights
+        left = self.share * (self.true - 1e3 * self.off(flight))
+        yield flight, Lateness(seconds=left * MS, std=self.std * MS)
+
+    def off(self, flight):
+        low_pass = flight.bandwidths.get("accel")
+        return 0.0 if low_pass is None else low_pass.slow_delay
+
+    def fit(self, flights):
+        (flight,) = flights.configurations[0].flights
+        self.delays.append(1e3 * self.off(flight))
+        if len(self.delays) > self.fails_at:
+            raise UnsettledError("no end", reached={})
+        numbers = made_fit.no_numbers("Jr", values=[3.0 - 0.1 * self.delays[-1]], half_width=[1.0])
+        return made_fit.fit(flights, numbers)
+
+    def found(self):
+        return fit_with_force_in_time(self.begun, self.fit)
+
+
+def low_pass_of(delay):
+    cutoff = 1e3 / (2.0**0.5 * np.pi * delay)
+    return Bandwidth(
+        shape="second order", cutoff=cutoff, interval=(cutoff, cutoff), delay=0.0, gain=30.0
+    )
+
+
+@pytest.mark.parametrize(("share", "rounds"), [(1.0, 2), (0.45, 3)])
+def test_a_delay_is_taken_off_until_forces_and_turns_agree(monkeypatch, share, rounds):
+    """A fit has followed the late force, and shows a share of the lateness only."""
+    felt = Felt(monkeypatch, true=18.0, share=share)
+    found = felt.found()
+    assert len(felt.delays) == rounds
+    assert felt.delays[-1] == pytest.approx(18.0, rel=1e-3)
+    assert found.numbers.values[0] == pytest.approx(3.0 - 1.8, rel=1e-3)
+
+
+def test_a_delay_that_was_taken_off_too_much_is_given_back(monkeypatch):
+    felt = Felt(monkeypatch, true=8.0, share=0.8, before=20.0)
+    felt.found()
+    assert felt.delays[0] == pytest.approx(20.0, rel=1e-3)
+    assert felt.delays[-1] == pytest.approx(8.0, rel=1e-3)
+
+
+def test_half_a_deviation_of_the_delay_widens_the_numbers(monkeypatch):
+    """2 ms that are .45 of the delay's: J_r moves by .1 a millisecond."""
+    found = allow_for_force_delays(Felt(monkeypatch, true=18.0).found())
+    late = found.numbers.terms[-1]
+    assert late.name == "late accelerometer"
+    assert late.half_width[0] == pytest.approx(1.96 * 0.5 * 0.1 * 2.0 / 0.45, rel=1e-3)
+
+
+@pytest.mark.parametrize("true", [4.0, -18.0])
+def test_forces_that_may_be_in_time_stay_as_they_are(monkeypatch, true):
+    felt = Felt(monkeypatch, true=true)
+    found = felt.found()
+    assert felt.delays == [0.0]
+    assert found.dataset is felt.begun.dataset
+    assert allow_for_force_delays(found) is found
+    ((_, left),) = found.record_of(ForceDelays).left
+    assert left.seconds == pytest.approx(0.45 * true * MS)
+
+
+def test_where_the_flights_do_not_settle_the_last_fit_stays(monkeypatch):
+    felt = Felt(monkeypatch, true=18.0, fails_at=2)
+    assert felt.found().numbers.values[0] == pytest.approx(3.0 - 0.81, rel=1e-3)
+    assert len(felt.delays) == 3
+
+
+def test_motion_capture_has_no_accelerometer_to_be_late(monkeypatch):
+    felt = Felt(monkeypatch, true=18.0)
+    tracked = replace(felt.begun, dataset=replace(felt.begun.dataset, source="mocap"))
+    assert fit_with_force_in_time(tracked, felt.fit) is tracked
