@@ -169,7 +169,7 @@ def test_what_such_a_delay_leaves_open_is_in_the_intervals(felt):
         (60.0, 6.0, True),
     ],
 )
-def test_a_delay_is_likely_as_its_deviation_and_usual_filters_say(late, std, likely):
+def test_a_delay_is_as_likely_as_chance_and_usual_filters_say(late, std, likely):
     """One in ten is behind a low-pass, whose delay is 10 ms on the average; the others are not."""
     odds = log_odds_of_delay(Lateness(seconds=late * MS, std=std * MS))
     delays, step = np.linspace(0.0, 0.2, 20_001), 1e-5
