@@ -18,6 +18,7 @@ from rotorfit.fit.reduction.motor_timing import (
     is_time_identifiable,
     skew_of,
 )
+from rotorfit.fit.sensors.lateness import Lateness
 from rotorfit.fit.timing import timing_fit, timing_search
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timed_fit import TimedFit
@@ -237,6 +238,13 @@ def no_lag(at):
     return -1e4 * (at.mean_lag > 2e-3)
 
 
+def turns_leave_open(monkeypatch, std):
+    """Let the turns of one flight be known in time to a deviation [ms]."""
+    late = Lateness(seconds=0.0, std=std * MS)
+    monkeypatch.setattr(timing_fit, "flight_spectra", lambda fit: [(None, None)])
+    monkeypatch.setattr(timing_fit, "lateness", lambda spectra, axes: late)
+
+
 def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0, likelihood=no_lag, before=None):
     """Let every fit move the times by a share of the way to the bottom; return where it was.
 
@@ -262,6 +270,7 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0, likelihood=no
         return replace(fit, log_likelihood=5.0 + won + likelihood(free.at)), []
 
     fitting(monkeypatch, joint_fit)
+    turns_leave_open(monkeypatch, 1.0)
     return seen
 
 
@@ -275,7 +284,7 @@ def test_a_fit_that_moved_far_restarts_there_without_its_times(monkeypatch):
     Along the lines first, and once more where that ends.
     """
     seen = fits_to(monkeypatch, MotorResponse(lag=0.055, delay=0.012))
-    timed, fit = settled_from(MotorResponse(lag=0.005), BOTH)
+    timed, fit, _ = settled_from(MotorResponse(lag=0.005), BOTH)
     places = [(free.at.lag, free.at.delay) for free, _ in seen]
     expected = [(0.005, 0.0), (0.025, 0.0048), (0.045, 0.0096), (0.055, 0.012), (0.055, 0.012)]
     assert np.array(places) == pytest.approx(np.array(expected))
@@ -305,7 +314,7 @@ def test_of_many_flights_the_liveliest_settle_first(monkeypatch):
         sizes.append((len(dataset.configurations[0].flights), sorted(options)))
 
     seen = fits_to(monkeypatch, AT, before=note)
-    timed, _ = first_fit(many, MotorResponse(lag=0.03), BOTH, ())
+    timed, *_ = first_fit(many, MotorResponse(lag=0.03), BOTH, ())
     along, made = (4, ["begin", "close", "terms"]), (4, ["begin", "terms"])
     assert sizes == [(4, ["guess", "terms"]), along, made, (6, ["guess", "terms"])]
     assert timed.timing == AT and seen[-1][0].at == AT
@@ -322,7 +331,7 @@ def test_three_tenths_of_a_deviation_need_no_other_round(monkeypatch):
 def test_a_timing_that_never_settles_is_taken_from_the_last_fit(monkeypatch):
     """Steps of 5 ms for ever: fifteen of them, none counted twice, the last one of the samples."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.040, delay=10.0), share=5e-4)
-    timed, fit = settled_from(AT, ("motor_delay",))
+    timed, fit, _ = settled_from(AT, ("motor_delay",))
     assert len(seen) == timing_fit.MOST_ROUNDS == 15
     assert timed.free_timing.at == seen[-1][0].at
     moved = fit.estimate.value("motor_delay")
@@ -392,6 +401,14 @@ def test_motors_without_lag_are_known_by_turns_that_are_flown(monkeypatch, turne
     if turned:
         assert found.response.lag == 0.0
         assert found.lag_std == found.delay_std == found.total_std > MS  # no better than their sum
+
+
+@pytest.mark.parametrize(("std", "free"), [(4.0, ("motor_delay",)), (4.2, ())])
+def test_turns_that_may_be_8_ms_late_do_not_show_no_lag(monkeypatch, std, free):
+    """Once lag was 0 +- 2.5 ms, of motors with 21: the turns of that hover were open by 27 ms."""
+    fits_to(monkeypatch, MotorResponse(lag=0.0004, delay=0.0003))
+    turns_leave_open(monkeypatch, std)
+    assert fitted_timing(dataset(), AT, BOTH, ()).free == free
 
 
 LOST_AT = MotorResponse(lag=0.0004, delay=0.0113)
@@ -684,7 +701,7 @@ def test_a_fit_that_gets_lost_begins_at_another_lag(monkeypatch, lost, begun):
         return fit_at(dataset.free_timing, moved=[1.0, -away]), []
 
     fitting(monkeypatch, fit)
-    found, first = first_fit(dataset(), MotorResponse(lag=0.04), BOTH, ())
+    found, first, _ = first_fit(dataset(), MotorResponse(lag=0.04), BOTH, ())
     assert 1e3 * found.timing.lag == pytest.approx(begun)
     assert first.estimate.value("motor_delay") == pytest.approx(-1e23 if len(lost) == 3 else -0.002)
     assert tried == pytest.approx([40.0, 20.0, 80.0][: min(len(lost) + 1, 3)])
@@ -692,7 +709,7 @@ def test_a_fit_that_gets_lost_begins_at_another_lag(monkeypatch, lost, begun):
 
 def test_without_a_lag_there_is_one_start(monkeypatch):
     fitting(monkeypatch, lambda at, **_: (fit_at(at.free_timing, moved=[1e26]), []))
-    found, _ = first_fit(dataset(), MotorResponse(delay=0.01), ("motor_delay",), ())
+    found, *_ = first_fit(dataset(), MotorResponse(delay=0.01), ("motor_delay",), ())
     assert found.timing == MotorResponse(delay=0.01)
 
 

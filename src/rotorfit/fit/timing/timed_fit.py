@@ -9,9 +9,10 @@ import numpy as np
 from rotorfit.fit.reduction.motor_timing import LARGEST_SKEW, SUM_FAULT, FreeTiming, skew_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from rotorfit.estimation.banded import BandedEstimate
+    from rotorfit.fit.joint.joint_problem import JointConfiguration
     from rotorfit.fit.timing.timed_dataset import TimedDataset
     from rotorfit.flight.motors.motor_model import MotorResponse
 
@@ -41,6 +42,7 @@ class TimedFit(NamedTuple):
 
     dataset: TimedDataset
     estimate: BandedEstimate
+    configurations: Sequence[JointConfiguration] = ()
 
     @property
     def free(self) -> FreeTiming:

@@ -22,6 +22,8 @@ from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
 from rotorfit.fit.joint.joint_fit import INTERMEDIATE, joint_fit
 from rotorfit.fit.reduction.motor_timing import SPLIT_FAULT, SUM_FAULT, MotorTiming
+from rotorfit.fit.sensors.lateness import lateness
+from rotorfit.fit.sensors.sensor_response import TURNS, flight_spectra
 from rotorfit.fit.timing.timed_fit import LEAST_GAIN, LEAST_LAG, LONGEST_MOVE, TimedFit
 from rotorfit.fit.timing.timing_faults import hold_fault, shape_fault
 from rotorfit.fit.timing.timing_rounds import accelerated_move, round_between, timing_round
@@ -126,8 +128,8 @@ def timed_again(
         if begin is None:
             again = fitted_timing(dataset, found.response, found.free, terms)
         else:
-            first, _ = joint_fit(dataset, terms=terms, begin=begin)
-            again = _settled_timing(TimedFit(dataset, first), found.free, terms)
+            first = fit_at(dataset, terms, begin=begin)
+            again = _settled_timing(first, found.free, terms)
     except UnsettledError:
         return dataset
     if again is None:
@@ -190,7 +192,7 @@ def fit_at(
     dataset: TimedDataset, terms: tuple[str, ...], *, begin: Mapping[str, float] | None = None
 ) -> TimedFit:
     """Fit flights at a timing; `begin`: see `joint_fit`."""
-    return TimedFit(dataset, joint_fit(dataset, terms=terms, begin=begin)[0])
+    return TimedFit(dataset, *joint_fit(dataset, terms=terms, begin=begin))
 
 
 def first_fit(
@@ -210,9 +212,9 @@ def first_fit(
     tried: list[TimedFit] = []
     for share in STARTS if start.lag > 0.0 else STARTS[:1]:
         begun = dataset.at(_scaled_lag(start, share), names)
-        fit, _ = joint_fit(begun, terms=terms, guess=guess)
-        tried.append(TimedFit(begun, fit))
-        if max(abs(fit.estimate.value(name)) for name in names) < LOST:
+        tried.append(TimedFit(begun, *joint_fit(begun, terms=terms, guess=guess)))
+        moved = tried[-1].estimate.estimate
+        if max(abs(moved.value(name)) for name in names) < LOST:
             return tried[-1]
     return tried[0]
 
@@ -261,11 +263,12 @@ def _search_along_lines(made: TimedFit, terms: tuple[str, ...], rounds: Iterator
             return fit
         moved = fit.moved(accelerated_move(own, last, longest=LONGEST_MOVE))
         dataset, last = made.dataset.moved_along_lines(moved), own
-        begin, fit = fit.values, TimedFit(dataset, fit.estimate)
+        begin, fit = fit.values, fit._replace(dataset=dataset)
         # Of motors without lag the fit would lose the motion: it is the last one before.
         if fit.loses_the_motion:
             return fit
-        fit = TimedFit(dataset, joint_fit(dataset, terms=terms, begin=begin, close=INTERMEDIATE)[0])
+        found = joint_fit(dataset, terms=terms, begin=begin, close=INTERMEDIATE)
+        fit = TimedFit(dataset, *found)
 
 
 def _timing_without_lag(begun: TimedFit, terms: tuple[str, ...]) -> MotorTiming | None:
@@ -283,13 +286,27 @@ def _timing_without_lag(begun: TimedFit, terms: tuple[str, ...]) -> MotorTiming 
     found = _settled_timing(late, ("motor_delay",), terms)
     # As with a lag: what comes before its command, or in a calm flight, is the autopilot's answer.
     # Yaw does not show a lag: its quick turns are by the rotors' inertia.
-    shown = found is not None and found.identifiable and gust_bias(dataset, turns=2) == 0.0
-    if found is None or not shown or found.response.mean_lag + found.response.delay <= 0.0:
+    flown = gust_bias(dataset, turns=2) == 0.0 and _turns_show_times(late)
+    if (
+        found is None
+        or not found.identifiable
+        or not flown
+        or found.response.mean_lag + found.response.delay <= 0.0
+    ):
         return unidentifiable_timing(dataset, delay_free=True)
     # So short a lag is known no better than its sum with the delay; a longer one, of which these
     # flights show nothing but the sum, no better than before.
     before = dataset.lag_prior[1] if longer is not None else LEAST_LAG / 1.96
     return found.with_lag_std(max(before, found.total_std))
+
+
+def _turns_show_times(fit: TimedFit) -> bool:
+    """Return whether the turns of a flight would be late by less than the shortest longer lag.
+
+    Where nobody steers, an autopilot that answers its gyro at once looks like motors without lag.
+    """
+    found = (lateness(spectra, TURNS) for _, spectra in flight_spectra(fit))
+    return any(late is not None and 1.96 * late.std < LONGER_LAGS[0] for late in found)
 
 
 def _likeliest_longer_lag(late: TimedFit, terms: tuple[str, ...]) -> TimedFit | None:
