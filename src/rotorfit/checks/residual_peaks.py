@@ -118,7 +118,7 @@ def _errors_of_stretches(
 ) -> Iterator[tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"], float]]:
     """Yield the errors of every stretch, the rotors' push along the same axes, and the rate."""
     vehicle = dataset.vehicle
-    lever = np.cross(vehicle.positions, vehicle.axes)[:, :2]
+    lever = vehicle.levers[:, :2]
     made = np.column_stack([vehicle.axes, lever, -vehicle.spins])
     for prepared in flights:
         data = dataclasses.replace(retimed(prepared, dataset.timing), segments=prepared.phases)

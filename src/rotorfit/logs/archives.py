@@ -8,12 +8,12 @@ import zlib
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
+from rotorfit.logs.files import ZIP
 
 if TYPE_CHECKING:
     from pathlib import Path
     from typing import IO
 
-ZIP: Final = b"PK\x03\x04"
 _TAR: Final = slice(257, 262)
 """Where a tar archive says that it is one."""
 LARGEST: Final = 1 << 30

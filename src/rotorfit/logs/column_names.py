@@ -83,7 +83,7 @@ _NO_MEASUREMENT: Final = frozenset(
     )
 )
 _SET_POINT: Final = frozenset(["sp", "setpoint", "ref", "reference", "target", "desired", "des"])
-_ASKED: Final = _SET_POINT | {"cmd", "command", "commanded", "demand", "demanded", "goal"}
+ASKED: Final = _SET_POINT | {"cmd", "command", "commanded", "demand", "demanded", "goal"}
 """Words of what a controller asks for; the further ones are of what motors are sent, too."""
 COMPRESSED_RATES: Final = "state estimate z rate angle"
 """Stem of the rates in a Crazyflie's compressed state, as its firmware has them: mrad/s, and about
@@ -262,14 +262,14 @@ def _kind_of_words(words: tuple[str, ...], index: int | None) -> str | None:
     turns = turns or bare[-1:] in (("w",), ("g",), ("om",)) or "rate" in words or "rates" in words
     if (turns or ("omega" in words and index < 3 and not _is_motor(words))) and index >= 0:
         # axisRate is what the rate controller of INAV is asked for.
-        is_asked = _ASKED.intersection(words) or words == ("axis", "rate")
+        is_asked = ASKED.intersection(words) or words == ("axis", "rate")
         return "reference" if is_asked else "gyro"
     if _SET_POINT.intersection(words):
         return None
     if (
         "acc" in joined or bare[-1:] in (("a",), ("f",)) or "specificforce" in joined
     ) and index >= 0:
-        return None if _ASKED.intersection(words) else "accel"
+        return None if ASKED.intersection(words) else "accel"
     return _kind_of_rest(words, bare, joined, index)
 
 
@@ -302,7 +302,7 @@ def _kind_of_rest(
         ("mot",),
     ):
         return None if index < 0 or _NO_MOTOR.intersection(words) else "motor"
-    if _ASKED.intersection(words):
+    if ASKED.intersection(words):
         return None
     if "quat" in joined or "orientation" in joined or bare[-1:] == ("q",):
         return "quaternion"

@@ -78,8 +78,8 @@ Content = bytes | mmap.mmap
 """Content of a file: in memory, or mapped."""
 
 
-_ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b")
-"""First bytes of zip and gzip."""
+ZIP, GZIP = b"PK\x03\x04", b"\x1f\x8b"
+"""First bytes of archives."""
 
 
 def unpacked_log(path: Path) -> bytes | None:
@@ -87,7 +87,7 @@ def unpacked_log(path: Path) -> bytes | None:
     begin = b""
     with suppress(OSError, ValueError), path.open("rb") as file:  # whoever reads it says why
         begin = file.read(4)
-    if not begin.startswith(_ARCHIVES):
+    if not begin.startswith((ZIP, GZIP)):
         return None
     from rotorfit.logs.archives import unpack_log  # what most logs need not is not imported
 

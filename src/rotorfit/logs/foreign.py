@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
+from rotorfit.logs.files import GZIP, ZIP
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -42,12 +44,12 @@ def _is_c3d(head: bytes) -> bool:
 
 
 def _is_npz(head: bytes) -> bool:
-    return head.startswith(b"PK\x03\x04") and head[30:200].find(b".npy") > 0
+    return head.startswith(ZIP) and head[30:200].find(b".npy") > 0
 
 
 def _is_workbook(head: bytes) -> bool:
     is_office = b"[Content_Types].xml" in head[:4096] or b"xl/work" in head[:4096]
-    return head.startswith(b"PK\x03\x04") and is_office
+    return head.startswith(ZIP) and is_office
 
 
 def _is_tlog(head: bytes) -> bool:
@@ -96,8 +98,8 @@ FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
     ("a NumPy archive (.npz): save its arrays as the columns of a CSV or Parquet file", _is_npz),
     ("a spreadsheet: save the sheet as CSV", _is_workbook),
     ("a zip archive without files: pack the log again", _begins_with(b"PK\x05\x06")),
-    ("a zip archive: unpack it first", _begins_with(b"PK\x03\x04")),
-    ("a gzip archive: unpack it first", _begins_with(b"\x1f\x8b")),
+    ("a zip archive: unpack it first", _begins_with(ZIP)),
+    ("a gzip archive: unpack it first", _begins_with(GZIP)),
     ("a zstd archive: unpack it first", _begins_with(b"\x28\xb5\x2f\xfd")),
     (
         "an xz, bzip2 or 7z archive: unpack it first",

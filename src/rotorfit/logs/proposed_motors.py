@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rotorfit.logs.column_names import COMMAND_WORDS, SPEED_WORDS, Candidate, is_by_corner
+from rotorfit.logs.column_names import ASKED, COMMAND_WORDS, SPEED_WORDS, Candidate, is_by_corner
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.motor_outputs import MOTOR_COUNTS
 from rotorfit.logs.proposed_channels import Found, Question, known_rows, stacked
@@ -91,7 +91,7 @@ def motors_found(
 def _rank_group(one: Candidate) -> tuple[bool, bool]:
     """Rank groups of motor columns: those of a controller's arithmetic last."""
     words = set(one.stem.split())
-    return "thrust" in words, not words.isdisjoint(("cmd", "command", "commanded"))
+    return "thrust" in words, not words.isdisjoint(ASKED)
 
 
 def _list_turning(held: Sequence[str], values: Float[np.ndarray, "n k"]) -> list[str]:

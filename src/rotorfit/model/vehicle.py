@@ -122,6 +122,11 @@ class Vehicle:
         return _read_only([1.0 if rotor.spin == "ccw" else -1.0 for rotor in self.rotors])
 
     @cached_property
+    def levers(self) -> Float[np.ndarray, "N 3"]:
+        """Torque of each rotor's thrust about the body origin, over that thrust [m]."""
+        return _read_only(np.cross(self.positions, self.axes))
+
+    @cached_property
     def squared_arms(self) -> Float[np.ndarray, " N"]:
         """Squared distance of each rotor from the body's z axis [m^2]."""
         return _read_only((self.positions[:, :2] ** 2).sum(axis=1))

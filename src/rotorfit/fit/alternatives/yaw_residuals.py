@@ -131,7 +131,7 @@ def _select_yaw_row(factors: Factors, vehicle: Vehicle) -> _Yaw:
     n, s = vehicle.axes, vehicle.spins
     squares, spin_up = np.split(factors.R[:, :, 1:], [len(s)], axis=2)
     drives = [squares @ (-s * n[:, 2]), spin_up @ (-s * n[:, 2])]
-    lever = np.cross(vehicle.positions, n)[:, 2]
+    lever = vehicle.levers[:, 2]
     if lever.any():
         drives.append(squares @ lever)
     middle: Float[np.ndarray, " b"] = factors.band.mean(axis=1)

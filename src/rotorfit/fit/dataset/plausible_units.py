@@ -161,7 +161,7 @@ def gyration(factors: Factors, vehicle: Vehicle) -> float | None:
     R, layout = factors.total, signal_layout(vehicle)
     squares = R[:, [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]]
     thrust = squares @ vehicle.axes[:, 2]
-    torques = squares @ np.cross(vehicle.positions, vehicle.axes)
+    torques = squares @ vehicle.levers
     if not thrust.any():
         return None
     per_square, _ = _slope_with_share(R[:, layout.index("az")], thrust)

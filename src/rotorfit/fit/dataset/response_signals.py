@@ -40,7 +40,7 @@ def square_columns(vehicle: Vehicle) -> list[int]:
 def rotor_patterns(vehicle: Vehicle) -> Float[np.ndarray, "N 4"]:
     """Return thrust, torques in roll and pitch, and drag torque, of each rotor's squared speed."""
     lift = vehicle.axes[:, 2]
-    across = np.cross(vehicle.positions, vehicle.axes)[:, :2]
+    across = vehicle.levers[:, :2]
     return np.column_stack([lift, across, -vehicle.spins * lift])
 
 

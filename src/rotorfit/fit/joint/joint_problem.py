@@ -313,7 +313,7 @@ def _mixed_rotors(
 ) -> Complex[np.ndarray, "b e u"]:
     """Return how an autopilot moves the rotors to roll, pitch, yaw and climb."""
     vehicle = configuration.vehicle
-    torque = np.cross(vehicle.positions, vehicle.axes)[:, :2].T
+    torque = vehicle.levers[:, :2].T
     alike = np.ones(len(vehicle.rotors))
     # As the arms, the spins, and all alike, by a unit of squared speed.
     mixer = np.vstack([torque - torque.mean(axis=1, keepdims=True), vehicle.spins, alike])

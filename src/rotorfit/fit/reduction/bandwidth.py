@@ -209,7 +209,7 @@ def _causes_of_channels(
 ) -> Iterator[tuple[str, tuple[Float[np.ndarray, " n"], list[Float[np.ndarray, " n"]], int]]]:
     """Yield each channel with its causes: first those of the rotors, then damping and air."""
     squares, w = data.rotor_speed**2, data.angular_velocity
-    torque, thrust = np.cross(vehicle.positions, vehicle.axes), squares @ vehicle.axes
+    torque, thrust = vehicle.levers, squares @ vehicle.axes
     average = _average_rows if data.differentiation == "central" else _keep_values
     air = [average(one) for one in _air_signals(data)]
     yield "az", (average(data.specific_force[:, 2]), [average(thrust[:, 2]), *air], 1)

@@ -103,7 +103,7 @@ def inflow_names(vehicle: Vehicle) -> tuple[str, ...]:
 def inflow_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n i"]:
     """Compute the signals of air through the rotors, with rotor i's velocity u_i along its axis."""
     n, (through, _) = vehicle.axes, _air_through_rotors(flight, rows, vehicle)
-    wrenches = (flight.rotor_speed[rows] * through) @ np.hstack([n, np.cross(vehicle.positions, n)])
+    wrenches = (flight.rotor_speed[rows] * through) @ np.hstack([n, vehicle.levers])
     names = inflow_names(vehicle)
     return wrenches[:, [i for i, name in enumerate(INFLOW_SIGNALS) if name in names]]
 

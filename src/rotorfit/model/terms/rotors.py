@@ -55,7 +55,7 @@ def rotor_thrust(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Thrust k_t O^2 n_i at r_i: one coefficient for all rotors, and one of each rotor's own."""
     blocks: dict[str, Block] = {"kt": block(layout, {})}
     n = vehicle.axes
-    wrenches = -np.concatenate([n, np.cross(vehicle.positions, n)], axis=1)
+    wrenches = -np.concatenate([n, vehicle.levers], axis=1)
     for i, wrench in enumerate(wrenches):
         own = block(layout, {})
         own[:, layout.index(f"O2_{i + 1}")] = wrench
