@@ -9,10 +9,10 @@ import functools
 import inspect
 import os
 import sys
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
+import jaxtyping
 from beartype import beartype
 from jaxtyping import _import_hook as hook
 
@@ -49,7 +49,7 @@ UNTYPED = (
 )
 """Of these, what takes longest to check; others that are checked call the same functions."""
 
-_counts: Counter[tuple[str, str]] = Counter()
+_counts: dict[str, int] = {}
 _left_out: list[Callable[..., object]] = []
 
 
@@ -62,6 +62,37 @@ def is_typed(path: Path) -> bool:
     return ALL_CALLS or (within and not left_out)
 
 
+def checked_at_first(function: Callable[..., object]) -> Callable[..., object]:
+    """Check a function's types and shapes at its first calls in a test, and prepare it only then.
+
+    Most functions are never checked, those within others are made anew at every call, and to
+    prepare one takes as long as a hundred calls of it.
+    """
+    name = f"{function.__module__}.{function.__qualname__}"
+    typed: Callable[..., object] | None = None
+
+    @functools.wraps(function)
+    def call(*args: object, **kwargs: object) -> object:
+        nonlocal typed
+        if jaxtyping.config.jaxtyping_disable or _counts.get(name, 0) >= CALLS:
+            return function(*args, **kwargs)
+        if typed is None:
+            typed = jaxtyping.jaxtyped(function, typechecker=checked)
+        return typed(*args, **kwargs)
+
+    return call
+
+
+def checked_class(made: type) -> type:
+    """Check what a data class is made of; not where all share one `__init__`, which takes anything.
+
+    That of `rotorfit.frozen_dataclass` is called half a million times by the tests of `fit`.
+    """
+    if getattr(made.__init__, "__module__", None) == "rotorfit.frozen_dataclass":
+        return made
+    return jaxtyping.jaxtyped(made, typechecker=checked)
+
+
 def checked(function: Callable[..., object]) -> Callable[..., object]:
     """Check a function's types as beartype does, until it has been called often enough."""
 
@@ -69,13 +100,13 @@ def checked(function: Callable[..., object]) -> Callable[..., object]:
     def check() -> Callable[..., object]:  # when called: most functions never are
         return beartype(function)
 
-    name = (function.__module__, function.__qualname__)
+    name = f"{function.__module__}.{function.__qualname__}"
 
     @functools.wraps(function)
     def counted(*args: object, **kwargs: object) -> object:
-        _counts[name] += 1
+        _counts[name] = _counts.get(name, 0) + 1
         if _counts[name] == CALLS:
-            _leave_out(*name)
+            _leave_out(function.__module__, function.__qualname__)
         return check()(*args, **kwargs)
 
     return counted
@@ -95,6 +126,36 @@ class TransformerWithTypes(hook.JaxtypingTransformer):
             if for_types and not statement.orelse:  # with it a module finds these names otherwise
                 statement.test = ast.Constant(True)
         return super().visit_Module(node)
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
+        own = set(node.decorator_list)
+        super().visit_ClassDef(node)
+        if node.decorator_list and node.decorator_list[0] not in own:
+            node.decorator_list[0] = _decorator("checked_class", node)
+        return node
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        own = set(node.decorator_list)
+        super().visit_FunctionDef(node)
+        if node.decorator_list and node.decorator_list[-1] not in own:
+            node.decorator_list[-1:] = (
+                [] if _has_nothing_to_check(node) else [_decorator("checked_at_first", node)]
+            )
+        return node
+
+
+def _decorator(name: str, place: ast.AST) -> ast.expr:
+    """Return the expression of a decorator of this module, where the function or class stands."""
+    return ast.copy_location(ast.parse(f"__import__('first_calls').{name}", mode="eval").body, place)
+
+
+def _has_nothing_to_check(node: ast.FunctionDef) -> bool:
+    """Return whether a function takes anything and returns nothing, or anything."""
+    taken = node.args
+    arguments = (*taken.posonlyargs, *taken.args, *taken.kwonlyargs, taken.vararg, taken.kwarg)
+    every = [one.annotation for one in arguments if one is not None]
+    names = {ast.unparse(one) for one in (*every, node.returns) if one is not None}
+    return names <= {"Any", "object", "None"}
 
 
 hook.JaxtypingTransformer = TransformerWithTypes
