@@ -19,7 +19,7 @@ from jaxtyping import _import_hook as hook
 ALL_CALLS = os.environ.get("CALLS") == "all"
 """Whether every call is checked, in every test."""
 
-CALLS = float("inf") if ALL_CALLS else 20
+CALLS = float("inf") if ALL_CALLS else 10
 """Two for each call: of the arguments, and of what is returned."""
 
 TYPED = (
@@ -70,11 +70,12 @@ def checked_at_first(function: Callable[..., object]) -> Callable[..., object]:
     """
     name = f"{function.__module__}.{function.__qualname__}"
     typed: Callable[..., object] | None = None
+    config = jaxtyping.config
 
     @functools.wraps(function)
     def call(*args: object, **kwargs: object) -> object:
         nonlocal typed
-        if jaxtyping.config.jaxtyping_disable or _counts.get(name, 0) >= CALLS:
+        if config.jaxtyping_disable or _counts.get(name, 0) >= CALLS:
             return function(*args, **kwargs)
         if typed is None:
             typed = jaxtyping.jaxtyped(function, typechecker=checked)

@@ -11,6 +11,11 @@ from rotorfit.simulation import (
 )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def one_step_a_sample() -> None:
+    """Integrate as many steps as a user's flights have."""
+
+
 @pytest.fixture(scope="session")
 def paper_flight() -> SimulatedFlight:
     """Vehicle B on the default flight of 75 s, nothing disturbed."""

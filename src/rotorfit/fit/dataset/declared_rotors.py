@@ -10,7 +10,7 @@ of the declared rotors does, the declaration is wrong and every number would be.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import permutations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -413,12 +413,18 @@ SAME_SEAT: Final = 0.94
 """Cosine of the 20 degrees, seen from the middle, within which a rotor is at a layout's."""
 
 
+@cache
+def _layout_seats(layout: str, order: str) -> tuple[Rotor, ...]:
+    """Return the rotors of a named layout with arms of 1 m; every other declaration asks for all."""
+    return layout_rotors(layout, arm=1.0, order=order)
+
+
 def _named_order(rotors: Sequence[Rotor]) -> str:
     """Name the autopilot whose order of a layout the rotors are in; empty without one."""
     places = np.array([rotor.position[:2] for rotor in rotors])
     places = places - places.mean(axis=0)
     for layout, order in LAYOUTS:
-        seats = layout_rotors(layout, arm=1.0, order=order)
+        seats = _layout_seats(layout, order)
         if [seat.spin for seat in seats] != [rotor.spin for rotor in rotors]:
             continue
         along = (places * np.array([seat.position[:2] for seat in seats])).sum(axis=1)
