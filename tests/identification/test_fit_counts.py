@@ -32,7 +32,7 @@ def test_one_identification_makes_few_fits(tmp_path: Path, channels, speed):
     calls = {
         name: counts[1]
         for (file, _, name), counts in pstats.Stats(profile).stats.items()
-        if "rotorfit" in file
+        if "rotorfit" in file and file.endswith(".py")  # not what beartype makes of it
     }
     assert 10 <= calls["banded"] <= MOST_FITS[speed]
     assert 5 <= calls["prepared_lines"] <= MOST_REDUCTIONS[speed]
