@@ -147,7 +147,9 @@ class TransformerWithTypes(hook.JaxtypingTransformer):
 
 def _decorator(name: str, place: ast.AST) -> ast.expr:
     """Return the expression of a decorator of this module, where the function or class stands."""
-    return ast.copy_location(ast.parse(f"__import__('first_calls').{name}", mode="eval").body, place)
+    return ast.copy_location(
+        ast.parse(f"__import__('first_calls').{name}", mode="eval").body, place
+    )
 
 
 def _has_nothing_to_check(node: ast.FunctionDef) -> bool:

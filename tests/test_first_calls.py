@@ -1,10 +1,12 @@
 """Shapes are checked at a function's first calls in each test."""
 
+import ast
 from pathlib import Path
 
 import numpy as np
 import pytest
-from jaxtyping import TypeCheckError
+from jaxtyping import Float, TypeCheckError
+from jaxtyping._import_hook import Typechecker
 
 import first_calls
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
@@ -42,6 +44,34 @@ def test_methods_are_left_out_too():
         made.theta(np.zeros(1))
     left = getattr(ParameterMap.theta.__wrapped__, "__no_type_check__", False)
     assert left == np.isfinite(first_calls.CALLS)
+
+
+def test_a_function_within_another_is_checked_at_first_too():
+    @first_calls.checked_at_first
+    def total(values: Float[np.ndarray, " n"]) -> float:
+        return float(values.sum())
+
+    with pytest.raises(TypeCheckError):
+        total(OBLONG)
+    for _ in range(100):
+        total(np.ones(2))
+    if np.isfinite(first_calls.CALLS):
+        assert total(OBLONG) == 6.0
+
+
+@pytest.mark.parametrize(
+    ("head", "checked"),
+    [
+        ("(self: Any, **values: Any) -> None", False),
+        ("(*args: object)", False),
+        ("(x: Any) -> float", True),
+        ("(x: Float[np.ndarray, ' n']) -> None", True),
+    ],
+)
+def test_a_function_of_anything_is_not_decorated(head, checked):
+    tree = ast.parse(f"def f{head}: ...")
+    first_calls.TransformerWithTypes(typechecker=Typechecker("first_calls.checked")).visit(tree)
+    assert ("checked_at_first" in ast.unparse(tree)) == checked
 
 
 def test_what_is_typed_and_what_is_not_is_there():

@@ -415,7 +415,7 @@ SAME_SEAT: Final = 0.94
 
 @cache
 def _layout_seats(layout: str, order: str) -> tuple[Rotor, ...]:
-    """Return the rotors of a named layout with arms of 1 m; every other declaration asks for all."""
+    """Return the rotors of a named layout with arms of 1 m; each other declaration asks for all."""
     return layout_rotors(layout, arm=1.0, order=order)
 
 
