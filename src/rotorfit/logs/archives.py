@@ -8,7 +8,7 @@ import zlib
 from typing import TYPE_CHECKING, Final
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import ZIP
+from rotorfit.logs.foreign import ZIP
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,6 +13,7 @@ from io import BufferedReader, BytesIO
 from pathlib import Path
 
 from rotorfit.errors import LogError, OutputError
+from rotorfit.logs.foreign import GZIP, ZIP
 
 Progress = Callable[[float], None]
 """Told how much of a file was gone through: from 0 to 1, never less than before."""
@@ -76,10 +77,6 @@ BLOCK = 4 << 20
 
 Content = bytes | mmap.mmap
 """Content of a file: in memory, or mapped."""
-
-
-ZIP, GZIP = b"PK\x03\x04", b"\x1f\x8b"
-"""First bytes of archives."""
 
 
 def unpacked_log(path: Path) -> bytes | None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
-from rotorfit.logs.files import GZIP, ZIP
-
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+ZIP, GZIP = b"PK\x03\x04", b"\x1f\x8b"
+"""First bytes of archives."""
 
 _TOML_TABLE: Final = re.compile(
     rb"(?:[ \t]*(?:#[^\r\n]*|[A-Za-z_]\w*[ \t]*=[^\r\n]*)?\r?\n)*"

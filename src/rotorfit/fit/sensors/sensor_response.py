@@ -15,7 +15,7 @@ by how much the fit's is off.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -34,11 +34,9 @@ if TYPE_CHECKING:
 
     from jaxtyping import Complex, Float
 
-    from rotorfit.estimation.banded import BandedEstimate
     from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight
     from rotorfit.fit.fit import Fit
-    from rotorfit.fit.joint.joint_problem import JointConfiguration
-    from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.fit.timing.timed_fit import TimedFit
     from rotorfit.flight.flight_data import FlightData
 
     Shape = Callable[[Float[np.ndarray, " b"]], Complex[np.ndarray, " b"]]
@@ -105,26 +103,7 @@ class Spectra(NamedTuple):
         return Spectra(self.frequency[inside], self.measured[:, inside], self.predicted[:, inside])
 
 
-class Fitted(Protocol):
-    """What the spectra need of a fit: its flights, its estimate, and what counted in it."""
-
-    @property
-    def dataset(self) -> TimedDataset:
-        """The flights at the timing of their motors."""
-        ...
-
-    @property
-    def estimate(self) -> BandedEstimate:
-        """The maximum of the joint likelihood."""
-        ...
-
-    @property
-    def configurations(self) -> Sequence[JointConfiguration]:
-        """The configurations that were fitted."""
-        ...
-
-
-def flight_spectra(fit: Fitted) -> Iterator[tuple[LoadedFlight, Spectra]]:
+def flight_spectra(fit: Fit | TimedFit) -> Iterator[tuple[LoadedFlight, Spectra]]:
     """Yield the spectra of every flight that has a window."""
     dataset, estimate = fit.dataset, fit.estimate
     theta = theta_of(estimate.problem.map, estimate.estimate.values, fit.configurations)
@@ -134,7 +113,7 @@ def flight_spectra(fit: Fitted) -> Iterator[tuple[LoadedFlight, Spectra]]:
 
 
 def _own_spectra(
-    fit: Fitted, configured: ConfigurationData, G: Float[np.ndarray, "k z"]
+    fit: Fit | TimedFit, configured: ConfigurationData, G: Float[np.ndarray, "k z"]
 ) -> Iterator[tuple[LoadedFlight, Spectra]]:
     for flight in configured.flights:
         data = retimed(flight.prepared, fit.dataset.timing)
@@ -151,7 +130,7 @@ def _own_spectra(
 
 
 def _transform_window(
-    fit: Fitted, data: FlightData, start: int, G: Float[np.ndarray, "k z"]
+    fit: Fit | TimedFit, data: FlightData, start: int, G: Float[np.ndarray, "k z"]
 ) -> Complex[np.ndarray, "l k2"]:
     """Transform one window: the accelerations as measured, then as predicted."""
     dataset, noisy = fit.dataset, list(fit.estimate.problem.noisy)
