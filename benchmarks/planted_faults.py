@@ -369,7 +369,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("rows=moving[:, None] * counted_errors", "rows=moving[:, None] * np.ones_like(counted_errors, dtype=int)"),
             ("spin_up = 1j * turn", "spin_up = -1j * turn"),
             ("* (\"dHx\" not in configuration.model.layout)", ""),
-            ("vehicle.axes)[:, :2].T\n    alike", "vehicle.axes)[:, 1::-1].T\n    alike"),
+            ("vehicle.levers[:, :2].T\n    alike", "vehicle.levers[:, 1::-1].T\n    alike"),
         ),
     ),
     "estimation/effective_blocks.py": Room(

@@ -18,7 +18,7 @@ WORDS = TESTS / "golden" / "words"
 HEAD = "=== "
 NUMBER = re.compile(r"(?<![\w.^])[-+\u2212]?\d+(?:\.\d+)*(?:e[-+]?\d+)?|(?<=\))e[-+]\d+")
 HASH = re.compile(r"(?<=-)[0-9a-f]{8}(?=\.)")
-"""Begin of a file's hash in the name of another: simulated logs differ by the machine's rounding."""
+"""Begin of a file's hash in the name of another: simulated logs differ by a machine's rounding."""
 
 
 def mask_numbers(text: str) -> str:
