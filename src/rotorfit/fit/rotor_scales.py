@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from rotorfit.fit.fit import Fit
     from rotorfit.flight.prepare import PreparedFlight
 
-SPEED_SCALE: Final = "rotor speed scale"
-"""Name of the interval term."""
 MISTAKES: Final = 0.02
 """Share of logs with one speed on another scale: as of mistaken frames (`frame_sides`)."""
 SCALE_STD: Final = 0.08
@@ -92,7 +90,7 @@ def allow_for_rotor_scale(fit: Fit) -> Fit:
     for rotor in likely:
         slopes[rotor] = _slopes_by_scale(fit, rotor, odds.excess_of(rotor))
     term = IntervalTerm(
-        name=SPEED_SCALE,
+        name="rotor speed scale",
         half_width=posterior_half_widths(odds, slopes),
         source="each rotor's thrust at its speed against the others'",
     )

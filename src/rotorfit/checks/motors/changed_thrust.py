@@ -13,7 +13,6 @@ import numpy as np
 
 from rotorfit.digits import with_half
 from rotorfit.findings import Evidence, Finding, doubt
-from rotorfit.fit.rotor_scales import SPEED_SCALE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -149,7 +148,7 @@ def _shares_of_thrust(squares: Float[np.ndarray, "n N"]) -> Float[np.ndarray, " 
 def unlike_rotors(fit: Fit) -> Iterator[Finding]:
     """Check that the rotors' thrust coefficients are alike."""
     # What a wrong scale leaves open does not make the excess itself less certain.
-    numbers = fit.numbers.without_term(SPEED_SCALE)
+    numbers = fit.numbers.without_term("rotor speed scale")
     excess = most_unlike(numbers, fit.dataset.vehicle)
     if excess is None:
         return
