@@ -217,16 +217,16 @@ def _identified(path: Path, *, estimated: bool) -> Row:
     found: Row = {}
 
     def keep(dataset: TimedDataset) -> TimedDataset:
-        measured = measure(dataset)
+        measured: TimedDataset = timed(dataset)
         flight = measured.configurations[0].flights[0]
         band = flight.bandwidths.get("accel")
         found["bandwidth"] = None if band is None else [band.cutoff, *band.interval]
         return measured
 
-    measure, began = recipe.measure_bandwidths, time.process_time()
+    timed, began = recipe.measured_at_timing, time.process_time()
     with (
         warnings.catch_warnings(),
-        patch.object(recipe, "measure_bandwidths", keep),
+        patch.object(recipe, "measured_at_timing", keep),
         patch.object(known_faults, "is_estimate", lambda form: estimated),
     ):
         warnings.simplefilter("ignore", FlightWarning)

@@ -28,7 +28,11 @@ from rotorfit.fit.noise_levels import fit_by_noise
 from rotorfit.fit.sensors.late_accelerometer import fit_with_force_in_time
 from rotorfit.fit.sensors.sensor_place import place_sensor
 from rotorfit.fit.steps import every_step
-from rotorfit.fit.timing.sensor_bandwidth import measure_bandwidths, take_off_lateness
+from rotorfit.fit.timing.sensor_bandwidth import (
+    measure_bandwidths,
+    measured_at_timing,
+    take_off_lateness,
+)
 from rotorfit.fit.timing.timed_dataset import TimedDataset
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.frozen_dataclass import frozen_dataclass
@@ -157,7 +161,7 @@ def _identify_checked(
         if dataset.motors.speed == "measured":
             dataset = take_off_lateness(measure_bandwidths(dataset))
         dataset = time_motors(dataset, lag=method != "tls", report=report)
-        dataset = measure_bandwidths(dataset)
+        dataset = measured_at_timing(dataset)
     report("fitting")
     tabulated = ESTIMATORS[method](experiment, dataset)
     tables = _complete_tables(tabulated, declared, report)

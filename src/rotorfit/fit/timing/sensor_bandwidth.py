@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 GRID: Final = np.arange(LOWEST, EDGES[-1], 0.05)
 """Frequencies at which a sensor is judged [Hz]."""
+SMALL_MOVE: Final = 0.004
+"""Longest move of rotors that leaves a bandwidth as it was measured [s]: delays are tried in such
+steps beside it, further to either side than motors are late."""
 PLACES: Final[dict[Sensor, slice]] = {"accel": slice(0, 3), "gyro": slice(3, 6)}
 """Which of the six accelerations each sensor measures."""
 
@@ -44,6 +47,30 @@ def measure_bandwidths(dataset: TimedDataset) -> TimedDataset:
         return dataclasses.replace(flight, bandwidths={**found, **kept})
 
     return with_flights(dataset, measured).keeping_bands(dataset)
+
+
+def measured_at_timing(dataset: TimedDataset) -> TimedDataset:
+    """Return a dataset whose motors were timed since, with its bandwidths at that timing.
+
+    Of measured speeds that hardly moved nothing but the delay beside a low-pass is another; the lag
+    of commands changes what the rotors make of every frequency.
+    """
+    timing = dataset.timing
+    moved = 0.0 if timing is None else timing.delay - dataset.declared.delay
+    if dataset.motors.speed == "commanded" or abs(moved) > SMALL_MOVE:
+        return measure_bandwidths(dataset)
+    flights = [flight for c in dataset.configurations for flight in c.flights]
+    if moved == 0.0 or not any(flight.bandwidths for flight in flights):
+        return dataset
+
+    def shifted(flight: LoadedFlight) -> LoadedFlight:
+        found = {
+            sensor: one if one.taken_off else dataclasses.replace(one, delay=one.delay - moved)
+            for sensor, one in flight.bandwidths.items()
+        }
+        return dataclasses.replace(flight, bandwidths=found)
+
+    return with_flights(dataset, shifted).keeping_bands(dataset)
 
 
 def take_off_lateness(dataset: TimedDataset) -> TimedDataset:
