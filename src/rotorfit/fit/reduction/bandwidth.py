@@ -17,10 +17,17 @@ are of one gyro, and have one filter. Yaw shows none: the torque of propellers l
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
+from rotorfit.fit.reduction.channel_powers import (
+    EDGES,
+    Channel,
+    ChannelPowers,
+    likelihoods_of_gains,
+    powers_of,
+)
 from rotorfit.fit.reduction.noise_rolloff import judge_noise
 from rotorfit.fit.reduction.windows import WINDOW, transform_rows, window_starts
 from rotorfit.flight.on_board import first_order, second_order
@@ -65,12 +72,8 @@ EACH_BAND: Final = 0.5
 """What a band of the noise counts beside its neighbours, which share its peaks."""
 DELAYS: Final = np.arange(-0.012, 0.0281, 0.004)
 """Delays that are tried [s]: half of a step turns 15 Hz by a fifth of a radian."""
-OWN: Final = 1.5
-"""Windows that share half of their rows with the next, for each that would be its own."""
 LOWEST: Final = 0.5
 """Frequency below which the air and what is flown make forces of their own [Hz]."""
-EDGES: Final = np.array([0.5, 1.0, 2.0, 3.0, 4.5, 7.0, 10.0, 14.0, 19.0, 25.0, 30.0])
-"""Edges of the bands of one noise level [Hz]."""
 LEAST_GAIN: Final = 20.0
 """Gain of log-likelihood for which a low-pass is taken to be there: flights without one gain 0 to
 16 (CineRat, Betaflight, PX4's simulator, Crazyflie), those behind one at 4 to 20 Hz 27 to 8500."""
@@ -81,31 +84,10 @@ MAY_GAIN: Final = 0.5
 of all or more, where that gains anything."""
 LEAST_FOLLOWED: Final = 0.85
 """Least gain at which a band counts. What a band says of a number is off by as much as its gain."""
-LEAST_COHERENCE: Final = 0.7
-"""Least coherence of a channel with the rotors in a band that is looked at. Where gusts make more
-of the motion the autopilot works against them, and the rotors follow the channel: late and small,
-as if the channel were behind a low-pass. A filter lowers the gain, and leaves the coherence, until
-no motion is left."""
-MOST_SILENT: Final = 0.5
-"""Share of the power that the rotors would make, below which a channel is silent: such a band is
-looked at above one with coherence. Gusts that an autopilot works against make more of it, not
-less, from where its loop has a gain of 1."""
-SHAPE_ERROR: Final = 0.03
-"""Share of the motion by which a filter may differ from its shape: far above the cut-off, where
-hardly any motion is left, noise-free lines would decide by the shape of the tail alone."""
-FEEDBACK: Final = 1.5
-"""Error of a band's gain and phase, over the share of the motion that rotors do not explain: at
-.15 of it the phase was .13 to .26 off (2 to 3 Hz, random fast worlds), by the rotors' answer to
-gusts and by lines below, whose lateness the window brings with them."""
 LEAST_SURE: Final = 12.0
 """Gain of log-likelihood for which a gyro is filtered, with the error that `FEEDBACK` leaves: 48
 gyros of random fast worlds without a filter gain 0 to 9."""
-FIRST_BANDS: Final = 3
-"""Bands by which the motion without a filter is estimated."""
-PASSES: Final = 5
-"""Passes of a regression whose variances are those of what it leaves."""
 FEWEST_WINDOWS: Final = 4
-TINY: Final = float(np.finfo(float).tiny)
 
 
 @frozen_dataclass
@@ -144,14 +126,6 @@ class Bandwidth:
         size = np.real(gain * late) if in_phase else np.abs(gain)
         lost = np.flatnonzero(size < LEAST_FOLLOWED)
         return float(frequency[lost[0]]) if len(lost) else np.inf
-
-
-class Channel(NamedTuple):
-    """Lines of a channel and of its causes in every window; the first `made` are of the rotors."""
-
-    y: Complex[np.ndarray, "w l"]
-    x: Complex[np.ndarray, "w l k"]
-    made: int
 
 
 Sensor = Literal["accel", "gyro"]
@@ -248,12 +222,13 @@ def measured_bandwidth(
 
     `noise`: gain of log-likelihood of the noise, by shape and cut-off.
     """
-    none = _by_lowpass(frequency, channels, _no_filter(frequency)).max()
-    if not _may_be_filtered(frequency, channels, none, noise):
+    powers = [powers_of(frequency, one) for one in channels]
+    none = _by_lowpass(frequency, powers, _no_filter(frequency)).max()
+    if not _may_be_filtered(frequency, powers, none, noise):
         return None
     every: dict[str, Float[np.ndarray, "c d"]] = {}
     for name, shape in SHAPES.items():
-        every[name] = _by_lowpass(frequency, channels, _gains_of(shape, frequency)) - none
+        every[name] = _by_lowpass(frequency, powers, _gains_of(shape, frequency)) - none
         if noise is not None:
             every[name] += noise[name][:, None]
     whole = {name: one.max(axis=1) for name, one in every.items()}
@@ -317,8 +292,9 @@ def _exceeds_response_to_gusts(
     """Return whether a filter is shown even if bands err by the rotors' answer to gusts."""
     # Where a sensor has no noise of its own to show its filter, that answer is late as behind one
     # on board; smoothing is not late.
+    powers = [powers_of(frequency, one, careful=True) for one in channels]
     filtered, none = (
-        _by_lowpass(frequency, channels, gains, careful=True).max()
+        _by_lowpass(frequency, powers, gains).max()
         for gains in (_gains_of(shape, frequency), _no_filter(frequency))
     )
     return bool(filtered - none > LEAST_SURE)
@@ -342,7 +318,7 @@ def _mark_near_best(likelihood: Float[np.ndarray, " c"]) -> Bool[np.ndarray, " c
 
 def _may_be_filtered(
     frequency: Float[np.ndarray, " l"],
-    channels: Sequence[Channel],
+    powers: Sequence[ChannelPowers],
     none: float,
     noise: Mapping[str, Float[np.ndarray, " c"]] | None,
 ) -> bool:
@@ -350,7 +326,7 @@ def _may_be_filtered(
     most = -np.inf
     for name, shape in SHAPES.items():
         gains = _gains_of(shape, frequency, CUTOFFS[SOME])
-        gained = _by_lowpass(frequency, channels, gains).max(axis=1) - none
+        gained = _by_lowpass(frequency, powers, gains).max(axis=1) - none
         if noise is not None:
             gained = gained + noise[name][SOME]
         most = max(most, float(gained.max()))
@@ -359,140 +335,13 @@ def _may_be_filtered(
 
 def _by_lowpass(
     frequency: Float[np.ndarray, " l"],
-    channels: Sequence[Channel],
+    powers: Sequence[ChannelPowers],
     gains: Complex[np.ndarray, "c l"],
-    *,
-    careful: bool = False,
 ) -> Float[np.ndarray, "c d"]:
-    """Compute the log-likelihood of all channels, by low-pass and delay.
-
-    `careful`: each band counts as its own error leaves it, by `FEEDBACK`.
-    """
+    """Compute the log-likelihood of all channels, by low-pass and delay."""
     # A delay has to be free beside the low-pass: errors of the motors' time look like the phase of
     # one.
     late = np.exp(-2j * np.pi * DELAYS[:, None] * frequency)
     H = (gains[:, None] * late).reshape(-1, len(frequency))
-    every = [_likelihoods_of_gains(frequency, one, H, careful=careful) for one in channels]
+    every = [likelihoods_of_gains(one, H) for one in powers]
     return np.sum(every, axis=0).reshape(len(gains), len(DELAYS))
-
-
-def _likelihoods_of_gains(
-    frequency: Float[np.ndarray, " l"],
-    channel: Channel,
-    H: Complex[np.ndarray, "t l"],
-    *,
-    careful: bool,
-) -> Float[np.ndarray, " t"]:
-    y, x, made = channel
-    k, place = x.shape[2], np.digitize(frequency, EDGES)
-    band = (place[:, None] == np.unique(place)).astype(float)
-    lines = band.sum(axis=0) * len(y) / OWN
-    lines = _count_lines(y, x, band, lines, careful=careful)
-    if not lines.any():
-        return np.zeros(len(H))
-    size = np.sqrt((np.abs(x) ** 2).sum(axis=(0, 1)))
-    x = x / np.where(size > 0.0, size, 1.0)
-    Gxx = np.einsum("wla,wlb->lab", x.conj(), x)
-    Gxy = np.einsum("wla,wl->la", x.conj(), y)
-    yy = (np.abs(y) ** 2).sum(axis=0) @ band
-    by = np.ones((len(H), len(frequency), k), dtype=complex)
-    by[:, :, :made] = H[:, :, None]
-    c = _in_bands((by.conj() * Gxy).real, band)
-    A = np.empty((len(H), band.shape[1], k, k))
-    for i in range(k):
-        for j in range(i + 1):
-            both = (by[:, :, i].conj() * by[:, :, j] * Gxx[:, i, j]).real @ band
-            A[:, :, i, j] = A[:, :, j, i] = both
-    unfiltered = Gxx[:, 0, 0].real @ band
-    gain = float(np.median((yy / unfiltered.clip(min=TINY))[:FIRST_BANDS]))
-    return _profile_variances(A, c, yy, lines, least=SHAPE_ERROR**2 * gain * unfiltered)
-
-
-def _count_lines(
-    y: Complex[np.ndarray, "w l"],
-    x: Complex[np.ndarray, "w l k"],
-    band: Float[np.ndarray, "l b"],
-    lines: Float[np.ndarray, " b"],
-    *,
-    careful: bool,
-) -> Float[np.ndarray, " b"]:
-    """Count the lines of bands in which the rotors make the motion, or are seen to make none."""
-    # Any filter leaves the lowest bands as they are: there the shares of air and damping are true.
-    low = band[:, :FIRST_BANDS].any(axis=1)
-    causes: Complex[np.ndarray, "n k"] = x[:, low].reshape(-1, x.shape[2])
-    channel: Complex[np.ndarray, " n"] = y[:, low].reshape(-1)
-    size = np.linalg.norm(causes, axis=0).clip(min=TINY)
-    X: Float[np.ndarray, "m k"] = np.concatenate([np.real(causes), np.imag(causes)]) / size
-    felt: Float[np.ndarray, " m"] = np.concatenate([np.real(channel), np.imag(channel)])
-    share = np.asarray(np.linalg.lstsq(X, felt)[0], dtype=float) / size
-    # What else makes the channel (air, damping) is taken off it, as the lowest bands show it.
-    own, made = y - x[:, :, 1:] @ share[1:], x[:, :, 0]
-    power, driven = ((np.abs(one) ** 2).sum(axis=0) @ band for one in (own, made))
-    coherence = _measure_coherence(own, made, band)
-    coherent = _mark_falling(coherence, power, driven)
-    expected = share[0] ** 2 * driven
-    silent = (power < MOST_SILENT * expected) & np.logical_or.accumulate(coherent)
-    if careful:
-        error = FEEDBACK**2 * coherence * (1.0 - coherence)
-        lines = np.where(coherent, lines / (1.0 + 2.0 * lines * error), lines)
-    return lines * (coherent | silent)
-
-
-def _mark_falling(
-    coherence: Float[np.ndarray, " b"],
-    power: Float[np.ndarray, " b"],
-    driven: Float[np.ndarray, " b"],
-) -> Bool[np.ndarray, " b"]:
-    """Mark the coherent bands whose motion is no larger for its rotors than in the lowest one.
-
-    A low-pass has no more gain above. Where rotors answer gusts or the noise of the gyro, the
-    channel moves more for what they do the quicker it is, and they follow it, coherent and late.
-    `power`, `driven`: of the channel and of its cause.
-    """
-    coherent: Bool[np.ndarray, " b"] = coherence >= LEAST_COHERENCE
-    if not coherent.any():
-        return coherent
-    made, lowest = coherence * power, int(np.argmax(coherent))
-    return coherent & (LEAST_COHERENCE * made * driven[lowest] <= made[lowest] * driven)
-
-
-def _measure_coherence(
-    y: Complex[np.ndarray, "w l"], x: Complex[np.ndarray, "w l"], band: Float[np.ndarray, "l b"]
-) -> Float[np.ndarray, " b"]:
-    """Compute the share of a channel's power that goes with a cause, line by line, in each band."""
-    both = np.abs((x.conj() * y).sum(axis=0)) ** 2
-    explained = both / (np.abs(x) ** 2).sum(axis=0).clip(min=TINY)
-    return (explained @ band) / ((np.abs(y) ** 2).sum(axis=0) @ band).clip(min=TINY)
-
-
-def _in_bands(
-    values: Float[np.ndarray, "t l k"], band: Float[np.ndarray, "l b"]
-) -> Float[np.ndarray, "t b k"]:
-    return np.moveaxis(np.moveaxis(values, 1, 2) @ band, 1, 2)
-
-
-def _profile_variances(
-    A: Float[np.ndarray, "t b k k"],
-    c: Float[np.ndarray, "t b k"],
-    yy: Float[np.ndarray, " b"],
-    lines: Float[np.ndarray, " b"],
-    *,
-    least: Float[np.ndarray, " b"],
-) -> Float[np.ndarray, " t"]:
-    """Regress with each band's variance from its residual; return the log-likelihoods."""
-    least = np.maximum(least, 1e-6 * yy.clip(min=TINY))
-    left = np.tile(np.maximum(yy, least), (len(A), 1))
-    t, b, k = c.shape
-    ridge = 1e-9 * np.eye(k)
-    by_band, by_row = A.reshape(t, b, k * k), A.reshape(t, b * k, k)
-    for _ in range(PASSES):
-        weight = (lines / left)[:, None, :]
-        information = (weight @ by_band).reshape(t, k, k)
-        information += ridge * np.trace(information, axis1=1, axis2=2)[:, None, None]
-        asked = (weight @ c).transpose(0, 2, 1)
-        found: Float[np.ndarray, "t k 1"] = np.asarray(
-            np.linalg.solve(information, asked), dtype=float
-        )
-        made: Float[np.ndarray, "t b k"] = (by_row @ found).reshape(t, b, k) - 2.0 * c
-        left = np.maximum(yy + (made @ found)[:, :, 0], 0.0) + least
-    return -(lines * np.log(left / yy.clip(min=TINY))).sum(axis=1)
