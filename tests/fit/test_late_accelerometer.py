@@ -244,6 +244,38 @@ def test_half_a_deviation_of_the_delay_widens_the_numbers(monkeypatch):
     assert late.half_width[0] == pytest.approx(1.96 * 0.5 * 0.1 * 2.0 / 0.45, rel=1e-3)
 
 
+class FeltInTwo(Felt):
+    """Two flights, 18 and 40 ms late: one fit shows all of the first, and .45 of the second."""
+
+    def __init__(self, monkeypatch):
+        monkeypatch.setattr(late_accelerometer, "of_one_vehicle", list)
+        self.late = ((18.0, 1.0), (40.0, 0.45))
+        super().__init__(monkeypatch, true=0.0)
+
+    def lateness(self, fit):
+        flights = fit.dataset.configurations[0].flights
+        for flight, (true, share) in zip(flights, self.late, strict=True):
+            yield flight, Lateness(seconds=share * (true - 1e3 * self.off(flight)) * MS, std=2 * MS)
+
+    def fit(self, flights):
+        both = made_fit.dataset(made_fit.prepared(), made_fit.prepared())
+        flights = flights if self.delays else TimedDataset.of(both)
+        self.delays.append(sum(1e3 * self.off(one) for one in flights.configurations[0].flights))
+        numbers = made_fit.no_numbers("Jr", values=[3.0 - 0.1 * self.delays[-1]], half_width=[1.0])
+        return made_fit.fit(flights, numbers)
+
+
+def test_a_flight_in_time_at_once_does_not_widen_the_numbers(monkeypatch):
+    """The numbers moved by 2.2 with the 22 ms of the other flight."""
+    felt = FeltInTwo(monkeypatch)
+    found = allow_for_force_delays(felt.found())
+    assert felt.delays == pytest.approx([0.0, 36.0, 58.0], rel=1e-3)
+    open_delays = np.hypot(2.0, 2.0 / 0.45)
+    assert found.numbers.terms[-1].half_width[0] == pytest.approx(
+        1.96 * 0.5 * 0.1 * open_delays, rel=1e-3
+    )
+
+
 @pytest.mark.parametrize("true", [4.0, -18.0])
 def test_forces_that_may_be_in_time_stay_as_they_are(monkeypatch, true):
     felt = Felt(monkeypatch, true=true)

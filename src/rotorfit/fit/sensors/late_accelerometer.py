@@ -45,6 +45,8 @@ LEAST_SLOPE: Final = 0.25
 """Share at least by which a delay taken off shortens the lateness that a fit leaves."""
 DELAYS: Final = np.arange(0.001, 0.1, 0.001)
 """Delays that are taken off [s]."""
+SAME: Final = 1e-3
+"""Share by which a delay that is taken off again differs at most."""
 SLOW_DELAY: Final = float(np.sqrt(2.0) / (2.0 * np.pi))
 """Delay of slow motion by a low-pass of second order (Butterworth), times its cut-off."""
 
@@ -138,7 +140,7 @@ def _slope(rounds: Sequence[_Round], k: int) -> float:
         return 1.0
     (_, before, was), (_, delay, left) = rounds[-2:]
     one, other = was[k], left[k]
-    if one is None or other is None or delay[k] == before[k]:
+    if one is None or other is None or np.isclose(delay[k], before[k], rtol=SAME):
         return 1.0
     slope = (one.seconds - other.seconds) / (delay[k] - before[k])
     return float(np.clip(slope, LEAST_SLOPE, 1.0))
@@ -175,9 +177,10 @@ def _recorded(rounds: Sequence[_Round], late: Sequence[int]) -> ForceDelays:
         dict(zip(one.fit.numbers.names, one.fit.numbers.values.tolist(), strict=True))
         for one in rounds[-2:]
     )
-    steps = [(k, abs(last.delays[k] - rounds[-2].delays[k])) for k in late]
-    shares = [_next_delay(rounds, k)[1] / step for k, step in steps if step > 0.0]
-    share = max(shares, default=0.0)
+    # The numbers have moved with all delays at once: of a flight that was in time before, a share
+    # of its own would say nothing.
+    step = np.linalg.norm([last.delays[k] - rounds[-2].delays[k] for k in late])
+    share = float(np.linalg.norm([_next_delay(rounds, k)[1] for k in late]) / step)
     shifts = {name: share * abs(after[name] - before[name]) for name in after if name in before}
     return ForceDelays(left=left, shifts=shifts)
 
