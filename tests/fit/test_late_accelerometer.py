@@ -276,6 +276,14 @@ def test_a_flight_in_time_at_once_does_not_widen_the_numbers(monkeypatch):
     )
 
 
+def test_a_delay_beyond_those_taken_off_leaves_its_interval(monkeypatch):
+    """Once the numbers were known exactly, as the same delay was taken off again."""
+    felt = Felt(monkeypatch, true=150.0, share=0.8)
+    found = allow_for_force_delays(felt.found())
+    assert felt.delays == pytest.approx([0.0, 99.0], rel=1e-3)
+    assert found.numbers.terms[-1].half_width[0] > 0.1
+
+
 @pytest.mark.parametrize("true", [4.0, -18.0])
 def test_forces_that_may_be_in_time_stay_as_they_are(monkeypatch, true):
     felt = Felt(monkeypatch, true=true)

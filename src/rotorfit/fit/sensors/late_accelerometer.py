@@ -82,7 +82,10 @@ def fit_with_force_in_time(fit: Fit, again: Callable[[TimedDataset], Fit]) -> Fi
     late = _late_flights(rounds[0])
     with suppress(EstimationError):
         while late and len(rounds) <= MOST_FITS and not _is_in_time(rounds[-1], late):
-            low_passes = {k: _low_pass(*_next_delay(rounds, k)) for k in late}
+            found = {k: _next_delay(rounds, k) for k in late}
+            if all(np.isclose(found[k][0], rounds[-1].delays[k], rtol=SAME) for k in late):
+                break  # they are at an end of `DELAYS`
+            low_passes = {k: _low_pass(*one) for k, one in found.items()}
             rounds.append(_round_of(again(with_force_in_time(rounds[-1].fit.dataset, low_passes))))
     return rounds[-1].fit.with_record(_recorded(rounds, late))
 
