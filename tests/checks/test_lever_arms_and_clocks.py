@@ -16,8 +16,14 @@ from rotorfit.fit.experiment.experiment import MotorsEntry
 from rotorfit.fit.frame_sides import FrameSides
 from rotorfit.fit.imu_tilt import lean_sentence
 from rotorfit.fit.reduction.motor_timing import MotorTiming
-from rotorfit.fit.sensors.late_accelerometer import force_delays
-from rotorfit.fit.sensors.lateness import BandDelay, Lateness, of_one_vehicle, weigh_bands
+from rotorfit.fit.sensors.late_accelerometer import ForceDelays
+from rotorfit.fit.sensors.lateness import (
+    BandDelay,
+    Lateness,
+    accelerometer_lateness,
+    of_one_vehicle,
+    weigh_bands,
+)
 from rotorfit.fit.sensors.sensor_response import deviation_by_chance
 from rotorfit.flight.motors.motor_model import MotorResponse
 
@@ -114,7 +120,8 @@ def rotors_that_respond(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0)
 
 
 def judged(fit):
-    return accelerometer_delay(fit.with_record(force_delays(fit)))
+    left = tuple(accelerometer_lateness(fit))
+    return accelerometer_delay(fit.with_record(ForceDelays(left=left, shifts={})))
 
 
 def test_a_late_accelerometer_asks_for_its_low_pass(assert_wording):

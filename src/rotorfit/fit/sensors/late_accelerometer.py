@@ -90,11 +90,6 @@ def fit_with_force_in_time(fit: Fit, again: Callable[[TimedDataset], Fit]) -> Fi
     return rounds[-1].fit.with_record(_recorded(rounds, late))
 
 
-def force_delays(fit: Fit) -> ForceDelays:
-    """Measure by how much the forces of a fit are late, with nothing taken off."""
-    return _recorded([_round_of(fit)], [])
-
-
 def _flights(fit: Fit) -> list[LoadedFlight]:
     return [flight for c in fit.dataset.configurations for flight in c.flights]
 
