@@ -399,8 +399,8 @@ ROOMS: Final[dict[str, Room]] = {
     "fit/sensors/late_accelerometer.py": Room(
         tests=("tests/fit/test_late_accelerometer.py",),
         scaled=(
-            "FILTERED: Final = <<0.1>>",
-            "USUAL_DELAY: Final = <<0.01>>",
+            "FILTERED_SHARE: Final = <<0.1>>",
+            "USUAL_FILTER_DELAY: Final = <<0.01>>",
             "SURE: Final = <<0.5>>",
             "SLOW_DELAY: Final = <<float(np.sqrt(2.0) / (2.0 * np.pi))>>",
             "return float(np.clip(delay + <<left.seconds / slope>>, DELAYS[0]",

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from rotorfit.fit.fit import Fit
     from rotorfit.fit.timing.timed_dataset import TimedDataset
 
-FILTERED: Final = 0.1
+FILTERED_SHARE: Final = 0.1
 """Share of accelerometers behind a low-pass that neither the log nor the flight has named."""
-USUAL_DELAY: Final = 0.01
+USUAL_FILTER_DELAY: Final = 0.01
 """Mean delay of these [s]: that of 22 Hz, as autopilots have 10 to 40."""
 IN_TIME: Final = 0.3
 """Deviations of what may be left."""
@@ -120,10 +120,10 @@ def _late_flights(found: _Round) -> list[int]:
 
 def log_odds_of_delay(late: Lateness) -> float:
     """Compute the logarithm of the odds that a low-pass delays a sensor, by Bayes' theorem."""
-    prior = -DELAYS / USUAL_DELAY
+    prior = -DELAYS / USUAL_FILTER_DELAY
     likelihood = (abs(late.seconds) - 0.5 * DELAYS) * DELAYS / late.std**2
     ratio = np.logaddexp.reduce(prior + likelihood) - np.logaddexp.reduce(prior)
-    return float(ratio + np.log(FILTERED / (1.0 - FILTERED)))
+    return float(ratio + np.log(FILTERED_SHARE / (1.0 - FILTERED_SHARE)))
 
 
 def _is_in_time(found: _Round, late: Sequence[int]) -> bool:
