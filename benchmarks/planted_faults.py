@@ -411,6 +411,8 @@ ROOMS: Final[dict[str, Room]] = {
             ("slope = (one.seconds - other.seconds)", "slope = (other.seconds - one.seconds)"),
             ("(one.seconds > 0.0 or delay > 0.0)", "one.seconds > 0.0"),
             ("(one.seconds > 0.0 or delay > 0.0)", "True"),
+            ("break  # they are", "pass  # they are"),
+            ("np.linalg.norm([_next_delay", "max([_next_delay"),
         ),
     ),
     "fit/sensors/lateness.py": Room(
