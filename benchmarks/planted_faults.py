@@ -403,9 +403,9 @@ ROOMS: Final[dict[str, Room]] = {
             "USUAL_FILTER_DELAY: Final = <<0.01>>",
             "SURE: Final = <<0.5>>",
             "SLOW_DELAY: Final = <<float(np.sqrt(2.0) / (2.0 * np.pi))>>",
-            "return float(np.clip(delay + <<left.seconds / slope>>, DELAYS[0]",
-            "DELAYS[-1])), <<left.std / slope>>",
-            "half = <<1.96 * SURE>> * np.array",
+            "longer = delay + <<left.seconds / slope>>",
+            "DELAYS[-1])), <<SURE * left.std / slope>>",
+            "half = <<1.96>> * np.array",
         ),
         changed=(
             ("slope = (one.seconds - other.seconds)", "slope = (other.seconds - one.seconds)"),

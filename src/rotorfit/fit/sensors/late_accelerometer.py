@@ -80,13 +80,15 @@ def fit_with_force_in_time(fit: Fit, again: Callable[[TimedDataset], Fit]) -> Fi
         return fit
     rounds = [_round_of(fit)]
     late = _late_flights(rounds[0])
-    with suppress(EstimationError):
+    with suppress(EstimationError, np.linalg.LinAlgError):
         while late and len(rounds) <= MOST_FITS and not _is_in_time(rounds[-1], late):
             found = {k: _next_delay(rounds, k) for k in late}
             if all(np.isclose(found[k][0], rounds[-1].delays[k], rtol=SAME) for k in late):
                 break  # they are at an end of `DELAYS`
             low_passes = {k: _low_pass(*one) for k, one in found.items()}
             rounds.append(_round_of(again(with_force_in_time(rounds[-1].fit.dataset, low_passes))))
+            # Beside a later one a flight may have seemed in time.
+            late = sorted({*late, *_late_flights(rounds[-1])})
     return rounds[-1].fit.with_record(_recorded(rounds, late))
 
 
@@ -149,7 +151,8 @@ def _next_delay(rounds: Sequence[_Round], k: int) -> tuple[float, float]:
     delay, left, slope = rounds[-1].delays[k], rounds[-1].left[k], _slope(rounds, k)
     if left is None:
         return delay, 0.0
-    return float(np.clip(delay + left.seconds / slope, DELAYS[0], DELAYS[-1])), left.std / slope
+    longer = delay + left.seconds / slope
+    return float(np.clip(longer, DELAYS[0], DELAYS[-1])), SURE * left.std / slope
 
 
 def _low_pass(delay: float, std: float) -> Bandwidth:
@@ -188,7 +191,7 @@ def allow_for_force_delays(fit: Fit) -> Fit:
     found = fit.record_of(ForceDelays)
     if found is None or not found.shifts:
         return fit
-    half = 1.96 * SURE * np.array([found.shifts.get(name, 0.0) for name in fit.numbers.names])
+    half = 1.96 * np.array([found.shifts.get(name, 0.0) for name in fit.numbers.names])
     term = IntervalTerm(
         name="late accelerometer",
         half_width=half,
