@@ -57,6 +57,7 @@ class FitSettings(TypedDict, total=False):
     guess: Mapping[str, float] | None
     known: Mapping[str, tuple[float, float]]
     least_ratio: float
+    close: float
 
 
 def joint_fit(

@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Unpack
 
 import numpy as np
 
 from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
-from rotorfit.fit.joint.joint_fit import INTERMEDIATE, joint_fit
+from rotorfit.fit.joint.joint_fit import INTERMEDIATE, FitSettings, joint_fit
 from rotorfit.fit.reduction.motor_timing import SPLIT_FAULT, SUM_FAULT, MotorTiming
 from rotorfit.fit.sensors.lateness import lateness
 from rotorfit.fit.sensors.sensor_response import TURNS, flight_spectra
@@ -189,10 +189,10 @@ def _timing_of_settled(
 
 
 def fit_at(
-    dataset: TimedDataset, terms: tuple[str, ...], *, begin: Mapping[str, float] | None = None
+    dataset: TimedDataset, terms: tuple[str, ...], **settings: Unpack[FitSettings]
 ) -> TimedFit:
-    """Fit flights at a timing; `begin`: see `joint_fit`."""
-    return TimedFit(dataset, *joint_fit(dataset, terms=terms, begin=begin))
+    """Fit flights at a timing; `settings` are those of `joint_fit`."""
+    return TimedFit(dataset, *joint_fit(dataset, terms=terms, **settings))
 
 
 def first_fit(
@@ -212,7 +212,7 @@ def first_fit(
     tried: list[TimedFit] = []
     for share in STARTS if start.lag > 0.0 else STARTS[:1]:
         begun = dataset.at(_scaled_lag(start, share), names)
-        tried.append(TimedFit(begun, *joint_fit(begun, terms=terms, guess=guess)))
+        tried.append(fit_at(begun, terms, guess=guess))
         moved = tried[-1].estimate.estimate
         if max(abs(moved.value(name)) for name in names) < LOST:
             return tried[-1]
@@ -267,8 +267,7 @@ def _search_along_lines(made: TimedFit, terms: tuple[str, ...], rounds: Iterator
         # Of motors without lag the fit would lose the motion: it is the last one before.
         if fit.loses_the_motion:
             return fit
-        found = joint_fit(dataset, terms=terms, begin=begin, close=INTERMEDIATE)
-        fit = TimedFit(dataset, *found)
+        fit = fit_at(dataset, terms, begin=begin, close=INTERMEDIATE)
 
 
 def _timing_without_lag(begun: TimedFit, terms: tuple[str, ...]) -> MotorTiming | None:
