@@ -54,7 +54,7 @@ def drop_absent_coupling(fit: Fit) -> Fit:
     dataset, estimate = fit.dataset, fit.estimate
     if not _has_suspicious_yaw_inertia(fit):
         return fit
-    simulated = any(f.log.simulator == SITL for c in dataset.configurations for f in c.flights)
+    simulated = any(f.log.simulator == SITL for f in dataset.flights)
     other = dataclasses.replace(dataset, model=without_coupling(dataset.model))
     kd = estimate.estimate.by_name["kd"]
     try:

@@ -285,8 +285,7 @@ def _std_by_gusts(fit: Fit, found: Additional) -> float:
 
 def _is_coupled(fit: Fit) -> bool:
     """Return whether turns about two axes tie them together: not in each simulator."""
-    flights = [f for c in fit.dataset.configurations for f in c.flights]
-    simulated = any(f.log.simulator == SITL for f in flights)
+    simulated = any(f.log.simulator == SITL for f in fit.dataset.flights)
     return fit.coupled and not simulated
 
 

@@ -43,7 +43,7 @@ def estimate_imu_tilt(dataset: TimedDataset) -> tuple[ImuTilt, Fitted] | None:
 
     With the fit of the flights that are corrected by it.
     """
-    tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
+    tilt = mean_force_tilt([f.prepared.data for f in dataset.flights])
     if dataset.source != "imu" or tilt.angle < LEAST_TILT:
         return None
     level = tilt_corrected_flights(dataset, tilt)
@@ -80,9 +80,7 @@ def correct_imu_tilt(
         leans = () if sentence is None else (_doubt_lean(sentence, lean),)
         return experiment, dataset, leans
     tilt, corrected = estimated
-    rest = rest_denies_tilt(
-        [f.prepared.data for c in dataset.configurations for f in c.flights], tilt
-    )
+    rest = rest_denies_tilt([f.prepared.data for f in dataset.flights], tilt)
     if rest is not None:
         return experiment, dataset, (_doubt_lean(rest_sentence(tilt, rest), lean),)
     dataset = tilt_corrected_flights(dataset, tilt).reduced()
@@ -109,7 +107,7 @@ def mounting_sentence(tilt: ImuTilt) -> str:
 
 def lean_evidence(dataset: TimedDataset) -> tuple[Evidence, ...]:
     """Estimate the lean of the thrust in the IMU's axes, by the scatter of the flights' parts."""
-    flights = [f.prepared.data for c in dataset.configurations for f in c.flights]
+    flights = [f.prepared.data for f in dataset.flights]
     parts = np.array([part for data in flights for part in _mean_forces(data)])
     half = np.inf
     if len(parts) >= FEWEST_PARTS:
@@ -134,7 +132,7 @@ def lean_sentence(dataset: TimedDataset) -> str | None:
 
     None where the parts of the flights lean by so different angles that it may be chance.
     """
-    tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
+    tilt = mean_force_tilt([f.prepared.data for f in dataset.flights])
     if dataset.source != "imu" or tilt.angle < LEAST_TILT:
         return None
     (lean,) = lean_evidence(dataset)

@@ -96,8 +96,7 @@ def allow_for_noise_levels(fit: Fit) -> Fit:
 
 def _with_even_noise(fit: Fit) -> TimedDataset | None:
     """Return the flights of a fit with rows of even noise; None if they have no others."""
-    flights = [f for c in fit.dataset.configurations for f in c.flights]
-    if all(f.prepared.data.noise_level is None for f in flights):
+    if all(f.prepared.data.noise_level is None for f in fit.dataset.flights):
         return None
 
     def evened(prepared: PreparedFlight) -> PreparedFlight:

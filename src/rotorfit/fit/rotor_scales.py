@@ -182,7 +182,7 @@ def speeds_at_command(dataset: Dataset) -> Float[np.ndarray, " N"] | None:
     if dataset.motors.speed != "measured":
         return None
     found: list[list[float]] = []
-    for flight in (f for c in dataset.configurations for f in c.flights):
+    for flight in dataset.flights:
         rotors = () if flight.telemetry is None else flight.telemetry.rotors
         ratios = [one.ratio for one in rotors if one.ratio is not None]
         if len(ratios) == len(dataset.vehicle.rotors):

@@ -229,7 +229,7 @@ def assumptions(
             "kt and kd are proportional to the inverse square of rotor speed (hover at "
             f"{hover:.0f} rad/s, {RPM * hover:.0f} rpm)"
         )
-    seconds = sum(f.recorded.seconds for c in dataset.configurations for f in c.flights)
+    seconds = sum(f.recorded.seconds for f in dataset.flights)
     clock = f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)"
     if dataset.source == "imu":
         clock += ", inertia to the inverse of the gyro's scale, kd/Izz and Jr/Izz to that scale"
@@ -275,7 +275,7 @@ def _rotor_spacing(dataset: Dataset) -> str:
 
 def log_metadata(declared: MotorsEntry, dataset: TimedDataset) -> tuple[Finding, ...]:
     """Note the settings taken from the logs, and which logs a simulator wrote."""
-    flights = [flight for c in dataset.configurations for flight in c.flights]
+    flights = dataset.flights
     simulated = [simulated_sentence(f.log.simulator) for f in flights if f.log.simulator]
     yaw = [_yaw_of_sitl(f) for f in flights if f.log.simulator == SITL]
     logged, law = flights[0].log.motors, ""

@@ -115,8 +115,7 @@ def voltage_of_law(tables: ResultTables, dataset: Dataset) -> float | None:
         return found.nominal_voltage
     if found is None and given is not None and given.voltage is not None:
         return given.voltage.nominal
-    flights = [f for c in dataset.configurations for f in c.flights]
-    return mean_voltage(flights)
+    return mean_voltage(dataset.flights)
 
 
 def mean_voltage(flights: Sequence[LoadedFlight]) -> float | None:

@@ -79,7 +79,7 @@ def add_motor_law(
     tables: ResultTables, dataset: Dataset, report: Callable[[str], None]
 ) -> ResultTables:
     """Fit the motors' law, where the log has commands and measured speeds."""
-    responses = [f.command_responses for c in dataset.configurations for f in c.flights]
+    responses = [f.command_responses for f in dataset.flights]
     recording = bounded_recording(responses)
     if recording is None:
         return tables
@@ -90,7 +90,7 @@ def add_motor_law(
         sentence = f"no law from command to rotor speed was found: {error}"
         return tables.found(note("no-motor-law", sentence))
     law, parameters = law_tables(fitted, len(dataset.vehicle.rotors))
-    why = _no_exponent(recording, [f.battery for c in dataset.configurations for f in c.flights])
+    why = _no_exponent(recording, [f.battery for f in dataset.flights])
     return with_law(tables, parameters, law, why=why)
 
 

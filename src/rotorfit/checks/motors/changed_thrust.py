@@ -54,7 +54,7 @@ CERTAIN: Final = 8.0
 
 def changed_in_flight(fit: Fit) -> Iterator[Finding]:
     """Check that no rotor turns otherwise late in a flight than early."""
-    for flight in (f for c in fit.dataset.configurations for f in c.flights):
+    for flight in fit.dataset.flights:
         data = flight.prepared.data
         squares = data.rotor_speed[data.used_rows] ** 2
         if len(squares) < SHORTEST * data.sample_rate:

@@ -32,7 +32,7 @@ GENTLY: Final = "leave such parts out (start, end), or fly more gently"
 
 def motors_at_limits(fit: Fit) -> Iterator[Finding]:
     """Check that commanded motors stay inside their limits; report the worst flight."""
-    flights = [f for c in fit.dataset.configurations for f in c.flights if f.limits is not None]
+    flights = [f for f in fit.dataset.flights if f.limits is not None]
     if fit.dataset.motors.speed != "commanded" or not flights:
         return
     worst = max(flights, key=lambda f: 0.0 if f.limits is None else f.limits.share)

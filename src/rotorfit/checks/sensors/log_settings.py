@@ -59,7 +59,7 @@ def slow_log(fit: Fit) -> Iterator[Finding]:
     """Name the settings without which no flying shows inertia: motors or IMU are too slow."""
     # Motion capture has no such settings; what it lacks in rate is said where it is read.
     by_imu = fit.dataset.source == "imu"
-    for flight in _fitted_flights(fit) if by_imu else _commanded_flights(fit):
+    for flight in fit.dataset.flights if by_imu else _commanded_flights(fit):
         step = faster_log(flight.log, flight.prepared)
         if step is not None:
             because = slow_words(flight.prepared)
@@ -81,7 +81,7 @@ def unlogged_speed(fit: Fit) -> Iterator[Finding]:
 
 def absent_in_simulator(fit: Fit) -> Iterator[Finding]:
     """Note that a simulator has no rotor inertia, which no flight in it can show."""
-    simulators = {flight.log.metadata.get("Simulator", "") for flight in _fitted_flights(fit)}
+    simulators = {flight.log.metadata.get("Simulator", "") for flight in fit.dataset.flights}
     if any(NO_INERTIA in LEAVES_OUT.get(name, "") for name in simulators):
         because = f"the simulator has {NO_INERTIA}"
         step = "nothing to fly in this simulator"
@@ -134,11 +134,7 @@ def log_with_speed(log: FlightLog, prepared: PreparedFlight) -> str | None:
 
 
 def _commanded_flights(fit: Fit) -> list[LoadedFlight]:
-    return _fitted_flights(fit) if fit.dataset.motors.speed == "commanded" else []
-
-
-def _fitted_flights(fit: Fit) -> list[LoadedFlight]:
-    return [flight for c in fit.dataset.configurations for flight in c.flights]
+    return fit.dataset.flights if fit.dataset.motors.speed == "commanded" else []
 
 
 def _has_unexplained_turns(fit: Fit) -> bool:

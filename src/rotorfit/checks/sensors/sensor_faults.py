@@ -39,8 +39,7 @@ def lowpass_sentence(dataset: TimedDataset) -> str | None:
 
 def _measured_lowpass_sentence(dataset: TimedDataset) -> str | None:
     """Explain the same of a gyro whose low-pass the flights show and the log does not name."""
-    flights = [flight for c in dataset.configurations for flight in c.flights]
-    found = [flight.bandwidths["gyro"] for flight in flights if "gyro" in flight.bandwidths]
+    found = [flight.bandwidths["gyro"] for flight in dataset.flights if "gyro" in flight.bandwidths]
     if not found:
         return None
     least = min(one.cutoff for one in found)
@@ -52,8 +51,11 @@ def _measured_lowpass_sentence(dataset: TimedDataset) -> str | None:
 
 def saturated_sensors(fit: Fit) -> Iterator[Finding]:
     """Check that no sensor reached the end of its range in flight; report the worst flight."""
-    flights = [f for c in fit.dataset.configurations for f in c.flights]
-    found = [cut for f in flights for cut in cut_off(f)] if fit.dataset.source == "imu" else []
+    found = (
+        [cut for f in fit.dataset.flights for cut in cut_off(f)]
+        if fit.dataset.source == "imu"
+        else []
+    )
     yield doubt_or_passed("sensor-saturated", max(found)[1] if found else None)
 
 
@@ -76,7 +78,7 @@ def cut_off(flight: LoadedFlight) -> list[tuple[float, str]]:
 
 def filtered_accelerometers(fit: Fit) -> Iterator[Finding]:
     """Name the slowest low-pass whose lateness was taken off an accelerometer, and its flight."""
-    flights = [flight for c in fit.dataset.configurations for flight in c.flights]
+    flights = fit.dataset.flights
     found = [(f.bandwidths["accel"], f) for f in flights if "accel" in f.bandwidths]
     late = [(low_pass, flight) for low_pass, flight in found if low_pass.taken_off]
     if not late:

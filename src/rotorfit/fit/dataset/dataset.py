@@ -99,6 +99,11 @@ class Dataset:
     source: Source = "imu"
 
     @property
+    def flights(self) -> list[LoadedFlight]:
+        """The flights of all configurations, in their order."""
+        return [flight for c in self.configurations for flight in c.flights]
+
+    @property
     def declared(self) -> MotorResponse:
         """Lag and delay as the user declared them; zero if undeclared."""
         return motor_model_of(self.motors).response
@@ -113,7 +118,7 @@ class Dataset:
     @property
     def speeds_commanded(self) -> bool:
         """Whether the commands are rotor speeds [rad/s]."""
-        return any(f.speeds_commanded for c in self.configurations for f in c.flights)
+        return any(f.speeds_commanded for f in self.flights)
 
     @property
     def lag_prior(self) -> tuple[float, float]:

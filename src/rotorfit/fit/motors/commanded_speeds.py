@@ -102,7 +102,7 @@ def allow_for_law(fit: Fit) -> Fit:
     law = fit.dataset.motors.law
     if law is None:
         return fit
-    std = speed_std(law, [f.battery for c in fit.dataset.configurations for f in c.flights])
+    std = speed_std(law, [f.battery for f in fit.dataset.flights])
     if not (std or law.slope_std):
         return fit
     scale = scale_shift(fit.numbers, std)
@@ -189,8 +189,7 @@ def allow_for_motor_limits(fit: Fit) -> Fit:
 
 def _largest_share_at_limits(dataset: Dataset) -> float:
     """Return the largest share of a flight's commands that stand at either end."""
-    flights = [f for c in dataset.configurations for f in c.flights]
-    return max((f.limits.share for f in flights if f.limits is not None), default=0.0)
+    return max((f.limits.share for f in dataset.flights if f.limits is not None), default=0.0)
 
 
 def _with_end(dataset: TimedDataset, end: End) -> TimedDataset:

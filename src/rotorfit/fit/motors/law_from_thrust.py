@@ -232,7 +232,7 @@ def find_law(fit: Fit) -> LawFromThrust | None:
     if dataset.motors.speed != "commanded" or dataset.speeds_commanded:
         return None
     trial = _try_power(fit, 1.0)
-    flights = [f for c in dataset.configurations for f in c.flights]
+    flights = dataset.flights
     hover = heaviest_hover(dataset, mass_known=fit.mass_known)
     anchor = 1.0 if given is None else anchor_of(given, hover)
     logged = flights[0].log.motors

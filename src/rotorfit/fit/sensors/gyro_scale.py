@@ -45,10 +45,7 @@ def _gyro_scale(fit: Fit) -> GyroScale | None:
     """Estimate the scale of the gyro from all flights whose velocity is not made with it."""
     place = fit.dataset.vehicle.imu_position
     flights = [
-        flight.prepared.data
-        for c in fit.dataset.configurations
-        for flight in c.flights
-        if not is_estimate(flight.log.format)
+        flight.prepared.data for flight in fit.dataset.flights if not is_estimate(flight.log.format)
     ]
     return gyro_scale(flights, np.zeros(3) if place is None else np.asarray(place))
 

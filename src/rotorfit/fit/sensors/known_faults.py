@@ -71,7 +71,7 @@ def lowpass_term(numbers: Numbers, dataset: TimedDataset) -> IntervalTerm:
 
 def velocity_estimated(dataset: Dataset) -> bool:
     """Return whether a velocity in the model is an autopilot's estimate."""
-    formats = {flight.log.format for c in dataset.configurations for flight in c.flights}
+    formats = {flight.log.format for flight in dataset.flights}
     known = VELOCITY in dataset.model.layout.added
     return known and any(is_estimate(form) for form in formats)
 

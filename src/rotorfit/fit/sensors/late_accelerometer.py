@@ -92,16 +92,12 @@ def fit_with_force_in_time(fit: Fit, again: Callable[[TimedDataset], Fit]) -> Fi
     return rounds[-1].fit.with_record(_recorded(rounds, late))
 
 
-def _flights(fit: Fit) -> list[LoadedFlight]:
-    return [flight for c in fit.dataset.configurations for flight in c.flights]
-
-
 def _round_of(fit: Fit) -> _Round:
     """Measure what a fit leaves of each flight's lateness."""
     found = list(accelerometer_lateness(fit))
     drawn = of_one_vehicle([one for _, one in found])
     by_flight = {id(flight): one for (flight, _), one in zip(found, drawn, strict=True)}
-    flights = _flights(fit)
+    flights = fit.dataset.flights
     return _Round(fit, [_taken_off(f) for f in flights], [by_flight.get(id(f)) for f in flights])
 
 
@@ -170,7 +166,7 @@ def _low_pass(delay: float, std: float) -> Bandwidth:
 def _recorded(rounds: Sequence[_Round], late: Sequence[int]) -> ForceDelays:
     """Record what is left, and how the numbers move with a delay that is longer."""
     last = rounds[-1]
-    flights = zip(_flights(last.fit), last.left, strict=True)
+    flights = zip(last.fit.dataset.flights, last.left, strict=True)
     left = tuple((flight, one) for flight, one in flights if one is not None)
     if len(rounds) < 2:
         return ForceDelays(left=left, shifts={})

@@ -114,7 +114,7 @@ def place_sensor(
 
 def has_separate_bands(dataset: TimedDataset) -> bool:
     """Return whether every accelerometer ends below the bands in which rotors explain turns."""
-    flights = [f for c in dataset.configurations for f in c.flights]
+    flights = dataset.flights
     return (
         dataset.source == "imu"
         and len(dataset.configurations) == 1

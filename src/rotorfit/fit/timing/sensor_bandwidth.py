@@ -59,8 +59,7 @@ def measured_at_timing(dataset: TimedDataset) -> TimedDataset:
     moved = 0.0 if timing is None else timing.delay - dataset.declared.delay
     if dataset.motors.speed == "commanded" or abs(moved) > SMALL_MOVE:
         return measure_bandwidths(dataset)
-    flights = [flight for c in dataset.configurations for flight in c.flights]
-    if moved == 0.0 or not any(flight.bandwidths for flight in flights):
+    if moved == 0.0 or not any(flight.bandwidths for flight in dataset.flights):
         return dataset
 
     def shifted(flight: LoadedFlight) -> LoadedFlight:
@@ -80,8 +79,7 @@ def take_off_lateness(dataset: TimedDataset) -> TimedDataset:
     timing of the motors is that of forces and turns together: with a late force the rotors would
     come early, and J_r would make up for it in yaw.
     """
-    flights = [flight for c in dataset.configurations for flight in c.flights]
-    late = {k: one.bandwidths["accel"] for k, one in enumerate(flights) if _is_late(one)}
+    late = {k: one.bandwidths["accel"] for k, one in enumerate(dataset.flights) if _is_late(one)}
     return with_force_in_time(dataset, late) if dataset.source == "imu" and late else dataset
 
 

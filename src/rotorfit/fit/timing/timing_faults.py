@@ -21,7 +21,7 @@ def hold_fault(dataset: Dataset) -> float:
     """Estimate the deviation of a delay by not knowing how long a command held [s]."""
     if dataset.motors.speed == "measured":
         return 0.0
-    rates = [f.prepared.motor_rate for c in dataset.configurations for f in c.flights]
+    rates = [f.prepared.motor_rate for f in dataset.flights]
     # A command holds until the next one of the log or, where the log keeps only some of a faster
     # loop's commands, is over sooner: up to half a sample of the log later on the whole.
     return HOLD_FAULT / min(rates)
@@ -34,8 +34,7 @@ def lowpass_of(dataset: Dataset) -> float | None:
     """
     if dataset.motors.speed == "measured":
         return None
-    flights = [f for c in dataset.configurations for f in c.flights]
-    found = [f.log.gyro_lowpass for f in flights if not _passed_by_rotors(f)]
+    found = [f.log.gyro_lowpass for f in dataset.flights if not _passed_by_rotors(f)]
     return min((cutoff for cutoff in found if cutoff), default=None)
 
 

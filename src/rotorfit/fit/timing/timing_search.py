@@ -107,8 +107,7 @@ def _coarse_search(dataset: TimedDataset, unknown: Collection[str]) -> MotorResp
 
 
 def _has_turns(dataset: Dataset) -> bool:
-    flights = [flight for c in dataset.configurations for flight in c.flights]
-    return any(bool(f.prepared.data.angular_acceleration.any()) for f in flights)
+    return any(bool(f.prepared.data.angular_acceleration.any()) for f in dataset.flights)
 
 
 def _coarse_delay(dataset: TimedDataset) -> MotorResponse | None:
