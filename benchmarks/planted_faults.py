@@ -402,7 +402,6 @@ ROOMS: Final[dict[str, Room]] = {
             "FILTERED_SHARE: Final = <<0.1>>",
             "USUAL_FILTER_DELAY: Final = <<0.01>>",
             "SURE: Final = <<0.5>>",
-            "SLOW_DELAY: Final = <<float(np.sqrt(2.0) / (2.0 * np.pi))>>",
             "longer = delay + <<left.seconds / slope>>",
             "DELAYS[-1])), <<SURE * left.std / slope>>",
             "half = <<1.96>> * np.array",
@@ -663,9 +662,10 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "fit/timing/timing_faults.py": Room(
-        tests=("tests/fit/test_timing_deviations.py",),
+        tests=("tests/fit/test_timing_deviations.py", "tests/fit/test_late_accelerometer.py"),
         scaled=(
             "HOLD_FAULT: Final = <<0.25>>",
+            "SLOW_DELAY: Final = <<float(np.sqrt(2.0) / (2.0 * np.pi))>>",
             "return <<HOLD_FAULT / min(rates)>>",
         ),
         changed=(

@@ -21,6 +21,7 @@ from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.reduction.bandwidth import Bandwidth
 from rotorfit.fit.sensors.lateness import Lateness, accelerometer_lateness, of_one_vehicle
 from rotorfit.fit.timing.sensor_bandwidth import with_force_in_time
+from rotorfit.fit.timing.timing_faults import SLOW_DELAY
 from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
@@ -47,8 +48,6 @@ DELAYS: Final = np.arange(0.001, 0.1, 0.001)
 """Delays that are taken off [s]."""
 SAME: Final = 1e-3
 """Share by which a delay that is taken off again differs at most."""
-SLOW_DELAY: Final = float(np.sqrt(2.0) / (2.0 * np.pi))
-"""Delay of slow motion by a low-pass of second order (Butterworth), times its cut-off."""
 
 
 class _Round(NamedTuple):

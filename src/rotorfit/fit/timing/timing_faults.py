@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 HOLD_FAULT: Final = 0.25
 """Fault of a hold, in samples: half of the half-sample that lies between the two ways a command may
 have held."""
+SLOW_DELAY: Final = float(np.sqrt(2.0) / (2.0 * np.pi))
+"""Delay of slow motion by a low-pass of second order (Butterworth), times its cut-off."""
 FILTER_SHAPE: Final = 0.1
 """Deviation of lag and of delay, as a share of the filter's, which is neither: pieces of one flight
 in ArduPilot's simulator (11 ms at 20 Hz, motors without lag) give a lag of 5.1 to 9.8 ms."""
@@ -46,7 +48,7 @@ def _passed_by_rotors(flight: LoadedFlight) -> bool:
 
 def filter_delay(cutoff: float) -> float:
     """Compute the delay of slow motion by a low-pass of second order (Butterworth) [s]."""
-    return float(np.sqrt(2.0) / (2.0 * np.pi * cutoff))
+    return SLOW_DELAY / cutoff
 
 
 def shape_fault(dataset: Dataset) -> float:
