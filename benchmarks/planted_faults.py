@@ -101,14 +101,18 @@ ROOMS: Final[dict[str, Room]] = {
             "tests/estimation/test_feedback.py",
             "tests/estimation/test_partial.py",
             "tests/estimation/test_bound.py",
+            "tests/estimation/test_late_errors.py",
         ),
         scaled=(
             "rest = prior_cost(problem, phi) - <<2.0>> * response",
             "if not np.isfinite(cost) or response > <<MOST_RESPONSE * _count_rows(problem)>>:",
             "squares.append(power - <<rows * known_noise_variance(problem, c, G)>>)",
-            "gain += <<float(problem.feedback.responses[part].gain_slopes.sum(axis=(0, 1)) @ moves)>>",
-            "scores[:, :, part.at(problem.places)] += <<feedback.responses[number].gain_slopes>>",
-            "own[:, :, at] += <<G[part.place] @ lift.T>>",
+            "gain += <<float(slopes @ phi[list(part.moving)])>>",
+            "scores[:, :, part.at(part.moving)] += <<feedback.responses[number].gain_slopes>>",
+            "own[:, :, at] += <<G @ lift.T>>",
+            "u[errors] += <<by * G[errors] @ factors.slope_lifts[one.slope].T>>",
+            "own[errors] += <<size * (dG[errors] @ lift).transpose(0, 2, 1)>>",
+            "own[errors, :, at] += <<G[errors] @ lift>>",
             "spare = np.minimum(<<power / v - rows>>, 0.0)",
             "cost += float(np.sum(<<rows * np.log(v)>>, where=counted))",
             "np.sum(<<((phi - mean)[known] / std[known]) ** 2>>)",
@@ -129,13 +133,19 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "estimation/banded_problem.py": Room(
-        tests=("tests/estimation/test_banded.py", "tests/estimation/test_known_noise.py"),
+        tests=(
+            "tests/estimation/test_banded.py",
+            "tests/estimation/test_known_noise.py",
+            "tests/estimation/test_late_errors.py",
+        ),
         scaled=(
             "RELATIVE_FLOOR: Final = <<1e-9>>",
             "left = A - <<(A[:, :, list(noisy)].reshape(-1, k) @ G).reshape(t, *A.shape)>>",
         ),
         changed=(
             ("moves[:, self.places] = True", "pass"),
+            ("moves[one.part, self.map.names.index(one.name)] = True", "pass"),
+            ("if one.part == k]", "]"),
             (": m.sum(axis=1).max()]", ": m.sum(axis=1).min()]"),
         ),
     ),
@@ -348,7 +358,11 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "fit/joint/joint_problem.py": Room(
-        tests=("tests/fit/test_known_beforehand.py", "tests/fit/test_closed_loop.py"),
+        tests=(
+            "tests/fit/test_known_beforehand.py",
+            "tests/fit/test_closed_loop.py",
+            "tests/fit/sensors/test_force_delay.py",
+        ),
         scaled=(
             "BANDWIDTH = <<25.0>>",
             "through = <<BANDWIDTH * (s + ATTITUDE)>>",
@@ -358,11 +372,13 @@ ROOMS: Final[dict[str, Room]] = {
             "speed = <<(mixer * vehicle.spins / (2.0 * rotor_speeds(configuration))).sum(axis=1)>>",
             'prior |= {f"{name}{at}": <<std>> for name, std, _ in tolerances',
             "{name: <<std>> for name, (_, std) in known.items()}",
+            "\"az\"), -1] = <<lateness(\"motor_delay\", turn, timing.at)>>",
             "{n: <<mean>> for n, (mean, _) in known.items()}",
             "size: Float[np.ndarray, \" N\"] = <<np.linalg.norm(lowest[:, :, squares], axis=(0, 1)) / one>>",
         ),
         changed=(
             ("return np.sqrt(size)", "return size"),
+            ("FORCE_ERRORS = (0, 1, 2)", "FORCE_ERRORS = (0, 1)"),
             ("[rate, rate, slow_yaw, climb]", "[rate, rate, rate, climb]"),
             ("*= with_response", "*= 1.0"),
             ("rows=moving[:, None] * counted_errors", "rows=factors.rows[:, None] * counted_errors"),
@@ -400,6 +416,7 @@ ROOMS: Final[dict[str, Room]] = {
         tests=("tests/fit/test_late_accelerometer.py",),
         scaled=(
             "FILTERED_SHARE: Final = <<0.1>>",
+            "DOUBTED_SHARE: Final = <<0.5>>",
             "USUAL_FILTER_DELAY: Final = <<0.01>>",
             "SURE: Final = <<0.5>>",
             "longer = delay + <<left.seconds / slope>>",
@@ -412,6 +429,20 @@ ROOMS: Final[dict[str, Room]] = {
             ("(one.seconds > 0.0 or delay > 0.0)", "True"),
             ("break  # they are", "pass  # they are"),
             ("np.linalg.norm([_next_delay", "max([_next_delay"),
+        ),
+    ),
+    "fit/sensors/force_delay.py": Room(
+        tests=("tests/fit/sensors/test_force_delay.py",),
+        scaled=(
+            "USUAL_DELAY: Final = <<0.03>>",
+            "formal_covariance(found, rows)) / <<1.96>>",
+            "std = np.sqrt(<<chance**2>> + by_response",
+            "by_response**2 + <<MODEL_FAULT**2>>)",
+            "values = <<rows @ found.estimate.values>>",
+        ),
+        changed=(
+            ("begin=fit.estimate.estimate.by_name", "begin={}"),
+            ("\"motor_delay\" not in timing.names", "False"),
         ),
     ),
     "fit/sensors/lateness.py": Room(

@@ -188,7 +188,7 @@ class Felt:
         self.fails_with = error
         self.true, self.share, self.std, self.fails_at = true, share, std, fails_at
         self.delays = []
-        monkeypatch.setattr(late_accelerometer, "accelerometer_lateness", self.lateness)
+        monkeypatch.setattr(late_accelerometer, "force_delays", self.lateness)
         flights = TimedDataset.of(made_fit.dataset(made_fit.prepared()))
         if before:
             flights = with_force_in_time(flights, {0: low_pass_of(before)})
@@ -237,6 +237,14 @@ def test_a_delay_that_was_taken_off_too_much_is_given_back(monkeypatch):
     felt.found()
     assert felt.delays[0] == pytest.approx(20.0, rel=1e-3)
     assert felt.delays[-1] == pytest.approx(8.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("before", "after"), [(0.0, 0.0), (20.0, 24.0)])
+def test_a_low_pass_that_was_found_is_doubted_sooner(monkeypatch, before, after):
+    """Of 2 deviations: noise and motion tell its cut-off less surely than that there is one."""
+    felt = Felt(monkeypatch, true=before + 4.0, share=1.0, before=before)
+    felt.found()
+    assert felt.delays[-1] == pytest.approx(after, rel=1e-3)
 
 
 def test_half_a_deviation_of_the_delay_widens_the_numbers(monkeypatch):
@@ -317,7 +325,7 @@ def test_a_flight_that_seemed_in_time_beside_a_later_one_follows(monkeypatch):
         yield one, Lateness(seconds=0.9 * left * MS, std=MS)
         yield other, Lateness(seconds=(8.0 - off(other) - 0.4 * left) * MS, std=MS)
 
-    monkeypatch.setattr(late_accelerometer, "accelerometer_lateness", lateness)
+    monkeypatch.setattr(late_accelerometer, "force_delays", lateness)
     monkeypatch.setattr(late_accelerometer, "of_one_vehicle", lambda found: found)
     flights = TimedDataset.of(made_fit.dataset(made_fit.prepared(), made_fit.prepared()))
     found = fit_with_force_in_time(made_fit.fit(flights), made_fit.fit)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from jaxtyping import Bool, Float
 
-    from rotorfit.estimation.banded_problem import Solution
+    from rotorfit.estimation.banded_problem import Part, Solution
     from rotorfit.estimation.feedback import Feedback
 
 MOST_RESPONSE: Final = 10.0
@@ -158,9 +158,18 @@ def _block_errors(
     e = np.empty((blocks, problem.factors[0].columns.shape[1], len(problem.noisy)))
     for part in problem.every_part:
         c = part.configuration
-        columns, u = problem.factors[c].columns[part.local], found[c][part.place] @ lifts[c]
+        factors, G = problem.factors[c], found[c][part.place]
+        columns, u = factors.columns[part.local], G @ lifts[c]
+        for one, by in zip(part.late, phi[_places_of_late(part)].tolist(), strict=True):
+            errors = list(one.errors)
+            u[errors] += by * G[errors] @ factors.slope_lifts[one.slope].T
         np.matmul(columns, u.T, out=e[part.blocks])
     return e
+
+
+def _places_of_late(part: Part) -> list[int]:
+    """Return the places of what moves the signals of a part in some equations only."""
+    return list(part.moving[len(part.moving) - len(part.late) :])
 
 
 def known_noise_variance(
@@ -198,11 +207,11 @@ def feedback_gain(
     """Compute the controller's part of the log-likelihood; `found`: G of each configuration."""
     if problem.feedback is None:
         return 0.0
-    moves = problem.moves(phi)
     gain = 0.0
-    for part, G in enumerate(G for own in found for G in own):
-        gain += problem.feedback.gain(part, G)
-        gain += float(problem.feedback.responses[part].gain_slopes.sum(axis=(0, 1)) @ moves)
+    for number, part in enumerate(problem.every_part):
+        gain += problem.feedback.gain(number, found[part.configuration][part.place])
+        slopes = problem.feedback.responses[number].gain_slopes.sum(axis=(0, 1))
+        gain += float(slopes @ phi[list(part.moving)])
     return gain
 
 
@@ -224,7 +233,7 @@ def _response_scores(
     part = problem.every_part[number]
     G, dG = (each[part.place] for each in found[part.configuration])
     scores = feedback.slope(number, G, dG.transpose(1, 0, 2))
-    scores[:, :, part.at(problem.places)] += feedback.responses[number].gain_slopes
+    scores[:, :, part.at(part.moving)] += feedback.responses[number].gain_slopes
     return scores
 
 
@@ -247,10 +256,16 @@ def lifted_slopes(
     slopes: list[Float[np.ndarray, "k a _"]] = []
     for part in problem.every_part:
         own = each[part.configuration][part.place].transpose(0, 2, 1)
-        G, by = found[part.configuration][0], problem.factors[part.configuration].slope_lifts
+        by = problem.factors[part.configuration].slope_lifts
+        G, dG = (each[part.place] for each in found[part.configuration])
         # u = G lift: where a parameter moves the signals (lag, delay), the lift has a slope, too.
         for at, lift in zip(part.at(problem.places), by, strict=True):
-            own[:, :, at] += G[part.place] @ lift.T
+            own[:, :, at] += G @ lift.T
+        places = _places_of_late(part)
+        for one, at, size in zip(part.late, part.at(places), phi[places].tolist(), strict=True):
+            errors, lift = list(one.errors), by[one.slope].T
+            own[errors] += size * (dG[errors] @ lift).transpose(0, 2, 1)
+            own[errors, :, at] += G[errors] @ lift
         slopes.append(own)
     return slopes
 

@@ -30,12 +30,29 @@ may be exact, and without a floor its likelihood is a valley that the iteration 
 
 
 @frozen_dataclass
+class LateErrors:
+    """A free parameter that moves the signals of one part, in some of its equations only.
+
+    - `part`: which part, of all configurations.
+    - `errors`: the equations, by their noisy signals.
+    - `slope`: place of its slopes among those of the factors.
+    """
+
+    name: str
+    part: int
+    errors: tuple[int, ...]
+    slope: int
+
+
+@frozen_dataclass
 class Part:
     """Blocks in succession that have a theta of their own.
 
     - `configuration`, `place`: whose they are, and which of its parts.
     - `local`, `blocks`: the blocks among those of their configuration, and among all.
     - `moved`: free parameters that move their theta or their signals.
+    - `moving`: places of those that move their signals: of the problem's, then of `late`.
+    - `late`: what moves their signals in some of the equations only.
     """
 
     configuration: int
@@ -43,6 +60,8 @@ class Part:
     local: slice
     blocks: slice
     moved: Int[np.ndarray, " q"]
+    moving: tuple[int, ...] = ()
+    late: tuple[LateErrors, ...] = ()
 
     def at(self, places: Sequence[int]) -> list[int]:
         """Locate some parameters among those that move it."""
@@ -63,6 +82,7 @@ class BandedProblem:
     - `counted`: which errors of each block count, one array per configuration; None: all.
     - `feedback`: where a controller responds to the errors, by the same parts.
     - `moving`: free parameters that move the signals, in the order of the factors' slopes.
+    - `late`: free parameters that move those of one part, in some of its equations.
     - `error_correlation`: how much of each error (row) comes with the others (column), and is taken
       off it: strictly lower triangular up to the order of the errors, one per configuration.
     - `error_correlation_std`: deviation of these shares about zero before the flight.
@@ -78,6 +98,7 @@ class BandedProblem:
     counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
     feedback: Feedback | None = None
     moving: tuple[str, ...] = ()
+    late: tuple[LateErrors, ...] = ()
     error_correlation: tuple[Float[np.ndarray, "k k"], ...] = ()
     error_correlation_std: tuple[float, ...] = ()
 
@@ -89,6 +110,7 @@ class BandedProblem:
         ends = pairwise(accumulate((n for own in counts for n in own), initial=0))
         firsts = [0, *accumulate(len(factors) for factors in self.factors)]
         moved = [places for own in self.moved for places in own]
+        late = [[one for one in self.late if one.part == k] for k in range(len(owners))]
         return [
             Part(
                 configuration=c,
@@ -96,6 +118,8 @@ class BandedProblem:
                 local=slice(first - firsts[c], last - firsts[c]),
                 blocks=slice(first, last),
                 moved=moved[number],
+                moving=(*self.places, *(self.map.names.index(one.name) for one in late[number])),
+                late=tuple(late[number]),
             )
             for number, ((c, t), (first, last)) in enumerate(zip(owners, ends, strict=True))
         ]
@@ -111,6 +135,8 @@ class BandedProblem:
         """The free parameters that move each part of each configuration, in their order."""
         moves = self.map.moves.copy()
         moves[:, self.places] = True
+        for one in self.late:
+            moves[one.part, self.map.names.index(one.name)] = True
         each = [moves[own] for own in self.thetas]
         # As many for all parts of one: others, which move nothing there, fill up.
         return [np.argsort(~m, axis=1, kind="stable")[:, : m.sum(axis=1).max()] for m in each]
@@ -126,7 +152,7 @@ class BandedProblem:
 
     @property
     def places(self) -> list[int]:
-        """Places among the free parameters of those that move the signals."""
+        """Places among the free parameters of those that move all signals."""
         return [self.map.names.index(name) for name in self.moving]
 
     @property

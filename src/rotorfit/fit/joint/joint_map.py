@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rotorfit.estimation.factors import flights_of
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.fit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse
@@ -85,6 +86,7 @@ def joint_map(
     }
     free |= {name: {} for name in dict.fromkeys(spread)}
     free |= {name: {} for name in (() if first.timing is None else first.timing.names)}
+    free |= {name: {} for name in force_delay_names(configurations)}
     given: dict[tuple[int, str], float] = {}
     products: Products = {}
     for c, configuration in enumerate(configurations):
@@ -104,6 +106,15 @@ def joint_map(
     return parameter_map(
         first.model.names, free, given, configurations=len(configurations), products=products
     )
+
+
+def force_delay_names(configurations: Sequence[JointConfiguration]) -> tuple[str, ...]:
+    """Return the names of the delays of the forces, of each flight; none where they are in time."""
+    timing = configurations[0].timing
+    if timing is None or timing.force_std is None:
+        return ()
+    flights = sum(len(flights_of(c.factors)) for c in configurations)
+    return tuple(f"force_delay@{k}" for k in range(flights))
 
 
 def _body_parameters(c: int, configuration: JointConfiguration) -> Free:

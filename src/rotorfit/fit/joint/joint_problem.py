@@ -22,11 +22,12 @@ from rotorfit.estimation.banded import (
     banded,
     log_likelihood,
 )
+from rotorfit.estimation.banded_problem import LateErrors
 from rotorfit.estimation.factors import flights_of, of_even_rows
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.fit.experiment.payload import tolerances
 from rotorfit.fit.joint.joint_map import JointConfiguration as JointConfiguration
-from rotorfit.fit.joint.joint_map import joint_map
+from rotorfit.fit.joint.joint_map import force_delay_names, joint_map
 from rotorfit.fit.joint.trims import (
     are_trims,
     trim_prior,
@@ -43,11 +44,14 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
     from rotorfit.estimation.parameter_map import ParameterMap
+    from rotorfit.fit.reduction.motor_timing import FreeTiming
     from rotorfit.flight.motors.motor_model import MotorResponse
     from rotorfit.model.vehicle import Vehicle
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
+FORCE_ERRORS = (0, 1, 2)
+"""Places of the errors of the forces among those."""
 TURN_ERRORS = ("dwx", "dwy", "dwz")
 """The errors of the turns, to which an autopilot responds."""
 RESPONSE_ERRORS = (*TURN_ERRORS, "az")
@@ -163,7 +167,8 @@ def joint_problem(
     moments = [f.mass * f.vehicle.arm for f in flights]
     prior |= trim_prior(mapped, [f.scatter for f in flights], moments)
     timing = configurations[0].timing
-    known = {**(known or {}), **({} if timing is None else timing.prior())}
+    forces = force_delay_names(configurations)
+    known = {**(known or {}), **({} if timing is None else timing.prior(forces))}
     return BandedProblem(
         factors=of_even_rows([c.factors for c in configurations]),
         tensors=tuple(c.model.tensor for c in configurations),
@@ -173,6 +178,7 @@ def joint_problem(
         prior_mean={**prior_means(configurations), **{n: mean for n, (mean, _) in known.items()}},
         prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
         moving=() if timing is None else timing.names,
+        late=() if timing is None else _late_forces(timing, forces),
         counted=tuple(c.counted for c in configurations if c.counted is not None),
         error_correlation=tuple(
             c.error_correlation for c in configurations if c.error_correlation is not None
@@ -183,6 +189,14 @@ def joint_problem(
             if c.error_correlation is not None
         ),
         feedback=_collect_feedback(flights),
+    )
+
+
+def _late_forces(timing: FreeTiming, names: Sequence[str]) -> tuple[LateErrors, ...]:
+    """Return the delays of each flight's forces, by these names: beside that of the motors."""
+    return tuple(
+        LateErrors(name=name, part=k, errors=FORCE_ERRORS, slope=timing.names.index("motor_delay"))
+        for k, name in enumerate(names)
     )
 
 
@@ -267,22 +281,32 @@ def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopRespon
     usual = np.stack([rate, rate, rate, climb], axis=1)
     taken = np.stack([rate, rate, slow_yaw, climb], axis=1)
     taken[:, : len(TURN_ERRORS)] *= with_response
-    timing = configuration.timing
-    late = [] if timing is None else [lateness(name, turn, timing.at) for name in timing.names]
     return ClosedLoopResponses(
         rows=moving[:, None] * counted_errors,
         moves=_mixed_rotors(configuration, turn),
         complementary_sensitivity=taken + usual * np.array(configuration.response.beyond),
         uncertainty=usual * np.array(configuration.response.open),
-        log_effect_slopes=_of_turns(np.array(late, dtype=complex).reshape(len(late), len(turn)).T),
+        log_effect_slopes=_slopes_by_times(configuration.timing, turn),
     )
 
 
-def _of_turns(slopes: Complex[np.ndarray, "b t"]) -> Complex[np.ndarray, "b e t"]:
-    """Return the slopes for each error: only turns show the times, as pilots hold climbs, too."""
-    for_each = np.zeros((len(slopes), len(RESPONSE_ERRORS), slopes.shape[1]), dtype=complex)
-    for_each[:, : len(TURN_ERRORS)] = slopes[:, None, :]
-    return for_each
+def _slopes_by_times(
+    timing: FreeTiming | None, turn: Float[np.ndarray, " b"]
+) -> Complex[np.ndarray, "b e t"]:
+    """Return the slopes by the times for each error: only turns show them, as pilots hold climbs.
+
+    The delay of the forces is the last; an altitude hold answers them as they come.
+    """
+    if timing is None:
+        return np.zeros((len(turn), len(RESPONSE_ERRORS), 0), dtype=complex)
+    late = [lateness(name, turn, timing.at)[:, None] for name in timing.names]
+    count = len(late) + (timing.force_std is not None)
+    slopes = np.zeros((len(turn), len(RESPONSE_ERRORS), count), dtype=complex)
+    for place, slope in enumerate(late):
+        slopes[:, : len(TURN_ERRORS), place] = slope
+    if count > len(late):
+        slopes[:, RESPONSE_ERRORS.index("az"), -1] = lateness("motor_delay", turn, timing.at)
+    return slopes
 
 
 def first_order(turn: Float[np.ndarray, " b"], bandwidth: float) -> Complex[np.ndarray, " b"]:

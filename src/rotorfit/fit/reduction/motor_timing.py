@@ -34,11 +34,14 @@ class FreeTiming:
     - `names`: of ``motor_delay``, ``motor_lag`` and ``motor_skew`` (lag (1 - s) up and (1 + s)
       down).
     - `lag_prior`: mean and standard deviation of the lag before the flight [s].
+    - `force_std`: standard deviation before the flight of how much later than turns the forces of
+      each flight come [s]; None: they come with them.
     """
 
     at: MotorResponse
     names: tuple[str, ...]
     lag_prior: tuple[float, float] = LAG_PRIOR
+    force_std: float | None = None
 
     def moved(self, by: Mapping[str, float]) -> MotorResponse:
         """Move each of the times by so much."""
@@ -63,11 +66,12 @@ class FreeTiming:
         split = {"motor_lag": SPLIT_FAULT, "motor_delay": -SPLIT_FAULT}
         return [split, {"motor_lag": 0.0, "motor_delay": SUM_FAULT}]
 
-    def prior(self) -> dict[str, tuple[float, float]]:
-        """Return mean and deviation of how far each may move."""
+    def prior(self, forces: Sequence[str] = ()) -> dict[str, tuple[float, float]]:
+        """Return mean and deviation of how far each may move; `forces`: delays of the forces."""
         mean, std = self.lag_prior
         known = {"motor_lag": (mean - self.at.mean_lag, std)}
-        return {name: value for name, value in known.items() if name in self.names}
+        own = {name: value for name, value in known.items() if name in self.names}
+        return own | {name: (0.0, self.force_std or 0.0) for name in forces}
 
 
 def skew_of(response: MotorResponse) -> float:

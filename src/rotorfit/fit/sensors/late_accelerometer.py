@@ -19,7 +19,8 @@ import numpy as np
 from rotorfit.errors import EstimationError
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.reduction.bandwidth import Bandwidth
-from rotorfit.fit.sensors.lateness import Lateness, accelerometer_lateness, of_one_vehicle
+from rotorfit.fit.sensors.force_delay import force_delays
+from rotorfit.fit.sensors.lateness import Lateness, of_one_vehicle
 from rotorfit.fit.timing.sensor_bandwidth import with_force_in_time
 from rotorfit.fit.timing.timing_faults import SLOW_DELAY
 from rotorfit.frozen_dataclass import frozen_dataclass
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 
 FILTERED_SHARE: Final = 0.1
 """Share of accelerometers behind a low-pass that neither the log nor the flight has named."""
+DOUBTED_SHARE: Final = 0.5
+"""Share of low-passes that noise or motion have named whose delay is another."""
 USUAL_FILTER_DELAY: Final = 0.01
 """Mean delay of these [s]: that of 22 Hz, as autopilots have 10 to 40."""
 IN_TIME: Final = 0.3
@@ -93,7 +96,7 @@ def fit_with_force_in_time(fit: Fit, again: Callable[[TimedDataset], Fit]) -> Fi
 
 def _round_of(fit: Fit) -> _Round:
     """Measure what a fit leaves of each flight's lateness."""
-    found = list(accelerometer_lateness(fit))
+    found = list(force_delays(fit))
     drawn = of_one_vehicle([one for _, one in found])
     by_flight = {id(flight): one for (flight, _), one in zip(found, drawn, strict=True)}
     flights = fit.dataset.flights
@@ -111,16 +114,21 @@ def _late_flights(found: _Round) -> list[int]:
     return [
         k
         for k, (one, delay) in enumerate(zip(found.left, found.delays, strict=True))
-        if one is not None and (one.seconds > 0.0 or delay > 0.0) and log_odds_of_delay(one) > 0.0
+        if one is not None
+        and (one.seconds > 0.0 or delay > 0.0)
+        and log_odds_of_delay(one, DOUBTED_SHARE if delay > 0.0 else FILTERED_SHARE) > 0.0
     ]
 
 
-def log_odds_of_delay(late: Lateness) -> float:
-    """Compute the logarithm of the odds that a low-pass delays a sensor, by Bayes' theorem."""
+def log_odds_of_delay(late: Lateness, share: float = FILTERED_SHARE) -> float:
+    """Compute the logarithm of the odds that a low-pass delays a sensor, by Bayes' theorem.
+
+    `share`: of sensors with such a delay, before the flight.
+    """
     prior = -DELAYS / USUAL_FILTER_DELAY
     likelihood = (abs(late.seconds) - 0.5 * DELAYS) * DELAYS / late.std**2
     ratio = np.logaddexp.reduce(prior + likelihood) - np.logaddexp.reduce(prior)
-    return float(ratio + np.log(FILTERED_SHARE / (1.0 - FILTERED_SHARE)))
+    return float(ratio + np.log(share / (1.0 - share)))
 
 
 def _is_in_time(found: _Round, late: Sequence[int]) -> bool:
