@@ -239,12 +239,21 @@ def test_a_delay_that_was_taken_off_too_much_is_given_back(monkeypatch):
     assert felt.delays[-1] == pytest.approx(8.0, rel=1e-3)
 
 
-@pytest.mark.parametrize(("before", "after"), [(0.0, 0.0), (20.0, 24.0)])
-def test_a_low_pass_that_was_found_is_doubted_sooner(monkeypatch, before, after):
-    """Of 2 deviations: noise and motion tell its cut-off less surely than that there is one."""
-    felt = Felt(monkeypatch, true=before + 4.0, share=1.0, before=before)
+@pytest.mark.parametrize(
+    ("before", "left", "after"), [(0.0, 4.8, 0.0), (20.0, 4.8, 24.8), (20.0, 3.6, 20.0)]
+)
+def test_a_low_pass_that_was_found_is_doubted_sooner(monkeypatch, before, left, after):
+    """By 2.4 deviations: noise and motion tell its cut-off less surely than that there is one."""
+    felt = Felt(monkeypatch, true=before + left, share=1.0, before=before)
     felt.found()
     assert felt.delays[-1] == pytest.approx(after, rel=1e-3)
+
+
+def test_a_delay_that_nothing_shows_stays_as_it_was_found(monkeypatch):
+    """Once such a one went from 13 to 99 ms, by a lateness of 18 +- 43."""
+    felt = Felt(monkeypatch, true=31.0, share=1.0, before=13.0, std=43.0)
+    felt.found()
+    assert felt.delays == pytest.approx([13.0], rel=1e-3)
 
 
 def test_half_a_deviation_of_the_delay_widens_the_numbers(monkeypatch):

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 FILTERED_SHARE: Final = 0.1
 """Share of accelerometers behind a low-pass that neither the log nor the flight has named."""
-DOUBTED_SHARE: Final = 0.5
+DOUBTED_SHARE: Final = 0.25
 """Share of low-passes that noise or motion have named whose delay is another."""
 USUAL_FILTER_DELAY: Final = 0.01
 """Mean delay of these [s]: that of 22 Hz, as autopilots have 10 to 40."""
