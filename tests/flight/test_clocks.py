@@ -239,3 +239,27 @@ def test_thousands_of_gaps_take_linear_time(benchmark):
     )
     assert len(result.stretches) == 4000
     assert len(result.time) == 400_000
+
+
+def slow_and_fast(motor, *, held=()):
+    """Return a motor of 500 Hz with a gap, away from its ends, on a clock of 50 Hz."""
+    slow, fast = np.arange(500) / 50, np.arange(5000) / 500
+    fast = fast[(fast < 4.0) | (fast > 4.5)]
+    channels = {"gyro": channel(slow, wave(slow)), "motor": channel(fast, motor(fast)[:, None])}
+    result = uniform(channels, held=held)
+    away = [np.arange(a + 10, b - 10) for a, b in result.stretches]
+    assert len(away) == 2
+    rows = np.concatenate(away)
+    return result.time[rows], result.values["motor"][rows, 0]
+
+
+def test_quick_commands_do_not_fold_into_a_slow_clock():
+    time, kept = slow_and_fast(
+        lambda t: np.sin(2 * np.pi * 3 * t) + np.sin(2 * np.pi * 43 * t + 1.0)
+    )
+    assert kept == pytest.approx(np.sin(2 * np.pi * 3 * time), abs=3e-3)  # 43 Hz would be 7 Hz
+
+
+def test_a_slow_clock_holds_the_middle_of_quick_commands():
+    time, kept = slow_and_fast(lambda t: 0.1 * t, held=("motor",))
+    assert kept == pytest.approx(0.1 * (time + 0.5 * (1 / 50 - 1 / 500)), abs=1e-9)

@@ -381,7 +381,8 @@ def _make_uniform(
     reference = _usable_reference(log)
     if reference is not None:
         makers["reference"] = reference
-    return uniform_channels(makers, clock="gyro", optional=OPTIONAL), counts
+    held = ("motor",) if motors.speed == "commanded" else ()
+    return uniform_channels(makers, clock="gyro", optional=OPTIONAL, held=held), counts
 
 
 def _usable_reference(log: FlightLog) -> Channel | None:
