@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rotorfit.errors import FlightError
+from rotorfit.flight.arrivals import at_sampling_times
 from rotorfit.flight.filters import kaiser_low_pass, thinned_sums
 from rotorfit.flight.signals import true_runs
 from rotorfit.frozen_dataclass import frozen_dataclass
@@ -72,7 +73,8 @@ class UniformChannels:
 def usable_samples(channel: Channel, name: str) -> Channel:
     """Select a channel's finite samples, in time order, each time once; raise if too few.
 
-    A value that one column lost for a moment is taken from the line between its neighbours.
+    A value that one column lost for a moment is taken from the line between its neighbours. Times
+    of arrival are evened out.
     """
     values = np.asarray(channel.values, dtype=float)
     if name != ATTITUDE:  # one element of a quaternion means nothing without the others
@@ -103,9 +105,9 @@ def usable_samples(channel: Channel, name: str) -> Channel:
             f"{len(t)} samples but {int(fresh.sum())} different times; "
             "export the log with its time column"
         )
-    if fresh.all():
-        return dataclasses.replace(channel, time=t, values=np.asarray(channel.values, dtype=float))
-    return dataclasses.replace(channel, time=t[fresh], values=channel.values[fresh].astype(float))
+    t, values = (t, channel.values) if fresh.all() else (t[fresh], channel.values[fresh])
+    t = at_sampling_times(t)
+    return dataclasses.replace(channel, time=t, values=np.asarray(values, dtype=float))
 
 
 def bridge_lost_values(

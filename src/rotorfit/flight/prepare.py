@@ -21,6 +21,7 @@ from rotorfit.flight.airborne import (
     misfit,
     rest_rows,
 )
+from rotorfit.flight.arrivals import arrival_doubts
 from rotorfit.flight.clocks import (
     UniformChannels,
     uniform_channels,
@@ -151,6 +152,7 @@ class OneClock:
     - `takes_columns`: whether units and axes of the log can be declared.
     - `said`: kinds of what the log's reader doubts already.
     - `filters`: on board, that its samples passed.
+    - `clock_findings`: what is said of the channels' own clocks.
     """
 
     uniform: UniformChannels
@@ -159,6 +161,7 @@ class OneClock:
     takes_columns: bool = True
     said: frozenset[str] = frozenset()
     filters: tuple[Filter, ...] = ()
+    clock_findings: tuple[Finding, ...] = ()
 
 
 def prepare(
@@ -212,6 +215,8 @@ def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> One
     refuse_dead_axes(log, uniform)
     refuse_absurd_sensors(log, uniform)
     measured = log.channels["rotor_speed"] if motors.speed == "measured" else None
+    unused = {"command"} if measured is not None else {"rotor_speed"}
+    used = {name: channel for name, channel in log.channels.items() if name not in unused}
     step = 0.0 if measured is None else max(measured.resolution or 0.0, speed_step(measured.values))
     return OneClock(
         uniform=uniform,
@@ -220,6 +225,7 @@ def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> One
         takes_columns=log.takes_columns,
         said=frozenset(one.kind for one in log.findings),
         filters=applied_filters(log),
+        clock_findings=tuple(arrival_doubts(used)),
     )
 
 
@@ -273,6 +279,7 @@ def prepared_from(
         motor_rate=uniform.rates["motor"],
         cuts=_list_cuts(data, uniform, window, standing),
         findings=(
+            *recorded.clock_findings,
             *ground_doubts(uniform.time, standing),
             *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
             *frozen,

@@ -120,6 +120,10 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
         numbers=BY_CLOCK,
         doubtful_because="repeated rows stretch the clock of the log",
     ),
+    "arrival-times": RestsOn(
+        numbers=("motor_delay", "command_delay"),
+        doubtful_because="samples have the times of their arrival",
+    ),
     "accelerometer-axes": RestsOn(
         numbers=BY_PLACE, doubtful_because="the accelerometer's x and y contradict the drag"
     ),
