@@ -9,7 +9,7 @@ from rotorfit.flight.flight_checks import (
     refuse_interpolated_commands,
     refuse_interpolated_speeds,
 )
-from rotorfit.flight.interpolated import likeliest_source, source_rate
+from rotorfit.flight.interpolated import likeliest_source, slowest_source_rate, source_rate
 
 RATE = 250.0
 TIME = np.arange(round(30.0 * RATE)) / RATE
@@ -54,6 +54,23 @@ def test_motion_has_no_source(noise):
     assert source_rate(speeds(0) + rhythm, RATE) is None
     refuse_interpolated_speeds(drawn(speeds(3), 50.0), RATE)  # fast enough
     assert source_rate(speeds(0)[:20], RATE) is None
+
+
+@pytest.mark.parametrize("rate", [10.0, 20.0])
+def test_rotors_that_are_asked_in_turn_are_refused(rate):
+    values = speeds(7)
+    in_turn = np.hstack(
+        [drawn(values[:, [k]], rate, phase=0.013 + k / (4.0 * rate)) for k in range(4)]
+    )
+    one_slow = np.column_stack([values[:, :3], in_turn[:, 3]])
+    for slow in (in_turn, one_slow):
+        assert slowest_source_rate(slow, RATE) == pytest.approx(rate, abs=0.2)
+        with pytest.raises(FlightError, match=f"the rotor speeds come at {rate:.0f} Hz"):
+            refuse_interpolated_speeds(slow, RATE)
+
+
+def test_the_motion_of_no_rotor_has_a_source():
+    assert all(slowest_source_rate(speeds(seed), RATE) is None for seed in range(40))
 
 
 @pytest.mark.parametrize("rate", [6.0, 9.5])

@@ -10,7 +10,7 @@ import numpy as np
 from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.findings import Finding, doubt
 from rotorfit.flight.airborne import GRAVITY, Motion, fast_rows
-from rotorfit.flight.interpolated import source_rate
+from rotorfit.flight.interpolated import slowest_source_rate, source_rate
 from rotorfit.flight.motors.coarse_speeds import coarse_speeds_sentence
 from rotorfit.flight.signals import repeated_rows, true_runs, whole_samples
 from rotorfit.frozen_dataclass import frozen_dataclass
@@ -316,7 +316,7 @@ def refuse_coarse_speeds(
 
 def refuse_interpolated_speeds(speed: Float[np.ndarray, "n N"], sample_rate: float) -> None:
     """Raise an error if lines were drawn between measured rotor speeds that came too slowly."""
-    rate = source_rate(speed, sample_rate)
+    rate = slowest_source_rate(speed, sample_rate)
     # Lines pass by the peaks: at a third of the source's rate a third of the motion is missing.
     if rate is None or rate >= SLOWEST_MOTORS:
         return

@@ -76,6 +76,17 @@ def source_rate(values: Float[np.ndarray, "n k"], sample_rate: float) -> float |
     return found.rate if found is not None and found.clear else None
 
 
+def slowest_source_rate(values: Float[np.ndarray, "n k"], sample_rate: float) -> float | None:
+    """Estimate the slowest rate of a channel's columns that lines were drawn between [Hz].
+
+    None where none were drawn. A bus that asks one motor after the other gives each column a turn
+    of its own: all together then bend at as many times the rate of each, or without a rhythm.
+    """
+    parts = (values, *(values[:, [k]] for k in range(values.shape[1])))
+    rates = (source_rate(part, sample_rate) for part in parts)
+    return min((rate for rate in rates if rate is not None), default=None)
+
+
 def likeliest_source(values: Float[np.ndarray, "n k"], sample_rate: float) -> BendSource | None:
     """Find the rate at which a signal bends with least chance; None if it is too short."""
     every = [_of_span(values, sample_rate, span) for span in SPANS]
