@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rotorfit
+from flown import experiment_file
 from rotorfit.errors import FlightError
 from rotorfit.findings import doubt
 from rotorfit.fit.dataset.channel_findings import (
@@ -21,10 +22,13 @@ from rotorfit.fit.dataset.channel_findings import (
     find_motor_faults,
     name_resting_numbers,
 )
+from rotorfit.fit.dataset.load import load_flight
+from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.flight.motors.rotor_telemetry import telemetry
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.parameters import EVERY
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, to_flight_log, variant
+from rotorfit.simulation.experiment_files import IMU_AND_COMMAND, write_flight_table
 
 
 @pytest.fixture(scope="module")
@@ -191,3 +195,31 @@ def test_commands_that_jump_for_single_samples_are_said(log, flown):
     assert found.kind == SPIKY
     assert found.is_about("max_speed")
     assert found.doubtful_because is None
+
+
+def test_lost_commands_of_a_log_without_speeds_are_mended(tmp_path):
+    flown, sensors = variant(paper_vehicle("A"), "lag")
+    sound = simulate_flight(*flown, Scenario(seconds=10.0, sensors=sensors), seed=3)
+    lost = sound.commanded_speed.copy()
+    lost[np.random.default_rng(4).random(lost.shape) < 0.01] = 0.0
+    loaded = []
+    for name, speed in (("sound", sound.commanded_speed), ("lost", lost)):
+        table = tmp_path / f"{name}.csv"
+        write_flight_table(replace(sound, commanded_speed=speed), table, channels=IMU_AND_COMMAND)
+        path = experiment_file(
+            tmp_path / f"{name}.toml",
+            sound.vehicle,
+            [table],
+            mass=sound.truth.mass,
+            extra='[motors]\nspeed = "commanded"\n',
+        )
+        experiment = load_experiment(path)
+        loaded.append(load_flight(experiment.configuration[0].flights[0], experiment))
+    expected, found = (one.prepared for one in loaded)
+    assert SPIKY not in [one.kind for one in expected.findings]
+    [said] = [one for one in found.findings if one.kind == SPIKY]
+    assert said.is_about("max_thrust")
+    rows = expected.data.used_rows
+    assert found.motor_channel[rows].mean(axis=0) == pytest.approx(
+        expected.motor_channel[rows].mean(axis=0), rel=1e-3
+    )

@@ -19,10 +19,15 @@ from rotorfit.flight.motors.rotor_telemetry import (
     State,
     Telemetry,
     describe_spiky_commands,
+    describe_stray_commands,
     late_speed_sentence,
     telemetry,
 )
-from rotorfit.flight.motors.telemetry_pair import mend_stray_commands, pair_channels
+from rotorfit.flight.motors.telemetry_pair import (
+    mark_stray_commands,
+    mend_stray_commands,
+    pair_channels,
+)
 from rotorfit.flight.signals import true_runs
 from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.parameters import (
@@ -190,10 +195,15 @@ def find_motor_faults(
 ) -> Iterator[Finding]:
     """Yield doubts about lost speeds, and about commands that jump, in the part that is used.
 
-    `flown`: from, to of the used stretches, on the clock of the log [s]. `known`: findings of the
-    flight; where they name a frozen channel the same is not reported twice.
+    Of commands alone, those that are mended. `flown`: from, to of the used stretches, on the clock
+    of the log [s]. `known`: findings of the flight; where they name a frozen channel the same is
+    not reported twice.
     """
     flown_log = _log_between(log, flown) if flown else None
+    if flown_log is not None and "rotor_speed" not in flown_log.channels:
+        strays = mark_stray_commands(flown_log.channels["command"])
+        yield from (doubt(SPIKY, one) for one in describe_stray_commands(strays))
+        return
     if flown_log is not None and "command" in flown_log.channels:
         spiky = describe_spiky_commands(flown_log.channels["command"])
         yield from (doubt(SPIKY, one) for one in spiky)
@@ -247,9 +257,10 @@ def with_mended_commands(log: FlightLog) -> FlightLog:
     return dataclasses.replace(log, channels={**log.channels, "command": mended})
 
 
-def motor_channels_of(log: FlightLog) -> FlightLog:
-    """Return the log with its motor channels alone."""
-    kept = {n: c for n, c in log.channels.items() if n in ("command", "rotor_speed")}
+def motor_channels_of(log: FlightLog, *, measured: bool) -> FlightLog:
+    """Return the log with its commands alone, or with the `measured` speeds beside them."""
+    names = ("command", "rotor_speed") if measured else ("command",)
+    kept = {name: channel for name, channel in log.channels.items() if name in names}
     return dataclasses.replace(log, channels=kept)
 
 

@@ -347,8 +347,9 @@ def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     motor_model = motor_model_of(motors)
     seen = telemetry(log) if motors.speed == "measured" else None
     unresponsive = [r.rotor - 1 for r in seen.rotors if r.state in UNRESPONSIVE] if seen else []
-    motor_log = motor_channels_of(log) if seen else None
-    log = with_mended_commands(log) if seen else log
+    by_commands = motors.speed == "commanded" and "command" in log.channels
+    motor_log = motor_channels_of(log, measured=bool(seen)) if seen or by_commands else None
+    log = with_mended_commands(log) if motor_log else log
     responses = command_responses(log, excluded=unresponsive) if seen else ()
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
