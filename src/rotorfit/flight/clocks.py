@@ -167,12 +167,10 @@ def uniform_channels(
             time, sample_rate = _uniform_clock(t, steps[name])
             valid = np.ones(len(time), dtype=bool)
         covered = _mark_covered(time, t, longest)
-        recorded, later = channel.values, 0.0
-        if steps[name] * sample_rate * FASTER < 1.0:
-            recorded = damp_faster_channel(t, recorded, late, sample_rate)
-            later = 0.5 * (1.0 / sample_rate - steps[name]) if name in held else 0.0
-        values[name] = _resample_at(time + later, t, recorded, min(1.0 / sample_rate, steps[name]))
-        del channel, given, recorded
+        values[name] = _read_off(
+            time, t, channel.values, gaps=late, sample_rate=sample_rate, is_held=name in held
+        )
+        del channel, given
         if name in optional:
             values[name] = np.where(covered[:, None], values[name], np.nan)
             continue
@@ -210,6 +208,23 @@ def _uniform_clock(
             # Never past the last sample, so that the clock cannot reach into the next stretch.
             parts.append(t[a] + dt * np.arange(int((t[b - 1] - t[a]) / dt + 0.1) + 1))
     return parts[0] if len(parts) == 1 else np.concatenate(parts), 1.0 / dt
+
+
+def _read_off(
+    time: Float[np.ndarray, " m"],
+    t: Float[np.ndarray, " n"],
+    x: Float[np.ndarray, "n k"],
+    *,
+    gaps: Int[np.ndarray, " g"],
+    sample_rate: float,
+    is_held: bool,
+) -> Float[np.ndarray, "m k"]:
+    """Resample a channel to a clock, through a low-pass where it is faster than that clock."""
+    step = float(np.median(np.diff(t)))
+    if step * sample_rate * FASTER >= 1.0:
+        return _resample_at(time, t, x, 1.0 / sample_rate)
+    later = 0.5 * (1.0 / sample_rate - step) if is_held else 0.0
+    return _resample_at(time + later, t, damp_faster_channel(t, x, gaps, sample_rate), step)
 
 
 def _resample_at(

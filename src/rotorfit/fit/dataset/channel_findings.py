@@ -24,6 +24,7 @@ from rotorfit.flight.motors.rotor_telemetry import (
     telemetry,
 )
 from rotorfit.flight.motors.telemetry_pair import (
+    FEWEST,
     mark_stray_commands,
     mend_stray_commands,
     pair_channels,
@@ -89,6 +90,9 @@ FROZEN: Final = "frozen-motor"
 FROZEN_COMMAND: Final = "frozen-command"
 """Kind of the finding that a command stands still beside a measured speed that moves."""
 LOST: Final = "a motor channel does not show what its rotor does"
+LONGEST_STRAY: Final = 0.025
+"""Step of commands below which one of a single sample moves no rotor [s]: motors lag by 20 to 90
+ms. Where commands come more slowly, one that jumps may have been flown."""
 MEND: Final = "repair the motor channel that stands still, or leave that part out (--start, --end)"
 
 
@@ -249,6 +253,14 @@ def frozen_command_sentence(frozen: FrozenChannel) -> str:
         f"{100.0 * frozen.share:.0f} % of the flight while the measured speed of that rotor moves: "
         "thrust at full command and the motors' lag rest on it; log all commands again"
     )
+
+
+def has_quick_commands(log: FlightLog) -> bool:
+    """Return whether no rotor could follow a command of the log for a single sample."""
+    command = log.channels.get("command")
+    if command is None or len(command.time) < FEWEST:
+        return False
+    return float(np.median(np.diff(command.time))) < LONGEST_STRAY
 
 
 def with_mended_commands(log: FlightLog) -> FlightLog:

@@ -15,6 +15,7 @@ from rotorfit.findings import doubts
 from rotorfit.fit.dataset.channel_findings import (
     blame_telemetry,
     find_motor_faults,
+    has_quick_commands,
     motor_channels_of,
     name_resting_numbers,
     with_mended_commands,
@@ -347,7 +348,7 @@ def _load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     motor_model = motor_model_of(motors)
     seen = telemetry(log) if motors.speed == "measured" else None
     unresponsive = [r.rotor - 1 for r in seen.rotors if r.state in UNRESPONSIVE] if seen else []
-    by_commands = motors.speed == "commanded" and "command" in log.channels
+    by_commands = motors.speed == "commanded" and has_quick_commands(log)
     motor_log = motor_channels_of(log, measured=bool(seen)) if seen or by_commands else None
     log = with_mended_commands(log) if motor_log else log
     responses = command_responses(log, excluded=unresponsive) if seen else ()
