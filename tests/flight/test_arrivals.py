@@ -50,6 +50,14 @@ def test_times_of_samples_lost_by_chance_are_left(lost):
     assert np.array_equal(at_sampling_times(kept), kept)
 
 
+def test_times_of_lost_samples_with_jitter_are_left():
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        jitter = rng.uniform(-0.2 * STEP, 0.2 * STEP, 2000)
+        kept = (TAKEN[:2000] + jitter)[rng.random(2000) >= rng.uniform(0.05, 0.25)]
+        assert find_arrivals(kept) is None
+
+
 @pytest.mark.parametrize("pattern", [(1, 1, 0, 0), (1, 1, 1, 0, 0, 0), (1, 0, 0)])
 def test_rows_left_out_by_a_pattern_keep_their_times(pattern):
     kept = TAKEN[np.resize(np.array(pattern, dtype=bool), len(TAKEN))]
