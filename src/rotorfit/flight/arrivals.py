@@ -121,7 +121,8 @@ def arrival_doubts(channels: Mapping[str, Channel]) -> Iterator[Finding]:
             if found is not None:
                 late[words] = found.late
     if late:
-        listed = " and ".join(late)
+        *first, last = late
+        listed = f"{', '.join(first)} and {last}" if first else last
         yield doubt(
             ARRIVAL,
             f"the {listed} have the times of their arrival, up to {1e3 * max(late.values()):.0f} "
