@@ -1,6 +1,7 @@
 """The lateness of an accelerometer's low-pass is taken off, whether seen or felt in its time."""
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from rotorfit.errors import UnsettledError
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.fit.reduction.bandwidth import Bandwidth
 from rotorfit.fit.sensors import late_accelerometer
+from rotorfit.fit.sensors.force_delay import DelayedForces
 from rotorfit.fit.sensors.late_accelerometer import (
     ForceDelays,
     allow_for_force_delays,
@@ -180,7 +182,12 @@ def test_a_delay_is_as_likely_as_chance_and_usual_filters_say(late, std, likely)
 
 
 class Felt:
-    """Fits whose lateness shrinks by a share of what is taken off, and number by its delay."""
+    """Fits whose lateness shrinks by a share of what is taken off, and number by its delay.
+
+    `numbers`: of a fit with a delay of the forces.
+    """
+
+    numbers: Mapping[str, float] = {}
 
     def __init__(
         self, monkeypatch, *, true, share=0.45, std=2.0, before=0.0, fails_at=9, error=None
@@ -188,11 +195,14 @@ class Felt:
         self.fails_with = error
         self.true, self.share, self.std, self.fails_at = true, share, std, fails_at
         self.delays = []
-        monkeypatch.setattr(late_accelerometer, "force_delays", self.lateness)
+        monkeypatch.setattr(late_accelerometer, "force_delays", self.delayed)
         flights = TimedDataset.of(made_fit.dataset(made_fit.prepared()))
         if before:
             flights = with_force_in_time(flights, {0: low_pass_of(before)})
         self.begun = self.fit(flights)
+
+    def delayed(self, fit):
+        return DelayedForces(list(self.lateness(fit)), self.numbers)
 
     def lateness(self, fit):
         (flight,) = fit.dataset.configurations[0].flights
@@ -256,12 +266,12 @@ def test_a_delay_that_nothing_shows_stays_as_it_was_found(monkeypatch):
     assert felt.delays == pytest.approx([13.0], rel=1e-3)
 
 
-def test_half_a_deviation_of_the_delay_widens_the_numbers(monkeypatch):
+def test_most_of_a_delays_deviation_widens_the_numbers(monkeypatch):
     """2 ms that are .45 of the delay's: J_r moves by .1 a millisecond."""
     found = allow_for_force_delays(Felt(monkeypatch, true=18.0).found())
     late = found.numbers.terms[-1]
     assert late.name == "late accelerometer"
-    assert late.half_width[0] == pytest.approx(1.96 * 0.5 * 0.1 * 2.0 / 0.45, rel=1e-3)
+    assert late.half_width[0] == pytest.approx(1.96 * 0.75 * 0.1 * 2.0 / 0.45, rel=1e-3)
 
 
 class FeltInTwo(Felt):
@@ -292,7 +302,7 @@ def test_a_flight_in_time_at_once_does_not_widen_the_numbers(monkeypatch):
     assert felt.delays == pytest.approx([0.0, 36.0, 58.0], rel=1e-3)
     open_delays = np.hypot(2.0, 2.0 / 0.45)
     assert found.numbers.terms[-1].half_width[0] == pytest.approx(
-        1.96 * 0.5 * 0.1 * open_delays, rel=1e-3
+        1.96 * 0.75 * 0.1 * open_delays, rel=1e-3
     )
 
 
@@ -315,6 +325,20 @@ def test_forces_that_may_be_in_time_stay_as_they_are(monkeypatch, true):
     assert left.seconds == pytest.approx(0.45 * true * MS)
 
 
+@pytest.mark.parametrize(("true", "wider"), [(10.0, True), (2.0, True), (-10.0, False)])
+def test_a_delay_that_may_be_there_widens_the_numbers(monkeypatch, true, wider):
+    """Of 2.25, .45 and -2.25 deviations: by its chance, and by how far J_r moves with it."""
+    felt = Felt(monkeypatch, true=true)
+    felt.numbers = {"Jr": 3.0 - 0.1 * true}
+    found = allow_for_force_delays(felt.found())
+    assert felt.delays == [0.0]
+    odds = log_odds_of_delay(Lateness(seconds=0.45 * true * MS, std=2.0 * MS))
+    chance = np.exp(odds) / (1.0 + np.exp(odds))
+    expected = 1.96 * np.sqrt(chance) * 0.1 * true if wider else 0.0
+    late = [one.half_width[0] for one in found.numbers.terms if one.name == "late accelerometer"]
+    assert sum(late) == pytest.approx(expected)
+
+
 @pytest.mark.parametrize("error", [UnsettledError("no end"), np.linalg.LinAlgError("singular")])
 def test_where_the_flights_do_not_settle_the_last_fit_stays(monkeypatch, error):
     felt = Felt(monkeypatch, true=18.0, fails_at=2, error=error)
@@ -334,7 +358,9 @@ def test_a_flight_that_seemed_in_time_beside_a_later_one_follows(monkeypatch):
         yield one, Lateness(seconds=0.9 * left * MS, std=MS)
         yield other, Lateness(seconds=(8.0 - off(other) - 0.4 * left) * MS, std=MS)
 
-    monkeypatch.setattr(late_accelerometer, "force_delays", lateness)
+    monkeypatch.setattr(
+        late_accelerometer, "force_delays", lambda fit: DelayedForces(list(lateness(fit)), {})
+    )
     monkeypatch.setattr(late_accelerometer, "of_one_vehicle", lambda found: found)
     flights = TimedDataset.of(made_fit.dataset(made_fit.prepared(), made_fit.prepared()))
     found = fit_with_force_in_time(made_fit.fit(flights), made_fit.fit)

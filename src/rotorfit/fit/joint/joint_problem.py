@@ -194,8 +194,11 @@ def joint_problem(
 
 def _late_forces(timing: FreeTiming, names: Sequence[str]) -> tuple[LateErrors, ...]:
     """Return the delays of each flight's forces, by these names: beside that of the motors."""
+    slope = timing.delay_slope
+    if slope is None:
+        return ()
     return tuple(
-        LateErrors(name=name, part=k, errors=FORCE_ERRORS, slope=timing.names.index("motor_delay"))
+        LateErrors(name=name, part=k, errors=FORCE_ERRORS, slope=slope)
         for k, name in enumerate(names)
     )
 

@@ -22,6 +22,8 @@ SPLIT_FAULT: Final = 3e-4
 without a velocity, and motors that are no first-order lag."""
 
 
+DELAYING: Final = ("motor_delay", "motor_lag")
+"""Times that delay slow motion, the plainer one first."""
 LARGEST_SKEW: Final = 0.8
 """Largest share by which rising is faster and falling slower than their mean, or vice versa."""
 
@@ -42,6 +44,12 @@ class FreeTiming:
     names: tuple[str, ...]
     lag_prior: tuple[float, float] = LAG_PRIOR
     force_std: float | None = None
+
+    @property
+    def delay_slope(self) -> int | None:
+        """Place of the slopes by a delay, or by a lag, which delays slow motion; None without."""
+        places = [self.names.index(name) for name in DELAYING if name in self.names]
+        return places[0] if places else None
 
     def moved(self, by: Mapping[str, float]) -> MotorResponse:
         """Move each of the times by so much."""

@@ -9,20 +9,20 @@ motors' delay serve for this one, too: nothing is reduced again.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import response_sensitivity
-from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
+from rotorfit.fit.intervals.joint_numbers import formal_covariance, physical, random_half_width
 from rotorfit.fit.joint.joint_fit import INTERMEDIATE
 from rotorfit.fit.joint.joint_map import force_delay_names
 from rotorfit.fit.joint.joint_problem import joint_estimate
 from rotorfit.fit.sensors.lateness import Lateness, accelerometer_lateness
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Mapping
 
     from rotorfit.estimation.banded import BandedEstimate
     from rotorfit.fit.dataset.dataset import LoadedFlight
@@ -34,15 +34,25 @@ MODEL_FAULT: Final = 0.0005
 """Deviation by what the model lacks, such as drag along the thrust without a velocity [s]."""
 
 
-def force_delays(fit: Fit) -> Iterator[tuple[LoadedFlight, Lateness]]:
+class DelayedForces(NamedTuple):
+    """The delays of the forces after the turns, and the numbers of the fit that has them.
+
+    - `flights`: those that show one.
+    - `numbers`: by name; none where gyro and accelerometer were compared alone.
+    """
+
+    flights: list[tuple[LoadedFlight, Lateness]]
+    numbers: Mapping[str, float]
+
+
+def force_delays(fit: Fit) -> DelayedForces:
     """Estimate the delay of the forces after the turns, of every flight.
 
-    Of motors whose delay is given, or unknown, as far as gyro and accelerometer alone show it.
+    Of motors whose times are given, or unknown, as far as gyro and accelerometer alone show it.
     """
     timing = fit.configurations[0].timing
-    if timing is None or "motor_delay" not in timing.names:
-        yield from accelerometer_lateness(fit)
-        return
+    if timing is None or timing.delay_slope is None:
+        return DelayedForces(list(accelerometer_lateness(fit)), {})
     delayed = [
         replace(one, timing=replace(timing, force_std=USUAL_DELAY)) for one in fit.configurations
     ]
@@ -56,14 +66,15 @@ def force_delays(fit: Fit) -> Iterator[tuple[LoadedFlight, Lateness]]:
             close=INTERMEDIATE,
         )
     except EstimationError:
-        return
+        return DelayedForces([], {})
     names = force_delay_names(delayed)
     flights = [
         configured.flights[int(number)]
         for configured, one in zip(fit.dataset.configurations, delayed, strict=True)
         for number in np.unique(one.factors.recording)
     ]
-    yield from zip(flights, _delays(found, names), strict=True)
+    numbers = physical(found.estimate.values, found.problem.map, delayed)
+    return DelayedForces(list(zip(flights, _delays(found, names), strict=True)), numbers)
 
 
 def _delays(found: BandedEstimate, names: tuple[str, ...]) -> list[Lateness]:

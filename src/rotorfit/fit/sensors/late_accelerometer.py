@@ -1,12 +1,12 @@
 r"""Take off the lateness of an accelerometer that neither its noise nor its motion has shown.
 
-Thrust shows in the accelerometer when the rotors' differences show in the gyro (`lateness.py`). A
-force that comes later by more than chance and gusts has passed a low-pass. The timing of the motors
-is that of forces and turns together: with a late force the rotors seem to come early, and J_r makes
-up for it in yaw. One of second order at cut-off :math:`f_c` delays slow motion by
-:math:`\sqrt 2 / (2 \pi f_c)`; with that one taken off, the flights are fitted again, until forces
-and turns agree. A fit with a late force has moved towards it, and shows a part of the lateness
-only: from the second on, the delay is where a straight line through the last two would end.
+Thrust shows in the accelerometer when the rotors' differences show in the gyro
+(`force_delay.py`). A force that comes later by more than chance and gusts has passed a low-pass.
+The timing of the motors is that of forces and turns together: with a late force the rotors seem to
+come early, and J_r makes up for it in yaw. One of second order at cut-off :math:`f_c` delays slow
+motion by :math:`\sqrt 2 / (2 \pi f_c)`; with that one taken off, the flights are fitted again,
+until forces and turns agree. A low-pass is no delay, and a long delay is more than its slope: from
+the second fit on, the delay is where a straight line through the last two would end.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ IN_TIME: Final = 0.3
 """Deviations of what may be left."""
 MOST_FITS: Final = 4
 """Further fits at most."""
-SURE: Final = 0.5
-"""Share of the stated deviation that a delay is off: .18 (rms) of the delays of 24 random worlds
-with a low-pass, .47 in 52 sound ones, where the autopilot's response to gusts counts most."""
+SURE: Final = 0.75
+"""Share of the stated deviation that a delay is off: .75 (rms) of the delays of 58 random worlds
+with a low-pass."""
 LEAST_SLOPE: Final = 0.25
 """Share at least by which a delay taken off shortens the lateness that a fit leaves."""
 DELAYS: Final = np.arange(0.001, 0.1, 0.001)
@@ -54,11 +54,22 @@ SAME: Final = 1e-3
 
 
 class _Round(NamedTuple):
-    """A fit, and of each flight the delay taken off its forces [s] and the lateness left."""
+    """A fit, and of each flight the delay taken off its forces [s] and the lateness left.
+
+    - `numbers`: of the fit with those left.
+    """
 
     fit: Fit
     delays: Sequence[float]
     left: Sequence[Lateness | None]
+    numbers: Mapping[str, float]
+
+    def odds(self, k: int) -> float:
+        """Compute the logarithm of the odds that a flight's forces are late, or made too early."""
+        one, delay = self.left[k], self.delays[k]
+        if one is None or (one.seconds <= 0.0 and delay == 0.0):
+            return -np.inf
+        return log_odds_of_delay(one, DOUBTED_SHARE if delay > 0.0 else FILTERED_SHARE)
 
 
 @frozen_dataclass
@@ -66,7 +77,8 @@ class ForceDelays:
     """Delays that were taken off the accelerometers, and what they leave open.
 
     - `left`: lateness that is left, of each flight that shows one.
-    - `shifts`: of the numbers, by name, with delays longer by their deviation.
+    - `shifts`: of the numbers, by name, with delays longer by their deviation, or with those that
+      are there as likely as not.
     """
 
     left: tuple[tuple[LoadedFlight, Lateness], ...]
@@ -96,11 +108,12 @@ def fit_with_force_in_time(fit: Fit, again: Callable[[TimedDataset], Fit]) -> Fi
 
 def _round_of(fit: Fit) -> _Round:
     """Measure what a fit leaves of each flight's lateness."""
-    found = list(force_delays(fit))
+    found, numbers = force_delays(fit)
     drawn = of_one_vehicle([one for _, one in found])
     by_flight = {id(flight): one for (flight, _), one in zip(found, drawn, strict=True)}
     flights = fit.dataset.flights
-    return _Round(fit, [_taken_off(f) for f in flights], [by_flight.get(id(f)) for f in flights])
+    left = [by_flight.get(id(f)) for f in flights]
+    return _Round(fit, [_taken_off(f) for f in flights], left, numbers)
 
 
 def _taken_off(flight: LoadedFlight) -> float:
@@ -111,13 +124,7 @@ def _taken_off(flight: LoadedFlight) -> float:
 
 def _late_flights(found: _Round) -> list[int]:
     """Return which flights' forces are rather late than not, or were made too early."""
-    return [
-        k
-        for k, (one, delay) in enumerate(zip(found.left, found.delays, strict=True))
-        if one is not None
-        and (one.seconds > 0.0 or delay > 0.0)
-        and log_odds_of_delay(one, DOUBTED_SHARE if delay > 0.0 else FILTERED_SHARE) > 0.0
-    ]
+    return [k for k in range(len(found.left)) if found.odds(k) > 0.0]
 
 
 def log_odds_of_delay(late: Lateness, share: float = FILTERED_SHARE) -> float:
@@ -141,11 +148,11 @@ def _slope(rounds: Sequence[_Round], k: int) -> float:
     """Return by how much less late a flight is in a fit, over the delay taken off."""
     if len(rounds) < 2:
         return 1.0
-    (_, before, was), (_, delay, left) = rounds[-2:]
-    one, other = was[k], left[k]
-    if one is None or other is None or np.isclose(delay[k], before[k], rtol=SAME):
+    before, last = rounds[-2:]
+    one, other = before.left[k], last.left[k]
+    if one is None or other is None or np.isclose(last.delays[k], before.delays[k], rtol=SAME):
         return 1.0
-    slope = (one.seconds - other.seconds) / (delay[k] - before[k])
+    slope = (one.seconds - other.seconds) / (last.delays[k] - before.delays[k])
     return float(np.clip(slope, LEAST_SLOPE, 1.0))
 
 
@@ -175,18 +182,25 @@ def _recorded(rounds: Sequence[_Round], late: Sequence[int]) -> ForceDelays:
     last = rounds[-1]
     flights = zip(last.fit.dataset.flights, last.left, strict=True)
     left = tuple((flight, one) for flight, one in flights if one is not None)
+    after = _numbers_of(last.fit)
     if len(rounds) < 2:
-        return ForceDelays(left=left, shifts={})
-    before, after = (
-        dict(zip(one.fit.numbers.names, one.fit.numbers.values.tolist(), strict=True))
-        for one in rounds[-2:]
-    )
+        # Of a delay that is there with a probability p, by a shift s, the variance is p s^2.
+        odds = max((last.odds(k) for k in range(len(last.left))), default=-np.inf)
+        share, moved = float(np.exp(-0.5 * np.logaddexp(0.0, -odds))), last.numbers
+        shifts = {name: share * abs(moved[name] - after[name]) for name in after if name in moved}
+        return ForceDelays(left=left, shifts=shifts)
+    before = _numbers_of(rounds[-2].fit)
     # The numbers have moved with all delays at once: of a flight that was in time before, a share
     # of its own would say nothing.
     step = np.linalg.norm([last.delays[k] - rounds[-2].delays[k] for k in late])
     share = float(np.linalg.norm([_next_delay(rounds, k)[1] for k in late]) / step)
     shifts = {name: share * abs(after[name] - before[name]) for name in after if name in before}
     return ForceDelays(left=left, shifts=shifts)
+
+
+def _numbers_of(fit: Fit) -> dict[str, float]:
+    """Return the numbers of a fit by their names."""
+    return dict(zip(fit.numbers.names, fit.numbers.values.tolist(), strict=True))
 
 
 def allow_for_force_delays(fit: Fit) -> Fit:
