@@ -339,6 +339,14 @@ def test_a_delay_that_may_be_there_widens_the_numbers(monkeypatch, true, wider):
     assert sum(late) == pytest.approx(expected)
 
 
+def test_a_number_that_a_delay_would_not_leave_stays_as_it_was(monkeypatch):
+    """A fit that runs away leaves some that are none."""
+    felt = Felt(monkeypatch, true=10.0)
+    felt.numbers = {"Jr": np.nan}
+    begun = felt.found()
+    assert allow_for_force_delays(begun) is begun
+
+
 @pytest.mark.parametrize("error", [UnsettledError("no end"), np.linalg.LinAlgError("singular")])
 def test_where_the_flights_do_not_settle_the_last_fit_stays(monkeypatch, error):
     felt = Felt(monkeypatch, true=18.0, fails_at=2, error=error)

@@ -188,14 +188,19 @@ def _recorded(rounds: Sequence[_Round], late: Sequence[int]) -> ForceDelays:
         odds = max((last.odds(k) for k in range(len(last.left))), default=-np.inf)
         share, moved = float(np.exp(-0.5 * np.logaddexp(0.0, -odds))), last.numbers
         shifts = {name: share * abs(moved[name] - after[name]) for name in after if name in moved}
-        return ForceDelays(left=left, shifts=shifts)
+        return ForceDelays(left=left, shifts=_finite(shifts))
     before = _numbers_of(rounds[-2].fit)
     # The numbers have moved with all delays at once: of a flight that was in time before, a share
     # of its own would say nothing.
     step = np.linalg.norm([last.delays[k] - rounds[-2].delays[k] for k in late])
     share = float(np.linalg.norm([_next_delay(rounds, k)[1] for k in late]) / step)
     shifts = {name: share * abs(after[name] - before[name]) for name in after if name in before}
-    return ForceDelays(left=left, shifts=shifts)
+    return ForceDelays(left=left, shifts=_finite(shifts))
+
+
+def _finite(shifts: Mapping[str, float]) -> dict[str, float]:
+    """Return the shifts that are numbers: a fit that runs away leaves some that are none."""
+    return {name: shift for name, shift in shifts.items() if np.isfinite(shift)}
 
 
 def _numbers_of(fit: Fit) -> dict[str, float]:
