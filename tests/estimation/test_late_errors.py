@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_feedback import complex_normal, slope_of, two_axes
 
+from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import log_likelihood
 from rotorfit.estimation.banded_equations import corrected_equations, evaluated
 from rotorfit.estimation.banded_problem import LateErrors
@@ -95,6 +96,13 @@ def test_scores_with_late_equations_are_the_likelihoods_slope(seed, share):
     score = corrected_equations(problem, evaluated(problem, phi)).score
     slope = slope_of(lambda at: log_likelihood(problem, at), phi)
     np.testing.assert_allclose(score, slope, rtol=1e-4, atol=1e-4 * np.abs(score).max())
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e200])
+def test_where_a_fit_runs_off_its_error_says_what_to_do(value):
+    problem = two_parts(1)
+    with np.errstate(all="ignore"), pytest.raises(EstimationError, match="rotorfit inspect"):
+        evaluated(problem, np.full(len(problem.map.names), value))
 
 
 def test_a_part_is_moved_by_its_own_parameters_alone():

@@ -20,6 +20,7 @@ import numpy as np
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded_problem import (
+    RUN_OFF,
     BandedProblem,
     power_of,
     solutions,
@@ -132,7 +133,7 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
         # make them too small (attenuation; Fuller, Measurement Error Models, 1987, section 1.1).
         squares.append(power - rows * known_noise_variance(problem, c, G))
     if not np.isfinite(cost) or response > MOST_RESPONSE * _count_rows(problem):
-        raise EstimationError("the likelihood is not finite here")
+        raise EstimationError(RUN_OFF)
     return Evaluated(
         phi=phi,
         residual=residual,

@@ -29,6 +29,12 @@ RELATIVE_FLOOR: Final = 1e-9
 may be exact, and without a floor its likelihood is a valley that the iteration crawls along."""
 
 
+RUN_OFF: Final = (
+    "the flights move as no vehicle would, and their fit runs off without an end; look at the logs "
+    "with rotorfit inspect, and leave bad parts out (start, end)"
+)
+
+
 @frozen_dataclass
 class LateErrors:
     """A free parameter that moves the signals of one part, in some of its equations only.
@@ -202,7 +208,7 @@ def solved(
     try:
         both_solved: Float[np.ndarray, "*t k g"] = np.linalg.solve(B[..., list(noisy)], both)
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise EstimationError("the equations cannot be solved for the noisy signals") from error
+        raise EstimationError(RUN_OFF) from error
     return both_solved[..., : B.shape[-1]], both_solved[..., B.shape[-1] :]
 
 
