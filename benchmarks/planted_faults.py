@@ -145,7 +145,7 @@ ROOMS: Final[dict[str, Room]] = {
         changed=(
             ("moves[:, self.places] = True", "pass"),
             ("moves[one.part, self.map.names.index(one.name)] = True", "pass"),
-            ("if one.part == k]", "]"),
+            ("if one.part == k}", "}"),
             (": m.sum(axis=1).max()]", ": m.sum(axis=1).min()]"),
         ),
     ),

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from jaxtyping import Bool, Float
 
-    from rotorfit.estimation.banded_problem import Part, Solution
+    from rotorfit.estimation.banded_problem import Solution
     from rotorfit.estimation.feedback import Feedback
 
 MOST_RESPONSE: Final = 10.0
@@ -161,16 +161,11 @@ def _block_errors(
         c = part.configuration
         factors, G = problem.factors[c], found[c][part.place]
         columns, u = factors.columns[part.local], G @ lifts[c]
-        for one, by in zip(part.late, phi[_places_of_late(part)].tolist(), strict=True):
-            errors = list(one.errors)
+        for place, one in part.late.items():
+            errors, by = list(one.errors), float(phi[place])
             u[errors] += by * G[errors] @ factors.slope_lifts[one.slope].T
         np.matmul(columns, u.T, out=e[part.blocks])
     return e
-
-
-def _places_of_late(part: Part) -> list[int]:
-    """Return the places of what moves the signals of a part in some equations only."""
-    return list(part.moving[len(part.moving) - len(part.late) :])
 
 
 def known_noise_variance(
@@ -262,9 +257,8 @@ def lifted_slopes(
         # u = G lift: where a parameter moves the signals (lag, delay), the lift has a slope, too.
         for at, lift in zip(part.at(problem.places), by, strict=True):
             own[:, :, at] += G @ lift.T
-        places = _places_of_late(part)
-        for one, at, size in zip(part.late, part.at(places), phi[places].tolist(), strict=True):
-            errors, lift = list(one.errors), by[one.slope].T
+        for at, (place, one) in zip(part.at([*part.late]), part.late.items(), strict=True):
+            errors, lift, size = list(one.errors), by[one.slope].T, float(phi[place])
             own[errors] += size * (dG[errors] @ lift).transpose(0, 2, 1)
             own[errors, :, at] += G[errors] @ lift
         slopes.append(own)

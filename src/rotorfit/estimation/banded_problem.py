@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Final
@@ -57,8 +57,8 @@ class Part:
     - `configuration`, `place`: whose they are, and which of its parts.
     - `local`, `blocks`: the blocks among those of their configuration, and among all.
     - `moved`: free parameters that move their theta or their signals.
-    - `moving`: places of those that move their signals: of the problem's, then of `late`.
-    - `late`: what moves their signals in some of the equations only.
+    - `moving`: places of those that move their signals: first the problem's, then `late`.
+    - `late`: those that move them in some of the equations only, by their places.
     """
 
     configuration: int
@@ -67,7 +67,7 @@ class Part:
     blocks: slice
     moved: Int[np.ndarray, " q"]
     moving: tuple[int, ...] = ()
-    late: tuple[LateErrors, ...] = ()
+    late: Mapping[int, LateErrors] = field(default_factory=dict[int, LateErrors])
 
     def at(self, places: Sequence[int]) -> list[int]:
         """Locate some parameters among those that move it."""
@@ -116,7 +116,10 @@ class BandedProblem:
         ends = pairwise(accumulate((n for own in counts for n in own), initial=0))
         firsts = [0, *accumulate(len(factors) for factors in self.factors)]
         moved = [places for own in self.moved for places in own]
-        late = [[one for one in self.late if one.part == k] for k in range(len(owners))]
+        place = self.map.names.index
+        late = [
+            {place(one.name): one for one in self.late if one.part == k} for k in range(len(owners))
+        ]
         return [
             Part(
                 configuration=c,
@@ -124,8 +127,8 @@ class BandedProblem:
                 local=slice(first - firsts[c], last - firsts[c]),
                 blocks=slice(first, last),
                 moved=moved[number],
-                moving=(*self.places, *(self.map.names.index(one.name) for one in late[number])),
-                late=tuple(late[number]),
+                moving=(*self.places, *late[number]),
+                late=late[number],
             )
             for number, ((c, t), (first, last)) in enumerate(zip(owners, ends, strict=True))
         ]

@@ -79,7 +79,7 @@ class FreeTiming:
         mean, std = self.lag_prior
         known = {"motor_lag": (mean - self.at.mean_lag, std)}
         own = {name: value for name, value in known.items() if name in self.names}
-        return own | {name: (0.0, self.force_std or 0.0) for name in forces}
+        return own if self.force_std is None else own | dict.fromkeys(forces, (0.0, self.force_std))
 
 
 def skew_of(response: MotorResponse) -> float:
