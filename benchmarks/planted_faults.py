@@ -422,7 +422,7 @@ ROOMS: Final[dict[str, Room]] = {
             "longer = delay + <<left.seconds / slope>>",
             "DELAYS[-1])), <<SURE * left.std / slope>>",
             "half = <<1.96>> * np.array",
-            "{name: share * abs(<<moved[name]>> - after[name])",
+            "{name: share * abs(<<moved[name]>> - own[name])",
             "float(np.exp(<<-0.5>> * np.logaddexp(0.0, -odds)))",
         ),
         changed=(

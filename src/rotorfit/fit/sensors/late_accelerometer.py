@@ -77,8 +77,8 @@ class ForceDelays:
     """Delays that were taken off the accelerometers, and what they leave open.
 
     - `left`: lateness that is left, of each flight that shows one.
-    - `shifts`: of the numbers, by name, with delays longer by their deviation, or with those that
-      are there as likely as not.
+    - `shifts`: of the numbers, by name: with delays longer by their deviation, or, where none was
+      taken off, with one by its chance.
     """
 
     left: tuple[tuple[LoadedFlight, Lateness], ...]
@@ -178,29 +178,34 @@ def _low_pass(delay: float, std: float) -> Bandwidth:
 
 
 def _recorded(rounds: Sequence[_Round], late: Sequence[int]) -> ForceDelays:
-    """Record what is left, and how the numbers move with a delay that is longer."""
+    """Record what is left, and how far the numbers may be off by a delay."""
     last = rounds[-1]
     flights = zip(last.fit.dataset.flights, last.left, strict=True)
     left = tuple((flight, one) for flight, one in flights if one is not None)
-    after = _numbers_of(last.fit)
-    if len(rounds) < 2:
-        # Of a delay that is there with a probability p, by a shift s, the variance is p s^2.
-        odds = max((last.odds(k) for k in range(len(last.left))), default=-np.inf)
-        share, moved = float(np.exp(-0.5 * np.logaddexp(0.0, -odds))), last.numbers
-        shifts = {name: share * abs(moved[name] - after[name]) for name in after if name in moved}
-        return ForceDelays(left=left, shifts=_finite(shifts))
-    before = _numbers_of(rounds[-2].fit)
+    shifts = _shifts_if_late(last) if len(rounds) < 2 else _shifts_if_later(rounds, late)
+    # A fit that runs away leaves some that are no numbers.
+    finite = {name: shift for name, shift in shifts.items() if np.isfinite(shift)}
+    return ForceDelays(left=left, shifts=finite)
+
+
+def _shifts_if_late(found: _Round) -> dict[str, float]:
+    """Return the deviations of the numbers by a delay that is likelier not there."""
+    # Of one that is there with a probability p, by a shift s, the variance is p s^2.
+    odds = max((found.odds(k) for k in range(len(found.left))), default=-np.inf)
+    share, moved = float(np.exp(-0.5 * np.logaddexp(0.0, -odds))), found.numbers
+    own = _numbers_of(found.fit)
+    return {name: share * abs(moved[name] - own[name]) for name in own if name in moved}
+
+
+def _shifts_if_later(rounds: Sequence[_Round], late: Sequence[int]) -> dict[str, float]:
+    """Return the shifts of the numbers with delays that are longer by their deviation."""
+    before, last = rounds[-2:]
     # The numbers have moved with all delays at once: of a flight that was in time before, a share
     # of its own would say nothing.
-    step = np.linalg.norm([last.delays[k] - rounds[-2].delays[k] for k in late])
+    step = np.linalg.norm([last.delays[k] - before.delays[k] for k in late])
     share = float(np.linalg.norm([_next_delay(rounds, k)[1] for k in late]) / step)
-    shifts = {name: share * abs(after[name] - before[name]) for name in after if name in before}
-    return ForceDelays(left=left, shifts=_finite(shifts))
-
-
-def _finite(shifts: Mapping[str, float]) -> dict[str, float]:
-    """Return the shifts that are numbers: a fit that runs away leaves some that are none."""
-    return {name: shift for name, shift in shifts.items() if np.isfinite(shift)}
+    was, now = _numbers_of(before.fit), _numbers_of(last.fit)
+    return {name: share * abs(now[name] - was[name]) for name in now if name in was}
 
 
 def _numbers_of(fit: Fit) -> dict[str, float]:
