@@ -168,7 +168,7 @@ def uniform_channels(
             valid = np.ones(len(time), dtype=bool)
         covered = _mark_covered(time, t, longest)
         values[name] = _read_off(
-            time, t, channel.values, gaps=late, sample_rate=sample_rate, is_held=name in held
+            time, channel, gaps=late, rates=(1.0 / steps[name], sample_rate), is_held=name in held
         )
         del channel, given
         if name in optional:
@@ -212,19 +212,22 @@ def _uniform_clock(
 
 def _read_off(
     time: Float[np.ndarray, " m"],
-    t: Float[np.ndarray, " n"],
-    x: Float[np.ndarray, "n k"],
+    channel: Channel,
     *,
     gaps: Int[np.ndarray, " g"],
-    sample_rate: float,
+    rates: tuple[float, float],
     is_held: bool,
 ) -> Float[np.ndarray, "m k"]:
-    """Resample a channel to a clock, through a low-pass where it is faster than that clock."""
-    step = float(np.median(np.diff(t)))
-    if step * sample_rate * FASTER >= 1.0:
-        return _resample_at(time, t, x, 1.0 / sample_rate)
-    later = 0.5 * (1.0 / sample_rate - step) if is_held else 0.0
-    return _resample_at(time + later, t, damp_faster_channel(t, x, gaps, sample_rate), step)
+    """Resample a channel to a clock, through a low-pass where it is faster than that clock.
+
+    `gaps`: its last samples before a gap; `rates`: its own and the clock's [Hz].
+    """
+    t, (own, clock) = channel.time, rates
+    if own <= FASTER * clock:
+        return _resample_at(time, t, channel.values, 1.0 / clock)
+    later = 0.5 * (1.0 / clock - 1.0 / own) if is_held else 0.0
+    damped = _damp_faster_channel(channel.values, gaps, rates)
+    return _resample_at(time + later, t, damped, 1.0 / own)
 
 
 def _resample_at(
@@ -242,34 +245,21 @@ def _resample_at(
     return values
 
 
-def damp_faster_channel(
-    t: Float[np.ndarray, " n"],
-    x: Float[np.ndarray, "n k"],
-    gaps: Int[np.ndarray, " g"],
-    sample_rate: float,
+def _damp_faster_channel(
+    x: Float[np.ndarray, "n k"], gaps: Int[np.ndarray, " g"], rates: tuple[float, float]
 ) -> Float[np.ndarray, "n k"]:
     """Low-pass a channel without delay, so that a slower clock can be read off it.
 
     Quick motor commands would else fold into the band of the motion, where no motion answers them:
     inertia came out up to 17 % too large of a gyro at 50 Hz beside commands at 250 Hz.
-
-    Parameters
-    ----------
-    gaps
-        Last samples before a gap; each part between gaps is continued by point reflection.
-    sample_rate
-        Of the slower clock [Hz].
+    Each part between `gaps` is continued by point reflection. `gaps`, `rates`: as for `_read_off`.
     """
-    step = float(np.median(np.diff(t)))
-    weights = kaiser_low_pass(
-        0.5 * (PASSED + STOPPED) * sample_rate,
-        (STOPPED - PASSED) * sample_rate,
-        FOLDED_DAMPING,
-        1.0 / step,
-    )
+    own, clock = rates
+    middle, transition = 0.5 * (PASSED + STOPPED) * clock, (STOPPED - PASSED) * clock
+    weights = kaiser_low_pass(middle, transition, FOLDED_DAMPING, own)
     around = len(weights) // 2
     damped = np.array(x)
-    for a, b in pairwise([0, *(gaps + 1).tolist(), len(t)]):
+    for a, b in pairwise([0, *(gaps + 1).tolist(), len(x)]):
         if b - a > 1:
             ends = ((around, around), (0, 0))
             wide = np.pad(x[a:b], ends, mode="reflect", reflect_type="odd")
