@@ -1,11 +1,11 @@
 #!/bin/sh
 # FilterPy 2.0.0: `KalmanFilter.rts_smoother` leaves out the input. `batch_filter` takes inputs (`us`), predicts
 # with F x + B u and returns what the smoother's documentation says to pass on; the smoother predicts with F x
-# alone, so that it pulls each state from the right one towards one that had no input. It has no argument
-# for it, and says nothing. The `rts_smoother` of `UnscentedKalmanFilter` calls `fx` without inputs, too.
+# alone, and pulls each state from the right one towards one that had no input. It has no argument for it, and
+# says nothing. That of `UnscentedKalmanFilter` calls `fx` without the arguments of `predict`, too (read).
 # Seen, height from a barometer, acceleration as input, steady at 9.81 m/s^2, no noise: in the middle of
-# the flight the filter is right, the smoother is 2.2 m/s and 1.8 m off; without acceleration it is right. In
-# a state that has the input's step as a part of it, the smoother is right.
+# the flight the filter is right, the smoother is 2.2 m/s and 1.8 m off. Without acceleration, or with it as
+# a third state in place of an input, the smoother is right.
 # It matters where speeds are smoothed from positions with accelerometer, gyro or thrust as input: the error is
 # in proportion to the input, and the smoothed covariance does not show it.
 set -eu
