@@ -151,6 +151,7 @@ CAUSES: Final[Mapping[str, set[str]]] = {
     "reference-response": {*_LATE, "wrong_sides"},
     "impossible-inertia": {"wrong_sides", *_TORN, *_LATE},
     "gyro-lowpass": _LATE,
+    "clock-drift": set(),
     "no-coupling": set(),
 }
 """Hazards that a finding of each kind may rightly come from; kinds that are not here inform."""

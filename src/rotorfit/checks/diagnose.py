@@ -25,6 +25,7 @@ from rotorfit.checks.coupling import absent_coupling
 from rotorfit.checks.impossible_inertia import impossible_inertia, negative_rotor_inertia
 from rotorfit.checks.motors import changed_thrust, motor_law, motor_limits
 from rotorfit.checks.sensors import (
+    clock_drift,
     clocks,
     gyro_scale,
     log_settings,
@@ -67,6 +68,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     negative_rotor_inertia,
     *hover_thrust.WRENCH_CHECKS,
     *clocks.CHECKS,
+    *clock_drift.CHECKS,
     *sensor_faults.CHECKS,
     *hover_thrust.CHECKS,
     *left_out_hovers.CHECKS,
