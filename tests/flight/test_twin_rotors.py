@@ -1,10 +1,11 @@
-"""One column of speeds that stands for two rotors."""
+"""One column of speeds or commands that stands for two rotors."""
 
 import numpy as np
 import pytest
 
 from hand_made_logs import channel, hover_thrust, motion_log, with_channel
 from rotorfit.errors import FlightError
+from rotorfit.flight.motors.motor_model import MotorModel
 from rotorfit.flight.prepare import prepare
 
 
@@ -23,6 +24,19 @@ def with_speeds(rotors, twins):
 def test_a_speed_of_two_rotors_is_refused(rotors, assert_text):
     with pytest.raises(FlightError) as refused:
         prepare(with_speeds(rotors, [(4, 1)]), rotor_count=rotors, arm=0.2)
+    assert_text(str(refused.value))
+
+
+@pytest.mark.parametrize("rotors", [4, 6])
+def test_a_command_of_two_rotors_is_refused(rotors, assert_text):
+    log = motion_log(hover_thrust(20), rotors=rotors, name="command")
+    command = log.channels["command"]
+    values = command.values[:, [0, 1, 1, *range(3, rotors)]]
+    motors = MotorModel(speed="commanded")
+    prepare(log, rotor_count=rotors, arm=0.2, motors=motors)
+    with pytest.raises(FlightError) as refused:
+        twins = with_channel(log, command=channel(command.time, values))
+        prepare(twins, rotor_count=rotors, arm=0.2, motors=motors)
     assert_text(str(refused.value))
 
 

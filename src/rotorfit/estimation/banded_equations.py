@@ -393,9 +393,9 @@ def root_of(
     problem: BandedProblem, state: State, information: Float[np.ndarray, "f f"]
 ) -> Float[np.ndarray, "f f"]:
     """Factor the information of all blocks into R^T R, R upper triangular."""
-    lengths = np.sqrt(np.diagonal(information))
-    if not (lengths > 0.0).all():
+    if not (np.diagonal(information) > 0.0).all():
         raise EstimationError("the flights do not move a parameter at all; remove its term")
+    lengths = np.sqrt(np.diagonal(information))
     try:
         R = np.linalg.cholesky(information / np.outer(lengths, lengths)).T
     except np.linalg.LinAlgError:

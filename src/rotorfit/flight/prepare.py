@@ -60,7 +60,7 @@ from rotorfit.flight.motors.motor_model import (
     white_noise_std,
     with_motors,
 )
-from rotorfit.flight.motors.twin_rotors import refuse_twin_speeds
+from rotorfit.flight.motors.twin_rotors import refuse_twin_rotors
 from rotorfit.flight.on_board import applied_filters, passed_through, with_filters
 from rotorfit.flight.other_hovers import OtherHover, other_hovers
 from rotorfit.flight.signals import central_difference, hampel, true_runs
@@ -328,8 +328,8 @@ def refuse_unusable_motors(uniform: UniformChannels, *, measured: bool) -> None:
     # In gaps the lines are this module's own.
     a, b = max(uniform.stretches, key=lambda whole: whole[1] - whole[0])
     motor = uniform.values["motor"][a:b]
+    refuse_twin_rotors(motor, measured=measured)
     if measured:
-        refuse_twin_speeds(motor)
         refuse_interpolated_speeds(motor, uniform.sample_rate)
     else:
         refuse_interpolated_commands(motor, uniform.sample_rate, uniform.rates["motor"])
