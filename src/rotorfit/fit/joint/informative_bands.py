@@ -74,11 +74,12 @@ def select_slow_bands(configuration: JointConfiguration) -> JointConfiguration:
 def within_reach(
     counted: Bool[np.ndarray, "b 6"], configuration: JointConfiguration
 ) -> Bool[np.ndarray, "b 6"]:
-    """Keep the bands that the sensors can show, and those with the mean."""
+    """Keep the bands that the sensors can show; those with the mean unless they show nothing."""
     band, reach = configuration.factors.band, configuration.reach
     if reach is None:
         return counted
-    return counted & ((band.mean(axis=1)[:, None] <= reach) | (band[:, :1] == 0.0))
+    mean = (band[:, :1] == 0.0) & (reach >= 0.0)
+    return counted & ((band.mean(axis=1)[:, None] <= reach) | mean)
 
 
 def select_informative_bands(

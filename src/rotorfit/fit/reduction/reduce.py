@@ -367,6 +367,12 @@ def split_segment(segment: Segment, longest_rows: float) -> list[Segment]:
     return [Segment(start=int(a), stop=int(b)) for a, b in pairwise(edges)]
 
 
+def stretches_with_bands(flight: FlightData, plan: BandPlan) -> list[Segment]:
+    """Return the stretches of a flight that are long enough for bands, as `band_factors` cuts."""
+    every = _split_stretches(flight, plan)
+    return [stretch for stretch in every if _band_lines(stretch, flight.sample_rate, plan)]
+
+
 def _band_lines(stretch: Segment, sample_rate: float, plan: BandPlan) -> list[tuple[int, int]]:
     """Find first and last (exclusive) line of each band of a stretch."""
     return merged_bands(np.fft.rfftfreq(max(len(stretch), 1), 1.0 / sample_rate), plan)

@@ -10,7 +10,8 @@ import numpy as np
 
 from rotorfit.fit.dataset.dataset import ConfigurationData, LoadedFlight, with_flights
 from rotorfit.fit.reduction.bandwidth import LEAST_FOLLOWED, LOWEST, ON_BOARD, Sensor, bandwidths
-from rotorfit.fit.reduction.frequency_bands import EDGES, retimed
+from rotorfit.fit.reduction.frequency_bands import EDGES, or_every, retimed
+from rotorfit.fit.reduction.still_axes import still_axes
 from rotorfit.flight.motors.motor_model import clock_jumps
 from rotorfit.flight.on_board import MOST_RESTORED, response_of, without_lateness
 
@@ -152,6 +153,15 @@ def _known_reach(filters: Sequence[Filter]) -> float:
 
 
 def sensor_reach(configured: ConfigurationData, factors: Factors) -> Float[np.ndarray, "b 6"]:
-    """Return the highest frequency that counts, of every block and acceleration [Hz]."""
+    """Return the highest frequency that counts, of every block and acceleration [Hz].
+
+    Below zero, not even the mean counts: of an axis that is still in one stretch, and not in all.
+    """
     flights = np.array([flight_reach(flight) for flight in configured.flights])
-    return flights[factors.recording]
+    reach = flights[factors.recording]
+    still = np.concatenate([still_axes(flight.prepared) for flight in configured.flights])
+    begins = (np.diff(factors.segment) != 0) | (np.diff(factors.recording) != 0)
+    stretch = np.concatenate([[0], np.cumsum(begins)])
+    shown = reach[:, PLACES["accel"]]
+    reach[:, PLACES["accel"]] = np.where(or_every(~still)[stretch], shown, -1.0)
+    return reach
