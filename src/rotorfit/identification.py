@@ -28,6 +28,7 @@ from rotorfit.fit.noise_levels import fit_by_noise
 from rotorfit.fit.sensors.late_accelerometer import fit_with_force_in_time
 from rotorfit.fit.sensors.sensor_place import place_sensor
 from rotorfit.fit.steps import every_step
+from rotorfit.fit.timing.lag_on_thrust import with_likelier_lag
 from rotorfit.fit.timing.sensor_bandwidth import (
     measure_bandwidths,
     measured_at_timing,
@@ -161,7 +162,8 @@ def _identify_checked(
         if dataset.motors.speed == "measured":
             dataset = take_off_lateness(measure_bandwidths(dataset))
         dataset = time_motors(dataset, lag=method != "tls", report=report)
-        dataset = measured_at_timing(dataset)
+        dataset = measured_at_timing(with_likelier_lag(dataset))
+        experiment = experiment.model_copy(update={"motors": dataset.motors})
     report("fitting")
     tabulated = ESTIMATORS[method](experiment, dataset)
     tables = _complete_tables(tabulated, declared, report)

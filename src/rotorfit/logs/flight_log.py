@@ -133,11 +133,14 @@ LagOn = Literal["speed", "thrust"]
 
 @frozen_dataclass
 class LoggedMotors:
-    """What the autopilot's parameters say of the motors; `words` names the parameters."""
+    """What the autopilot's parameters say of the motors; `words` names the parameters.
+
+    `lag_on`: None where they say nothing of it.
+    """
 
     law: MotorLaw
     words: str
-    lag_on: LagOn = "speed"
+    lag_on: LagOn | None = None
 
 
 AIR_CONSTANT: Final = 287.05

@@ -12,6 +12,7 @@ from rotorfit.digits import short, with_half
 from rotorfit.findings import Evidence, Finding, note
 from rotorfit.fit.motors.commanded_speeds import LawError, speed_powers
 from rotorfit.fit.motors.law_from_thrust import STATED_STD, LawFromThrust
+from rotorfit.fit.timing.lag_on_thrust import LEAST_GAIN
 from rotorfit.model.parameters import EVERY
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ GIVE: Final = "log the rotor speed, or measure thrust over command and give law 
 LAW_OPEN = "law-open"
 LAW_FIRST = "find the motors' law first (by a thrust stand, or by rotor speed in the log)"
 LAW: Final = "law-uncertain"
+LAG_ON_THRUST: Final = "lag-on-thrust"
 
 
 def law_by_flight(fit: Fit) -> Iterator[Finding]:
@@ -178,5 +180,17 @@ def law_decides(reach: float, width: float) -> bool:
     return reach > WEAK or reach**2 > 0.5 * width**2
 
 
+def lag_on_thrust(fit: Fit) -> Iterator[Finding]:
+    """State that the motors' lag acts on their thrust, where the flights have shown it."""
+    gain = fit.dataset.lag_gain
+    if gain > 0.0:
+        yield note(
+            LAG_ON_THRUST,
+            "the flight shows that the motors' lag acts on their thrust, as in many simulators, "
+            'and not on their speed; if you know better, set lag_on = "speed" under [motors]',
+            evidence=(Evidence(name="lag_on_thrust_gain", value=gain, limit=LEAST_GAIN),),
+        )
+
+
 FLIGHT_CHECKS: Final = (law_by_flight,)
-CHECKS: Final = (uncertain_law,)
+CHECKS: Final = (uncertain_law, lag_on_thrust)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Final
 
@@ -117,6 +118,7 @@ class MotorTiming:
     - `total_std`: standard deviation of lag plus delay [s].
     - `free`: which times a fit finds again together with everything else (`FreeTiming.names`): the
       identifiable ones.
+    - `log_likelihood`: of its fit, to compare it with others of the same flights.
     - `reached`: where the other parameters of its fit ended: the next one begins there.
     - `bands`: what that fit was made to.
     """
@@ -126,6 +128,7 @@ class MotorTiming:
     lag_std: float | None = None
     delay_std: float | None = None
     free: tuple[str, ...] = ()
+    log_likelihood: float = -math.inf
     reached: Mapping[str, float] | None = None
     bands: TimedBands | None = field(default=None, repr=False, compare=False)
 

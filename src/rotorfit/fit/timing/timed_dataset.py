@@ -32,12 +32,15 @@ class TimedDataset(Dataset):
     - `motor_timing`: where it was found.
     - `law_found`: whether the law from command to speed was found in these flights, with changes of
       thrust.
+    - `lag_gain`: of the log-likelihood, by which these flights have shown that the lag acts on the
+      motors' thrust and not their speed; zero where they have not.
     - `body`: lines of the signals that the rotors have no part in, of each flight of each
       configuration: made once (`reduced`), they serve every timing of the motors.
     """
 
     motor_timing: MotorTiming | None = None
     law_found: bool = False
+    lag_gain: float = 0.0
     body: tuple[tuple[tuple[Lines, ...], ...], ...] | None = None
 
     @classmethod

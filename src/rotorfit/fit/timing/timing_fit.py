@@ -382,6 +382,7 @@ def timing_with_deviations(found: TimedFit, *, gusts: float = 0.0) -> MotorTimin
         delay_std=None if delay is None else _norm_of_deviations(delay, split, hold, shape, gusts),
         total_std=_norm_of_deviations(std["total"], SUM_FAULT, hold, shape, gusts),
         free=free.names,
+        log_likelihood=fit.log_likelihood,
         reached=found.values,
     )
 

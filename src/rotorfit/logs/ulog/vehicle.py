@@ -302,7 +302,7 @@ def logged_motors(scan: Scan) -> LoggedMotors | None:
     if simulator == GAZEBO and speeds is not None:
         curve = PolynomialCurve((speeds[0], speeds[1] - speeds[0]))
         law = MotorLaw(curve=curve, exact=True)
-        return LoggedMotors(law=law, words="SIM_GZ_EC_MIN, SIM_GZ_EC_MAX")
+        return LoggedMotors(law=law, words="SIM_GZ_EC_MIN, SIM_GZ_EC_MAX", lag_on="speed")
     if simulator == SIH and scan.number("SIH_VEHICLE_TYPE") in (None, QUADCOPTER):
         law = MotorLaw(curve=SquareRootCurve(1.0, 0.0), exact=True)
         words = "SIH: thrust is proportional to the motor signal"

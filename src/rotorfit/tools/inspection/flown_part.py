@@ -54,7 +54,8 @@ def _prepare_log(log: FlightLog) -> PreparedFlight:
     elif log.motors is None:
         model = MotorModel(speed="commanded")
     else:
-        model = MotorModel(speed="commanded", law=log.motors.law, lag_on=log.motors.lag_on)
+        lag_on = log.motors.lag_on or "speed"
+        model = MotorModel(speed="commanded", law=log.motors.law, lag_on=lag_on)
     return prepare(log, rotor_count=motors.values.shape[1], arm=GUESSED_ARM, motors=model)
 
 

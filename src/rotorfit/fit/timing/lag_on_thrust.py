@@ -1,0 +1,66 @@
+"""Whether the motors' lag acts on their speed, as in any motor, or on their thrust.
+
+Simulators low-pass the command itself, which is thrust there. A lag of the speed then seems longer
+for falling speed than for rising, and inertia comes out a few percent too large. Where nobody says
+what the lag acts on, the flights decide between the two by the likelihood.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from rotorfit.errors import EstimationError
+from rotorfit.fit.dataset.dataset import with_flights
+from rotorfit.fit.reduction.motor_timing import skew_of
+from rotorfit.fit.timing.timing_fit import find_timing
+
+if TYPE_CHECKING:
+    from rotorfit.fit.dataset.dataset import LoadedFlight
+    from rotorfit.fit.experiment.experiment import MotorsEntry
+    from rotorfit.fit.timing.timed_dataset import TimedDataset
+
+LEAST_GAIN: Final = 10.0
+"""Gain of log-likelihood for which the lag acts on thrust."""
+
+
+def with_likelier_lag(dataset: TimedDataset) -> TimedDataset:
+    """Let the motors' lag act on their thrust where the flights show it and nobody says else.
+
+    Returns the flights with the timing of such motors, or as they are.
+    """
+    found = dataset.motor_timing
+    if found is None or not _may_act_on_thrust(dataset):
+        return dataset
+    other = _acting_on_thrust(dataset)
+    try:
+        timing = find_timing(other, near=found)
+    except EstimationError:
+        return dataset
+    gain = -math.inf if timing is None else timing.log_likelihood - found.log_likelihood
+    return dataset if gain < LEAST_GAIN else replace(other, motor_timing=timing, lag_gain=gain)
+
+
+def _may_act_on_thrust(dataset: TimedDataset) -> bool:
+    """Return whether a lag of the speed seems longer for falling speed, as one of the thrust does.
+
+    In motion that is too small to show the difference none seems so, and none matters.
+    """
+    timing = dataset.timing
+    return dataset.motors.lag_on is None and timing is not None and skew_of(timing) > 0.0
+
+
+def _acting_on_thrust(dataset: TimedDataset) -> TimedDataset:
+    """Return the flights with a lag of the motors' thrust, not timed yet."""
+
+    def changed(motors: MotorsEntry) -> MotorsEntry:
+        return motors.model_copy(update={"lag_on": "thrust"})
+
+    def change(flight: LoadedFlight) -> LoadedFlight:
+        data = replace(flight.prepared.data, lag_on="thrust")
+        prepared = replace(flight.prepared, data=data)
+        return replace(flight, prepared=prepared, motors=changed(flight.motors))
+
+    dataset = replace(dataset, motors=changed(dataset.motors), motor_timing=None)
+    return with_flights(dataset, change)
