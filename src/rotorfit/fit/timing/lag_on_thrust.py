@@ -2,12 +2,12 @@
 
 Simulators low-pass the command itself, which is thrust there. A lag of the speed then seems longer
 for falling speed than for rising, and inertia comes out a few percent too large. Where nobody says
-what the lag acts on, the flights decide between the two by the likelihood.
+what the lag acts on, the flights decide between the two by the likelihood; thrust that rises and
+falls at different rates, too, is that of motors, whose lag is of neither.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -38,7 +38,9 @@ def with_likelier_lag(dataset: TimedDataset) -> TimedDataset:
         timing = find_timing(other, near=found)
     except EstimationError:
         return dataset
-    gain = -math.inf if timing is None else timing.log_likelihood - found.log_likelihood
+    if timing is None or timing.response.two_way:
+        return dataset
+    gain = timing.log_likelihood - found.log_likelihood
     return dataset if gain < LEAST_GAIN else replace(other, motor_timing=timing, lag_gain=gain)
 
 
