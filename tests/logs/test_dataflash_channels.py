@@ -279,6 +279,15 @@ def test_rotor_speeds_lose_their_sign(tmp_path):
     np.testing.assert_allclose(rpm, 1000.0, rtol=1e-6)
 
 
+def test_a_battery_of_0_V_is_none(tmp_path):
+    flown = [imu(t, *REST) for t in one_second()]
+    some = [message(BAT, k, 0, v, 0.0) for k, v in enumerate((0.0, 12.0, 0.0, 11.9))]
+    none = [message(BAT, k, 0, 0.0, 0.0) for k in range(4)]
+    found = read(tmp_path, [*flown, *some]).channels["battery"]
+    assert found.values[:, 0] == pytest.approx([12.0, 11.9])
+    assert "battery" not in read(tmp_path, [*flown, *none]).channels
+
+
 def test_battery_of_new_and_old_logs(tmp_path):
     new = [message(BAT, k, i, 16.0 - i, 0.0) for k in range(3) for i in range(2)]
     assert read(tmp_path, new).channels["battery"].values[:, 0].tolist() == [16.0] * 3

@@ -276,7 +276,7 @@ _DEGREE: Final = np.pi / 180.0
 
 
 def read_battery(messages: Messages) -> Channel | None:
-    """Read the voltage of the first battery [V]."""
+    """Read the voltage of the first battery [V], where it has one."""
     for name in ("BAT", "CURR"):
         form = format_named(messages, name)
         if form is None or "Volt" not in form.fields:
@@ -290,6 +290,8 @@ def read_battery(messages: Messages) -> Channel | None:
         # Before version 3.4 a plain integer of centivolts.
         factor = 0.01 if form.fields["Volt"].letter in "hH" else 1.0
         values = vector(fields, ("Volt",), factor=factor)
+        # A monitor without a battery, or one that is not wired, reads 0 V.
+        first &= values[:, 0] > 0.0
         if first.any():
             words = f"{name}.Volt [{'0.01 V' if factor != 1.0 else 'V'}]"
             return Channel(time=time[first], values=values[first], source=words)
