@@ -4,7 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ulog_encoder import Parts, actuator_motors, actuator_outputs, encode, esc_status
+from ulog_encoder import (
+    Parts,
+    actuator_motors,
+    actuator_outputs,
+    encode,
+    esc_status,
+    sensor_combined,
+)
 
 from rotorfit.logs import read_log
 
@@ -199,6 +206,35 @@ def test_auxiliary_outputs_switched_together_are_no_motors(tmp_path, assert_word
     assert "1075..1950 (PWM_MIN" in command.source
     assert_wording(command.source)
     np.testing.assert_allclose(command.values[:-5], SHARE[:-5], atol=1e-5)
+
+
+@pytest.mark.parametrize("gimbal", [0, 1])
+def test_a_gimbal_that_moves_further_is_no_motor(tmp_path, gimbal):
+    """The vehicle follows the outputs of one instance; a gimbal's servos move by themselves."""
+    time = np.arange(600) * 0.05
+    share = 0.5 + 0.1 * random_walks(time, 4)
+    servos = np.round(1500.0 + 400.0 * np.sin(np.outer(time, 1.0 + 0.3 * np.arange(4))), 3)
+    fine = np.arange(0.0, 30.0, 0.004)
+    mixed = share @ np.array([[-1.0, -1, 1, 1], [1, -1, -1, 1], [1, -1, 1, -1]]).T
+    torque = np.stack([np.interp(fine, time, mixed[:, i]) for i in range(3)], axis=1)
+    gyro = np.cumsum(torque, axis=0) * 0.004
+    accel = np.zeros_like(gyro)
+    accel[:, 2] = -19.6 * np.interp(fine, time, share.mean(axis=1))
+    log = read(
+        tmp_path,
+        sensor_combined(fine, gyro, accel),
+        actuator_outputs(time, servos, instance=gimbal),
+        actuator_outputs(time, pwm(share, 1075, 1950), instance=1 - gimbal),
+        parameters=OLD,
+    )
+    np.testing.assert_allclose(log.channels["command"].values, share, atol=1e-5)
+
+
+def random_walks(time, count):
+    """Return series of frequencies of .3 to 3 Hz, and of deviation 1."""
+    rng = np.random.default_rng(3)
+    waves = rng.uniform(0.3, 3.0, (8, count)), rng.uniform(0.0, 6.0, (8, count))
+    return np.sin(2.0 * np.pi * time[:, None, None] * waves[0] + waves[1]).mean(axis=1) * 4.0
 
 
 @pytest.mark.parametrize(

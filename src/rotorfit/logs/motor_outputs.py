@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from jaxtyping import Bool, Float
 
     from rotorfit.logs.flight_log import Channel
@@ -24,29 +26,17 @@ _CLEAR: Final = 0.05
 _BY_CHANCE: Final = 0.25
 """Part of the least motor's share up to which an output explains motion by chance alone."""
 
+_CLEARLY_LESS: Final = 0.5
+"""Part of what motors explain that outputs of another kind stay under: a gimbal or a servo."""
+
 
 def motor_outputs(command: Channel, gyro: Channel, accel: Channel) -> Bool[np.ndarray, " k"] | None:
     """Select the outputs that drive motors; None if the flight does not show it."""
-    if command.values.shape[1] <= min(MOTOR_COUNTS) or len(command.time) < _FEWEST:
+    if command.values.shape[1] <= min(MOTOR_COUNTS):
         return None
-    step = float(np.median(np.diff(command.time)))
-    if step <= 0.0:
+    share = _explained_shares(command, gyro, accel)
+    if share is None:
         return None
-    start = max(one.time[0] for one in (command, gyro, accel)) + max(_DELAYS)
-    even = np.arange(start, min(one.time[-1] for one in (command, gyro, accel)), step)
-    if len(even) < _FEWEST:
-        return None
-    width = 2 * max(round(0.5 * _SLOWEST / step), 1) + 1
-    turns = np.gradient(_sample_evenly(gyro, even), step, axis=0)
-    motion = _remove_moving_mean(np.column_stack([turns, _sample_evenly(accel, even)[:, 2]]), width)
-    share = np.array(
-        [
-            _explained_share(
-                motion, _remove_moving_mean(_delayed_commands(command, even, i), width)
-            )
-            for i in range(command.values.shape[1])
-        ]
-    )
     order = np.argsort(-share)
     for count in reversed(MOTOR_COUNTS):
         # A whole frame with one motor that does little is no frame of one motor less.
@@ -60,6 +50,42 @@ def motor_outputs(command: Channel, gyro: Channel, accel: Channel) -> Bool[np.nd
         if len(others) and kept.min() > _CLEAR and others.max() < _BY_CHANCE * kept.min():
             return np.isin(np.arange(len(share)), order[:count])
     return None
+
+
+def followed_group(groups: Sequence[Channel], gyro: Channel, accel: Channel) -> int | None:
+    """Find which of some groups of outputs the motion follows; None if it is not clear."""
+    shares = [_explained_shares(group, gyro, accel) for group in groups]
+    means = np.array([0.0 if share is None else float(share.mean()) for share in shares])
+    best = int(np.argmax(means))
+    others = np.delete(means, best)
+    is_clear = means[best] > _CLEAR and bool((others < _CLEARLY_LESS * means[best]).all())
+    return best if is_clear else None
+
+
+def _explained_shares(
+    command: Channel, gyro: Channel, accel: Channel
+) -> Float[np.ndarray, " k"] | None:
+    """Return the share of a motion that each output explains; None if the flight is too short."""
+    if len(command.time) < _FEWEST:
+        return None
+    step = float(np.median(np.diff(command.time)))
+    if step <= 0.0:
+        return None
+    start = max(one.time[0] for one in (command, gyro, accel)) + max(_DELAYS)
+    even = np.arange(start, min(one.time[-1] for one in (command, gyro, accel)), step)
+    if len(even) < _FEWEST:
+        return None
+    width = 2 * max(round(0.5 * _SLOWEST / step), 1) + 1
+    turns = np.gradient(_sample_evenly(gyro, even), step, axis=0)
+    motion = _remove_moving_mean(np.column_stack([turns, _sample_evenly(accel, even)[:, 2]]), width)
+    return np.array(
+        [
+            _explained_share(
+                motion, _remove_moving_mean(_delayed_commands(command, even, i), width)
+            )
+            for i in range(command.values.shape[1])
+        ]
+    )
 
 
 def _sample_evenly(channel: Channel, even: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n k"]:

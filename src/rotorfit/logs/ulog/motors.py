@@ -10,6 +10,7 @@ import numpy as np
 
 from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import Channel, pieces
+from rotorfit.logs.motor_outputs import followed_group
 from rotorfit.logs.ulog.firmware import log_faster
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
     from rotorfit.logs.ulog.messages import Topic
     from rotorfit.logs.ulog.scan import Scan
+
+    Motion = tuple[Channel, Channel]
 
 SPEED_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
     "esc_status": ("timestamp", "esc_count", "esc", "esc_rpm", "actuator_function")
@@ -213,13 +216,16 @@ def _smallest_step(rpm: Float[np.ndarray, "n N"]) -> float:
 # Commands
 
 
-def find_command(scan: Scan) -> Motors:
-    """Read the motor commands as the fraction of the output range that was sent."""
+def find_command(scan: Scan, motion: Motion | None = None) -> Motors:
+    """Read the motor commands as the fraction of the output range that was sent.
+
+    `motion`: gyro and accelerometer, which show the instance that drives motors.
+    """
     topic = scan.first("actuator_motors")
     if topic is not None and topic.vector("control", 1) is not None and len(topic.rows) > 1:
         return _from_thrusts(scan, topic)
     if scan.all("actuator_outputs"):
-        return _from_outputs(scan)
+        return _from_outputs(scan, motion)
     note = (
         "No motor commands (actuator_motors, actuator_outputs): add them to the logged topics, or "
         f"{log_faster(scan.number('SDLOG_PROFILE'))}."
@@ -289,7 +295,7 @@ class _Outputs:
     basis: str
 
 
-def _from_outputs(scan: Scan) -> Motors:
+def _from_outputs(scan: Scan, motion: Motion | None) -> Motors:
     """Return actuator_outputs, the values sent, over their ranges."""
     assigned = _assigned_outputs(scan)
     if assigned is None and motor_count(scan) is None and is_vtol(scan):
@@ -299,7 +305,7 @@ def _from_outputs(scan: Scan) -> Motors:
         )
         return Motors(notes=(note,))
     wiring = assigned or _main_outputs(scan)
-    topic = _instance_with_motors(scan, wiring)
+    topic = _instance_with_motors(scan, wiring, motion)
     values = None if topic is None else topic.vector("output", 1 + max(wiring.places))
     if topic is None or values is None:
         return Motors(notes=("actuator_outputs has no motors: commands are left out.",))
@@ -410,9 +416,10 @@ def _used_outputs(scan: Scan) -> int:
     return min(int(used[-1]) + 1 if len(used) else 0, MOST_MOTORS)
 
 
-def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
-    """Find the instance whose motor outputs move most against one another."""
+def _instance_with_motors(scan: Scan, wiring: _Outputs, motion: Motion | None) -> Topic | None:
+    """Find the instance that the motion follows, else with outputs moving most."""
     moved: list[tuple[float, float, int, Topic]] = []
+    moving: list[tuple[Topic, Channel]] = []
     for topic in scan.all("actuator_outputs"):
         values = topic.vector("output", 1 + max(wiring.places))
         if values is not None and len(topic.rows) > 1:
@@ -422,6 +429,13 @@ def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
             between = float((chosen - chosen.mean(axis=1, keepdims=True)).std(axis=0).sum())
             span = float(np.ptp(chosen, axis=0).sum())
             moved.append((round(between, 6), span, -topic.instance, topic))
+            if between > 0.0:
+                moving.append((topic, Channel(time=topic.time, values=chosen, source=topic.label)))
+    if motion is not None and len(moving) > 1:
+        # A gimbal on auxiliary outputs may move more than motors do.
+        place = followed_group([channel for _, channel in moving], *motion)
+        if place is not None:
+            return moving[place][0]
     return max(moved, key=lambda item: item[:3])[3] if moved else None
 
 

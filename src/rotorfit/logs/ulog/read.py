@@ -173,7 +173,8 @@ def _read_channels(
     scan = scan.without(motors.SPEED_TOPICS)
     found = sensors.find_imu(scan, raw=lambda: scan_file(path, sensors.FIFO_TOPICS))
     scan = scan.without(sensors.IMU_TOPICS)
-    command = motors.find_command(scan)
+    motion = (found.gyro, found.accel) if found.gyro and found.accel else None
+    command = motors.find_command(scan, motion)
     scan = scan.without(motors.COMMAND_TOPICS)
     posed, pose_notes = sensors.find_pose(scan)
     scan = scan.without(sensors.MOCAP)
