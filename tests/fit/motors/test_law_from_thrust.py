@@ -6,11 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rotorfit.checks.motors.motor_law import OF_SPEED, STATED, law_finding
+from rotorfit.checks.motors.motor_law import CONTRADICTED, OF_SPEED, STATED, law_finding
 from rotorfit.estimation.measured import Measured
 from rotorfit.fit.motors.law_from_thrust import (
     FAR,
     FULL_STD,
+    LEAST_POWER,
     ROUNDING,
     STATED_STD,
     STEADY,
@@ -359,6 +360,21 @@ def test_a_setting_is_a_note_that_says_what_settles_it():
     assert "does not show whether" in law_finding(unseen).sentence
     assert "agrees with them" in law_finding(seen).sentence
     assert "grows 19.8 +- 3.9 % less" in law_finding(other).sentence
+
+
+@pytest.mark.parametrize("flown", [-0.03, 0.0, 0.2])
+def test_thrust_rises_in_every_fit_that_is_made(flown):
+    """A flight whose gyro died, or with settings of another vehicle, shows falling thrust."""
+    assert stated_law(flown).next_power == LEAST_POWER
+
+
+@pytest.mark.parametrize(("flown", "doubted"), [(0.3, True), (0.7, False), (1.6, False)])
+def test_settings_far_from_the_flight_are_doubted(flown, doubted):
+    found = law_finding(stated_law(flown, tried=flown))
+    assert found.severity == ("doubt" if doubted else "note")
+    assert found.kind == (CONTRADICTED if doubted else STATED)
+    assert ("kt" in found.numbers) == doubted
+    assert {"thrust_to_weight", "max_thrust"} <= set(found.numbers)
 
 
 def test_a_fit_that_lost_its_way_is_no_evidence():

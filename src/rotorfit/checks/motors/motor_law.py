@@ -27,7 +27,17 @@ CONTRADICTED: Final = "law-contradicted"
 AGAIN: Final = "measure the law under [motors] again, or log the rotor speed"
 OF_SPEED: Final = tuple(name for name, info in EVERY.items() if info.speed_power)
 """What goes with speeds in rad/s: a law with a wrong slope does not give them."""
+OF_STATED: Final = (
+    *OF_SPEED,
+    *("thrust_to_weight", "max_thrust", "thrust_to_weight_loaded", "max_thrust_loaded"),
+    *("Ixx", "Iyy", "Izz", "Ixx_com", "Iyy_com", "Izz_com"),
+)
+"""What rests on the growth of thrust with the command."""
 WRONG_SPEEDS: Final = "the motors' law is wrong, and no one knows the rotor speed in hover"
+WRONG_SETTINGS: Final = "the flight contradicts the settings for the motors' law"
+FARTHEST: Final = 2.0
+"""Largest factor between the growth of thrust that settings state and that of a flight: between
+thrust in proportion to the command and to its square."""
 SETTLE: Final = (
     "hover with a known payload, too (a second configuration), or measure thrust over command on a "
     "stand and give law under [motors]"
@@ -78,6 +88,8 @@ def _contradicted_law(law: LawFromThrust) -> Finding:
 def _stated_law(law: LawFromThrust) -> Finding:
     """State how far settings of the firmware leave the thrust at full command open."""
     shown = "the flight does not show whether they are right"
+    if not 1.0 / FARTHEST < law.exponent.value < FARTHEST:
+        return _absurd_law(law)
     if law.from_flight:
         off, half = law.exponent.value - 1.0, 196.0 * law.exponent.std
         way = "less" if off < 0.0 else "more"
@@ -89,6 +101,25 @@ def _stated_law(law: LawFromThrust) -> Finding:
         severity="note",
         sentence=stated_sentence(law.setting, 1.96 * law.thrust_std, shown=shown),
         numbers=("thrust_to_weight", "max_thrust"),
+        next_step=SETTLE,
+        evidence=_law_evidence(law),
+    )
+
+
+def _absurd_law(law: LawFromThrust) -> Finding:
+    """State that no motors differ from the settings as much as the flight seems to."""
+    off = law.exponent.value - 1.0
+    return Finding(
+        kind=CONTRADICTED,
+        severity="doubt",
+        sentence=(
+            f"thrust seems to grow {100.0 * abs(off):.0f} % {'less' if off < 0.0 else 'more'} with "
+            f"the command than the settings say ({law.setting}), more than motors ever differ from "
+            "them: the settings are not those of this flight, or a sensor or the commands are "
+            f"wrong; do not trust what rests on thrust before this is found. To settle it, {SETTLE}"
+        ),
+        numbers=OF_STATED,
+        doubtful_because=WRONG_SETTINGS,
         next_step=SETTLE,
         evidence=_law_evidence(law),
     )

@@ -63,6 +63,9 @@ FAR: Final = 0.1
 """Difference of two exponents over which their growth is seen."""
 LEAST: Final = 0.005
 """Difference of two exponents that count as one, as a share: inertia goes with it."""
+LEAST_POWER: Final = 0.25
+"""Least exponent that a fit is made with: thrust rises with the command, and a fit far off may show
+that it falls."""
 FULL_STD: Final = 0.05
 """Deviation of the mean exponent from hover to full command from that in hover: rms of thrust
 curves f u^2 + (1 - f) u, f from 0 to 1, that start at -10 to 15 % of the command, with hover at 30
@@ -139,7 +142,7 @@ class LawFromThrust:
         """The exponent to fit with next: its own, or one far enough off to see the growth."""
         if self.growth is None and self.flown is not None and abs(self.step) < FAR:
             return self.trial.power + math.copysign(FAR, self.flown.value - self.trial.power)
-        return self.exponent.value
+        return max(self.exponent.value, LEAST_POWER)
 
     def has_lost(self, trial: Trial) -> bool:
         """Whether a fit shows another exponent than those before predict: it lost its way."""
