@@ -77,6 +77,46 @@ def test_plotjuggler_keeps_the_motors_that_carry_numbers(tmp_path):
     assert any("give the log itself (.ulg" in reason for reason in proposal.reasons)
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.0007, 0.0025])
+def test_rows_that_a_join_filled_forward_are_no_samples(tmp_path, offset):
+    """Every message of another clock adds a row with the last sample of the IMU."""
+    motors = np.sort(np.concatenate([TIME[::3] + offset, TIME[1:-1:4] + 0.0031]))
+    time = np.sort(np.concatenate([TIME, motors]))
+    last = np.searchsorted(TIME, time + 1e-9, side="right") - 1
+    if not offset:  # rows of one time come as their messages did: the IMU's last
+        same = np.flatnonzero(np.diff(time) < 1e-9)
+        last[same] = np.maximum(last[same] - 1, 0)
+    turn = np.cumsum(GYRO, axis=0) * 0.005
+    columns = {
+        "__time": time,
+        **named([f"/sensor_combined/gyro_rad.{i:02}" for i in range(3)], GYRO[last] * DOWN),
+        **named(
+            [f"/sensor_combined/accelerometer_m_s2.{i:02}" for i in range(3)], ACCEL[last] * DOWN
+        ),
+        **named(["roll_rad", "pitch_rad", "yaw_rad"], turn[last] * DOWN),
+        **named([f"/actuator_motors/control.{i:02}" for i in range(4)], SHARE[last]),
+    }
+    path = written(tmp_path / "filled.csv", columns)
+    proposal = propose_columns(path)
+    log = read_by(proposal, path)
+    for name, values in (("gyro", GYRO), ("accel", ACCEL)):
+        np.testing.assert_allclose(log.channels[name].time, TIME, atol=1e-9)
+        np.testing.assert_allclose(log.channels[name].values, values, rtol=1e-9)
+    assert len(log.channels["command"].time) == len(time)
+    assert any("rows of gyro that copy its last sample" in note for note in log.notes)
+    assert not any("does not follow" in doubt for doubt in proposal.doubts)
+
+
+def test_repeated_samples_of_an_even_clock_are_left(tmp_path):
+    held = np.arange(ROWS) // 2 * 2
+    sensors = {
+        **named(["gyro_x", "gyro_y", "gyro_z"], GYRO[held]),
+        **named(["accel_x", "accel_y", "accel_z"], ACCEL[held]),
+    }
+    path = written(tmp_path / "held.csv", {"time": TIME, **sensors})
+    assert len(read_table(path).channels["gyro"].time) == ROWS
+
+
 def test_plotjuggler_has_the_speeds_of_a_topic_named_status(tmp_path):
     columns = {
         "__time": TIME,

@@ -11,6 +11,7 @@ from rotorfit.errors import LogError
 from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.column_names import COMPRESSED_RATES
 from rotorfit.logs.columns import NAMES, TIME, ColumnSpec, unit_of
+from rotorfit.logs.filled_rows import sampled_rows
 from rotorfit.logs.units import STANDARD_GRAVITY, UNITS, Axes, Quantity, attitude_from_euler
 
 if TYPE_CHECKING:
@@ -257,6 +258,10 @@ def attitude_rate(
     known = np.isfinite(values).all(axis=1) & np.isfinite(time)
     if known.sum() < 2:
         return rate
+    # Or its last sample in them.
+    sampled = sampled_rows(time[known], values[known])
+    if sampled is not None:
+        known[known] = sampled
     w, u = values[known, :1], values[known, 1:]
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = np.gradient(values[known], time[known], axis=0)

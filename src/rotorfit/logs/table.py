@@ -33,6 +33,7 @@ from rotorfit.logs.files import (
     sha256_of,
     write_whole,
 )
+from rotorfit.logs.filled_rows import sampled_rows
 from rotorfit.logs.flight_log import Channel, FlightLog, grid_step
 from rotorfit.logs.units import (
     UNITS,
@@ -164,6 +165,8 @@ _FULLEST_COMMAND: Final = 2.0
 """A command beyond this is no fraction of full."""
 
 _VECTORS: Final = ("gyro", "accel", "velocity", "reference", "position")
+_SENSORS: Final = (*_VECTORS, "attitude")
+"""Channels whose copied samples are left out: a command holds until the next one."""
 _NOT_TO_BE_EMPTY: Final = ("gyro", "accel", "rotor_speed", "command")
 _FEWEST_LEVELS: Final = 16
 _ROUNDING: Final = 1e-15
@@ -365,6 +368,13 @@ def _make_channel(
     values = block
     if not recorded.all():
         time, values = time[recorded], block[recorded]
+    sampled = sampled_rows(time, values) if group.channel in _SENSORS else None
+    if sampled is not None:
+        notes.append(
+            f"Left out {np.count_nonzero(~sampled)} rows of {group.channel} that copy its last "
+            "sample, as tools write that join messages of different clocks."
+        )
+        time, values = time[sampled], values[sampled]
     resolution = None if group is EULER else resolution_of(values)
     if group.channel == "attitude":
         quaternion = (
