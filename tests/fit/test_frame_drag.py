@@ -8,6 +8,7 @@ import pytest
 import made_fit
 from rotorfit.estimation.banded import banded
 from rotorfit.estimation.factors import Factors, triangular_factors
+from rotorfit.fit.intervals import frame_drag
 from rotorfit.fit.intervals.frame_drag import frame_drag_shifts, rms_above_zero, wake_shifts
 from rotorfit.fit.joint.joint_problem import joint_problem
 from rotorfit.model.regressor import regressor
@@ -86,6 +87,23 @@ def test_speeds_that_change_close_it():
 def test_a_model_with_drag_of_the_frame_opens_nothing_more():
     body = dragged(frame=0.1, changes=0.5)
     assert not len(frame_drag_shifts(fitted(body, (*TERMS, "drag")), [body]))
+
+
+def test_a_negative_variance_opens_a_finite_share(monkeypatch):
+    body = dragged(frame=0.0, changes=0.0)
+    fit, usual = fitted(body), frame_drag.normal_equations
+
+    def spoilt(at, kept):
+        found = usual(at, kept)
+        H, free = found.information.copy(), len(fit.estimate.names)
+        H[:free, free:] *= 1e4
+        H[free:, :free] *= 1e4
+        return replace(found, information=H)
+
+    monkeypatch.setattr(frame_drag, "normal_equations", spoilt)
+    shifts = frame_drag_shifts(fit, [body])
+    assert len(shifts) == 3
+    assert np.isfinite(shifts).all()
 
 
 def test_without_a_velocity_nothing_is_shared():

@@ -62,7 +62,11 @@ def _left_out_shifts(
     covariance = np.linalg.inv(H[free:, free:] + H[free:, :free] @ by_term)
     # The flights ask for as much; the air brakes and never drives, and wakes lift and never press
     # down, so that none is left where they ask for less than none.
-    size = rms_above_zero(equations.step[free:], np.sqrt(np.diagonal(covariance)))
+    variance = np.diagonal(covariance)
+    # Rounding makes a variance negative where a fit hardly knows anything: as much as the term's
+    # own information says is left.
+    variance = np.where(variance > 0.0, variance, 1.0 / np.diagonal(H)[free:])
+    size = rms_above_zero(equations.step[free:], np.sqrt(variance))
     shifts: Float[np.ndarray, "s f"] = (by_term * size).T
     return shifts
 
