@@ -103,8 +103,26 @@ def test_rows_that_a_join_filled_forward_are_no_samples(tmp_path, offset):
         np.testing.assert_allclose(log.channels[name].time, TIME, atol=1e-9)
         np.testing.assert_allclose(log.channels[name].values, values, rtol=1e-9)
     assert len(log.channels["command"].time) == len(time)
-    assert any("rows of gyro that copy its last sample" in note for note in log.notes)
+    assert any("rows of gyro" in note for note in log.notes)
     assert not any("does not follow" in doubt for doubt in proposal.doubts)
+
+
+def test_topics_of_px4_joined_to_one_table_are_a_flight(tmp_path):
+    """Torques have the same name (actuator_controls_0), but change their sign."""
+    sensors = {
+        "timestamp": np.round(1e6 * TIME),
+        **named([f"gyro_rad[{i}]" for i in range(3)], GYRO * DOWN),
+        **named([f"accelerometer_m_s2[{i}]" for i in range(3)], ACCEL * DOWN),
+    }
+    controls = np.hstack([SHARE, np.full((ROWS, 8), np.nan)])
+    motors = named([f"control[{i}]" for i in range(12)], controls)
+    path = written(tmp_path / "joined.csv", {**sensors, **motors})
+    proposal = propose_columns(path)
+    np.testing.assert_allclose(read_by(proposal, path).channels["command"].values, SHARE)
+    assert any("joined to one table" in reason for reason in proposal.reasons)
+    torques = named([f"control[{i}]" for i in range(4)], np.hstack([GYRO, SHARE[:, :1]]))
+    with pytest.raises(LogError, match="joined to one table"):
+        propose_columns(written(tmp_path / "torques.csv", {**sensors, **torques}))
 
 
 def test_repeated_samples_of_an_even_clock_are_left(tmp_path):

@@ -272,6 +272,17 @@ def test_rows_are_counted_to_their_end_where_nothing_is_read(
     assert_text(refusal(tmp_path, "time,battery,note,more\n" + rows))
 
 
+@pytest.mark.parametrize("end", ["29,1,2", "29,1,", "2", "29,1,2,"])
+def test_a_last_line_that_was_cut_off_is_left_out(tmp_path, end):
+    lines = [f"{0.01 * k:.2f},1,2,3" for k in range(25)]
+    log = read_table(written(tmp_path, "\n".join(["time,gyro_x,gyro_y,gyro_z", *lines, end])))
+    if end.count(",") < 3:
+        assert len(log.channels["gyro"].time) == 25
+        assert any("last line" in note for note in log.notes)
+    else:
+        assert len(log.channels["gyro"].time) == 26
+
+
 def test_a_quoted_delimiter_is_no_delimiter(tmp_path, assert_text):
     header = "note,time,battery,more\n"
     log = read_table(written(tmp_path, header + 'a,0,12,b\n"x, y",0.1,11,b\n'))

@@ -302,6 +302,8 @@ def _kind_of_rest(
         ("mot",),
     ):
         return None if index < 0 or _NO_MOTOR.intersection(words) else "motor"
+    if words == ("control",):  # PX4's actuator_motors; of torques the values change their sign
+        return "motor" if index >= 0 else None
     if ASKED.intersection(words):
         return None
     if "quat" in joined or "orientation" in joined or bare[-1:] == ("q",):

@@ -38,6 +38,8 @@ _FEWEST_COLUMNS: Final = 3
 _DECIMAL_COMMA: Final = re.compile(rb"\b0,\d|\d,(?:\d{1,2}(?!\d)|\d{4,})")
 """A comma that cannot part thousands."""
 _POINT: Final = re.compile(rb"\d\.\d")
+_MANY: Final = 20
+"""Whole lines above a shorter last one from which that is one cut off, and no mistake."""
 PIECE_BYTES: Final = 1 << 20
 _LINES_PER_WORD: Final = 100
 """Looked at together: numbers need a tenth of the memory of what finds them."""
@@ -52,6 +54,7 @@ class DelimitedText:
     - `delimiter`: between cells; None: any run of spaces and tabs.
     - `first_line`: number of the line at `start`, from 1.
     - `has_decimal_commas`: whether decimals are written with a comma.
+    - `is_cut`: whether a last line was left out that a recorder did not end.
     """
 
     text: Content
@@ -60,6 +63,7 @@ class DelimitedText:
     delimiter: str | None
     first_line: int
     has_decimal_commas: bool = False
+    is_cut: bool = False
 
     def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]:
         """Read columns as numbers, NaN if a cell is empty; dates with a time become seconds."""
@@ -85,7 +89,7 @@ def open_delimited(data: Content) -> DelimitedText:
         end = len(text) if end < 0 else end
         line = _decode_line(text[start:end])
         if line.strip() and not line.lstrip().startswith(_COMMENTS):
-            table = _table_from(text, start, end, line_number, comment)
+            table = _without_cut_line(_table_from(text, start, end, line_number, comment))
             return replace(table, has_decimal_commas=_find_decimal_commas(table))
         comment = line.strip().lstrip("#%") if line.strip() else comment
         start, line_number = end + 1, line_number + 1
@@ -158,6 +162,17 @@ def _table_from(
     return DelimitedText(
         text=text, start=start, names=commented, delimiter=delimiter, first_line=line_number
     )
+
+
+def _without_cut_line(table: DelimitedText) -> DelimitedText:
+    """Leave out a last line that ends early, as where a recorder lost its power."""
+    last = table.text.rfind(_NEWLINE) + 1
+    if last == len(table.text) or last <= table.start or table.delimiter is None:
+        return table
+    cells = _split_line(_decode_line(table.text[last:]), table.delimiter)
+    if len(cells) >= len(table.names) or table.text[table.start : last].count(_NEWLINE) < _MANY:
+        return table
+    return replace(table, text=table.text[:last], is_cut=True)
 
 
 def _take_units(table: DelimitedText) -> DelimitedText:

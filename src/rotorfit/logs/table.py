@@ -221,6 +221,10 @@ def _make_channels(
     timed = np.isfinite(values[TIME])
     time = values[TIME][timed]
     _check_clock(source, timed, time, specs[TIME])
+    if isinstance(source, DelimitedText) and source.is_cut:
+        notes.append(
+            "Left out the last line, which ends early, as where a recorder lost its power."
+        )
     if not timed.all():
         notes.append(f"Left out {np.count_nonzero(~timed)} rows without a time.")
     if axes == "FRD":
