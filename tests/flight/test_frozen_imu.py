@@ -18,9 +18,9 @@ def log():
     return to_flight_log(simulate_flight(*flown, scenario, seed=5))
 
 
-def hung(log, *stretches):
+def hung(log, *stretches, names=("gyro", "accel")):
     channels = dict(log.channels)
-    for name in ("gyro", "accel"):
+    for name in names:
         values = channels[name].values.copy()
         for begin, end in stretches:
             rows = np.flatnonzero((channels[name].time >= begin) & (channels[name].time < end))
@@ -54,6 +54,22 @@ def test_a_frozen_imu_is_left_out_and_said(log, stretches):
         assert used_between(whole, begin, end) > 10
     lost = whole.data.seconds_used - found.data.seconds_used
     assert lost == pytest.approx(sum(b - a for a, b in stretches), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "begin"), [("gyro", "gyro", 7.0), ("accel", "accelerometer", 16.0)]
+)
+def test_a_sensor_that_dies_alone_is_left_out_and_said(log, name, words, begin):
+    found = prepared(hung(log, (begin, 20.0), names=(name,)))
+    [said] = [one for one in found.findings if one.kind == "frozen-imu"]
+    assert f"the {words} alone" in said.sentence
+    assert used_between(found, begin + 0.1, 20.0) == 0
+    assert used_between(found, 5.0, begin) > 10
+
+
+def test_a_sensor_that_stands_for_a_second_may_be_coarse(log):
+    found = prepared(hung(log, (7.0, 8.0), names=("gyro",)))
+    assert "frozen-imu" not in [one.kind for one in found.findings]
 
 
 def drawn(log, rate, names=("gyro", "accel")):

@@ -6,7 +6,7 @@ repeated sample says that nothing turned and no thrust changed, which the rotors
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -31,6 +31,12 @@ INTERPOLATED: Final = "interpolated-imu"
 """Kind of the finding that an IMU was recorded more slowly than it is written."""
 FEWEST: Final = 10
 """Repetitions from which it is none, of slow logs: rounded values may repeat a few times."""
+ALONE: Final = 2.0
+"""Duration from which a gyro or an accelerometer that alone repeats its sample is dead [s]: coarse
+ones repeat theirs in calm flight."""
+UNLIKE: Final = 1e-3
+"""Least change of the rotors' speeds against one another meanwhile, over their mean: a simulator
+without noise turns nothing where its rotors turn alike."""
 SHORTEST: Final = 0.5
 """Length of a stretch between two of them that is still used [s]."""
 
@@ -98,6 +104,22 @@ def frozen_runs(uniform: UniformChannels, flights: Sequence[tuple[int, int]]) ->
     return [(a, b + 1) for a, b in true_runs(same) if b - a >= least]
 
 
+def dead_runs(
+    uniform: UniformChannels, flights: Sequence[tuple[int, int]], name: Literal["gyro", "accel"]
+) -> Runs:
+    """Find the rows (start, stop) in which one sensor alone repeats its sample in flight."""
+    least = whole_samples(ALONE * uniform.sample_rate)
+    same = repeated_rows(uniform.values[name], flights)
+    motor = uniform.values["motor"]
+
+    def is_flown(a: int, b: int) -> bool:
+        rows = motor[a:b]
+        unlike = rows - rows.mean(axis=1, keepdims=True)
+        return bool(unlike.std(axis=0).max() > UNLIKE * rows.mean())
+
+    return [(a, b + 1) for a, b in true_runs(same) if b - a >= least and is_flown(a, b)]
+
+
 def without_runs(flights: Sequence[tuple[int, int]], runs: Runs, sample_rate: float) -> Runs:
     """Return the rows of flights outside some runs, without those whose slope a run touches."""
     kept: Runs = []
@@ -115,16 +137,24 @@ def cut_frozen_imu(
     uniform: UniformChannels, flights: list[tuple[int, int]]
 ) -> tuple[Runs, list[Finding]]:
     """Return the flights without the seconds in which the IMU stands still, and say which."""
-    runs = frozen_runs(uniform, flights)
-    if not runs:
-        return flights, []
-    kept = without_runs(flights, runs, uniform.sample_rate)
-    seconds = sum(b - a for a, b in runs) / uniform.sample_rate
-    at = ", ".join(f"{uniform.time[a]:.1f} to {uniform.time[b - 1]:.1f} s" for a, b in runs[:3])
-    seen = (
-        f"gyro and accelerometer repeat one sample for {seconds:.1f} s of the flight ({at}"
-        f"{', ...' if len(runs) > 3 else ''}): the sensor, its bus or the recorder hung"
-    )
-    if not kept:
-        raise FlightError(f"{seen}, and nothing of the flight is left; log the flight again")
-    return kept, [note("frozen-imu", f"{seen}; these seconds are left out")]
+    kept, found = list(flights), list[Finding]()
+    for words, runs in (
+        ("gyro and accelerometer repeat", frozen_runs(uniform, flights)),
+        ("the gyro alone repeats", dead_runs(uniform, flights, "gyro")),
+        ("the accelerometer alone repeats", dead_runs(uniform, flights, "accel")),
+    ):
+        # A hung IMU is no dead gyro.
+        own = [(a, b) for a, b in runs if any(c <= a < d for c, d in kept)]
+        if not own:
+            continue
+        kept = without_runs(kept, own, uniform.sample_rate)
+        seconds = sum(b - a for a, b in own) / uniform.sample_rate
+        at = ", ".join(f"{uniform.time[a]:.1f} to {uniform.time[b - 1]:.1f} s" for a, b in own[:3])
+        seen = (
+            f"{words} one sample for {seconds:.1f} s of the flight ({at}"
+            f"{', ...' if len(own) > 3 else ''}): the sensor, its bus or the recorder hung"
+        )
+        if not kept:
+            raise FlightError(f"{seen}, and nothing of the flight is left; log the flight again")
+        found.append(note("frozen-imu", f"{seen}; these seconds are left out"))
+    return kept, found
