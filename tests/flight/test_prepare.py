@@ -26,6 +26,7 @@ from rotorfit.flight.motors.motor_model import (
     with_motors,
 )
 from rotorfit.flight.prepare import Cut, prepare
+from rotorfit.flight.replaced_samples import REPLACED
 from rotorfit.logs.motor_law import (
     MotorLaw,
     PolynomialCurve,
@@ -206,6 +207,16 @@ def test_spikes_are_counted_and_taken_out(hover):
     result = prepared(with_channel(hover, accel=channel(hover.channels["accel"].time, values)))
     assert result.spikes["accel"] == pytest.approx(2, abs=3)
     assert np.abs(result.data.specific_force).max() < 15
+
+
+@pytest.mark.parametrize(("name", "read"), [("gyro", 5.0), ("accel", 50.0), ("rotor_speed", 0.0)])
+def test_many_replaced_samples_are_said(hover, name, read):
+    one = hover.channels[name]
+    lost = np.random.default_rng(4).random((len(one.time), 1)) < 0.06
+    log = with_channel(hover, **{name: channel(one.time, np.where(lost, read, one.values))})
+    [said] = [found for found in prepared(log).findings if found.kind == REPLACED]
+    assert said.evidence[0].value == pytest.approx(0.06, abs=0.015)
+    assert not [found for found in prepared(hover).findings if found.kind == REPLACED]
 
 
 def test_rest_needs_low_motors(hover):

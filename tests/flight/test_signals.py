@@ -45,6 +45,16 @@ def test_spikes_of_any_size_are_found(size):
     assert 30 <= spikes.sum() < 30 + N * 1e-3
 
 
+@pytest.mark.parametrize("share", [0.04, 0.06, 0.1])
+def test_lost_values_are_found_however_many(share):
+    """One in twenty makes the 95th percentile of the deviations that shows what is usual."""
+    _, noisy, rng = motion(8, 0.02)
+    rotor = 1500.0 + 300.0 * noisy[:, :1]
+    lost = rng.uniform(size=rotor.shape) < share
+    clean, _ = hampel(np.where(lost, 0.0, rotor))
+    assert (np.abs(clean - rotor) > 60.0).mean() < 0.005
+
+
 def test_a_spike_in_a_constant_signal_is_found():
     x = np.full((1000, 1), 5.0)
     x[500] = 1e6

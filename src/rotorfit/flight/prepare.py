@@ -63,6 +63,7 @@ from rotorfit.flight.motors.motor_model import (
 from rotorfit.flight.motors.twin_rotors import refuse_twin_rotors
 from rotorfit.flight.on_board import applied_filters, passed_through, with_filters
 from rotorfit.flight.other_hovers import OtherHover, other_hovers
+from rotorfit.flight.replaced_samples import replaced_samples
 from rotorfit.flight.signals import central_difference, hampel, true_runs
 from rotorfit.flight.used_rows import Window, drop_unsettled, inner_segments, phases_of, window_runs
 from rotorfit.flight.written_twice import written_twice
@@ -284,6 +285,7 @@ def prepared_from(
             *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
             *frozen,
             *hung,
+            *replaced_samples(recorded.spikes, uniform),
             *_imu_faults(uniform, flights, data),
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),

@@ -44,6 +44,11 @@ SAME = 1e-9
 """Change of a sample to the next, over the largest value, that filters leave of nothing."""
 SLACK = 1e-3
 """Tolerance of a count of samples from a whole number."""
+SPIKE_RATIO = 10.0
+"""Ratio of the 95th to the 80th percentile of deviations from which spikes, or a burst, make the
+former: 1.3 to 8 in sound logs of eight sources."""
+LOUD_RATIO = 4.0
+"""Ratio of the 95th percentile of deviations to their median where they are loud: 2.9 of noise."""
 SUDDEN = 1.5
 """Factor of the usual step, by which a spike comes or goes."""
 AROUND = 6
@@ -73,7 +78,13 @@ def hampel(
         x = values[:, column]
         deviation = np.abs(x - local_medians(x, MEDIAN_WIDTH, np.arange(len(x))))
         low, high = np.percentile(x, [1.0, 99.0])
-        floor = max(0.4 * float(np.percentile(deviation, 95)), 1e-3 * float(high - low))
+        usual, large = np.percentile(deviation, [80.0, 95.0]).tolist()
+        if 0.0 < SPIKE_RATIO * usual < large:
+            # More than one spike in twenty samples, or a burst of motion after a long rest, which
+            # is as loud for a while.
+            loud = local_medians(deviation, SCALE_WIDTH, np.arange(0, len(x), SCALE_WIDTH // 2))
+            large = max(SPIKE_RATIO * usual, LOUD_RATIO * float(np.percentile(loud, 95)))
+        floor = max(0.4 * large, 1e-3 * float(high - low))
         # Few samples are far enough to need the median of the deviations around them.
         # 1.4826 median deviations are one standard deviation of normal noise.
         far = deviation > SPIKE_THRESHOLD * 1.4826 * floor

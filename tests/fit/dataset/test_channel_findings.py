@@ -20,6 +20,7 @@ from rotorfit.fit.dataset.channel_findings import (
     STUCK,
     blame_telemetry,
     find_motor_faults,
+    frozen_command_sentences,
     name_resting_numbers,
 )
 from rotorfit.fit.dataset.load import load_flight
@@ -89,6 +90,14 @@ OF_NO_CHANNEL = {
     "warning",
 }  # fmt: skip
 """Kinds of doubts that are about no channel of a flight."""
+
+
+def test_commands_that_never_turn_a_rotor_stand_for_nothing(log):
+    """A log whose header lacks the range of the commands; warnings are errors here."""
+    command = log.channels["command"]
+    idle = replace(command, values=np.zeros_like(command.values))
+    quiet = replace(log, channels={**log.channels, "command": idle})
+    assert frozen_command_sentences(quiet) == []
 
 
 def kinds_without_numbers(source: str) -> set[str]:

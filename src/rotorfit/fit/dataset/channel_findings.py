@@ -121,6 +121,7 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     LATE: RestsOn(
         numbers=BY_TURNS, doubtful_because="one rotor's speed is recorded at another time"
     ),
+    "replaced-samples": RestsOn(numbers=BY_ROTORS),
     "interpolated-imu": RestsOn(
         numbers=BY_ROTORS,
         doubtful_because="the IMU was recorded more slowly than it is written",
@@ -232,7 +233,7 @@ def frozen_command_sentences(log: FlightLog) -> list[str]:
     if "rotor_speed" not in log.channels:
         return []
     pair = pair_channels(mend_stray_commands(log.channels["command"]), log.channels["rotor_speed"])
-    if pair is None or pair.command.shape != pair.speed.shape:
+    if pair is None or pair.command.shape != pair.speed.shape or not pair.used.any():
         return []
     steady = np.round(pair.command, 9)  # means of a constant differ by rounding
     # Where a command rests at its end, the speed of its rotor does, too: no end is left out here.
