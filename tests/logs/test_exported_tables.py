@@ -125,6 +125,22 @@ def test_topics_of_px4_joined_to_one_table_are_a_flight(tmp_path):
         propose_columns(written(tmp_path / "torques.csv", {**sensors, **torques}))
 
 
+def test_motors_that_are_logged_fast_come_before_slow_ones(tmp_path):
+    """PX4 logs actuator_outputs at 10 Hz, and actuator_motors with the gyro."""
+    slow = np.full((ROWS, 4), np.nan)
+    slow[::20] = 1000.0 + 1000.0 * SHARE[::20]
+    columns = {
+        "__time": TIME,
+        **named([f"/sensor_combined/gyro_rad.{i:02}" for i in range(3)], GYRO * DOWN),
+        **named([f"/sensor_combined/accelerometer_m_s2.{i:02}" for i in range(3)], ACCEL * DOWN),
+        **named([f"/actuator_outputs/output.{i:02}" for i in range(4)], slow),
+        **named([f"/actuator_motors/control.{i:02}" for i in range(4)], SHARE),
+    }
+    path = written(tmp_path / "both.csv", columns)
+    command = read_by(propose_columns(path), path).channels["command"]
+    np.testing.assert_allclose(command.values, SHARE, rtol=1e-9)
+
+
 def test_repeated_samples_of_an_even_clock_are_left(tmp_path):
     held = np.arange(ROWS) // 2 * 2
     sensors = {

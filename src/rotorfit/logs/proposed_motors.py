@@ -31,6 +31,8 @@ _DSHOT: Final = (48.0, 2047.0)
 _TURNING_SHARE: Final = 0.05
 """Share of the rows with each sign from which a column is no speed and no command of a motor: noise
 at rest is far smaller than flight, and signed speeds keep their sign."""
+_SLOW: Final = 0.3
+"""Share of the rows of the fastest motor columns below which a group is not taken before them."""
 _LEAST_PULSE: Final = 900.0
 _LARGEST_PULSE: Final = 2000.0
 """Pulse widths that motors are sent [us]."""
@@ -48,7 +50,9 @@ def motors_found(
     questions: list[Question] = []
     # What a controller computed as thrust [N] stands beside what it sent to the motors, and the
     # speed that it asked for beside the speed that was measured.
-    for one in sorted(candidates, key=_rank_group):
+    rows = [_count_rows(one, numbers) for one in candidates]
+    slow = {one.stem for one, n in zip(candidates, rows, strict=True) if n < _SLOW * max(rows)}
+    for one in sorted(candidates, key=lambda one: (*_rank_group(one), one.stem in slow)):
         held, words = _used_columns(one, numbers) if one.kind == "motor" else ([], "")
         values = known_rows(stacked(held, numbers)) if len(held) > 2 else np.empty((0, 0))
         if len(values) < 2 or float(np.ptp(values)) == 0:
@@ -92,6 +96,13 @@ def _rank_group(one: Candidate) -> tuple[bool, bool]:
     """Rank groups of motor columns: those of a controller's arithmetic last."""
     words = set(one.stem.split())
     return "thrust" in words, not words.isdisjoint(ASKED)
+
+
+def _count_rows(one: Candidate, numbers: Numbers) -> int:
+    """Count the rows in which a group of motor columns holds numbers."""
+    held = [numbers[name] for name in one.by_index.values() if name in numbers]
+    is_motor = one.kind == "motor" and len(held) > 2
+    return max(int(np.isfinite(values).sum()) for values in held) if is_motor else 0
 
 
 def _list_turning(held: Sequence[str], values: Float[np.ndarray, "n k"]) -> list[str]:
