@@ -15,6 +15,8 @@ REPLACED: Final = "replaced-samples"
 """Kind of the finding that many samples of a channel were replaced."""
 LEAST_SHARE: Final = 0.01
 """Share of replaced samples from which it is said: sound logs have up to .0013."""
+LEAST_RATE: Final = 50.0
+"""Rate of a channel [Hz] from which it is said: of slower ones quick turns last a sample or two."""
 _CHANNELS: Final = {
     "gyro": "gyro's values",
     "accel": "accelerometer's values",
@@ -30,7 +32,7 @@ def replaced_samples(spikes: Mapping[str, int], uniform: UniformChannels) -> Ite
     seconds = len(uniform.time) / uniform.sample_rate
     for name, count in spikes.items():
         share = count / (seconds * uniform.rates[name])
-        if share < LEAST_SHARE:
+        if share < LEAST_SHARE or uniform.rates[name] < LEAST_RATE:
             continue
         words = _CHANNELS[name]
         yield doubt(
