@@ -297,6 +297,14 @@ def test_a_surely_negative_rotor_inertia_puts_yaw_in_doubt(Jr, half, doubted):
         assert "(-4.0 +- 1.0)e-07 kg m^2" in one.sentence
 
 
+def test_so_does_one_that_is_known_over_the_inertia_alone():
+    names = ("Jr", "Jr_over_Izz@A")
+    numbers = made_fit.no_numbers(*names, values=(-3e-8, -3.3e-3), half_width=(np.inf, 2.8e-4))
+    (found,) = negative_rotor_inertia(made_fit.fit([], numbers))
+    assert "over Izz comes out negative, -0.00330 +- 0.00028" in found.sentence
+    assert found.is_about("Jr_over_Izz@A")
+
+
 def test_impossible_inertia_is_withheld_with_the_yaw_scale():
     moment = smallest_second_moment(numbers_of([0.01, 0.01, 0.03, 0, 0, 0], 1e-3), "A")
     assert moment.impossible

@@ -12,7 +12,7 @@ the second moments of its mass. About the centre of mass that is :math:`\tfrac12
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -39,6 +39,10 @@ NEGATIVE = "it comes out negative, which no inertia is"
 SURELY = 2.0
 """Half-widths below nothing from which a rotor inertia is surely negative."""
 NEGATIVE_ROTORS = "the rotors' inertia comes out negative, which no inertia is"
+ROTOR_INERTIA: Final = {
+    "Jr": "the rotors' inertia comes out negative, {} kg m^2",
+    "Jr_over_Izz": "the rotors' inertia over Izz comes out negative, {}",
+}
 UNFILTERED = "log the gyro unfiltered, all axes by one clock"
 DECLARE = (
     "compare order, places and spins of the rotors under [airframe] with the vehicle, and the axes "
@@ -160,18 +164,26 @@ def negative_moment(
 
 def negative_rotor_inertia(fit: Fit) -> Iterator[Finding]:
     """Check that the rotors' inertia is not negative: nothing of yaw holds where it surely is."""
-    if "Jr" not in fit.numbers.names:
-        return
-    value, half = fit.numbers.number("Jr")
-    # Where the rotors have next to none, one interval in forty is negative by chance.
-    if not value + SURELY * half < 0.0:
-        return
-    yield Finding(
+    for name in fit.numbers.names:
+        base = name.partition("@")[0]
+        # Where I_zz is unknown the flight knows their inertia over it alone.
+        if base not in ROTOR_INERTIA:
+            continue
+        value, half = fit.numbers.number(name)
+        # Where the rotors have next to none, one interval in forty is negative by chance.
+        if value + SURELY * half < 0.0:
+            yield _negative_rotors(ROTOR_INERTIA[base].format(with_half(value, half)), value, half)
+            return
+
+
+def _negative_rotors(words: str, value: float, half: float) -> Finding:
+    """Doubt all of yaw for a negative inertia of the rotors, put in words."""
+    return Finding(
         kind="impossible-rotor-inertia",
         severity="doubt",
-        sentence=f"the rotors' inertia comes out negative, {with_half(value, half)} kg m^2: yaw "
-        "does not turn as the rotors speed up and slow down, as where the yaw gyro is filtered "
-        f"more or stamped later than roll and pitch; {UNFILTERED}",
+        sentence=f"{words}: yaw does not turn as the rotors speed up and slow down, as where the "
+        "yaw gyro is filtered more or stamped later than roll and pitch, or where gusts make most "
+        f"of yaw; {UNFILTERED}, and fly yaw",
         numbers=BY_YAW,
         evidence=(
             Evidence(
