@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Final
 from rotorfit.errors import EstimationError
 from rotorfit.fit.dataset.dataset import with_flights
 from rotorfit.fit.reduction.motor_timing import skew_of
-from rotorfit.fit.timing.timing_fit import find_timing
+from rotorfit.fit.timing.timing_fit import find_timing, fit_at
+from rotorfit.flight.motors.motor_model import MotorResponse
+from rotorfit.model.terms.registry import DEFAULT_TERMS
 
 if TYPE_CHECKING:
     from rotorfit.fit.dataset.dataset import LoadedFlight
@@ -34,8 +36,13 @@ def with_likelier_lag(dataset: TimedDataset) -> TimedDataset:
     if found is None or not _may_act_on_thrust(dataset):
         return dataset
     other = _acting_on_thrust(dataset)
+    alike = MotorResponse(lag=found.response.mean_lag, delay=found.response.delay)
     try:
-        timing = find_timing(other, near=found)
+        first = fit_at(other.at(alike, found.free), DEFAULT_TERMS, guess=found.without_biases)
+        if first.shows_skew or first.estimate.log_likelihood < found.log_likelihood + LEAST_GAIN:
+            return dataset
+        free = tuple(name for name in found.free if name != "motor_skew")
+        timing = find_timing(other, near=replace(found, response=alike, free=free))
     except EstimationError:
         return dataset
     if timing is None or timing.response.two_way:
@@ -49,8 +56,10 @@ def _may_act_on_thrust(dataset: TimedDataset) -> bool:
 
     In motion that is too small to show the difference none seems so, and none matters.
     """
-    timing = dataset.timing
-    return dataset.motors.lag_on is None and timing is not None and skew_of(timing) > 0.0
+    timing = dataset.motor_timing
+    if timing is None or "motor_skew" not in timing.free or dataset.motors.lag_on is not None:
+        return False
+    return skew_of(timing.response) > 0.0
 
 
 def _acting_on_thrust(dataset: TimedDataset) -> TimedDataset:
