@@ -178,6 +178,16 @@ def test_a_drag_below_zero_reverses_the_propellers(found, said, assert_wording):
         assert_wording(words)
 
 
+def test_negative_drag_of_a_calm_flight_is_doubted():
+    """No other spins are tried there, as nothing but the drag says so."""
+    (found,) = refuse_wrong_spins(made_fit.fit([], numbers(kd_over_Izz=(-2e-6, 1e-6))))
+    assert found.severity == "doubt"
+    assert found.is_about("kd_over_Izz@A")
+    assert not found.is_about("kt")
+    assert "below zero" in found.sentence
+    assert not list(refuse_wrong_spins(made_fit.fit([], numbers(kd_over_Izz=(2e-6, 1e-6)))))
+
+
 def test_identify_refuses_a_wrong_spin(tmp_path):
     flight = flown.simulated("A", "noisy", seed=4, seconds=15.0, physics_rate=200.0)
     wrong = with_spins(flight.vehicle, np.array([-1.0, 1.0, 1.0, 1.0]))

@@ -42,17 +42,22 @@ CERTAIN: Final = 2.0
 REVERSED: Final = "reverse all spins (props out instead of in, or in instead of out)"
 
 KIND: Final = "wrong-spin"
+BY_SPINS: Final = (*SCALED, "kd_over_Izz", "Jr_over_Izz")
+"""Numbers that other spins change."""
 
 
 def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
     """Refuse declared spins that yaw contradicts, or doubt them."""
     seen = fit.record_of(SpinEvidence)
+    sentence = negative_drag([c.name for c in fit.configurations], fit.numbers)
     if seen is None:
+        # Of a calm flight yaw alone says so, and no other spins were tried.
+        if sentence is not None:
+            yield _doubt_spins(fit, sentence, because="drag comes out negative, which none is")
         return
     found = _contradict_spins(fit, seen)
     if found.severity == "refusal":
         raise FrameError(found.sentence).about(kind=found.kind, evidence=found.evidence)
-    sentence = negative_drag([c.name for c in fit.configurations], fit.numbers)
     if sentence is not None:
         raise FrameError(sentence).about(kind=KIND)
     yield found
@@ -73,13 +78,16 @@ def _contradict_spins(fit: Fit, seen: SpinEvidence) -> Finding:
     evidence = _drag_evidence(other.drags, other.pattern)
     if gain > REFUSED:
         return Finding(kind=KIND, severity="refusal", sentence=sentence, evidence=evidence)
-    numbers = tuple(n for n in fit.numbers.names if n.partition("@")[0] in SCALED)
+    found = _doubt_spins(fit, sentence, because="the flights fit other spins better")
+    return dataclasses.replace(found, evidence=evidence)
+
+
+def _doubt_spins(fit: Fit, sentence: str, *, because: str) -> Finding:
     return doubt(
         KIND,
         sentence,
-        numbers=numbers,
-        evidence=evidence,
-        doubtful_because="the flights fit other spins better",
+        numbers=tuple(n for n in fit.numbers.names if n.partition("@")[0] in BY_SPINS),
+        doubtful_because=because,
         next_step="look which way each rotor turns, seen from above, and correct the spins",
     )
 
