@@ -13,6 +13,7 @@ import made_fit
 from rotorfit.errors import UnsettledError
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.fit.reduction.bandwidth import Bandwidth
+from rotorfit.fit.reduction.motor_timing import MotorTiming
 from rotorfit.fit.sensors import late_accelerometer
 from rotorfit.fit.sensors.force_delay import DelayedForces
 from rotorfit.fit.sensors.late_accelerometer import (
@@ -28,6 +29,7 @@ from rotorfit.fit.timing.sensor_bandwidth import (
     with_force_in_time,
 )
 from rotorfit.fit.timing.timed_dataset import TimedDataset
+from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.identification import identify_flights
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
 from rotorfit.simulation.experiment_files import true_parameters
@@ -312,6 +314,27 @@ def test_a_delay_beyond_those_taken_off_leaves_its_interval(monkeypatch):
     found = allow_for_force_delays(felt.found())
     assert felt.delays == pytest.approx([0.0, 99.0], rel=1e-3)
     assert found.numbers.terms[-1].half_width[0] > 0.1
+
+
+def test_delays_of_the_forces_leave_the_motors_times_open(monkeypatch):
+    """By their shifts beside what was known, the sum of lag and delay by its own."""
+    felt = Felt(monkeypatch, true=0.0)
+    timing = MotorTiming(
+        response=MotorResponse(lag=0.03, delay=0.002), lag_std=3e-3, delay_std=1e-3, total_std=1e-3
+    )
+    timed = replace(felt.begun, dataset=replace(felt.begun.dataset, motor_timing=timing))
+    shifts = {"Jr": 0.1, "motor_lag": 4e-3, "motor_delay": 2e-3, "motor_lag_total": 1e-3}
+    found = allow_for_force_delays(timed.with_record(ForceDelays(left=(), shifts=shifts)))
+    wider = found.dataset.motor_timing
+    assert wider.response == timing.response
+    assert wider.lag_std == pytest.approx(5e-3)
+    assert wider.delay_std == pytest.approx(5**0.5 * 1e-3)
+    assert wider.total_std == pytest.approx(2**0.5 * 1e-3)
+    given = replace(timing, lag_std=None, delay_std=None)
+    timed = replace(felt.begun, dataset=replace(felt.begun.dataset, motor_timing=given))
+    found = allow_for_force_delays(timed.with_record(ForceDelays(left=(), shifts=shifts)))
+    assert found.dataset.motor_timing.lag_std is None
+    assert found.dataset.motor_timing.delay_std is None
 
 
 @pytest.mark.parametrize("true", [4.0, -18.0])

@@ -19,6 +19,7 @@ from rotorfit.fit.intervals.joint_numbers import formal_covariance, physical, ra
 from rotorfit.fit.joint.joint_fit import INTERMEDIATE
 from rotorfit.fit.joint.joint_map import force_delay_names
 from rotorfit.fit.joint.joint_problem import joint_estimate
+from rotorfit.fit.reduction.motor_timing import DELAYING
 from rotorfit.fit.sensors.lateness import Lateness, accelerometer_lateness
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from rotorfit.estimation.banded import BandedEstimate
     from rotorfit.fit.dataset.dataset import LoadedFlight
     from rotorfit.fit.fit import Fit
+    from rotorfit.fit.reduction.motor_timing import FreeTiming
 
 USUAL_DELAY: Final = 0.03
 """Deviation of the delay of forces before the flight [s]."""
@@ -38,7 +40,8 @@ class DelayedForces(NamedTuple):
     """The delays of the forces after the turns, and the numbers of the fit that has them.
 
     - `flights`: those that show one.
-    - `numbers`: by name; none where gyro and accelerometer were compared alone.
+    - `numbers`: by name, with the motors' free times; none where gyro and accelerometer were
+      compared alone.
     """
 
     flights: list[tuple[LoadedFlight, Lateness]]
@@ -74,7 +77,15 @@ def force_delays(fit: Fit) -> DelayedForces:
         for number in np.unique(one.factors.recording)
     ]
     numbers = physical(found.estimate.values, found.problem.map, delayed)
+    numbers |= times_of(timing, found.estimate.by_name)
     return DelayedForces(list(zip(flights, _delays(found, names), strict=True)), numbers)
+
+
+def times_of(timing: FreeTiming, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the motors' free lag and delay where a fit ends, and their sum [s]."""
+    at = {"motor_lag": timing.at.mean_lag, "motor_delay": timing.at.delay}
+    times = {name: at[name] + values[name] for name in DELAYING if name in timing.names}
+    return times | {"motor_lag_total": sum(times.values())}
 
 
 def _delays(found: BandedEstimate, names: tuple[str, ...]) -> list[Lateness]:

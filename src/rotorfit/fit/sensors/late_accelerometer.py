@@ -12,6 +12,7 @@ the second fit on, the delay is where a straight line through the last two would
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy as np
 from rotorfit.errors import EstimationError
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.reduction.bandwidth import Bandwidth
-from rotorfit.fit.sensors.force_delay import force_delays
+from rotorfit.fit.sensors.force_delay import force_delays, times_of
 from rotorfit.fit.sensors.lateness import Lateness, of_one_vehicle
 from rotorfit.fit.timing.sensor_bandwidth import with_force_in_time
 from rotorfit.fit.timing.timing_faults import SLOW_DELAY
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
     from rotorfit.fit.dataset.dataset import LoadedFlight
     from rotorfit.fit.fit import Fit
+    from rotorfit.fit.reduction.motor_timing import MotorTiming
     from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 FILTERED_SHARE: Final = 0.1
@@ -77,8 +79,8 @@ class ForceDelays:
     """Delays that were taken off the accelerometers, and what they leave open.
 
     - `left`: lateness that is left, of each flight that shows one.
-    - `shifts`: of the numbers, by name: with delays longer by their deviation, or, where none was
-      taken off, with one by its chance.
+    - `shifts`: of the numbers and the motors' times, by name: with delays longer by their
+      deviation, or, where none was taken off, with one by its chance.
     """
 
     left: tuple[tuple[LoadedFlight, Lateness], ...]
@@ -209,12 +211,14 @@ def _shifts_if_later(rounds: Sequence[_Round], late: Sequence[int]) -> dict[str,
 
 
 def _numbers_of(fit: Fit) -> dict[str, float]:
-    """Return the numbers of a fit by their names."""
-    return dict(zip(fit.numbers.names, fit.numbers.values.tolist(), strict=True))
+    """Return the numbers of a fit by their names, and the motors' free times."""
+    timing = fit.configurations[0].timing
+    times = {} if timing is None else times_of(timing, fit.estimate.estimate.by_name)
+    return dict(zip(fit.numbers.names, fit.numbers.values.tolist(), strict=True)) | times
 
 
 def allow_for_force_delays(fit: Fit) -> Fit:
-    """Append the shift of the numbers with the delays that were taken off the accelerometers."""
+    """Append the shift of the numbers, and the motors' times, with the accelerometers' delays."""
     found = fit.record_of(ForceDelays)
     if found is None or not found.shifts:
         return fit
@@ -224,4 +228,20 @@ def allow_for_force_delays(fit: Fit) -> Fit:
         half_width=half,
         source="the time at which forces and turns agree",
     )
+    timing = fit.dataset.motor_timing
+    if timing is not None:
+        wider = _widen_times(timing, found.shifts)
+        fit = replace(fit, dataset=replace(fit.dataset, motor_timing=wider))
     return fit.with_terms(term)
+
+
+def _widen_times(timing: MotorTiming, shifts: Mapping[str, float]) -> MotorTiming:
+    """Add the deviations by which other delays of the forces move lag and delay of the motors."""
+    names = ("motor_lag", "motor_delay", "motor_lag_total")
+    lag, delay, total = (shifts.get(name, 0.0) for name in names)
+    return replace(
+        timing,
+        lag_std=None if timing.lag_std is None else float(np.hypot(timing.lag_std, lag)),
+        delay_std=None if timing.delay_std is None else float(np.hypot(timing.delay_std, delay)),
+        total_std=float(np.hypot(timing.total_std, total)),
+    )
