@@ -587,15 +587,24 @@ ROOMS: Final[dict[str, Room]] = {
             ("exponent=power * law.curve.exponent", "exponent=law.curve.exponent"),
         ),
     ),
+    "fit/dataset/torn_weight.py": Room(
+        tests=("tests/fit/dataset/test_carried_weight.py",),
+        changed=(
+            ("- bias.value, std=bias.std", "- bias.value, std=0.1 * bias.std"),
+            ("std=velocity_std * unsure", "std=10.0 * velocity_std * unsure"),
+        ),
+    ),
+    "fit/dataset/vertical_motion.py": Room(
+        tests=("tests/fit/dataset/test_carried_weight.py",),
+        scaled=("FORGOTTEN = <<2.0>>", "np.sqrt(<<12.0>> * min"),
+        changed=(("bell = share * (1.0 - share)", "bell = np.ones_like(share)"),),
+    ),
     "fit/dataset/carried_weight.py": Room(
         tests=("tests/fit/dataset/test_carried_weight.py",),
         scaled=(
-            "FORGOTTEN = <<2.0>>",
             "PRIOR_VELOCITIES = <<2.0>>",
-            "np.sqrt(<<12.0>> * min",
         ),
         changed=(
-            ("bell = share * (1.0 - share)", "bell = np.ones_like(share)"),
             ("left + brake * swing", "left"),
             (" - bias.value", ""),
             ("known.reconciled_with(read)", "known.with_other(read)"),

@@ -47,6 +47,7 @@ from rotorfit.flight.flight_checks import (
 from rotorfit.flight.flight_data import FlightData, Segment
 from rotorfit.flight.frozen_imu import cut_frozen_imu, interpolated_imu, refuse_dead_axes
 from rotorfit.flight.kinematics import climb_velocity
+from rotorfit.flight.many_gaps import many_gaps
 from rotorfit.flight.mocap.carried_velocity import carried_velocity
 from rotorfit.flight.mocap.pose_velocity import horizontal_axes, known_velocity
 from rotorfit.flight.motors.coarse_speeds import speed_step
@@ -285,6 +286,7 @@ def prepared_from(
             *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
             *frozen,
             *hung,
+            *many_gaps(uniform, flights),
             *replaced_samples(recorded.spikes, uniform),
             *_imu_faults(uniform, flights, data),
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),

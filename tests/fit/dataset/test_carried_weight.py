@@ -196,6 +196,27 @@ def test_separate_stretches_are_weighed_alone():
     assert kts(replace(data, segments=(Segment(start=0, stop=190),))) == []
 
 
+def torn(data, *, whole=1.9, every=2.3):
+    """Return a flight of which gaps leave pieces that are too short to weigh alone."""
+    steps = round(len(data.time) / (100.0 * every))
+    begins = np.round(100.0 * every * np.arange(steps)).astype(int)
+    parts = tuple(Segment(start=int(a), stop=int(a) + round(100 * whole)) for a in begins)
+    return replace(data, segments=parts)
+
+
+def test_pieces_of_a_torn_flight_are_weighed_together():
+    """The velocity at the ends of each shows the weight; the bias is the same in all."""
+    data = flown(climbing(), drag=0.1, velocity=0.0)
+    (held,) = kts(torn(data), bias=UNKNOWN, velocity_std=0.1)
+    assert abs(held.ratio - KT) < 1.96 * held.std
+    assert held.std < 0.01 * KT
+    assert held.seconds == pytest.approx(1.9 * 26)
+    unseen = replace(data, velocity=None)
+    (blind,) = kts(torn(unseen), bias=Measured(value=0.0, std=0.2))
+    assert abs(blind.ratio - KT) < 1.96 * blind.std
+    assert blind.std / blind.ratio == pytest.approx(0.2 / G, rel=0.05)
+
+
 def hanging(pull, *, noise, seed=3):
     """Thirty seconds of climbs about a height at which a tether takes part of the thrust."""
     rng = np.random.default_rng(seed)

@@ -32,6 +32,13 @@ import numpy as np
 
 from rotorfit.estimation.distributions import normal_density, student_density, student_quantile
 from rotorfit.estimation.measured import Measured
+from rotorfit.fit.dataset.torn_weight import needed_of_pieces
+from rotorfit.fit.dataset.vertical_motion import (
+    FORGOTTEN,
+    VerticalMotion,
+    bell_weights,
+    slope_std,
+)
 from rotorfit.fit.dataset.weight_balance import VELOCITY_CHANGE, Held, Turning, grouped
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.kinematics import product, rotated, rotation_matrices, small_turns
@@ -164,8 +171,6 @@ def weighed(value: float, std: float, *, degrees: int) -> HeightForce:
     )
 
 
-FORGOTTEN = 2.0
-"""Time in which a vehicle's vertical velocity becomes another one [s]."""
 PRIOR_VELOCITIES = 2.0
 """As many velocities of `VELOCITY_CHANGE` are taken to be seen before the flight."""
 LINEAR = 0.5
@@ -179,32 +184,6 @@ GYRO_BIAS_STD = 0.01
 """[rad/s]"""
 PASSES = 2
 """A bias of 0.05 rad/s turns the axes by over a radian in thirty seconds."""
-
-
-@frozen_dataclass
-class VerticalMotion:
-    """Of one stretch without gaps, along the vertical as the gyro carries it.
-
-    - `step`: between samples [s].
-    - `read`: specific force by the accelerometer [m/s^2].
-    - `push`: thrust over mass and k_t.
-    - `velocity`: upwards [m/s], where the log has it.
-    """
-
-    step: float
-    read: Float[np.ndarray, " n"]
-    push: Float[np.ndarray, " n"]
-    velocity: Float[np.ndarray, " n"] | None
-
-    @property
-    def seconds(self) -> float:
-        """Duration [s]."""
-        return len(self.read) * self.step
-
-    @property
-    def weights(self) -> Float[np.ndarray, " n"]:
-        """Of the mean, with which an acceleration is the slope of the velocity."""
-        return _bell_weights(len(self.read))
 
 
 def carrying_stretches(
@@ -241,6 +220,10 @@ def needed_stretches(
 
     What the velocity gains, as in a throw, is accounted for; `bias` and `velocity_std` as above.
     """
+    if axes.is_torn:
+        torn = list(vertical_motions(axes, flight, push))
+        yield from needed_of_pieces(torn, bias=bias, velocity_std=velocity_std)
+        return
     for motion in vertical_motions(axes, flight, push):
         pushed = float(motion.weights @ motion.push)
         gained = vertical_acceleration(motion, bias, velocity_std)
@@ -358,7 +341,7 @@ def _project_on_vertical(
         lambda: _carry_axes(axes, flight, piece),
     )
     pushed = (carried.turns @ _in_groups(axes, push, piece)[:, :, None])[:, :, 0]
-    weights = _bell_weights(len(pushed))
+    weights = bell_weights(len(pushed))
     scale = np.linalg.norm(weights @ carried.read) / np.linalg.norm(weights @ pushed)
     # The vertical is where the mean force of each points, without what the velocity gains sideways:
     # over ten seconds such a gain of 3 m/s leans the mean force by .03 rad and makes it .05 % too
@@ -411,7 +394,7 @@ def gyro_drift(
     """
     # What a bias of 1 rad/s about each body axis turns the carried axes by, until each sample.
     bias_turns = np.cumsum(rotation_matrices(attitude).swapaxes(1, 2), axis=0) * step
-    weights = _bell_weights(len(force))
+    weights = bell_weights(len(force))
     share = weights / (VELOCITY_CHANGE * slope_std(len(force) * step)) ** 2
     drift = np.zeros_like(force)
     for _ in range(PASSES):
@@ -444,16 +427,3 @@ def _in_groups(
 ) -> Float[np.ndarray, "m 3"]:
     windows = (axes.windows[i] for i in piece)
     return np.concatenate([grouped(values[w.start : w.stop], axes.group) for w in windows])
-
-
-def _bell_weights(n: int) -> Float[np.ndarray, " n"]:
-    """Return the weights of a mean, with which an acceleration is the slope of the velocity."""
-    share = (np.arange(n) + 0.5) / n
-    # 6 t (T - t) / T^3, by which the slope of the least-squares line weighs an acceleration.
-    bell = share * (1.0 - share)
-    return bell / bell.sum()
-
-
-def slope_std(seconds: float) -> float:
-    """Return the deviation of that slope over the one of the velocity [1/s]."""
-    return float(np.sqrt(12.0 * min(FORGOTTEN / seconds, 1.0))) / seconds

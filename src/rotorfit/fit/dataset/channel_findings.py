@@ -121,6 +121,7 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     LATE: RestsOn(
         numbers=BY_TURNS, doubtful_because="one rotor's speed is recorded at another time"
     ),
+    "many-gaps": RestsOn(numbers=BY_ROTORS),
     "replaced-samples": RestsOn(numbers=BY_ROTORS),
     "interpolated-imu": RestsOn(
         numbers=BY_ROTORS,

@@ -29,6 +29,10 @@ LONGEST_WINDOW = 10.0
 """A bias of the gyro of 0.01 rad/s turns the axes by 0.1 rad in this time [s]."""
 SHORTEST_WINDOW = 2.0
 """Shortest window: in less, a change of velocity looks too much like gravity [s]."""
+SHORTEST_PIECE = 0.5
+"""The same in a flight torn into pieces so short that most of it is in no longer window [s]."""
+FEWEST_PIECES = 4
+"""Such pieces, from whose differences the scatter of their mean is known."""
 VELOCITY_CHANGE = 1.5
 """Deviation of the vertical velocity at the end of a stretch from that at its beginning [m/s]."""
 STEPS_PER_SECOND = 100.0
@@ -61,18 +65,20 @@ class Turning:
       window, one for each group of samples.
     - `group`: samples in a group.
     - `sample_rate`: of the flight [Hz].
+    - `is_torn`: whether gaps leave so little of it whole that shorter windows are taken, too.
     """
 
     windows: tuple[Segment, ...]
     attitude: tuple[Float[np.ndarray, "_ 4"], ...]
     group: int
     sample_rate: float
+    is_torn: bool = False
 
 
 def turning(data: FlightData) -> Turning:
     """Integrate the turn of a flight's axes by its gyro, in windows of its segments."""
     group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
-    windows = tuple(_equal_windows(data))
+    windows, is_torn = _windows_of(data)
     rates = [grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]
     # All windows at once: rest behind the shorter ones changes nothing before it.
     angles = np.zeros((max((len(w) for w in rates), default=0), len(rates), 3))
@@ -81,7 +87,13 @@ def turning(data: FlightData) -> Turning:
         angles[: len(w), i] = w * samples[:, None] / data.sample_rate
     turned = running_product(small_turns(angles))
     attitude = tuple(turned[: len(w), i] for i, w in enumerate(rates))
-    return Turning(windows=windows, attitude=attitude, group=group, sample_rate=data.sample_rate)
+    return Turning(
+        windows=windows,
+        attitude=attitude,
+        group=group,
+        sample_rate=data.sample_rate,
+        is_torn=is_torn,
+    )
 
 
 def held_up(axes: Turning, force: Float[np.ndarray, "n 3"]) -> Held | None:
@@ -128,14 +140,21 @@ def hovering(data: FlightData) -> FlightData:
     return replace(data, segments=tuple(calm))
 
 
-def _equal_windows(data: FlightData) -> list[Segment]:
-    """Return the segments in equal windows, none too short."""
-    least = SHORTEST_WINDOW * data.sample_rate
+def _windows_of(data: FlightData) -> tuple[tuple[Segment, ...], bool]:
+    """Return the segments in equal windows, none too short, and whether the flight is torn."""
+    whole = _equal_windows(data, SHORTEST_WINDOW)
+    pieces = _equal_windows(data, SHORTEST_PIECE)
+    is_torn = len(pieces) >= FEWEST_PIECES and 2 * sum(map(len, whole)) < sum(map(len, pieces))
+    return tuple(pieces if is_torn else whole), is_torn
+
+
+def _equal_windows(data: FlightData, shortest: float) -> list[Segment]:
+    """Return the segments in equal windows, none shorter than `shortest` [s]."""
     return [
         window
         for segment in data.segments
         for window in split_segment(segment, LONGEST_WINDOW * data.sample_rate)
-        if len(window) >= least
+        if len(window) >= shortest * data.sample_rate
     ]
 
 
