@@ -124,3 +124,36 @@ def test_a_simulator_that_flies_in_one_plane_has_axes_at_zero(log):
         values[:, axes] = 0.0
         plane[name] = replace(plane[name], values=values)
     assert prepared(replace(log, channels=plane)).data.seconds_used > 8.0
+
+
+def stuck_axis(log, axis, begin, end):
+    """Return the log with an axis of the gyro that repeats its value between two times [s]."""
+    gyro = log.channels["gyro"]
+    values = gyro.values.copy()
+    rows = np.flatnonzero((gyro.time >= begin) & (gyro.time < end))
+    values[rows, axis] = values[rows[0], axis]
+    return replace(log, channels={**log.channels, "gyro": replace(gyro, values=values)})
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_an_axis_of_the_gyro_that_dies_alone_is_left_out(log, axis):
+    found = prepared(stuck_axis(log, axis, 6.0, 9.0))
+    [said] = [one for one in found.findings if one.kind == "frozen-imu"]
+    assert f"the gyro's {'xyz'[axis]} axis alone" in said.sentence
+    assert used_between(found, 6.1, 8.9) == 0
+    assert used_between(found, 4.0, 6.0) > 10
+
+
+def test_an_axis_of_a_coarse_gyro_in_calm_flight_is_used(log):
+    """It reads one value in three seconds in which the rotors do not turn the vehicle about it."""
+    rotors, gyro = log.channels["rotor_speed"], log.channels["gyro"]
+    calm = (rotors.time >= 6.0) & (rotors.time < 9.0)
+    speeds = rotors.values.copy()
+    speeds[calm] = speeds[calm].mean(axis=1, keepdims=True)
+    coarse = np.round(stuck_axis(log, 0, 6.0, 9.0).channels["gyro"].values, 2)
+    channels = {
+        "rotor_speed": replace(rotors, values=speeds),
+        "gyro": replace(gyro, values=coarse),
+    }
+    found = prepared(replace(log, channels={**log.channels, **channels}))
+    assert "frozen-imu" not in [one.kind for one in found.findings]

@@ -12,6 +12,7 @@ import numpy as np
 
 from rotorfit.errors import FlightError
 from rotorfit.findings import Finding, doubt, note
+from rotorfit.flight.dead_gyro_axis import dead_axis_runs
 from rotorfit.flight.interpolated import source_rate
 from rotorfit.flight.signals import repeated_rows, true_runs, whole_samples
 
@@ -142,6 +143,10 @@ def cut_frozen_imu(
         ("gyro and accelerometer repeat", frozen_runs(uniform, flights)),
         ("the gyro alone repeats", dead_runs(uniform, flights, "gyro")),
         ("the accelerometer alone repeats", dead_runs(uniform, flights, "accel")),
+        *(
+            (f"the gyro's {name} axis alone repeats", dead_axis_runs(uniform, flights, axis))
+            for axis, name in enumerate("xyz")
+        ),
     ):
         # A hung IMU is no dead gyro.
         own = [(a, b) for a, b in runs if any(c <= a < d for c, d in kept)]
