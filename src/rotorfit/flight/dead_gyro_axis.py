@@ -53,7 +53,7 @@ def dead_axis_runs(uniform: UniformChannels, flights: Sequence[tuple[int, int]],
     for a, b in still:
         lives[a:b] = False
     push = _push_about(uniform, gyro, lives)
-    steps = np.abs(np.diff(gyro[lives]))
+    steps: Float[np.ndarray, " m"] = np.abs(np.diff(gyro[lives]))
     if push is None or not steps.any():
         return []
     second = whole_samples(rate)
@@ -75,16 +75,16 @@ def _push_about(
     rows = slice(0, count * block)
     turns = gyro[rows].reshape(count, block).mean(axis=1)
     motors = uniform.values["motor"][rows].reshape(count, block, -1).mean(axis=1)
-    whole = lives[rows].reshape(count, block).all(axis=1)
+    whole = lives[rows].reshape(count, block).min(axis=1)
     # Commands come before the push of their rotors, by up to a block.
     columns = np.column_stack([np.ones(count), motors, np.roll(motors, 1, axis=0)])
     inner = np.flatnonzero(whole[2:] & whole[1:-1] & whole[:-2]) + 1
     if len(inner) < FEWEST + columns.shape[1]:
         return None
     gained = (turns[inner + 1] - turns[inner - 1]) / (2.0 * block / uniform.sample_rate)
-    slopes = np.linalg.lstsq(columns[inner], gained)[0]
-    explained = columns[inner] @ slopes
+    slopes = np.asarray(np.linalg.lstsq(columns[inner], gained)[0], dtype=float)
+    explained = np.asarray(columns[inner] @ slopes, dtype=float)
     if explained.var() < EXPLAINED * gained.var():
         return None
-    push = np.repeat(columns @ slopes, block)
+    push: Float[np.ndarray, " r"] = np.repeat(columns @ slopes, block)
     return np.concatenate([push, np.full(len(gyro) - len(push), push[-1])])

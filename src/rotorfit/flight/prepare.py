@@ -32,7 +32,6 @@ from rotorfit.flight.flight_checks import (
     explained_by_slow_motors,
     frozen_channel_doubts,
     frozen_channels,
-    imu_doubts,
     refuse_absurd_sensors,
     refuse_blows,
     refuse_coarse_speeds,
@@ -45,6 +44,7 @@ from rotorfit.flight.flight_checks import (
     takes_battery,
 )
 from rotorfit.flight.flight_data import FlightData, Segment
+from rotorfit.flight.flown_gyro_bias import doubts_of_imu, flown_gyro_bias
 from rotorfit.flight.frozen_imu import cut_frozen_imu, interpolated_imu, refuse_dead_axes
 from rotorfit.flight.kinematics import climb_velocity
 from rotorfit.flight.many_gaps import many_gaps
@@ -108,7 +108,7 @@ class PreparedFlight:
     motor_channel
         Speed before lag and delay, on the uniform clock, from which both can be tried again.
     gyro_bias
-        Taken off the rates [rad/s]; None if no rest was found and it was left in.
+        Taken off the rates [rad/s]; None if no rest was found and it was small in flight.
     spikes
         Samples replaced, by channel.
     slowest_rate, motor_rate
@@ -258,7 +258,9 @@ def prepared_from(
     found = frozen_channels(motor, flights, uniform.sample_rate, may_rest=not measured, step=step)
     frozen = frozen_channel_doubts(found, uniform.time, measured=measured)
     rest = rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
-    bias = _gyro_bias(uniform, rest)
+    at_rest = _gyro_bias(uniform, rest)
+    flown = flown_gyro_bias(uniform, flights) if at_rest is None else None
+    bias = at_rest if flown is None else _three(flown.value)
     del motion, rest
     # Rounding errors are uniform over a step: a deviation of step / sqrt(12).
     speed_std = max(step / 12.0**0.5, white_noise_std(recorded_speed, flights)) if measured else 0.0
@@ -271,6 +273,7 @@ def prepared_from(
         rotor_speed_std=speed_std,
     )
     data = dataclasses.replace(data, climb=climb_velocity(data))
+    of_imu = doubts_of_imu(data, uniform, at_rest, flown)
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
@@ -283,7 +286,7 @@ def prepared_from(
         findings=(
             *recorded.clock_findings,
             *ground_doubts(uniform.time, standing),
-            *(f for f in imu_doubts(data, uniform, bias) if f.kind not in recorded.said),
+            *(f for f in of_imu if f.kind not in recorded.said),
             *frozen,
             *hung,
             *many_gaps(uniform, flights),
@@ -323,7 +326,12 @@ def _gyro_bias(
     """Average the gyro at rest [rad/s]; None if the rest is shorter than half a second."""
     if rest.sum() < 0.5 * uniform.sample_rate:
         return None
-    x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
+    return _three(uniform.values["gyro"][rest].mean(axis=0))
+
+
+def _three(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+    """Return a vector as a tuple."""
+    x, y, z = values.tolist()
     return x, y, z
 
 
