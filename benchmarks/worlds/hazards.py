@@ -131,6 +131,7 @@ CAUSES: Final[Mapping[str, set[str]]] = {
     "weight-taken-for-bias": _THRUST,
     "thrust-misses-weight": _THRUST,
     "thrust-against-weight": _THRUST,
+    "thrust-jumps": {"changed_rotor", "ground_effect"},
     "thrust-sags": {"sag", "ground_effect", "changed_rotor"},
     "gyro-scale": {"gyro_scale"},
     "force-by-height": {"tether", "ground_effect", "wall"},

@@ -23,7 +23,7 @@ from rotorfit.checks import (
 )
 from rotorfit.checks.coupling import absent_coupling
 from rotorfit.checks.impossible_inertia import impossible_inertia, negative_rotor_inertia
-from rotorfit.checks.motors import changed_thrust, motor_law, motor_limits
+from rotorfit.checks.motors import changed_thrust, jumping_thrust, motor_law, motor_limits
 from rotorfit.checks.sensors import (
     clock_drift,
     clocks,
@@ -76,6 +76,7 @@ DIAGNOSTICS: Final[tuple[Diagnostic, ...]] = (
     *residual_peaks.CHECKS,
     *flights_agree.CHECKS,
     *changed_thrust.FLIGHT_CHECKS,
+    *jumping_thrust.CHECKS,
     *hover_thrust.YAW_CHECKS,
     *known_payloads.CHECKS,
     *reference_test.CHECKS,

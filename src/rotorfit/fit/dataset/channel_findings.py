@@ -162,6 +162,9 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     "residual-peak": RestsOn(numbers=BY_TURNS),
     "rotor-changed": RestsOn(numbers=BY_PROPELLERS),
     "hovers-differ": RestsOn(numbers=BY_THRUST),
+    "thrust-jumps": RestsOn(
+        numbers=BY_PROPELLERS, doubtful_because="the thrust at one rotor speed jumps in flight"
+    ),
     "thrust-sags": RestsOn(numbers=BY_THRUST),
     "force-by-height": RestsOn(numbers=BY_THRUST),
 }
