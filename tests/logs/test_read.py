@@ -269,3 +269,12 @@ def test_a_battery_of_no_volts_was_not_measured(tmp_path):
     none = read_log(written(tmp_path, text.replace("11.5", "0").replace("11,", "-1,").encode()))
     assert "battery" not in none.channels
     assert any("is never above 0 V" in note for note in none.notes)
+
+
+@pytest.mark.parametrize(("volts", "said"), [(3700.0, "mV"), (1680.0, "hundredths"), (52.0, "")])
+def test_a_battery_that_reads_hundreds_of_volts_is_scaled(tmp_path, volts, said):
+    rows = "".join(f"{0.01 * k:.2f},{volts:g},400\n" for k in range(4))
+    log = read_log(written(tmp_path, f"time,battery,rotor_1\n{rows}".encode()))
+    true = {3700.0: 3.7, 1680.0: 16.8, 52.0: 52.0}[volts]
+    np.testing.assert_allclose(log.channels["battery"].values[:, 0], true)
+    assert any("it is taken as" in note and said in note for note in log.notes) is bool(said)

@@ -38,6 +38,10 @@ _TABLES: Final = (
     ("motors", AIRFRAME_FILE),
 )
 """Keys of rotorfit's own TOML files, and what these are."""
+HIGHEST_VOLTS: Final = 100.0
+"""Voltage that the battery of no multirotor has [V]: 14 cells have 60."""
+LEAST_MILLIVOLTS: Final = 2500.0
+"""Reading from which it is in mV: of one cell at least, as hundredths of a V of 25 V at most."""
 _FIELDS: Final = (
     ({"parameters", "covariance"}, "a result of rotorfit identify"),
     ({"shared", "configurations"}, TRUTH_FILE),
@@ -82,7 +86,7 @@ def _read_by_format(path: Path, chosen: ReadOptions) -> FlightLog:
     if form.single and chosen.log_number not in (None, 1):
         raise LogError(f"{path}: {form.single} is one log, there is no log {chosen.log_number}")
     log = load(form.read)(path, **{name: getattr(chosen, name) for name in form.takes})
-    return _without_zero_volts(log)
+    return _in_volts(_without_zero_volts(log))
 
 
 def _without_zero_volts(log: FlightLog) -> FlightLog:
@@ -99,6 +103,21 @@ def _without_zero_volts(log: FlightLog) -> FlightLog:
     del channels["battery"]
     note = f"{battery.source} is never above 0 V: no battery was measured"
     return replace(log, channels=channels, notes=(*log.notes, note))
+
+
+def _in_volts(log: FlightLog) -> FlightLog:
+    """Scale a battery's voltage that no vehicle has: recorders write hundredths or thousandths."""
+    battery = log.channels.get("battery")
+    if battery is None:
+        return log
+    usual = float(np.nanmedian(battery.values))
+    if not HIGHEST_VOLTS <= usual < 1000.0 * HIGHEST_VOLTS:
+        return log
+    scale, unit = (1e-3, "mV") if usual >= LEAST_MILLIVOLTS else (1e-2, "hundredths of a V")
+    resolution = None if battery.resolution is None else scale * battery.resolution
+    scaled = replace(battery, values=scale * battery.values, resolution=resolution)
+    note = f"{battery.source} reads {usual:.4g}: it is taken as {unit}, {scale * usual:.3g} V"
+    return replace(log, channels={**log.channels, "battery": scaled}, notes=(*log.notes, note))
 
 
 def _format_named(name: str) -> Format:
