@@ -375,3 +375,24 @@ def test_every_exporter_has_marks_of_its_own():
             names = [mark.replace("*", "a") for mark in marks]
             assert exporter_of(names) is exporter
     assert exporter_of(["time", "gyro_x", "accel_x", "rotor_1"]) is None
+
+
+@pytest.mark.parametrize("clock", ["__time", "timestamp"])
+@pytest.mark.parametrize("prefix", ["/vehicle_angular_velocity/", "vehicle_angular_velocity."])
+def test_rates_of_px4_by_topic_are_in_radians(tmp_path, clock, prefix):
+    """Their names have no unit, and slow flights do not show it; the topic is always in rad/s."""
+    accel = prefix.replace("angular_velocity", "acceleration")
+    motors = prefix.replace("vehicle_angular_velocity", "actuator_motors")
+    path = written(
+        tmp_path / "joined.csv",
+        {
+            clock: TIME if clock == "__time" else np.round(1e6 * TIME),
+            **named([f"{prefix}xyz[{i}]" for i in range(3)], GYRO * DOWN),
+            **named([f"{accel}xyz[{i}]" for i in range(3)], ACCEL * DOWN),
+            **named([f"{motors}control[{i}]" for i in range(4)], SHARE),
+        },
+    )
+    proposal = propose_columns(path)
+    assert not proposal.questions
+    assert any("PX4" in reason for reason in proposal.reasons)
+    np.testing.assert_allclose(read_by(proposal, path).channels["gyro"].values, GYRO, atol=1e-6)
