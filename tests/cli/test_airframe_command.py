@@ -127,6 +127,15 @@ def test_the_flight_shows_motors_in_any_order(answered, changed, assert_wording,
         assert_wording(ended.err)
 
 
+@pytest.mark.parametrize(("spins", "said"), [("reversed", True), ("usual", False)])
+def test_spins_that_the_flight_contradicts_are_said(answered, here, spins, said):
+    asked = ("flight.csv", "-o", "mine.toml", "--spacing", "400,400")
+    ended = answered("", *asked, "--spins", spins)
+    assert ended.code == 0, ended
+    assert ("yaws like spins" in ended.err) is said
+    assert vehicle(here / "mine.toml").rotors[0].spin == ("cw" if said else "ccw")
+
+
 def test_what_the_flight_does_not_bear_out_is_said(answered, here, assert_wording):
     asked = ("flight.csv", "-o", "mine.toml", "--layout", "quad-x", "--order", "px4")
     ended = answered("", *asked, "--spacing", "200,200")

@@ -251,10 +251,7 @@ def _named_text(
         question = "Rotor speed in the log: measured (ESC telemetry, bidirectional DShot) or "
         choices = ["measured", "commanded"]
         given_speed = _ask_choice(choices, f"{question}commanded", "commanded", "--speed")
-    if spins is None and seen.spins_shown and (layout, order) == (seen.layout, seen.order):
-        turned = seen.turned
-    else:
-        turned = (spins or _asked_spins(layout, order)) == "reversed"
+    turned = _turned_spins(seen, layout, order, spins)
     return airframe_text(layout, order, spaces, speed=given_speed, turned=turned)
 
 
@@ -356,6 +353,18 @@ def _layout_or_order(
             f"the flight responds like {key} {shown}, not {reply}: make sure that it is right"
         )
     return reply
+
+
+def _turned_spins(seen: SeenAirframe, layout: str, order: str, given: str | None) -> bool:
+    """Return whether every spin is reversed: as given, else as the flight shows, else as asked."""
+    is_shown = seen.spins_shown and (layout, order) == (seen.layout, seen.order)
+    if given is None and is_shown:
+        return seen.turned
+    reply = given or _asked_spins(layout, order)
+    shown = "reversed" if seen.turned else "usual"
+    if is_shown and reply != shown:
+        print_status(f"the flight yaws like spins {shown}, not {reply}: make sure that it is right")
+    return reply == "reversed"
 
 
 def _asked_spins(layout: str, order: str) -> str:
