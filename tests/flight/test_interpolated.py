@@ -111,3 +111,13 @@ def test_commands_that_come_slowly_are_refused():
     refuse_interpolated_commands(speeds(8) / 1600.0, RATE, RATE)
     held = np.repeat(np.random.default_rng(9).uniform(0.3, 0.9, (300, 4)), 25, axis=0)
     refuse_interpolated_commands(held, RATE, RATE)  # so the motors were told
+
+
+def test_a_speed_that_is_halved_in_stretches_did_not_come_slowly():
+    """Half of rotor 3 in every fourth stretch of 100 ms has a rhythm of 10 Hz."""
+    values = speeds(8)
+    low = np.random.default_rng(1).random(round(10.0 * TIME[-1]) + 1) < 0.25
+    values[low[(10.0 * TIME).astype(int)], 2] *= 0.5
+    assert slowest_source_rate(values, RATE) == pytest.approx(10.0, abs=0.2)
+    with pytest.raises(FlightError, match=r"rotor 3 jumps to half .* low for 2\d %"):
+        refuse_interpolated_speeds(values, RATE)

@@ -12,6 +12,7 @@ from rotorfit.findings import Finding, doubt
 from rotorfit.flight.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.flight.interpolated import slowest_source_rate, source_rate
 from rotorfit.flight.motors.coarse_speeds import coarse_speeds_sentence
+from rotorfit.flight.motors.halved_speeds import halved_speed_sentence
 from rotorfit.flight.signals import repeated_rows, true_runs, whole_samples
 from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
@@ -320,10 +321,12 @@ def refuse_interpolated_speeds(speed: Float[np.ndarray, "n N"], sample_rate: flo
     # Lines pass by the peaks: at a third of the source's rate a third of the motion is missing.
     if rate is None or rate >= SLOWEST_MOTORS:
         return
+    # Steps of a fixed length have a rhythm, too.
     raise FlightError(
-        f"the rotor speeds come at {rate:.0f} Hz, and lines are drawn (or values repeated) between "
-        "them: the peaks of quick motion are missing, and kt and inertia would come out wrong; log "
-        "ESC telemetry faster (100 Hz and more are good), or take the commands instead "
+        halved_speed_sentence(speed)
+        or f"the rotor speeds come at {rate:.0f} Hz, and lines are drawn (or values repeated) "
+        "between them: the peaks of quick motion are missing, and kt and inertia would come out "
+        "wrong; log ESC telemetry faster (100 Hz and more are good), or take the commands instead "
         '([motors] speed = "commanded")'
     )
 
