@@ -396,3 +396,20 @@ def test_rates_of_px4_by_topic_are_in_radians(tmp_path, clock, prefix):
     assert not proposal.questions
     assert any("PX4" in reason for reason in proposal.reasons)
     np.testing.assert_allclose(read_by(proposal, path).channels["gyro"].values, GYRO, atol=1e-6)
+
+
+def test_rates_of_a_crazyflie_beside_rotor_speeds_are_in_degrees(tmp_path):
+    """Its names have no units, and rpm.m1 is in its tables as often as motor.m1."""
+    path = written(
+        tmp_path / "cfclient.csv",
+        {
+            "Timestamp": np.round(1e3 * TIME),
+            **named([f"gyro.{axis}" for axis in "xyz"], np.degrees(GYRO)),
+            **named([f"acc.{axis}" for axis in "xyz"], ACCEL / 9.80665),
+            **named([f"rpm.m{i}" for i in range(1, 5)], np.round(20000.0 * np.sqrt(SHARE))),
+        },
+    )
+    proposal = propose_columns(path)
+    assert not [one for one in proposal.questions if one.channel == "gyro"]
+    assert proposal.columns["gyro_x"].unit == "deg/s"
+    assert proposal.columns["rotor_1"].unit == "rpm"
