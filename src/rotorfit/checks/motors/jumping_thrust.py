@@ -52,7 +52,8 @@ class ThrustJump:
     @property
     def is_certain(self) -> bool:
         """Whether sound flights do not jump so."""
-        return abs(np.log1p(self.share)) >= LEAST_JUMP and self.deviations >= CERTAIN
+        large = abs(float(np.log1p(self.share))) >= LEAST_JUMP
+        return large and self.deviations >= CERTAIN
 
 
 def thrust_jump(data: FlightData) -> ThrustJump | None:
