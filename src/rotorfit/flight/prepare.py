@@ -65,7 +65,7 @@ from rotorfit.flight.motors.twin_rotors import refuse_twin_rotors
 from rotorfit.flight.on_board import applied_filters, passed_through, with_filters
 from rotorfit.flight.other_hovers import OtherHover, other_hovers
 from rotorfit.flight.replaced_samples import replaced_samples
-from rotorfit.flight.signals import central_difference, hampel, true_runs
+from rotorfit.flight.signals import SLOW_STEP, central_difference, hampel, true_runs
 from rotorfit.flight.used_rows import Window, drop_unsettled, inner_segments, phases_of, window_runs
 from rotorfit.flight.written_twice import written_twice
 from rotorfit.flight.yaw_lowpass import yaw_lowpass
@@ -381,7 +381,8 @@ def _make_uniform(
         if key not in noisy:
             return channel
         # Despiked as recorded: between slow samples a glitch is drawn out, and no longer a spike.
-        values, spikes = hampel(channel.values)
+        is_slow = float(np.median(np.diff(channel.time))) > SLOW_STEP
+        values, spikes = hampel(channel.values, is_slow=is_slow)
         counts[key] = int(spikes.sum())
         return dataclasses.replace(channel, values=values)
 

@@ -49,6 +49,8 @@ SPIKE_RATIO = 10.0
 former: 1.3 to 8 in sound logs of eight sources."""
 LOUD_RATIO = 4.0
 """Ratio of the 95th percentile of deviations to their median where they are loud: 2.9 of noise."""
+SLOW_STEP = 0.02
+"""Longest step of a channel in whose samples a quick turn lasts several [s]."""
 SUDDEN = 1.5
 """Factor of the usual step, by which a spike comes or goes."""
 AROUND = 6
@@ -56,7 +58,7 @@ AROUND = 6
 
 
 def hampel(
-    values: Float[np.ndarray, "n k"],
+    values: Float[np.ndarray, "n k"], *, is_slow: bool = False
 ) -> tuple[Float[np.ndarray, "n k"], Bool[np.ndarray, " n"]]:
     """Replace spikes by the median of their seven neighbours, and mark the samples.
 
@@ -65,6 +67,8 @@ def hampel(
     and never much below the column's own nor below a thousandth of its range, so that quantised
     stretches are left alone. It comes or goes by a larger step than those beside it: the crest of
     a quick turn in a slow log is as far from the median, but does not.
+
+    Where `is_slow`, a quick turn lasts a sample or two, and many far ones are taken for turns.
 
     References
     ----------
@@ -79,7 +83,7 @@ def hampel(
         deviation = np.abs(x - local_medians(x, MEDIAN_WIDTH, np.arange(len(x))))
         low, high = np.percentile(x, [1.0, 99.0])
         usual, large = np.percentile(deviation, [80.0, 95.0]).tolist()
-        if 0.0 < SPIKE_RATIO * usual < large:
+        if not is_slow and 0.0 < SPIKE_RATIO * usual < large:
             # More than one spike in twenty samples, or a burst of motion after a long rest, which
             # is as loud for a while.
             loud = local_medians(deviation, SCALE_WIDTH, np.arange(0, len(x), SCALE_WIDTH // 2))
