@@ -49,6 +49,8 @@ LEAST_CHANGE: Final = 3.0
 WHAT: Final = {"roll": ("Ixx", ""), "pitch": ("Iyy", ""), "yaw": ("kd / Izz", "Izz, kd and Jr")}
 """What an axis shows, and what it shows with all the others."""
 KNOW: Final = "To know"
+AS_BEFORE: Final = "for the same reason"
+"""Reason for an axis whose reason another one has."""
 LEAST_SOURCE: Final = 16
 """Room for a channel's source beside its numbers [characters]."""
 WIDTH: Final = 100
@@ -247,10 +249,12 @@ def prospect_messages(found: Prospects | None) -> list[str]:
     """Report which parameters the motion can show."""
     if found is None:
         return []
-    return [
-        _thrust_message(found),
-        *(_axis_message(axis, found) for axis in found.excitation),
-    ]
+    messages, given = [_thrust_message(found)], set[str]()
+    for axis in found.excitation:
+        reason = _explain_axis(axis, found)
+        messages.append(_axis_message(axis, found, AS_BEFORE if reason in given else reason))
+        given.add(reason)
+    return messages
 
 
 def _thrust_message(found: Prospects) -> str:
@@ -308,13 +312,12 @@ def _explain_turns(found: Prospects) -> str:
     return ". ".join([f"{words}: {', or '.join(causes)}" if causes else words, cure])
 
 
-def _axis_message(axis: Excitation, found: Prospects) -> str:
+def _axis_message(axis: Excitation, found: Prospects, reason: str) -> str:
     what, others = WHAT[axis.axis]
     slow = found.useless_because is not None
     width = ""
     if axis.width is not None and not slow:
         width = f" (to about +-{short(100.0 * axis.width)} %)"
-    reason = _explain_axis(axis, found)
     verdict = {
         # The scale of Izz depends on small terms of all equations, which only an estimate weighs.
         "well": f"{what} can be found well{width}{others and f'; {others} less well'}",
@@ -349,7 +352,7 @@ def setting_messages(report: LogReport) -> list[str]:
     if not report.settings:
         return []
     words = [
-        f"{s.name} {s.value}: {s.why}" if s.name.endswith(":") else f"{s.name} = {s.value}: {s.why}"
+        f"{s.name}{' ' if s.name.endswith(':') else ' = '}{s.value}: {_why_set(s.why, report)}"
         for s in report.settings
     ]
     file = settings_file(report.format, report.metadata)
@@ -359,6 +362,13 @@ def setting_messages(report: LogReport) -> list[str]:
         *words,
         f"as a file, from this log's own values: rotorfit settings {report.as_argument}",
     ]
+
+
+def _why_set(why: str, report: LogReport) -> str:
+    """Say what a setting gives, without the sentences that the next step has."""
+    gives, _, more = why.partition(". ")
+    step = "" if report.next_step is None else report.next_step.action
+    return gives if more and more in step else why
 
 
 def _channel_lines(c: ChannelReport, width: int) -> list[str]:

@@ -12,7 +12,7 @@ from rotorfit.digits import short, with_half
 from rotorfit.findings import Evidence, Finding, note
 from rotorfit.fit.motors.commanded_speeds import LawError, speed_powers
 from rotorfit.fit.motors.law_from_thrust import STATED_STD, LawFromThrust
-from rotorfit.fit.timing.lag_on_thrust import LEAST_GAIN
+from rotorfit.fit.timing.timed_fit import LEAST_GAIN
 from rotorfit.model.parameters import EVERY
 
 if TYPE_CHECKING:

@@ -9,11 +9,12 @@ falls at different rates, too, is that of motors, whose lag is of neither.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from rotorfit.errors import EstimationError
 from rotorfit.fit.dataset.dataset import with_flights
 from rotorfit.fit.reduction.motor_timing import skew_of
+from rotorfit.fit.timing.timed_fit import LEAST_GAIN
 from rotorfit.fit.timing.timing_fit import find_timing, fit_at
 from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.terms.registry import DEFAULT_TERMS
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from rotorfit.fit.dataset.dataset import LoadedFlight
     from rotorfit.fit.experiment.experiment import MotorsEntry
     from rotorfit.fit.timing.timed_dataset import TimedDataset
-
-LEAST_GAIN: Final = 10.0
-"""Gain of log-likelihood for which the lag acts on thrust."""
 
 
 def with_likelier_lag(dataset: TimedDataset) -> TimedDataset:

@@ -32,7 +32,7 @@ ENOUGH: Final[Mapping[str, float]] = {
 }
 """Or so much of it [s, s, share], which no flight shows: simulators do, to microseconds."""
 LEAST_GAIN: Final = 10.0
-"""Gain of log-likelihood for which rising and falling speed get a lag each."""
+"""Gain of log-likelihood for which rising and falling speed get a lag each, or thrust has it."""
 LEAST_LAG: Final = 1e-3
 """Least lag of rotors whose rising and falling may differ [s]."""
 
