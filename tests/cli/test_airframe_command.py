@@ -396,5 +396,6 @@ def test_answers_for_a_table_may_be_options(run, refused, unknown, assert_wordin
     assert "exists" in refused("airframe", "own.csv", *given, "--unit", "motors=rpm")
 
 
-def test_a_wrong_spacing_is_refused_before_the_log_is_read(refused):
+def test_a_wrong_spacing_is_refused_before_the_log_is_read(refused, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     assert "such as 91,127" in refused("airframe", "missing.bfl", "--spacing", "200")

@@ -388,7 +388,7 @@ def test_verdicts_in_colour_on_a_terminal(monkeypatch, when, variables, expected
     assert re.sub(r"\x1b\[\d+m", "", shown) == text
 
 
-def test_a_colour_that_is_none_is_refused(refused, assert_wording):
+def test_a_colour_that_is_none_is_refused(refused, here, assert_wording):
     assert_wording(refused("inspect", "--color=red"))
 
 
