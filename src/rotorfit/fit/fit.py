@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rotorfit.fit.intervals.interval_terms import IntervalTerm
     from rotorfit.fit.intervals.numbers import Numbers
     from rotorfit.fit.joint.term_choice import Choice
+    from rotorfit.fit.reduction.motor_timing import MotorTiming
     from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 Record = TypeVar("Record")
@@ -83,6 +84,11 @@ class Fit:
     def record_of(self, kind: type[Record]) -> Record | None:
         """Return the last record of a kind; None if no step recorded one."""
         return next((one for one in reversed(self.records) if isinstance(one, kind)), None)
+
+    def with_timing(self, timing: MotorTiming) -> Fit:
+        """Return the fit with other deviations of its motors' times."""
+        dataset = dataclasses.replace(self.dataset, motor_timing=timing)
+        return dataclasses.replace(self, dataset=dataset)
 
     def with_terms(self, *terms: IntervalTerm) -> Fit:
         """Return the fit with further terms of the intervals of its numbers."""

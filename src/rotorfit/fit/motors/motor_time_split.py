@@ -50,7 +50,7 @@ def allow_for_noise_feedback(fit: Fit) -> Fit:
     if timing is None or fit.dataset.source != "imu":
         return fit
     if "motor_lag" not in free:
-        return _with_timing(fit, widen_delay(timing, fit.record_of(FoundFilter)))
+        return fit.with_timing(widen_delay(timing, fit.record_of(FoundFilter)))
     ratios = flight_ratios(fit)
     if not ratios:
         return fit
@@ -61,23 +61,14 @@ def allow_for_noise_feedback(fit: Fit) -> Fit:
     bent = None if lowpass_of(fit.dataset) is not None else best_filter(ratios, lagging=True)
     by_filter = 0.0 if bent is None else bent.lag
     widened = _widen_timing(timing, free, covariance, most=most, by_filter=by_filter)
-    return _with_timing(fit, widen_delay(widened, bent))
+    return fit.with_timing(widen_delay(widened, bent))
 
 
 def widen_delay(timing: MotorTiming, found: FoundFilter | None) -> MotorTiming:
     """Add what a filter that the flights show moves the delay by, and the sum of delay and lag."""
     if found is None or not found.certain or timing.delay_std is None:
         return timing
-    return replace(
-        timing,
-        delay_std=float(np.hypot(timing.delay_std, found.delay / 1.96)),
-        total_std=float(np.hypot(timing.total_std, (found.delay + found.lag) / 1.96)),
-    )
-
-
-def _with_timing(fit: Fit, timing: MotorTiming) -> Fit:
-    """Return a fit whose motors have other deviations of their times."""
-    return replace(fit, dataset=replace(fit.dataset, motor_timing=timing))
+    return timing.widened(delay=found.delay / 1.96, total=(found.delay + found.lag) / 1.96)
 
 
 def times_covariance(

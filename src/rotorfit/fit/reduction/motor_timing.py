@@ -153,6 +153,15 @@ class MotorTiming:
         no_lag = self.lag_std is not None and self.response.mean_lag == 0.0
         return self.free == ("motor_delay",) and no_lag and "motor_lag" in names
 
+    def widened(self, *, lag: float = 0.0, delay: float = 0.0, total: float = 0.0) -> MotorTiming:
+        """Return it with further deviations of its times, and of their sum [s]."""
+        return replace(
+            self,
+            lag_std=None if self.lag_std is None else math.hypot(self.lag_std, lag),
+            delay_std=None if self.delay_std is None else math.hypot(self.delay_std, delay),
+            total_std=math.hypot(self.total_std, total),
+        )
+
     def with_lag_of(self, before: MotorTiming) -> MotorTiming:
         """Return it with the lag's deviation of another one, where its delay alone is free."""
         if self.lag_std is not None or before.lag_std is None:

@@ -12,7 +12,6 @@ the second fit on, the delay is where a straight line through the last two would
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 
     from rotorfit.fit.dataset.dataset import LoadedFlight
     from rotorfit.fit.fit import Fit
-    from rotorfit.fit.reduction.motor_timing import MotorTiming
     from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 FILTERED_SHARE: Final = 0.1
@@ -230,18 +228,7 @@ def allow_for_force_delays(fit: Fit) -> Fit:
     )
     timing = fit.dataset.motor_timing
     if timing is not None:
-        wider = _widen_times(timing, found.shifts)
-        fit = replace(fit, dataset=replace(fit.dataset, motor_timing=wider))
+        names = ("motor_lag", "motor_delay", "motor_lag_total")
+        lag, delay, total = (found.shifts.get(name, 0.0) for name in names)
+        fit = fit.with_timing(timing.widened(lag=lag, delay=delay, total=total))
     return fit.with_terms(term)
-
-
-def _widen_times(timing: MotorTiming, shifts: Mapping[str, float]) -> MotorTiming:
-    """Add the deviations by which other delays of the forces move lag and delay of the motors."""
-    names = ("motor_lag", "motor_delay", "motor_lag_total")
-    lag, delay, total = (shifts.get(name, 0.0) for name in names)
-    return replace(
-        timing,
-        lag_std=None if timing.lag_std is None else float(np.hypot(timing.lag_std, lag)),
-        delay_std=None if timing.delay_std is None else float(np.hypot(timing.delay_std, delay)),
-        total_std=float(np.hypot(timing.total_std, total)),
-    )
