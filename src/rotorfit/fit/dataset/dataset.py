@@ -150,6 +150,17 @@ def with_flights(dataset: Kind, change: Callable[[LoadedFlight], LoadedFlight]) 
     return dataclasses.replace(dataset, configurations=configurations)
 
 
+def with_motor_settings(dataset: Kind, **settings: object) -> Kind:
+    """Return a dataset whose motors, and those of its flights, have other fields."""
+    dataset = dataclasses.replace(dataset, motors=dataset.motors.model_copy(update=settings))
+    return with_flights(
+        dataset,
+        lambda flight: dataclasses.replace(
+            flight, motors=flight.motors.model_copy(update=settings)
+        ),
+    )
+
+
 def with_prepared(dataset: Kind, change: Callable[[PreparedFlight], PreparedFlight]) -> Kind:
     """Return the dataset with every prepared flight changed."""
     return with_flights(

@@ -42,7 +42,6 @@ from rotorfit.logs.motor_law import MotorLaw, PowerCurve
 
 if TYPE_CHECKING:
     from rotorfit.fit.dataset.dataset import Kind
-    from rotorfit.fit.experiment.experiment import MotorsEntry
     from rotorfit.fit.fit import Fit
     from rotorfit.fit.timing.timed_dataset import TimedDataset
 
@@ -368,11 +367,6 @@ def with_found_law(dataset: TimedDataset, found: LawFromThrust) -> TimedDataset:
 
 def with_law(dataset: Kind, law: MotorLaw) -> Kind:
     """Return a dataset whose motors, and those of its flights, have a law."""
+    from rotorfit.fit.dataset.dataset import with_motor_settings  # `inspect` needs no data set
 
-    def with_it(motors: MotorsEntry) -> MotorsEntry:
-        return motors.model_copy(update={"law": law})
-
-    dataset = replace(dataset, motors=with_it(dataset.motors))
-    from rotorfit.fit.dataset.dataset import with_flights  # `inspect` needs no data set
-
-    return with_flights(dataset, lambda flight: replace(flight, motors=with_it(flight.motors)))
+    return with_motor_settings(dataset, law=law)

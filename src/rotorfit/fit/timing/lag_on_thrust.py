@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rotorfit.errors import EstimationError
-from rotorfit.fit.dataset.dataset import with_flights
+from rotorfit.fit.dataset.dataset import with_motor_settings, with_prepared
 from rotorfit.fit.reduction.motor_timing import skew_of
 from rotorfit.fit.timing.timed_fit import LEAST_GAIN
 from rotorfit.fit.timing.timing_fit import find_timing, fit_at
@@ -20,8 +20,6 @@ from rotorfit.flight.motors.motor_model import MotorResponse
 from rotorfit.model.terms.registry import DEFAULT_TERMS
 
 if TYPE_CHECKING:
-    from rotorfit.fit.dataset.dataset import LoadedFlight
-    from rotorfit.fit.experiment.experiment import MotorsEntry
     from rotorfit.fit.timing.timed_dataset import TimedDataset
 
 
@@ -62,14 +60,8 @@ def _may_act_on_thrust(dataset: TimedDataset) -> bool:
 
 def _acting_on_thrust(dataset: TimedDataset) -> TimedDataset:
     """Return the flights with a lag of the motors' thrust, not timed yet."""
-
-    def changed(motors: MotorsEntry) -> MotorsEntry:
-        return motors.model_copy(update={"lag_on": "thrust"})
-
-    def change(flight: LoadedFlight) -> LoadedFlight:
-        data = replace(flight.prepared.data, lag_on="thrust")
-        prepared = replace(flight.prepared, data=data)
-        return replace(flight, prepared=prepared, motors=changed(flight.motors))
-
-    dataset = replace(dataset, motors=changed(dataset.motors), motor_timing=None)
-    return with_flights(dataset, change)
+    dataset = replace(dataset, motor_timing=None)
+    dataset = with_prepared(
+        dataset, lambda prepared: replace(prepared, data=replace(prepared.data, lag_on="thrust"))
+    )
+    return with_motor_settings(dataset, lag_on="thrust")
