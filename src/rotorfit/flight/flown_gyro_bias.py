@@ -15,8 +15,15 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.findings import Evidence, Finding, doubt
+from rotorfit.flight.filters import without_line
 from rotorfit.flight.flight_checks import imu_doubts
-from rotorfit.flight.kinematics import rotated, rotation_matrices, running_product, small_turns
+from rotorfit.flight.kinematics import (
+    carried_group,
+    rotated,
+    rotation_matrices,
+    running_product,
+    small_turns,
+)
 from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
@@ -39,7 +46,6 @@ LARGE: Final = 0.08
 show by gravity alone is up to 0.04."""
 DEVIATIONS: Final = 2.5
 """Least bias over its deviation, which is a cautious one."""
-STEPS_PER_SECOND: Final = 100.0
 BY_ATTITUDE: Final = 0.5
 """Window over which attitude and gyro are compared [s]."""
 FEWEST: Final = 8
@@ -117,7 +123,7 @@ def bias_by_attitude(uniform: UniformChannels, flights: Runs) -> FlownBias | Non
         return None
     if not np.diff(axes[np.isfinite(axes).all(axis=1)], axis=0).any():
         return None  # one that stands still is none
-    group = _group_of(uniform)
+    group = carried_group(uniform.sample_rate)
     length = max(round(BY_ATTITUDE * uniform.sample_rate / group), 2) * group
     starts = np.array([s for a, b in flights for s in range(a, b - length, length)], dtype=int)
     starts = starts[np.isfinite(axes[starts]).all(axis=1)]
@@ -152,7 +158,7 @@ def bias_by_gravity(uniform: UniformChannels, flights: Runs) -> FlownBias | None
     windows = _gravity_windows(uniform, flights)
     if not windows:
         return None
-    step = _group_of(uniform) / uniform.sample_rate
+    step = carried_group(uniform.sample_rate) / uniform.sample_rate
     value, normal, left = np.zeros(3), np.zeros((3, 3)), 0.0
     for _ in range(PASSES):
         parts = [_velocity_by_bias(rates - value, force, step) for rates, force in windows]
@@ -170,7 +176,7 @@ def bias_by_gravity(uniform: UniformChannels, flights: Runs) -> FlownBias | None
 
 def _gravity_windows(uniform: UniformChannels, flights: Runs) -> Windows:
     """Cut flights into equal windows, with samples in groups."""
-    rate, group = uniform.sample_rate, _group_of(uniform)
+    rate, group = uniform.sample_rate, carried_group(uniform.sample_rate)
     windows: Windows = []
     for a, b in flights:
         edges = np.linspace(a, b, max(int(np.ceil((b - a) / rate / BY_GRAVITY)), 1) + 1).astype(int)
@@ -193,18 +199,10 @@ def _velocity_by_bias(
     attitude = running_product(small_turns(rates * step))
     carried = rotated(attitude, force)
     turns = np.cumsum(rotation_matrices(attitude).swapaxes(1, 2), axis=0) * step
-    time = np.linspace(-1.0, 1.0, len(rates))
-    line = np.linalg.qr(np.column_stack([np.ones(len(time)), time]))[0]
 
     def gained(x: Float[np.ndarray, "m c"]) -> Float[np.ndarray, "m c"]:
-        velocity = np.cumsum(x, axis=0) * step
-        return velocity - line @ (line.T @ velocity)
+        return without_line(np.cumsum(x, axis=0) * step)
 
     leaned = np.cross(turns, carried.mean(axis=0))
     columns = np.stack([gained(leaned[:, k]) for k in range(3)], axis=-1)
     return columns, gained(carried)
-
-
-def _group_of(uniform: UniformChannels) -> int:
-    """Return how many samples are averaged before axes are carried."""
-    return max(round(uniform.sample_rate / STEPS_PER_SECOND), 1)

@@ -150,6 +150,12 @@ SLOWEST: Final = 0.1
 """What changes more slowly is left out [Hz]: there the errors of the gyro and of the accelerometer,
 integrated, are the larger part."""
 STEPS_PER_SECOND: Final = 100.0
+"""Rate at which axes are carried by the gyro [Hz]."""
+
+
+def carried_group(sample_rate: float) -> int:
+    """Return how many samples are averaged before axes are carried."""
+    return max(round(sample_rate / STEPS_PER_SECOND), 1)
 
 
 def climb_velocity(data: FlightData) -> Float[np.ndarray, " n"]:
@@ -167,7 +173,7 @@ def _along_z(
     force: Float[np.ndarray, "n 3"], rates: Float[np.ndarray, "n 3"], sample_rate: float
 ) -> Float[np.ndarray, " n"]:
     """Integrate the velocity of one segment along z, without slow changes."""
-    group = max(round(sample_rate / STEPS_PER_SECOND), 1)
+    group = carried_group(sample_rate)
     count = len(force) // group
     if count < 2:
         return np.zeros(len(force))

@@ -73,7 +73,7 @@ from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.motor_law import law_doubts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from jaxtyping import Bool, Float, Int
 
@@ -164,6 +164,10 @@ class OneClock:
     said: frozenset[str] = frozenset()
     filters: tuple[Filter, ...] = ()
     clock_findings: tuple[Finding, ...] = ()
+
+    def not_said(self, findings: Iterable[Finding]) -> Iterator[Finding]:
+        """Leave out what the log's reader doubts already."""
+        return (one for one in findings if one.kind not in self.said)
 
 
 def prepare(
@@ -273,7 +277,6 @@ def prepared_from(
         rotor_speed_std=speed_std,
     )
     data = dataclasses.replace(data, climb=climb_velocity(data))
-    of_imu = doubts_of_imu(data, uniform, at_rest, flown)
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
@@ -286,22 +289,23 @@ def prepared_from(
         findings=(
             *recorded.clock_findings,
             *ground_doubts(uniform.time, standing),
-            *(f for f in of_imu if f.kind not in recorded.said),
+            *recorded.not_said(doubts_of_imu(data, uniform, at_rest, flown)),
             *frozen,
             *hung,
-            *many_gaps(uniform, flights),
-            *replaced_samples(recorded.spikes, uniform),
-            *_imu_faults(uniform, flights, data),
+            *_sample_faults(recorded, flights, data),
             *(() if motors.law is None else law_doubts(motors.law, motor[data.used_rows])),
         ),
         other_hovers=hovers,
     )
 
 
-def _imu_faults(
-    uniform: UniformChannels, flights: Sequence[tuple[int, int]], data: FlightData
+def _sample_faults(
+    recorded: OneClock, flights: Sequence[tuple[int, int]], data: FlightData
 ) -> Iterator[Finding]:
-    """Find what is wrong with the IMU's samples over the whole flight."""
+    """Find what is wrong with the samples over the whole flight, those of the IMU above all."""
+    uniform = recorded.uniform
+    yield from many_gaps(uniform, flights)
+    yield from replaced_samples(recorded.spikes, uniform)
     yield from interpolated_imu(uniform)
     yield from written_twice(uniform, flights)
     yield from yaw_lowpass(uniform, flights)

@@ -17,7 +17,7 @@ import numpy as np
 from rotorfit.fit.reduction.reduce import split_segment
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.flight_data import FlightData, Segment
-from rotorfit.flight.kinematics import rotated, running_product, small_turns
+from rotorfit.flight.kinematics import carried_group, rotated, running_product, small_turns
 from rotorfit.frozen_dataclass import frozen_dataclass
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ FEWEST_PIECES = 4
 """Such pieces, from whose differences the scatter of their mean is known."""
 VELOCITY_CHANGE = 1.5
 """Deviation of the vertical velocity at the end of a stretch from that at its beginning [m/s]."""
-STEPS_PER_SECOND = 100.0
 HOVER_THRUST = (0.5, 1.6)
 """Thrust over its usual that still is a hover."""
 MOST_OUTSIDE = 0.1
@@ -77,7 +76,7 @@ class Turning:
 
 def turning(data: FlightData) -> Turning:
     """Integrate the turn of a flight's axes by its gyro, in windows of its segments."""
-    group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
+    group = carried_group(data.sample_rate)
     windows, is_torn = _windows_of(data)
     rates = [grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]
     # All windows at once: rest behind the shorter ones changes nothing before it.
