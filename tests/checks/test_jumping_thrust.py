@@ -26,9 +26,9 @@ def hover(seconds=10.0, *, factor=1.0, begin=5.0, scatter=0.01):
 @pytest.mark.parametrize("factor", [1.06, 0.95])
 def test_speeds_of_another_scale_in_one_half(factor):
     data = hover(factor=factor)
-    jump = thrust_jump(data)
+    jump = thrust_jump(replace(data, time=data.time + 700.0))
     assert jump.is_certain
-    assert jump.time - data.time[0] == pytest.approx(5.0, abs=0.5)
+    assert jump.time == pytest.approx(5.0, abs=0.5)
     assert jump.share == pytest.approx(factor**2 - 1.0, abs=0.02)
     [found] = name_resting_numbers([jump_finding(jump, "a.csv")])
     assert {"kd", "kd_over_Izz"} <= set(found.numbers)

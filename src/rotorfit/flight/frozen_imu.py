@@ -154,7 +154,8 @@ def cut_frozen_imu(
             continue
         kept = without_runs(kept, own, uniform.sample_rate)
         seconds = sum(b - a for a, b in own) / uniform.sample_rate
-        at = ", ".join(f"{uniform.time[a]:.1f} to {uniform.time[b - 1]:.1f} s" for a, b in own[:3])
+        time = uniform.time - uniform.time[0]
+        at = ", ".join(f"{time[a]:.1f} to {time[b - 1]:.1f} s" for a, b in own[:3])
         seen = (
             f"{words} one sample for {seconds:.1f} s of the flight ({at}"
             f"{', ...' if len(own) > 3 else ''}): the sensor, its bus or the recorder hung"

@@ -40,7 +40,7 @@ CERTAIN: Final = 8.0
 class ThrustJump:
     """Where the felt thrust over the squared speeds changes most.
 
-    - `time`: of the change [s].
+    - `time`: of the change, since the first sample [s].
     - `share`: change of the thrust at one rotor speed.
     - `deviations`: the same over what scatters before and after.
     """
@@ -72,7 +72,7 @@ def thrust_jump(data: FlightData) -> ThrustJump | None:
     jumps = [_jump_at(ratio, k) for k in range(around, count - around + 1)]
     best = int(np.argmax([size for _, size in jumps]))
     change, size = jumps[best]
-    at = float(data.time[parts[around + best][0]])
+    at = float(data.time[parts[around + best][0]] - data.time[0])
     return ThrustJump(time=at, share=float(np.expm1(change)), deviations=size)
 
 
