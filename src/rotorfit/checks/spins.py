@@ -4,8 +4,9 @@ Before the fit `declared_rotors` looks at one flight with the timing that was de
 axes together: one wrong spin changes little there. After it `spin_search` has fitted the flights
 with other spins. Before the declared ones are refused, the others must hold in that fit, and be
 likelier than the declared ones, and the flights must be far likelier with it, spin-up and products
-of inertia included. And what drags a rotor can only turn the body against it: k_d is positive, and
-J_r is, unless k_d as found says so.
+of inertia included. And what drags a rotor can only turn the body against it: k_d is positive. J_r
+is, too, but an autopilot's answer to gusts looks like a negative one, which `impossible_inertia`
+doubts.
 
 Also refused are declared rotors that do not explain the motion at the lag that the fit finds.
 Before the fit the lag of commanded motors is open, and a declaration that one of several lags
@@ -26,7 +27,7 @@ from rotorfit.fit.additional_parameters import log_likelihood_loss
 from rotorfit.fit.alternatives.spin_search import REFUSED, SUSPECTED, SpinEvidence
 from rotorfit.fit.alternatives.yaw_residuals import with_spins
 from rotorfit.fit.dataset.declared_rotors import check_flight
-from rotorfit.fit.intervals.numbers import LEAST_EXCITATION, SCALED, Numbers
+from rotorfit.fit.intervals.numbers import SCALED, Numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
     from rotorfit.flight.motors.motor_model import MotorResponse
     from rotorfit.model.vehicle import Vehicle
 
-CERTAIN: Final = 2.0
-"""Half-widths by which J_r must be below zero: it may be about zero, and follows the timing."""
 REVERSED: Final = "reverse all spins (props out instead of in, or in instead of out)"
 
 KIND: Final = "wrong-spin"
@@ -138,21 +137,11 @@ def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None
     for name in configurations:
         low, high = numbers.interval(f"kd_over_Izz@{name}")
         if high < 0.0:
-            return _reversed_sentence("kd / Izz", name, low, high)
-        # Where nobody yaws, an autopilot's response to gusts looks like reversed rotors' spin-up.
-        if low + high > 0.0 or not (numbers.rho(f"Jr_over_Izz@{name}") or 0.0) > LEAST_EXCITATION:
-            continue
-        low, high = numbers.interval(f"Jr_over_Izz@{name}")
-        if high + 0.5 * (CERTAIN - 1.0) * (high - low) < 0.0:
-            return _reversed_sentence("Jr / Izz", name, low, high)
+            return (
+                f"kd / Izz of {name} comes out below zero ({low:.3g} to {high:.3g}), which no "
+                f"rotor has: the propellers turn the other way than declared: {REVERSED}"
+            )
     return None
-
-
-def _reversed_sentence(name: str, configuration: str, low: float, high: float) -> str:
-    return (
-        f"{name} of {configuration} comes out below zero ({low:.3g} to {high:.3g}), which no rotor "
-        f"has: the propellers turn the other way than declared: {REVERSED}"
-    )
 
 
 REFUSALS: Final = (refuse_wrong_spins,)

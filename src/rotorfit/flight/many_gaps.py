@@ -36,8 +36,8 @@ def many_gaps(uniform: UniformChannels, flights: Sequence[tuple[int, int]]) -> I
         GAPS,
         f"{len(gaps)} gaps ({names}) of {seconds / len(gaps):.2g} s each, {seconds:.1f} s "
         f"together, cut the flight into pieces of up to {longest:.1f} s, first at "
-        f"{gaps[0][0] - time[0]:.1f} s: the recorder dropped samples, which tells less of the weight and of "
-        "slow motion; log to a faster card, fewer topics or at a lower rate",
+        f"{gaps[0][0] - time[0]:.1f} s: the recorder dropped samples, which tells less of the "
+        "weight and of slow motion; log to a faster card, fewer topics or at a lower rate",
         evidence=(Evidence(name="gaps", value=float(len(gaps))),),
     )
 
