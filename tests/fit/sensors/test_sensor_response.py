@@ -10,6 +10,7 @@ import made_fit
 from rotorfit.checks.sensors.sensor_response import sensor_response
 from rotorfit.fit.sensors.sensor_response import allow_for_sensor_response, found_filter
 from rotorfit.fit.weight.thrust_change import allow_for_thrust_change
+from rotorfit.flight.airborne import GRAVITY
 
 RATE, SECONDS = 200.0, 40.0
 NAMES = ("kt", "Ixx@A", "Izz@A", "com_x@A")
@@ -101,8 +102,9 @@ def test_thrust_that_changes_in_flight_widens_kt_and_inertia(change):
     speed = flat.data.rotor_speed / np.sqrt(1.0 + change * late[:, None])
     data = replace(flat.data, rotor_speed=speed)
     dataset = made_fit.dataset(replace(flat, data=data, motor_channel=speed))
-    values = (*VALUES, 1310.0, 5e3, 1e-5)
-    numbers = made_fit.no_numbers(*RATIOS, values=values, half_width=1e-6 * np.array(values))
+    values = (*VALUES, 1310.0, 5e3, 1e-5, 0.1)
+    names = (*RATIOS, "accel_bias_z@A")
+    numbers = made_fit.no_numbers(*names, values=values, half_width=1e-6 * np.array(values))
     fit = made_fit.fit(dataset, numbers)
     half = allow_for_thrust_change(fit).numbers.half_width / np.abs(values)
     before = fit.numbers.half_width / np.abs(values)
@@ -113,5 +115,7 @@ def test_thrust_that_changes_in_flight_widens_kt_and_inertia(change):
         assert 0.07 < half[1] < 0.15
         assert half[4] == pytest.approx(0.5 * half[0], rel=1e-3)
         assert half[5] == pytest.approx(change / (1.0 + change), rel=0.05)
+        # A constant force that the thrust does not carry is the bias'.
+        assert half[7] * values[7] == pytest.approx(GRAVITY * half[0], rel=1e-3)
     else:
         np.testing.assert_allclose(half, before)

@@ -166,7 +166,7 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     "thrust-jumps": RestsOn(
         numbers=BY_YAW, doubtful_because="the scale of the rotor speeds may change in flight"
     ),
-    "thrust-sags": RestsOn(numbers=BY_THRUST),
+    "thrust-sags": RestsOn(numbers=(*BY_THRUST, "accel_bias_z")),
     "force-by-height": RestsOn(numbers=BY_THRUST),
 }
 """Every kind of finding about a channel whose maker names no numbers; a test over all of the source

@@ -13,6 +13,7 @@ import numpy as np
 
 from rotorfit.fit.intervals.interval_terms import IntervalTerm
 from rotorfit.fit.weight.hover_thrusts import hover_thrusts
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.parameters import EVERY
 
 if TYPE_CHECKING:
@@ -41,12 +42,12 @@ def thrust_change_term(fit: Fit) -> IntervalTerm:
     known = [(one.sag, CHANCE * one.sag_std) for one in found if one.sag is not None]
     change = _mean_square([max(abs(sag) - std, 0.0) for sag, std in known])
     whole = _mean_square([max(sag**2 - std**2, 0.0) ** 0.5 for sag, std in known])
-    shares = np.array(
-        [_uncertain_share(name.partition("@")[0], change, whole) for name in numbers.names]
-    )
+    pairs = zip(numbers.names, np.abs(numbers.values), strict=True)
     return IntervalTerm(
         name="thrust changes in flight",
-        half_width=shares * np.abs(numbers.values),
+        half_width=np.array(
+            [_open_width(name.partition("@")[0], size, change, whole) for name, size in pairs]
+        ),
         source="thrust at one rotor speed, early against late in the flight",
     )
 
@@ -55,10 +56,13 @@ def _mean_square(changes: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(changes)))) if changes else 0.0
 
 
-def _uncertain_share(name: str, change: float, whole: float) -> float:
-    """Return the share of a number by which it is uncertain."""
+def _open_width(name: str, size: float, change: float, whole: float) -> float:
+    """Return by how much a number of that size is uncertain, in its unit."""
+    if name == "accel_bias_z":
+        # The constant force that carries the weight is shared between it and the thrust.
+        return change * GRAVITY
     if name in OF_ONE_HALF:
-        return whole
+        return whole * size
     if name == "hover_speed":
-        return 0.5 * change
-    return change if EVERY[name].mass_power else 0.0
+        return 0.5 * change * size
+    return change * size if EVERY[name].mass_power else 0.0
