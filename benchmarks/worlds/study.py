@@ -26,7 +26,7 @@ from rotorfit.errors import RotorfitError
 from rotorfit.findings import Evidence
 from rotorfit.fit.experiment.experiment import load_experiment
 from rotorfit.identification import identify
-from rotorfit.results.result import IdentificationResult, verdict_of
+from rotorfit.results.result import IdentificationResult, configuration_names, verdict_of
 
 BATCH: Final = 50
 """Worlds that advance together: more cost little more, but 9 MB each."""
@@ -165,7 +165,11 @@ def _evidence(result: IdentificationResult, name: str) -> Iterator[Evidence]:
 
 
 def _numbers(result: IdentificationResult, known: Mapping[str, float]) -> Row:
-    """Return value, half-width and verdict of each number whose truth is known."""
+    """Return value, half-width and verdict of each number whose truth is known.
+
+    Of several configurations those of the first, which is that of the world.
+    """
+    own = (None, configuration_names(result)[0])
     return {
         one.name: (
             one.value,
@@ -173,7 +177,10 @@ def _numbers(result: IdentificationResult, known: Mapping[str, float]) -> Row:
             verdict_of(result, one) or "identified",
         )
         for one in (*result.parameters, *result.derived)
-        if one.name in known and one.value is not None and one.interval is not None
+        if one.name in known
+        and one.configuration in own
+        and one.value is not None
+        and one.interval is not None
     }
 
 
