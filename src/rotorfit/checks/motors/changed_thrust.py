@@ -50,6 +50,9 @@ OTHERS: Final = 0.3
 """Share of a change that is not of one rotor alone: of a push in roll and pitch it is .58."""
 CERTAIN: Final = 8.0
 """Deviations from which one rotor surely changed."""
+SURE: Final = 5.0
+"""Deviations from which halves differ: 26 random courses of 5 to 15 m/s, which lean to one side for
+many seconds, have up to 3.1, and a change of up to .09."""
 
 
 def changed_in_flight(fit: Fit) -> Iterator[Finding]:
@@ -59,9 +62,9 @@ def changed_in_flight(fit: Fit) -> Iterator[Finding]:
         squares = data.rotor_speed[data.used_rows] ** 2
         if len(squares) < SHORTEST * data.sample_rate:
             continue
-        is_long = len(squares) >= PARTS * LEAST_PART * data.sample_rate
-        alone = lone_change(squares) if is_long else None
-        change = half_change(squares) if alone is None else alone
+        parts = len(squares) / (LEAST_PART * data.sample_rate)
+        alone = lone_change(squares) if parts >= PARTS else None
+        change = half_change(squares, max(int(parts), 4)) if alone is None else alone
         if change is not None:
             yield doubt(
                 "rotor-changed",
@@ -86,11 +89,20 @@ class RotorChange(NamedTuple):
     moment: float
 
 
-def half_change(squares: Float[np.ndarray, "n N"]) -> RotorChange | None:
-    """Return the largest change between a flight's halves, for whatever reason; None if small."""
+def half_change(squares: Float[np.ndarray, "n N"], count: int = PARTS) -> RotorChange | None:
+    """Return the largest change between a flight's halves, for whatever reason.
+
+    None if it is small, or less than what `count` parts of the flight differ by.
+    """
     first, second = (_shares_of_thrust(half) for half in np.array_split(squares, 2))
     worst = int(np.argmax(np.abs(second - first)))
-    if abs(second[worst] - first[worst]) < LEAST_CHANGE:
+    change = float(second[worst] - first[worst])
+    each = min(count, PARTS) // 2
+    scatter = sum(
+        np.var([_shares_of_thrust(part)[worst] for part in np.array_split(half, each)], ddof=1)
+        for half in np.array_split(squares, 2)
+    )
+    if abs(change) < max(LEAST_CHANGE, SURE * float(np.sqrt(scatter / each))):
         return None
     return RotorChange(worst, float(first[worst]), float(second[worst]), 0.5)
 
