@@ -1,8 +1,8 @@
 """Estimate the tilt of the IMU against the rotors, and correct its readings before the fit.
 
 A mean specific force that leans away from z is a turned IMU, a biased one, or the drag of fast
-flight. Turned readings mix roll and pitch torques into yaw, which drag does not undo: where the
-flight is much likelier with its readings turned back, the IMU is turned.
+flight where no velocity tells it. Turned readings mix roll and pitch torques into yaw, which drag
+does not undo: where the flight is much likelier with its readings turned back, the IMU is turned.
 """
 
 from __future__ import annotations
@@ -24,7 +24,13 @@ from rotorfit.fit.reduction.frequency_bands import STRETCH
 from rotorfit.fit.rest_tilt import rest_denies_tilt, rest_sentence
 from rotorfit.fit.timing.timed_dataset import TimedDataset, tilt_corrected_flights
 from rotorfit.fit.timing.timing_fit import find_timing, timed_again
-from rotorfit.flight.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
+from rotorfit.flight.imu_tilt import (
+    LEAST_TILT,
+    ImuTilt,
+    force_without_drag,
+    mean_force_tilt,
+    tilt_phrase,
+)
 from rotorfit.model.terms.registry import DEFAULT_TERMS
 
 if TYPE_CHECKING:
@@ -120,11 +126,10 @@ def lean_evidence(dataset: TimedDataset) -> tuple[Evidence, ...]:
 
 
 def _mean_forces(data: FlightData) -> Float[np.ndarray, "p 3"]:
-    """Return the mean specific force of each stretch of a flight [m/s^2]."""
-    count = max(round(len(data.used_rows) / (STRETCH * data.sample_rate)), 1)
-    return np.array(
-        [data.specific_force[rows].mean(axis=0) for rows in np.array_split(data.used_rows, count)]
-    )
+    """Return the mean specific force of each stretch of a flight, without drag [m/s^2]."""
+    force = force_without_drag(data)
+    count = max(round(len(force) / (STRETCH * data.sample_rate)), 1)
+    return np.array([rows.mean(axis=0) for rows in np.array_split(force, count)])
 
 
 def lean_sentence(dataset: TimedDataset) -> str | None:

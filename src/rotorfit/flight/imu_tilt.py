@@ -1,8 +1,9 @@
 r"""The tilt of the IMU: turned by small angles about x and y against the plane of the rotors.
 
 In flight the thrust carries the vehicle, so that the mean specific force lies along the rotors'
-axis whatever the attitude: where it leans in the IMU's axes, the IMU leans in the vehicle. (Drag of
-a fast flight leans it, too, and so does a bias: the caller must separate them.)
+axis whatever the attitude: where it leans in the IMU's axes, the IMU leans in the vehicle. Drag of
+a fast flight leans it, too; it goes with the velocity, and is taken off where that is known. A bias
+leans it as well, which the caller must tell from a turned IMU.
 """
 
 from __future__ import annotations
@@ -53,11 +54,25 @@ class ImuTilt:
 
 def mean_force_tilt(flights: Sequence[FlightData]) -> ImuTilt:
     """Compute the IMU's tilt if the mean specific force of all flights' samples is along z."""
-    total = np.zeros(3)
-    for data in flights:
-        for s in data.segments:
-            total += data.specific_force[s.start : s.stop].sum(axis=0)
-    return tilt_of_force(total)
+    return tilt_of_force(sum((force_without_drag(one).sum(axis=0) for one in flights), np.zeros(3)))
+
+
+def force_without_drag(data: FlightData) -> Float[np.ndarray, "n 3"]:
+    """Return the specific force of the used rows without what goes with the velocity across.
+
+    As it is in rows without a velocity [m/s^2].
+    """
+    force = data.specific_force[data.used_rows]
+    if data.velocity is None:
+        return force
+    across = data.velocity[data.used_rows, :2]
+    known = np.isfinite(across).all(axis=1)
+    if not known.any():
+        return force
+    moved, felt = (x[known] - x[known].mean(axis=0) for x in (across, force[:, :2]))
+    energy = float(np.square(moved).sum())
+    drag = max(-float(np.sum(moved * felt)) / energy, 0.0) if energy > 0.0 else 0.0
+    return force + np.pad(drag * np.where(known[:, None], across, 0.0), ((0, 0), (0, 1)))
 
 
 def tilt_of_force(force: Float[np.ndarray, " 3"]) -> ImuTilt:
