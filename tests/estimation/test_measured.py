@@ -6,7 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rotorfit.estimation.measured import (
+    CHANCE,
     CONTRADICTION,
+    DOUBTED,
     Measured,
     combine_scales,
     mean_scale,
@@ -22,7 +24,7 @@ def scale(value: float, share: float) -> Measured:
     return Measured(value=value, std=share * abs(value))
 
 
-@given(scales, shares, shares, st.floats(-4.9, 4.9))
+@given(scales, shares, shares, st.floats(-CHANCE, CHANCE))
 def test_two_that_agree_are_averaged_by_their_relative_variances(value, own, theirs, apart):
     first = scale(value, own)
     second = scale(value * float(np.exp(apart * np.hypot(own, theirs))), theirs)
@@ -55,13 +57,20 @@ def test_one_below_zero_moves_nothing(value, share, factor, other):
     assert found.std >= first.std * (1.0 - 1e-12)
 
 
-@given(scales, shares, factors, shares)
-def test_the_interval_holds_what_contradicts(value, own, factor, theirs):
-    """Where the two contradict each other wholly, the 95 % interval reaches the second."""
-    first, second = scale(value, own), scale(factor * value, theirs)
+@given(scales, shares, shares, st.floats(DOUBTED, 4.0 * CONTRADICTION), st.sampled_from([-1, 1]))
+def test_the_interval_reaches_both_of_two_that_differ(value, own, theirs, apart, side):
+    """Whichever is wrong, the other is in the 95 % interval of the logarithm."""
+    first = scale(value, own)
+    second = scale(value * float(np.exp(side * apart * np.hypot(own, theirs))), theirs)
     found = combine_scales(first, second)
-    if scale_deviations(first, second) >= 2.0 * CONTRADICTION:
-        assert 1.96 * found.share >= abs(np.log(factor)) * (1.0 - 1e-9)
+    for one in (first, second):
+        assert 1.96 * found.share >= abs(np.log(one.value / found.value)) * (1.0 - 1e-9)
+    assert 1.96 * found.share <= 1.5 * apart * np.hypot(own, theirs)
+
+
+@given(scales, shares, factors, shares)
+def test_two_are_no_surer_than_without_a_difference(value, own, factor, theirs):
+    found = combine_scales(scale(value, own), scale(factor * value, theirs))
     assert found.share >= own * theirs / np.hypot(own, theirs) * (1.0 - 1e-9)
 
 

@@ -75,7 +75,9 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
         f"by changes of thrust with the squared {_SPEED[motors.speed]} "
         f"{compare_with_weight(changes.over(weight))}"
     )
-    cure = "log the rotor speed" if motors.speed == "commanded" else "calibrate the accelerometer"
+    cure = "log the rotor speed"
+    if motors.speed == "measured":
+        cure = "look whether the logged speeds are no commands, calibrate the accelerometer"
     if motors.law is not None:
         cure = f"measure the law under [motors] again, {cure}"
     held = (

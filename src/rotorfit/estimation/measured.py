@@ -16,6 +16,10 @@ from rotorfit.frozen_dataclass import frozen_dataclass
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+CHANCE: Final = 2.0
+DOUBTED: Final = 2.58
+"""Deviations by which two sound measurements differ once in 22 and once in 100 times: from the
+second on an interval reaches both, whichever is wrong."""
 CONTRADICTION: Final = 5.0
 """Deviations apart from which two measurements contradict each other: twice in a million by chance.
 Then no mean of the two is right, and the second fades out; at twice as many it is gone."""
@@ -66,8 +70,8 @@ def combine_scales(first: Measured, second: Measured) -> Measured:
     """Combine two measurements of one scale (a positive number), of which one may be wrong.
 
     The mean of the logarithms, weighted by the relative deviations, whose deviation grows with
-    their difference (Birge 1932). Beyond `CONTRADICTION` deviations the second fades out: the first
-    remains, with a 95 % interval that reaches the second.
+    their difference (Birge 1932). From `DOUBTED` deviations on its 95 % interval reaches both.
+    Beyond `CONTRADICTION` the second fades out, and the first remains.
 
     Parameters
     ----------
@@ -83,9 +87,11 @@ def combine_scales(first: Measured, second: Measured) -> Measured:
     difference = float(np.log(second.value / first.value))
     kept = float(np.clip(2.0 - deviations / CONTRADICTION, 0.0, 1.0))
     own, theirs = first.share**-2.0, second.share**-2.0
-    value = first.value * float(np.exp(kept * theirs / (own + theirs) * difference))
+    moved = kept * theirs / (own + theirs)
+    value = first.value * float(np.exp(moved * difference))
     chance = (own + theirs) ** -0.5 * (1.0 + kept * (max(deviations, 1.0) - 1.0))
-    reach = (1.0 - kept) * abs(difference) / 1.96
+    wrong = float(np.clip((deviations - CHANCE) / (DOUBTED - CHANCE), 0.0, 1.0))
+    reach = wrong * max(moved, 1.0 - moved) * abs(difference) / 1.96
     return Measured(value=value, std=value * float(np.hypot(chance, reach)))
 
 

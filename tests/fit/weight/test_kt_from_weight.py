@@ -134,10 +134,12 @@ def test_kt_is_the_mean_by_variances():
 
 
 def test_a_difference_scales_the_interval():
-    """3 sqrt(2) deviations apart: the mean of two equals is as open as half their difference."""
-    found = balance(1.06, 0.0106).kt
-    assert found.value == pytest.approx(1.06**0.5)
-    assert found.share == pytest.approx(0.5 * np.log(1.06))
+    """The mean of two equals is as open as half their difference; from doubt on it reaches both."""
+    small, large = balance(1.02, 0.0102).kt, balance(1.06, 0.0106).kt
+    assert small.value == pytest.approx(1.02**0.5)
+    assert small.share == pytest.approx(0.5 * np.log(1.02))
+    assert large.value == pytest.approx(1.06**0.5)
+    assert large.share == pytest.approx(np.hypot(0.5, 0.5 / 1.96) * np.log(1.06))
 
 
 def test_nothing_jumps_as_the_difference_grows():

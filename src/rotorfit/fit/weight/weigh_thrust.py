@@ -5,7 +5,8 @@ free), the thrust that carries the weight another (`carried_weight.py`). The two
 nothing, and ln k_t is their mean with the weights of their relative variances (`combine_scales`).
 Where they differ by more than these allow, one of the two is wrong by what nobody has allowed for:
 the variance of the mean is scaled by :math:`\chi^2` of their difference (Birge, Phys. Rev. 40,
-1932). Where they contradict each other, k_t is that of the weight, and doubtful.
+1932), and its interval reaches both once they differ by more than sound flights do. Where they
+contradict each other, k_t is that of the weight, and doubtful.
 
 Where a law makes speeds of commands, changes of thrust show how wrong its slope is
 (`motors/law_from_thrust.py`): what that leaves open is in the k_t of changes. Where the speeds are
@@ -23,6 +24,7 @@ from rotorfit.errors import UnsettledError
 from rotorfit.estimation.effective_blocks import half_width_of_parameter
 from rotorfit.estimation.measured import (
     CONTRADICTION,
+    DOUBTED,
     Measured,
     combine_scales,
     scale_deviations,
@@ -69,8 +71,6 @@ Momentum theory says that rotors carry more in forward flight; the air that a le
 takes some of it. NeuroBEM's flights (k_t 1.55e-6) show none to half of it, simulated ones all."""
 HELD_TO = 1e-4
 """Share of itself to which k_t is held: what is open of it is in the interval."""
-DOUBTED = 2.58
-"""Deviations by which weight and changes differ once in a hundred sound flights."""
 
 
 @frozen_dataclass
