@@ -3,8 +3,8 @@
     python -m benchmarks.payload_worlds --seed 71 --worlds 48 -o payload.jsonl  # goes on
     python -m benchmarks.payload_worlds --show payload.jsonl
 
-Each world (`benchmarks.worlds`, sound hazards alone) flies twice: bare as drawn, and with one or two
-point masses of 6 to 25 % of its mass, under it, on one arm or at both ends of one, by another
+Each world (`benchmarks.worlds`, sound hazards alone) flies twice: bare as drawn, and with one or
+two point masses of 6 to 25 % of its mass, under it, on one arm or at both ends of one, by another
 manoeuvre. A scale and a ruler give the masses to .2 % and the places to 1 % of an arm. Three
 estimates: the bare flight alone, both with the payload declared, and both with a second body that
 is weighed and else free. Prints, number by number, how often their intervals hold, and the half-

@@ -1,7 +1,7 @@
 """A world: all that is drawn, before anything flies."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -320,7 +320,7 @@ def _motors(d: Draws, vehicle: Vehicle) -> Motors:
     power = d.between(1.9, 4.0)
     weak = d.between(1.25, 1.5)
     hover = vehicle.hover_speed
-    return Motors(
+    motors = Motors(
         lag_up=lag,
         lag_down=lag * d.under("lag_unlike", ratio, 1.0),
         on_thrust=d.has("lag_on_thrust"),
@@ -332,6 +332,9 @@ def _motors(d: Draws, vehicle: Vehicle) -> Motors:
         sag=d.under("sag", d.between(0.05, 0.15), 0.0),
         sag_load=d.under("sag", d.between(0.0, 0.06), 0.0),
     )
+    # No command asks for less than its speed at nothing.
+    least = motors.full * motors.offset**motors.exponent if motors.offset else 0.0
+    return replace(motors, idle=max(motors.idle, least))
 
 
 def _autopilot(d: Draws, vehicle: Vehicle, motors: Motors) -> Autopilot:
