@@ -9,14 +9,19 @@ from scipy.spatial.transform import Rotation
 
 import flown
 from rotorfit.errors import FrameError
-from rotorfit.fit.dataset.declared_rotors import (
-    Response,
-    check_frame,
-    free_response,
-    response,
+from rotorfit.fit.dataset.coupled_turns import (
+    with_coupled_tilts,
     with_coupled_yaw,
     yaw_by_drag,
 )
+from rotorfit.fit.dataset.declared_rotors import (
+    check_frame,
+    drive_columns,
+    free_response,
+    response,
+    signal_products,
+)
+from rotorfit.fit.dataset.response_signals import Response, square_columns
 from rotorfit.fit.reduction.frequency_bands import EDGES
 from rotorfit.fit.reduction.reduce import BandPlan, band_factors
 from rotorfit.model.parameters import INERTIA_PLACES
@@ -262,6 +267,33 @@ def test_products_of_inertia_are_no_wrong_declaration(axis, turned_by):
     assert checked(data, vehicle).yaw < 0.0  # the autopilot holds yaw against what roll does to it
     for i, k in combinations(range(4), 2):
         assert "the declared rotors explain" in refusal(data, swapped(vehicle, i, k))
+
+
+@pytest.mark.parametrize(
+    ("answer", "is_a_body"),
+    [
+        ([[1.0, 0.4], [0.4, 1.0]], True),
+        ([[1.0, -0.3], [-0.3, 0.6]], True),
+        ([[1.0, 0.0], [0.0, 0.6]], True),
+        ([[1.0, 0.7], [0.7, 1.0]], False),  # more than two masses at the ends of an arm
+        ([[1.0, 0.4], [-0.4, 1.0]], False),  # turned axes
+        ([[1.0, 0.4], [0.4, -1.0]], False),  # y reversed
+    ],
+)
+def test_roll_and_pitch_mix_as_those_of_a_body(answer, is_a_body):
+    """The paper's payload, on an arm of an X: a flight of roll shows the product of inertia."""
+    rng, vehicle = np.random.default_rng(4), flown.simulated_vehicle("hexa-x").vehicle
+    layout = signal_layout(vehicle)
+    torque = rng.normal(size=(400, 2)) * [100.0, 15.0]
+    R = np.zeros((400, len(layout)))
+    squares = torque @ np.linalg.pinv(np.cross(vehicle.positions, vehicle.axes)[:, :2])
+    R[:, square_columns(vehicle)] = squares + rng.normal(size=(400, 1))
+    R[:, [layout.index("dwx"), layout.index("dwy")]] = torque @ np.array(answer).T
+    found = Response(roll=0.5, pitch=0.5, yaw=0.2)
+    products = signal_products(np.linalg.qr(R)[1], vehicle)
+    mixed = with_coupled_tilts(found, products, drive_columns(vehicle, vehicle))
+    assert mixed.yaw == found.yaw
+    assert (mixed.shares[:2] > 0.999).all() == is_a_body
 
 
 @pytest.mark.parametrize("coupling", [0.1, 0.2, 0.5])

@@ -18,9 +18,16 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.errors import FrameError
+from rotorfit.fit.dataset.coupled_turns import (
+    with_coupled_tilts,
+    with_coupled_yaw,
+    yaw_by_drag,
+)
 from rotorfit.fit.dataset.plausible_units import refuse_implausible_size
 from rotorfit.fit.dataset.response_signals import (
     CLEAR,
+    Response,
+    explained_share,
     inside_band,
     remove_parallel,
     rotor_patterns,
@@ -32,7 +39,6 @@ from rotorfit.fit.reduction.frequency_bands import prepared_bands
 from rotorfit.fit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.flight.imu_tilt import LEAST_TILT, mean_force_tilt, tilt_phrase
 from rotorfit.flight.motors.motor_model import MotorResponse
-from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import LAYOUTS, Rotor, Vehicle, layout_rotors, reversed_rotor
 
@@ -47,52 +53,15 @@ if TYPE_CHECKING:
 
 BETTER = 0.6
 """Log of how many times less another declaration leaves unexplained, summed over the axes."""
+COUPLED: Final = 0.3
+"""The same where roll and pitch may mix by a product of inertia."""
 ALIKE = 0.02
 """Declarations whose scores differ by less explain the flight equally well."""
-NEGLIGIBLE = 0.1
-"""An unexplained share below which two declarations count as equal."""
 LAGS_TRIED = (LAG_PRIOR[0], 0.06, 0.1, 0.012)
 """Of motors whose lag is not known [s]: a refusal holds for all of them. At one that is too short
 a vehicle that circles in roll and pitch, as in a limit cycle, responds as if its IMU was turned."""
-MOST_COUPLED: Final = 0.3
-"""Acceleration about z over those of roll and pitch, up to which products of inertia may make it:
-principal axes turned by 30 degrees make .25 where Izz is twice Ixx."""
-AS_EXPLAINED: Final = 0.5
-"""Share of what rotors anywhere explain of roll and pitch, which the declared ones explain, too."""
-INDEPENDENT: Final = 0.9
-"""Share of the drag's pattern that is neither thrust, roll nor pitch, from which spins are such
-as a vehicle needs to yaw: 1 as it should be, .25 with one of four spins reversed."""
 PARALLEL = 1e-9
 """Share of two drives' product of squares, up to which they are one."""
-
-
-@frozen_dataclass
-class Response:
-    """Signed share of each angular acceleration that the rotors explain (1: all, -1: reversed)."""
-
-    roll: float
-    pitch: float
-    yaw: float
-
-    @property
-    def shares(self) -> Float[np.ndarray, " 3"]:
-        """Roll, pitch, yaw."""
-        return np.array([self.roll, self.pitch, self.yaw])
-
-    @property
-    def score(self) -> float:
-        """Sum over the axes: 3 is perfect."""
-        return float(self.shares.sum())
-
-    @property
-    def fits(self) -> bool:
-        """Whether at least two axes are explained: one may be so by chance in a gusty hover."""
-        return int((self.shares > CLEAR).sum()) >= 2
-
-    def gain_over(self, other: Response) -> float:
-        """Compute the factor by which the unexplained part is smaller, see `BETTER`."""
-        left = np.maximum(1.0 - np.array([other.shares, self.shares]), NEGLIGIBLE)
-        return float(np.log(left[0] / left[1]).sum())
 
 
 def response(factors: Factors, vehicle: Vehicle, *, made_for: Vehicle | None = None) -> Response:
@@ -103,7 +72,7 @@ def response(factors: Factors, vehicle: Vehicle, *, made_for: Vehicle | None = N
     """
     declared = made_for or vehicle
     return _response_by_rotors(
-        _signal_products(inside_band(factors), declared), vehicle, declared=declared
+        signal_products(inside_band(factors), declared), vehicle, declared=declared
     )
 
 
@@ -113,7 +82,7 @@ def free_response(factors: Factors, vehicle: Vehicle) -> Response:
     squares = R[:, square_columns(vehicle)]
     thrust = squares @ vehicle.axes[:, 2]
     shares = [
-        _explained_share(
+        explained_share(
             remove_parallel(R[:, [layout.index(name)]], thrust)[:, 0],
             remove_parallel(squares, thrust),
         )
@@ -122,7 +91,7 @@ def free_response(factors: Factors, vehicle: Vehicle) -> Response:
     return Response(roll=shares[0], pitch=shares[1], yaw=shares[2])
 
 
-def _signal_products(R: Float[np.ndarray, "z z"], declared: Vehicle) -> Float[np.ndarray, "c c"]:
+def signal_products(R: Float[np.ndarray, "z z"], declared: Vehicle) -> Float[np.ndarray, "c c"]:
     """Return the products of roll, pitch, yaw, the rotors' spin-up and their squared speeds."""
     layout = signal_layout(declared)
     named = [layout.index(name) for name in ("dwx", "dwy", "dwz", "dHz")]
@@ -134,12 +103,12 @@ def _response_by_rotors(
     products: Float[np.ndarray, "c c"], vehicle: Vehicle, *, declared: Vehicle
 ) -> Response:
     """Compute the response by these rotors, from the products made for the declared ones."""
-    roll, pitch, yaw = _signed_shares(products, _drive_columns(vehicle, declared)).tolist()
+    roll, pitch, yaw = _signed_shares(products, drive_columns(vehicle, declared)).tolist()
     return Response(roll=roll, pitch=pitch, yaw=yaw)
 
 
-def _drive_columns(vehicle: Vehicle, declared: Vehicle) -> Float[np.ndarray, "3 4 c"]:
-    """Return for roll, pitch and yaw the thrust, signal and drive, of `_signal_products`.
+def drive_columns(vehicle: Vehicle, declared: Vehicle) -> Float[np.ndarray, "3 4 c"]:
+    """Return for roll, pitch and yaw the thrust, signal and drive, of `signal_products`.
 
     One drive or two; zeros stand for none.
     """
@@ -158,17 +127,6 @@ def _drive_columns(vehicle: Vehicle, declared: Vehicle) -> Float[np.ndarray, "3 
             [thrust, one[2], drag, spin_up],
         ]
     )
-
-
-def _explained_share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
-    import scipy.linalg  # slow to import
-
-    total = float(y @ y)
-    if total == 0.0:
-        return 0.0
-    lengths = np.linalg.norm(D, axis=0)
-    D = D / np.where(lengths > 0, lengths, 1.0)
-    return float(y @ D @ scipy.linalg.pinv(D, rtol=1e-6) @ y) / total
 
 
 def _signed_shares(
@@ -213,18 +171,24 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     that no body on these arms can respond as the gyro says.
     """
     R = inside_band(factors)
-    products = _signal_products(R, vehicle)
+    products = signal_products(R, vehicle)
     declared = _response_by_rotors(products, vehicle, declared=vehicle)
     every, words = _others_tried(products, vehicle, declared)
     scores = every.sum(axis=1)
     roll, pitch, yaw = every[int(np.argmax(scores))].tolist()
     best = Response(roll=roll, pitch=pitch, yaw=yaw)
     free = free_response(factors, vehicle)
+    drives = drive_columns(vehicle, vehicle), _other_drives(vehicle)[0][int(np.argmax(scores))]
+    coupled, best_coupled = (
+        with_coupled_tilts(found, products, drive)
+        for found, drive in zip((declared, best), drives, strict=True)
+    )
     seen = (
         f"the declared rotors explain roll, pitch and yaw by {_shown_response(declared)} "
         "(+1: fully, 0: not at all, -1: reversed)"
     )
     better = best.fits and best.gain_over(declared) > BETTER
+    better = better and best_coupled.gain_over(coupled) > COUPLED
     better = better and _is_sure(best, declared, R, vehicle)
     if better and not _is_hidden(best, free):
         # The simplest that fit come first; where several fit alike, two are named.
@@ -234,7 +198,7 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
             "correct the rotors' order and spin, or the log's axes"
         )
     refuse_turned(factors, vehicle)
-    if better or _is_hidden(with_coupled_yaw(declared, free, R, vehicle), free):
+    if better or _is_hidden(with_coupled_yaw(coupled, free, R, vehicle), free):
         raise FrameError(
             f"{seen}; with rotor positions left free, the speeds explain {_shown_response(free)}: "
             "check the rotors' positions, order and spin, and the log's axes"
@@ -250,60 +214,6 @@ def _is_sure(best: Response, declared: Response, R: np.ndarray, vehicle: Vehicle
     # roll and pitch torques do to it: by products of inertia or tilted motors they turn about z,
     # and an autopilot that holds yaw opposes that by drag of either sign.
     return bool(others.max() > ALIKE) or yaw_by_drag(R, vehicle) < -CLEAR
-
-
-def with_coupled_yaw(
-    declared: Response, free: Response, R: np.ndarray, vehicle: Vehicle
-) -> Response:
-    """Return the response with what roll and pitch torques explain of yaw, where they may.
-
-    By products of inertia a flight of one axis at a time turns about z more by them than by drag.
-
-    Parameters
-    ----------
-    declared, free
-        Responses to the declared rotors, and to rotors anywhere.
-    R
-        Factor of the signals.
-    vehicle
-        The rotors.
-    """
-    across = declared.shares[:2]
-    if across.max() < 1.0 - CLEAR or (across < AS_EXPLAINED * free.shares[:2]).any():
-        return declared
-    layout, patterns = signal_layout(vehicle), rotor_patterns(vehicle)
-    if 1.0 - _explained_share(patterns[:, 3], patterns[:, :3]) < INDEPENDENT:
-        return declared
-    squares = R[:, square_columns(vehicle)] @ patterns
-    turns = R[:, [layout.index(name) for name in ("dwx", "dwy", "dwz", "dHz")]]
-    signals = remove_parallel(np.hstack([turns, squares[:, 1:]]), squares[:, 0])
-    roll, pitch, yaw = np.linalg.norm(signals[:, :3], axis=0).tolist()
-    if yaw > MOST_COUPLED * np.hypot(roll, pitch):
-        return declared
-    coupled = _explained_share(signals[:, 2], signals[:, 3:])
-    return replace(declared, yaw=max(declared.yaw, coupled))
-
-
-def yaw_by_drag(R: Float[np.ndarray, "r z"], vehicle: Vehicle) -> float:
-    """Return the share of yaw that drag and spin-up explain, beside thrust, roll and pitch.
-
-    With the sign of the drag's.
-
-    - `R`: factor of the signals.
-    - `vehicle`: the rotors.
-    """
-    import scipy.linalg  # slow to import
-
-    layout = signal_layout(vehicle)
-    driven = R[:, square_columns(vehicle)] @ rotor_patterns(vehicle)
-    others, drag = driven[:, :3], driven[:, 3]
-    columns = np.column_stack([R[:, layout.index("dwz")], drag, R[:, layout.index("dHz")]])
-    basis: Float[np.ndarray, "z k"] = scipy.linalg.orth(others)
-    yaw, *drives = (columns - basis @ (basis.T @ columns)).T
-    D = np.column_stack(drives)
-    response: Float[np.ndarray, " 2"] = scipy.linalg.pinv(D, rtol=1e-9) @ yaw
-    explained = float(np.sum((D @ response) ** 2)) / max(float(yaw @ yaw), np.finfo(float).tiny)
-    return float(np.copysign(explained, response[0]))
 
 
 def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:
@@ -372,7 +282,7 @@ def _other_drives(
     """Compute the drives of roll, pitch and yaw by other declarations, and which keep the spins."""
     others, words = zip(*_other_declarations(vehicle), strict=True)
     agree = np.array([float(other.spins @ vehicle.spins) for other in others])
-    drives = np.array([_drive_columns(other, vehicle) for other in others])
+    drives = np.array([drive_columns(other, vehicle) for other in others])
     return drives, np.abs(agree) == len(vehicle.rotors), words
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.model.signals import signal_layout
 
 if TYPE_CHECKING:
@@ -18,6 +19,37 @@ CLEAR = 0.3
 """A share of the angular acceleration that is explained beyond doubt."""
 BAND = (0.3, 15.0)
 """Frequencies between which a vehicle responds to its rotors [Hz]."""
+NEGLIGIBLE = 0.1
+"""An unexplained share below which two declarations count as equal."""
+
+
+@frozen_dataclass
+class Response:
+    """Signed share of each angular acceleration that the rotors explain (1: all, -1: reversed)."""
+
+    roll: float
+    pitch: float
+    yaw: float
+
+    @property
+    def shares(self) -> Float[np.ndarray, " 3"]:
+        """Roll, pitch, yaw."""
+        return np.array([self.roll, self.pitch, self.yaw])
+
+    @property
+    def score(self) -> float:
+        """Sum over the axes: 3 is perfect."""
+        return float(self.shares.sum())
+
+    @property
+    def fits(self) -> bool:
+        """Whether at least two axes are explained: one may be so by chance in a gusty hover."""
+        return int((self.shares > CLEAR).sum()) >= 2
+
+    def gain_over(self, other: Response) -> float:
+        """Compute the factor by which the unexplained part is smaller, see `BETTER`."""
+        left = np.maximum(1.0 - np.array([other.shares, self.shares]), NEGLIGIBLE)
+        return float(np.log(left[0] / left[1]).sum())
 
 
 def select_response_band(factors: Factors) -> Factors:
@@ -69,3 +101,15 @@ def cross_signals(
     along = thrust @ every[:, 1:] / size if size > 0.0 else np.zeros(4)
     rest: Float[np.ndarray, "r 4"] = own[:, 1:] - np.outer(own[:, 0], along)
     return rest[:, :2], rest[:, 2:]
+
+
+def explained_share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
+    """Compute the share of a signal that drives explain with any coefficients."""
+    import scipy.linalg  # slow to import
+
+    total = float(y @ y)
+    if total == 0.0:
+        return 0.0
+    lengths = np.linalg.norm(D, axis=0)
+    D = D / np.where(lengths > 0, lengths, 1.0)
+    return float(y @ D @ scipy.linalg.pinv(D, rtol=1e-6) @ y) / total
