@@ -139,9 +139,22 @@ def test_a_known_payload_sharpens_kd_and_the_height_of_the_com(two_flights):
         (PAYLOAD.replace('"A"', '"C"'), 1.452, "payload_of = 'C' must name another"),
         (PAYLOAD.replace('"A"', '"B"'), 1.452, "payload_of = 'B' must name another"),
         (PAYLOAD, 1.6, "weighs 0.315 kg more than 'A', but its payload 0.167 kg"),
+        (PAYLOAD, 1.465, "weighs 0.180 kg more than 'A', but its payload 0.167 kg"),
         (PAYLOAD.replace("0.125", "-0.125"), 1.452, "should be greater than 0"),
     ],
 )
 def test_payloads_that_cannot_be_are_refused(tmp_path, link, mass, words):
     with pytest.raises(ExperimentError, match=re.escape(words)):
         load_experiment(experiment_text(tmp_path, link, mass=mass))
+
+
+def test_a_payload_says_what_its_vehicle_weighs(tmp_path):
+    path = experiment_text(tmp_path, PAYLOAD)
+    path.write_text(
+        re.sub(r"mass = 1.452\n", "", path.read_text(encoding="utf-8")), encoding="utf-8"
+    )
+    assert load_experiment(path).configuration[1].mass == pytest.approx(1.285 + 0.125 + 0.042)
+    bare = path.read_text(encoding="utf-8").replace("mass = 1.285", 'mass = "unknown"')
+    path.write_text(bare, encoding="utf-8")
+    with pytest.raises(ExperimentError, match="mass is missing"):
+        load_experiment(path)

@@ -108,7 +108,7 @@ REAL = {
         "not",
     ),  # about yaw less than the estimate gives
     "arplab-crazyflie/log15": ("well", "well", "well", "not"),
-    "betaflight/LOG00007.BFL": ("roughly", "not", "not", "not"),
+    "betaflight/LOG00007.BFL": ("roughly", "not", "not", "not"),  # weight and changes differ
     "betaflight/LOG00037.BFL": ("roughly", "not", "not", "not"),  # kt is doubtful, by its sensor
     "ardupilot-dronekit/log171.bin": (
         "well",

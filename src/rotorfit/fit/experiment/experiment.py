@@ -7,7 +7,7 @@ message names the place in the file. Paths of flights are relative to the file.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
@@ -75,6 +75,12 @@ class MotorsEntry(Strict):
                 "rising and falling apart where they ask for it: leave lag_down out"
             )
         return self
+
+
+LEAST_MISWEIGHED: Final = 0.002
+MISWEIGHED: Final = 0.004
+"""Difference between what a payload weighs and what its vehicle gained by it, that two scales may
+make [kg]: at least, and as a share of the mass."""
 
 
 class PayloadEntry(Strict):
@@ -154,6 +160,14 @@ class Experiment(Strict):
     identification: IdentificationEntry = IdentificationEntry()
     configuration: tuple[ConfigurationEntry, ...] = Field(min_length=1)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _masses_with_payloads(cls, data: Any) -> Any:
+        listed = data.get("configuration") if isinstance(data, dict) else None
+        if not isinstance(listed, list):
+            return data
+        return {**data, "configuration": [_with_mass(one, listed) for one in listed]}
+
     @model_validator(mode="after")
     def _payloads_fit(self) -> Experiment:
         bodies = {entry.name: entry for entry in self.configuration}
@@ -189,6 +203,19 @@ class Experiment(Strict):
         return self
 
 
+def _with_mass(entry: Any, configurations: Sequence[Any]) -> Any:
+    """Return a configuration with the mass of the bare one and its payload, where it has none."""
+    if not isinstance(entry, dict) or "mass" in entry:
+        return entry
+    tables = [one for one in configurations if isinstance(one, dict)]
+    bare = next((one for one in tables if one.get("name", "A") == entry.get("payload_of")), {})
+    try:
+        parts = [bare["mass"], *(item["mass"] for item in entry["payload"])]
+        return {**entry, "mass": sum(map(float, parts))}
+    except (KeyError, TypeError, ValueError):
+        return entry  # what is missing or no number is said where the tables are checked
+
+
 def _refuse_payload(entry: ConfigurationEntry, bare: ConfigurationEntry | None) -> None:
     """Raise an error if a payload does not explain the difference of two configurations."""
     if bare is None or bare is entry or bare.payload_of is not None:
@@ -201,7 +228,7 @@ def _refuse_payload(entry: ConfigurationEntry, bare: ConfigurationEntry | None) 
     carried = sum(item.mass for item in entry.payload)
     spread = 3.0 * (entry.mass_std + bare.mass_std + sum(i.mass_std for i in entry.payload))
     off = entry.mass - bare.mass - carried
-    if abs(off) > 0.005 + spread:
+    if abs(off) > max(LEAST_MISWEIGHED, MISWEIGHED * entry.mass) + spread:
         raise ValueError(
             f"configuration {entry.name!r} weighs {entry.mass - bare.mass:.3f} kg more than "
             f"{bare.name!r}, but its payload {carried:.3f} kg; weigh again, or list all it carries"
