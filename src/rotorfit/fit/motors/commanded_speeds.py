@@ -4,6 +4,10 @@ A law that is wrong by a factor leaves forces and inertia as they are, and takes
 with it: by its inverse square, and its inverse. One whose slope is wrong makes changes of thrust
 another share of the weight.
 
+A law that the flight shows, or that a setting of the firmware states, has the slope of the motors
+about hover, and not their curvature. Rotors that hover on unequal thrust then differ in slope as no
+model of equal rotors does, and the fit makes unequal rotors of it, which moves the centre of mass.
+
 At its lowest and highest command a motor does what its law does not say: it coasts, or gives what
 the battery has. Where commands tell the speed, those two speeds are as open as that.
 """
@@ -107,11 +111,13 @@ def allow_for_law(fit: Fit) -> Fit:
         return fit
     scale = scale_shift(fit.numbers, std)
     slope = _slope_shift(fit, law) if law.slope_std else np.zeros(len(scale))
+    has_open_curve = law.stated or fit.dataset.law_found
+    curve = _curve_shift(fit) if has_open_curve else np.zeros(len(scale))
     fit = fit.with_terms(
         IntervalTerm(
             name="motor law",
-            half_width=1.96 * np.hypot(scale, slope),
-            source="deviations of the law's speeds and of its slope",
+            half_width=1.96 * np.linalg.norm([scale, slope, curve], axis=0),
+            source="deviations of the law's speeds, of its slope and of its curvature",
         )
     )
     reach = 1.96 * law.slope_std
@@ -152,6 +158,23 @@ def _slope_shift(fit: Fit, law: MotorLaw) -> Float[np.ndarray, " q"]:
         return bend_speed(speed, 1.0 + law.slope_std, anchor=usual)
 
     return shift_by_speeds(fit, with_other_speeds(fit.dataset, steeper))
+
+
+CURVE_STD: Final = 0.14
+"""Deviation of d ln(dT/du)/d ln T in hover, T the thrust over the command u, of real motors from a
+power of the command with their slope there: rms of thrust curves f u^2 + (1 - f) u, f from 0 to 1,
+that start at -10 to 15 % of the command, with hover at 30 to 70 %."""
+
+
+def _curve_shift(fit: Fit) -> Float[np.ndarray, " q"]:
+    """Compute how far numbers go where the law is bent about hover, its slope there unchanged."""
+
+    def bent(speed: Speeds, flown: Float[np.ndarray, "m N"]) -> Speeds:
+        usual = float(np.median(flown))
+        thrust = np.square(speed / usual)
+        return usual * np.sqrt(thrust + 0.5 * CURVE_STD * np.square(thrust - 1.0))
+
+    return shift_by_speeds(fit, with_other_speeds(fit.dataset, bent))
 
 
 def hover_share(law: MotorLaw, speed: float, std: float) -> float:
