@@ -279,6 +279,14 @@ def test_late_speeds_are_said_where_the_whole_interval_is_late(delay, std, said)
     assert seen.interval == pytest.approx((delay - 1.96 * std, delay + 1.96 * std))
 
 
+@pytest.mark.parametrize(("delay", "doubted"), [(0.041, True), (0.018, False), (-0.041, False)])
+def test_speeds_as_early_as_motors_lag_doubt_inertia(delay, doubted):
+    """Speeds asked for, of motors with a lag of 40 ms: Ixx was 3.5 half-widths off, identified."""
+    (found,) = late_speeds(timed(delay, 0.0003))
+    assert found.is_about("Ixx@A") is doubted
+    assert ("asked for" in found.sentence) is doubted
+
+
 def test_a_delay_that_was_given_is_no_doubt():
     given = MotorTiming(response=MotorResponse(delay=0.05), total_std=0.0)
     fit = made_fit.fit(replace(made_fit.dataset(made_fit.prepared()), motor_timing=given))

@@ -152,6 +152,13 @@ def test_the_numbers_exist(kind):
     assert set(named.numbers) <= set(EVERY)
 
 
+def test_speeds_asked_for_make_inertia_doubtful():
+    """Twelve simulated bags with `command/motor_speed`: 2 to 3.8 half-widths off, identified."""
+    [named] = name_resting_numbers([doubt("speed-asked-for", "said")])
+    assert named.doubtful_because is not None
+    assert [named.is_about(name) for name in ("kt", "Ixx@A", "com_x@A")] == [True, True, True]
+
+
 def test_a_finding_that_names_numbers_keeps_them():
     own = doubt(FROZEN, "said", numbers=("kd",))
     assert name_resting_numbers([own]) == (own,)

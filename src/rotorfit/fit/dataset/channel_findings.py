@@ -151,7 +151,10 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     "slow-rotors": RestsOn(numbers=BY_ROTORS),
     "beyond-law": RestsOn(numbers=BY_ROTORS),
     "falling-law": RestsOn(numbers=BY_ROTORS),
-    "speed-asked-for": RestsOn(numbers=BY_ROTORS),
+    "speed-asked-for": RestsOn(
+        numbers=(*BY_CLOCK, *BY_THRUST),
+        doubtful_because="the speeds are those asked for, which the motors reach later or never",
+    ),
     "unclear-outputs": RestsOn(numbers=BY_ROTORS),
     "other-units": RestsOn(numbers=BY_ROTORS),
     "slow-log": RestsOn(numbers=BY_TURNS),
