@@ -44,6 +44,27 @@ def test_samples_late_by_chance_are_evened_out(std):
     assert found.late == pytest.approx(2.5 * std, rel=0.5)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_late_samples_that_seldom_leave_a_gap_are_spread(seed):
+    """One step in a hundred is a gap: the flight was refused, as torn by a recorder."""
+    taken = 0.005 * np.arange(8000)
+    late = np.random.default_rng(seed).exponential(0.0017, len(taken))
+    arrived = np.maximum.accumulate(taken + late) + 1e-9 * np.arange(len(taken))
+    gaps = np.mean(np.diff(arrived) > 2.5 * np.median(np.diff(arrived)))
+    assert 0.0025 < gaps < 0.015
+    assert np.std((find_arrivals(arrived).time - taken)[100:-100]) < 0.0005
+
+
+def test_seldom_lost_samples_with_jitter_are_left():
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        kept = np.ones(8000, dtype=bool)
+        for first in rng.integers(0, 7900, int(40 * rng.uniform(0.3, 3.0))):
+            kept[first : first + rng.integers(1, 20)] = False
+        jitter = 0.001 * rng.random(8000)
+        assert find_arrivals((0.005 * np.arange(8000) + jitter)[kept]) is None
+
+
 @pytest.mark.parametrize("lost", [0.0, 0.05, 0.3, 0.6])
 def test_times_of_samples_lost_by_chance_are_left(lost):
     kept = TAKEN[np.random.default_rng(2).random(len(TAKEN)) >= lost]
