@@ -15,7 +15,7 @@ from rotorfit.flight.motors.coarse_speeds import coarse_speeds_sentence
 from rotorfit.flight.motors.halved_speeds import halved_speed_sentence
 from rotorfit.flight.signals import repeated_rows, true_runs, whole_samples
 from rotorfit.frozen_dataclass import frozen_dataclass
-from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
+from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog, other_columns
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator, Sequence
@@ -198,14 +198,6 @@ def _no_motors(log: FlightLog, motor_name: str, has: str) -> str:
         "telemetry or motor outputs: without them only the motion is known, not what caused it"
         f"{other_columns(log)}"
     )
-
-
-def other_columns(log: FlightLog) -> str:
-    """Advise on columns that a table may have under other names than rotorfit's."""
-    if log.format != "table":
-        return ""
-    proposed = f"rotorfit airframe {log.as_argument}"
-    return f". If the table has other names for it, {proposed} proposes which is which"
 
 
 def takes_battery(log: FlightLog, law: MotorLaw | None) -> bool:

@@ -348,3 +348,17 @@ AIRLESS_ROTORS: Final = (SIH,)
 def simulated_sentence(simulator: str) -> str:
     """State that a flight is simulated, and what its simulator leaves out."""
     return f"flown in {simulator}, a simulator: {LEAVES_OUT[simulator]}"
+
+
+def other_columns(log: FlightLog) -> str:
+    """Advise on numbers that a table or recording may have under names that rotorfit lacks."""
+    unknown = log.metadata.get("other topics")
+    if log.format == "rosbag" and unknown:
+        return (
+            f". Where it is among the topics that rotorfit does not know ({unknown}), name it with "
+            'a columns map, as rotor_1 = { name = "/TOPIC.path[0]", unit = "rad/s" }'
+        )
+    if log.format != "table":
+        return ""
+    proposed = f"rotorfit airframe {log.as_argument}"
+    return f". If the table has other names for it, {proposed} proposes which is which"

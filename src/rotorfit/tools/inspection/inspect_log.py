@@ -19,11 +19,11 @@ from rotorfit.fit.dataset.plausible_units import (
     gravity_seen,
     gyro_in_degrees,
 )
-from rotorfit.flight.flight_checks import other_columns
 from rotorfit.flight.mocap.camera import camera_clock
 from rotorfit.flight.motors.rotor_telemetry import Telemetry, telemetry
 from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.firmware import NO_BATTERY, NO_SPEED, SENSORS, Lack, Setting, filters_on_board
+from rotorfit.logs.flight_log import other_columns
 from rotorfit.tools.inspection.advised_settings import (
     channel_reports,
     lacks_of,
