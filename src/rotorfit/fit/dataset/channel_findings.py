@@ -155,6 +155,11 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
         numbers=(*BY_CLOCK, *BY_THRUST),
         doubtful_because="the speeds are those asked for, which the motors reach later or never",
     ),
+    "several-vehicles": RestsOn(numbers=BY_ROTORS),
+    "unlike-clocks": RestsOn(
+        numbers=("motor_delay", "command_delay"),
+        doubtful_because="gyro and motors have times of two kinds",
+    ),
     "unclear-outputs": RestsOn(numbers=BY_ROTORS),
     "other-units": RestsOn(numbers=BY_ROTORS),
     "slow-log": RestsOn(numbers=BY_TURNS),

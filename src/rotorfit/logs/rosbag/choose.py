@@ -6,6 +6,7 @@ rosbags, which may not be there.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
@@ -102,6 +103,16 @@ STAMPS: Final[Sequence[Sequence[str]]] = (
 AIMS: Final = ("setpoint", "set_point", "command", "cmd", "target", "desired", "reference", "goal")
 """Words in the name of a topic that is a set point, not a measurement."""
 CAMERAS: Final = ("mocap", "vicon", "vrpn", "optitrack", "natnet", "qualisys", "qtm", "motion_cap")
+IMU: Final = ("gyro", "accel")
+ELSEWHERE: Final = frozenset(
+    {
+        *("camera", "cam", "realsense", "d435i", "t265", "zed", "oak", "gimbal"),
+        *("lidar", "livox", "ouster", "velodyne"),
+    }
+)
+"""Words in the name of an IMU that sits in another device, with axes of its own."""
+ALIKE: Final = 0.8
+"""Share of the fastest rate from which a raw IMU is taken before one that a driver filtered."""
 ESTIMATES: Final = ("local_position", "estimat", "odom", "ekf", "fused", "slam", "vio", "gps")
 
 
@@ -301,7 +312,14 @@ def _best_candidate(
     if name == "velocity":
         place = taken.get("position")
         options = [o for o in options if place is not None and o.topic == place.topic]
-    return max(options, key=lambda o: (_rank_candidate(name, o), o.rate), default=None)
+    fastest = max((o.rate for o in options), default=0.0)
+    raw = name in IMU
+
+    def merit(option: Candidate) -> tuple[int, bool, float]:
+        is_raw = raw and "raw" in option.topic.lower() and option.rate > ALIKE * fastest
+        return _rank_candidate(name, option), is_raw, option.rate
+
+    return max(options, key=merit, default=None)
 
 
 def _rank_candidate(name: str, option: Candidate) -> int:
@@ -312,6 +330,8 @@ def _rank_candidate(name: str, option: Candidate) -> int:
         merit += 2 * any(word in words for word in CAMERAS)
         merit -= any(word in words for word in ESTIMATES) or "Odometry" in option.kind
         merit -= 2 * (option.kind == "sensor_msgs/Imu")
+    if name in IMU:
+        merit -= bool(ELSEWHERE & set(re.split(r"[^a-z0-9]+", words)))
     if name == "command":
         merit += option.kind in ("px4_msgs/ActuatorMotors", "mavros_msgs/RCOut")
     return merit

@@ -23,12 +23,14 @@ from rotorfit.logs.rosbag.choose import (
     mapped_channels,
 )
 from rotorfit.logs.rosbag.stream import Contents, Recorded, Timing, require_rosbags, timings
+from rotorfit.logs.rosbag.vehicles import keep_one_vehicle
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from rotorfit.logs.columns import ColumnSpec
+    from rotorfit.logs.rosbag.stream import Basis
     from rotorfit.logs.units import Axes
 
 _SHOWN: Final = 20
@@ -78,7 +80,8 @@ def _make_log(
     start = min((int(recorded.received.min()) for recorded in topics), default=0)
     clocks = timings(topics, start)
     found = candidates(topics, clocks, axes)
-    taken, notes = chosen(found, asked)
+    one_vehicle, vehicles = keep_one_vehicle(found, set(asked.values()))
+    taken, notes = chosen(one_vehicle, asked)
     channels = {name: one.channel for name, one in taken.items()}
     channels |= mapped_channels(topics, clocks, mapped, axes=axes, motor_poles=motor_poles)
     if not channels:
@@ -99,6 +102,8 @@ def _make_log(
         findings=(
             *doubts("damaged-log", _describe_damage(contents)),
             *doubts("speed-asked-for", _note_aims(taken)),
+            *doubts("several-vehicles", vehicles),
+            *doubts("unlike-clocks", _compare_clocks(topics, clocks, taken)),
             *doubts("unclear-outputs", unclear),
         ),
     )
@@ -167,6 +172,33 @@ def _clock_notes(topics: Sequence[Recorded], clocks: Sequence[Timing], used: set
         if recorded.topic.name in used:
             words.setdefault(timing.why, []).append(recorded.topic.name)
     return [f"Time of {', '.join(names)}: {why}." for why, names in words.items()]
+
+
+_CLOCKS: Final[Mapping[Basis, str]] = {
+    "stamps": "stamps of the recorder's clock",
+    "moved": "stamps of another clock",
+    "receipt": "the times of their receipt",
+}
+
+
+def _compare_clocks(
+    topics: Sequence[Recorded], clocks: Sequence[Timing], taken: Mapping[str, Candidate]
+) -> list[str]:
+    """Explain that gyro and motors have times of two kinds: how late messages are tells one."""
+    basis: dict[str, Basis] = {
+        recorded.topic.name: timing.basis for recorded, timing in zip(topics, clocks, strict=True)
+    }
+    motors = taken.get("rotor_speed") or taken.get("command")
+    if motors is None or "gyro" not in taken:
+        return []
+    gyro = basis[taken["gyro"].topic]
+    if gyro == basis[motors.topic]:
+        return []
+    return [
+        f"messages of {taken['gyro'].topic} have {_CLOCKS[gyro]} and those of {motors.topic} "
+        f"{_CLOCKS[basis[motors.topic]]}, so that motor_delay includes how long messages take: "
+        "stamp both by one clock"
+    ]
 
 
 def _left_out(contents: Contents) -> list[str]:

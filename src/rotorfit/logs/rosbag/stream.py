@@ -124,15 +124,20 @@ _BACKWARDS: Final = 0.1
 _REPEATED: Final = 0.2
 
 
+Basis: TypeAlias = Literal["stamps", "moved", "receipt"]
+"""Stamps by the recorder's clock, stamps of a clock that began elsewhere, or times of receipt."""
+
+
 @frozen_dataclass
 class Timing:
     """The clock of one topic, since the beginning of the recording [s].
 
-    `why` has the numbers that decided.
+    `why` has the numbers that decided, `basis` says whose times they are.
     """
 
     time: Float[np.ndarray, " n"]
     why: str
+    basis: Basis
 
 
 def timings(topics: Sequence[Recorded], start: int) -> list[Timing]:
@@ -169,14 +174,14 @@ def _shared_offset(offset: float | None, offsets: Sequence[float | None]) -> flo
 def _topic_timing(topic: Recorded, own: float | None, offset: float | None, start: int) -> Timing:
     received = _seconds_between(topic.received, np.full(1, start))
     if own is None or offset is None:
-        return Timing(time=received, why=_why_not(topic))
+        return Timing(time=received, why=_why_not(topic), basis="receipt")
     delay = _seconds_between(topic.received, topic.stamps)
     time = received - delay + offset
     if offset == 0.0:
         why = f"stamps, received {1e3 * float(np.median(delay)):.1f} ms later (median)"
-        return Timing(time=time, why=why)
+        return Timing(time=time, why=why, basis="stamps")
     why = f"stamps of a clock that began elsewhere, moved by {offset:.3f} s to the recorder's"
-    return Timing(time=time, why=why)
+    return Timing(time=time, why=why, basis="moved")
 
 
 def _why_not(topic: Recorded) -> str:
