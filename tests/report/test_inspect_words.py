@@ -195,7 +195,8 @@ def test_a_share_has_no_exponent():
     ("late", "words"),
     [
         (0.004, "the vehicle responds 4 ms after the motor data"),
-        (0.04, "write delay = 0.040 under [motors]"),
+        (0.018, "write delay = 0.018 under [motors], as"),
+        (0.04, "log those measured"),
         (0.2, "no motor is so slow; bring motor data and IMU on one clock"),
         (-0.1, "recorded 100 ms after the motion that they cause: their clocks differ"),
     ],

@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from rotorfit.checks.motors.motor_law import law_decides
+from rotorfit.checks.sensors.clocks import ASKED_FOR
 from rotorfit.checks.thrust_against_weight import compare_with_weight
 from rotorfit.checks.verdicts.judge import ratio_words
 from rotorfit.digits import short, with_half
@@ -206,6 +207,11 @@ def lateness_messages(report: LogReport) -> list[str]:
         return [
             f"the commands follow the motion by {-1e3 * late:.0f} ms instead of leading it: the "
             "pilot hardly steers, and the autopilot reacts to gusts and to the noise of its gyro"
+        ]
+    if measured and late > ASKED_FOR:
+        return [
+            f"{words}: these may be the speeds that were asked for, which motors reach that much "
+            f"later; log those measured, or, if they are, write delay = {late:.3f} under [motors]"
         ]
     if measured and late > SEARCHED:
         return [

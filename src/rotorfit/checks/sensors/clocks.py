@@ -133,7 +133,9 @@ def late_speeds(fit: Fit) -> Iterator[Finding]:
         doubtful_because="the motors may reach the logged speeds later than they are asked for"
         if may_be_asked_for
         else "an accelerometer behind a low-pass makes rotor speeds look early",
-        next_step="log both by one clock, and fly 20 s of brisk rolls",
+        next_step="log the measured rotor speeds, by the clock of the gyro"
+        if may_be_asked_for
+        else "log both by one clock, and fly 20 s of brisk rolls",
     )
     yield replace(checked, evidence=(evidence,))
 

@@ -154,6 +154,7 @@ RESTS_ON: Final[Mapping[str, RestsOn]] = {
     "speed-asked-for": RestsOn(
         numbers=(*BY_CLOCK, *BY_THRUST),
         doubtful_because="the speeds are those asked for, which the motors reach later or never",
+        next_step="record the measured rotor speeds",
     ),
     "several-vehicles": RestsOn(numbers=BY_ROTORS),
     "unlike-clocks": RestsOn(
