@@ -44,6 +44,7 @@ from rotorfit.logs.units import (
     conversion,
     vectors_to_flu,
 )
+from rotorfit.logs.world_velocity import turn_world_velocity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -188,6 +189,9 @@ def read_table(
         channels, notes, time = _make_channels(source, columns or {}, axes, motor_poles, path=path)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
+    turned = turn_world_velocity(channels)
+    if turned is not None:
+        channels, notes = {**channels, "velocity": turned[0]}, [*notes, turned[1]]
     return FlightLog(
         path=path,
         sha256=sha256_of(path),

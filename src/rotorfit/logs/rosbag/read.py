@@ -24,6 +24,7 @@ from rotorfit.logs.rosbag.choose import (
 )
 from rotorfit.logs.rosbag.stream import Contents, Recorded, Timing, require_rosbags, timings
 from rotorfit.logs.rosbag.vehicles import keep_one_vehicle
+from rotorfit.logs.world_velocity import turn_world_velocity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -86,6 +87,10 @@ def _make_log(
     channels |= mapped_channels(topics, clocks, mapped, axes=axes, motor_poles=motor_poles)
     if not channels:
         raise LogError(_explain_nothing(contents)) from contents.cause
+    turned = turn_world_velocity(channels)
+    if turned is not None:
+        channels["velocity"], words = turned
+        notes = [*notes, words]
     used = {one.topic for one in taken.values()}
     unclear: list[str] = []
     if "command" in taken and channels["command"] is taken["command"].channel:
