@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 LEAST_CUT_OFF: Final = 1e-3
 """Least share of the flight that must be cut off: real flights without a fault have none."""
 
+HARMFUL: Final = 0.03
+"""Share from which numbers leave their intervals. Of a gyro of 250 deg/s in six simulated flights
+each, k_t was within 1.1 half-widths below .02, 1.4 off (at most) at .05, 2.6 at .1, 3.4 at .2, and
+inertia 2.8 at .3."""
+
 
 def lowpass_sentence(dataset: TimedDataset) -> str | None:
     """Explain that the motors' times include the delay of a low-pass; None if there is none."""
@@ -56,7 +61,9 @@ def saturated_sensors(fit: Fit) -> Iterator[Finding]:
         if fit.dataset.source == "imu"
         else []
     )
-    yield doubt_or_passed("sensor-saturated", max(found)[1] if found else None)
+    share, words = max(found, default=(0.0, None))
+    because = "a sensor is at the end of its range" if share > HARMFUL else None
+    yield doubt_or_passed("sensor-saturated", words, doubtful_because=because)
 
 
 def cut_off(flight: LoadedFlight) -> list[tuple[float, str]]:
