@@ -7,11 +7,11 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from rotorfit.checks.motors.motor_law import law_decides
-from rotorfit.checks.sensors.clocks import ASKED_FOR
 from rotorfit.checks.thrust_against_weight import compare_with_weight
 from rotorfit.checks.verdicts.judge import ratio_words
 from rotorfit.digits import short, with_half
 from rotorfit.fit.intervals.numbers import LEAST_EXCITATION
+from rotorfit.fit.timing.timing_search import ASKED_FOR
 from rotorfit.sheet import wrapped
 from rotorfit.tools.inspection.motor_lateness import LATEST, SEARCHED
 from rotorfit.tools.inspection.recording import ChannelReport, settings_file

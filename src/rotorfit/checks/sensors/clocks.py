@@ -11,6 +11,7 @@ from rotorfit.digits import with_half
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.dataset.channel_findings import BY_CLOCK
 from rotorfit.fit.sensors.late_accelerometer import ForceDelays
+from rotorfit.fit.timing.timing_search import ASKED_FOR
 from rotorfit.logs.firmware import FILTERED_ACCEL
 from rotorfit.model.parameters import INERTIA
 
@@ -78,10 +79,6 @@ EARLIEST: Final = -0.005
 """Delay of commanded motors that clocks and filters of a log still make [s]."""
 USUAL_DELAY: Final = 0.012
 """Usual delay of measured speeds against the motion, by filters and buses [s]."""
-ASKED_FOR: Final = 0.025
-"""Time by which speeds are early that are asked for rather than measured [s]: motors lag by 20 to
-90 ms. Moments of inertia with a delay in place of a lag of 20 ms are .9 % too large (half of their
-half-width, three flights), of 40 ms 3 to 4 % (two to four half-widths, twelve flights)."""
 
 
 def early_motors(fit: Fit) -> Iterator[Finding]:

@@ -31,6 +31,10 @@ DELAYS_TRIED: Final[Mapping[str, tuple[float, float, int]]] = {
 }
 """The search for the delay of the motion against the motor data: from, to [s], and in how many
 trials. Motion capture comes late by cameras, network and, with commands, the motors' own lag."""
+ASKED_FOR: Final = 0.025
+"""Time by which speeds are early that are asked for rather than measured [s]: motors lag by 20 to
+90 ms. Moments of inertia with a delay in place of a lag of 20 ms are .9 % too large (half of their
+half-width, three flights), of 40 ms 3 to 4 % (two to four half-widths, twelve flights)."""
 FURTHEST: Final = 0.16
 """How far beyond that it goes on where the best delay is at its end [s]."""
 LAGS_TRIED: Final = (0.0, 0.02, 0.04, 0.07, 0.1, 0.14)
