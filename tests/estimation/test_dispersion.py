@@ -145,6 +145,15 @@ def test_a_flight_that_shows_nothing_has_the_mean_of_the_others():
     assert silent.degrees < 5.0 < known[0].degrees
 
 
+def test_what_hardly_shows_a_dispersion_makes_none():
+    """Two flights of one phase each: a bare one, and one with a payload."""
+    hardly, nothing = Dispersion(ratio=9.0, degrees=0.008), Dispersion(ratio=1.0, degrees=0.0)
+    assert max(one.ratio for one in alike([hardly, nothing])) <= 9.0
+    known = Dispersion(ratio=2.0, degrees=12.0)
+    drawn = alike([hardly, known])[0]
+    assert drawn.ratio == pytest.approx(alike([nothing, known])[0].ratio)
+
+
 def test_one_flight_is_left_as_it_is():
     one = Dispersion(ratio=4.0, degrees=7.0)
     assert alike([one]) == [one]

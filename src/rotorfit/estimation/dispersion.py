@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
     from jaxtyping import Bool, Float
 
+FEWEST_DEGREES: Final = 1.0
+"""Degrees of freedom below which the logarithm of a mean square has no mean to speak of: of f of
+them, the one that is taken off goes with 1 / f."""
 LEAST: Final = 1e-9
 """Share of what the parts know that another part can contradict: less is rounding."""
 
@@ -106,7 +109,7 @@ def alike(found: Sequence[Dispersion]) -> list[Dispersion]:
     from scipy import special  # slow to import
 
     ratio, degrees = np.array([(one.ratio, one.degrees) for one in found]).T
-    shown = (degrees > 0.0) & (ratio > 0.0)
+    shown = (degrees >= FEWEST_DEGREES) & (ratio > 0.0)
     if len(found) < 2 or not shown.any():
         return list(found)
     # The logarithm of a mean square of f degrees of freedom has the variance trigamma(f / 2). One
