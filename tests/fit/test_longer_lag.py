@@ -5,28 +5,42 @@ from types import SimpleNamespace
 import pytest
 
 from rotorfit.fit.timing import timing_fit
+from rotorfit.fit.timing.timed_fit import TimedFit
 from rotorfit.fit.timing.timing_fit import LONGER_LAGS, SURE_LOSS
 from rotorfit.flight.motors.motor_model import MotorResponse
 
 
-class Likelihoods:
-    """Fits of a flight whose log-likelihoods are given by the motors' lag."""
+class Tried(TimedFit):
+    """A fit at given times of the motors."""
 
-    def __init__(self, by_lag):
-        self.by_lag, self.tried = by_lag, []
+    @property
+    def ended(self):
+        return self.dataset.response
+
+    @property
+    def free(self):
+        return SimpleNamespace(names=("motor_delay",))
+
+    @property
+    def values(self):
+        return {}
+
+
+class Likelihoods:
+    """Flights whose log-likelihood is given by the motors' lag."""
+
+    def __init__(self, by_lag, response=None, tried=()):
+        self.by_lag, self.response, self.tried = by_lag, response, tried
 
     def at(self, response, names):
         self.tried.append(response.lag)
         return self.fit(response)
 
     def fit(self, response):
-        return SimpleNamespace(
-            dataset=self,
-            ended=response,
-            free=SimpleNamespace(names=("motor_delay",)),
-            values={},
-            estimate=SimpleNamespace(log_likelihood=self.by_lag[response.lag]),
-        )
+        flights = Likelihoods(self.by_lag, response, self.tried)
+        flights.at = self.at
+        likelihood = SimpleNamespace(log_likelihood=self.by_lag[response.lag])
+        return Tried(flights, likelihood, ())
 
 
 @pytest.fixture
@@ -35,7 +49,8 @@ def likeliest(monkeypatch):
     monkeypatch.setattr(timing_fit, "settled_fit", lambda begun, terms: begun)
 
     def found(without, *longer):
-        flights = Likelihoods({0.0: without, **dict(zip(LONGER_LAGS, longer, strict=True))})
+        by_lag = {0.0: without, **dict(zip(LONGER_LAGS, longer, strict=True))}
+        flights = Likelihoods(by_lag, tried=[])
         late = flights.fit(MotorResponse(lag=0.0, delay=0.017))
         best = timing_fit._likeliest_longer_lag(late, ())
         return None if best is None else best.ended, flights.tried
