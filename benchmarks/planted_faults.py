@@ -230,10 +230,60 @@ ROOMS: Final[dict[str, Room]] = {
             ("own = Y - squares", "own = Y"),
             ("(own**2).sum()) + max(across, 0.0)", "(own**2).sum())"),
             ("whole = blocks + degrees", "whole = degrees"),
+            ("degrees >= FEWEST_DEGREES", "degrees > 0.0"),
             ("- (len(values) - 1.0)", ""),
             ("1.0 / (variances + between)", "1.0 / variances"),
             ("information[one], influences[one]", "information, influences"),
         ),
+    ),
+    "estimation/measured.py": Room(
+        tests=("tests/estimation/test_measured.py", "tests/fit/weight/test_kt_from_weight.py"),
+        scaled=(
+            "CHANCE: Final = <<2.0>>",
+            "DOUBTED: Final = <<2.58>>",
+            "CONTRADICTION: Final = <<5.0>>",
+            "reach = wrong * <<max(moved, 1.0 - moved)>>",
+            "moved = kept * <<theirs>> / (own + theirs)",
+        ),
+        changed=(
+            ("max(moved, 1.0 - moved)", "(1.0 - moved)"),
+            ("max(moved, 1.0 - moved)", "moved"),
+            ("float(np.hypot(chance, reach))", "chance"),
+            ("float(np.hypot(chance, reach))", "reach"),
+        ),
+    ),
+    "fit/weight/thrust_change.py": Room(
+        tests=("tests/fit/sensors/test_sensor_response.py",),
+        scaled=(
+            "return <<change>> * GRAVITY",
+            "return <<whole>> * size",
+            "return <<0.5>> * change * size",
+        ),
+    ),
+    "flight/imu_tilt.py": Room(
+        tests=("tests/flight/test_imu_tilt.py",),
+        scaled=("<<drag>> * np.where(known",),
+        changed=(
+            ("x[known] - x[known].mean(axis=0)", "x[known]"),
+            ("np.where(known[:, None], across, 0.0)", "across"),
+        ),
+    ),
+    "fit/dataset/coupled_turns.py": Room(
+        tests=("tests/fit/dataset/test_declared_rotors.py",),
+        scaled=(
+            "MOST_MIXED: Final = <<0.6>>",
+            "across[1, 0] + <<across[0, 1]>>",
+            "<<torques[0, 0]>> + torques[1, 1]",
+        ),
+        changed=(
+            ("a > 0.0 and c > 0.0 and ", ""),
+            (" - np.outer(along, along) / max(size, TINY)", ""),
+        ),
+    ),
+    "checks/motors/changed_thrust.py": Room(
+        tests=("tests/checks/test_changed_rotor.py", "tests/checks/test_spoilt_flights.py"),
+        scaled=("SURE: Final = <<5.0>>", "LEAST_CHANGE: Final = <<0.035>>"),
+        changed=(("/ each))", "))"),),
     ),
     "estimation/reweighted.py": Room(
         tests=("tests/estimation/test_scatter.py", "tests/estimation/test_reweighted.py"),
@@ -535,7 +585,6 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         scaled=(
             "CHANGES_STD = <<0.02>>",
-            "DOUBTED = <<2.58>>",
             "<<share>> * kt.value",
         ),
         changed=(

@@ -6,7 +6,7 @@ import pytest
 from rotorfit.checks.motors.changed_thrust import LEAST_CHANGE, half_change
 
 
-def squares_of_circles(*, change=0.0, period=50.0, seconds=60.0):
+def squares_of_circles(*, period, change=0.0, seconds=60.0):
     """Return squared speeds of a flight that leans to one side for half of each circle.
 
     `change`: of rotors 1 and 3 against the others in the second half.
@@ -17,11 +17,16 @@ def squares_of_circles(*, change=0.0, period=50.0, seconds=60.0):
     return 1.0 + lean + change * late
 
 
-def test_slow_circles_are_no_change_of_a_rotor():
-    squares = squares_of_circles()
+@pytest.mark.parametrize("period", [50.0, 55.0])
+def test_slow_circles_are_no_change_of_a_rotor(period):
+    squares = squares_of_circles(period=period)
     first, second = (half.mean(axis=0) / half.mean() / 4.0 for half in np.array_split(squares, 2))
     assert np.abs(second - first).max() > LEAST_CHANGE
     assert half_change(squares) is None
+
+
+def test_a_small_change_is_not_said():
+    assert half_change(squares_of_circles(change=0.1, period=0.5)) is None
 
 
 @pytest.mark.parametrize(("seconds", "count"), [(60.0, 12), (9.0, 4)])

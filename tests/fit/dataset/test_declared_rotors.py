@@ -287,8 +287,11 @@ def test_roll_and_pitch_mix_as_those_of_a_body(answer, is_a_body):
     torque = rng.normal(size=(400, 2)) * [100.0, 15.0]
     R = np.zeros((400, len(layout)))
     squares = torque @ np.linalg.pinv(np.cross(vehicle.positions, vehicle.axes)[:, :2])
-    R[:, square_columns(vehicle)] = squares + rng.normal(size=(400, 1))
-    R[:, [layout.index("dwx"), layout.index("dwy")]] = torque @ np.array(answer).T
+    thrust = rng.normal(size=(400, 1))
+    R[:, square_columns(vehicle)] = squares + 50.0 * thrust
+    # It turns the vehicle, too, whose centre of mass is off the rotors' centre.
+    turns = torque @ np.array(answer).T + 20.0 * thrust
+    R[:, [layout.index("dwx"), layout.index("dwy")]] = turns
     found = Response(roll=0.5, pitch=0.5, yaw=0.2)
     products = signal_products(np.linalg.qr(R)[1], vehicle)
     mixed = with_coupled_tilts(found, products, drive_columns(vehicle, vehicle))
