@@ -19,7 +19,7 @@ from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.alternatives.free_bodies import FreeBodies
 from rotorfit.fit.experiment.payload import MOMENTS, added_moments, tolerances
 from rotorfit.frozen_dataclass import frozen_dataclass
-from rotorfit.model.parameters import PARAMETERS
+from rotorfit.model.parameters import COM, INERTIA_COM, PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,6 +34,11 @@ SUSPICIOUS = 1e-3
 """Probability of chance alone below which a disagreement is said."""
 LIKELY = 0.05
 """Probability above which one factor is taken for the whole explanation."""
+OF_BODIES: Final = (
+    *(*MOMENTS, *COM, *INERTIA_COM),
+    *("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_Izz", "Jr_over_Izz"),
+)
+"""Numbers of a body that a wrong payload moves."""
 FINEST = 1e-3
 """Moments are compared no finer than this share of their own size: the equations of a sampled
 flight hold no better."""
@@ -81,7 +86,21 @@ def known_payloads(fit: Fit) -> Iterator[Finding]:
             f"arm_factor@{check.name}": check.arm,
             f"arm_factor_half_width@{check.name}": 1.96 * check.arm_std,
         }
-        yield doubt_or_passed("payload", payload_sentence(check), measured)
+        yield doubt_or_passed(
+            "payload",
+            payload_sentence(check),
+            measured,
+            numbers=linked_numbers(check),
+            doubtful_because="the flights contradict the declared payload",
+            next_step="weigh the payload and measure its place from the body origin again, or "
+            "leave payload_of out",
+        )
+
+
+def linked_numbers(check: PayloadCheck) -> tuple[str, ...]:
+    """Return the names of the numbers that a payload links: both bodies, and what yaw shows."""
+    bodies = (f"{name}@{owner}" for owner in (check.name, check.bare) for name in OF_BODIES)
+    return ("kd", "Jr", "kd_over_kt", *bodies)
 
 
 def check_payload(configuration: JointConfiguration, numbers: Numbers) -> PayloadCheck:
@@ -139,11 +158,12 @@ def payload_sentence(check: PayloadCheck) -> str | None:
     if check.arm_probability <= SUSPICIOUS and check.rest_probability > LIKELY:
         percent = 100.0 * (check.arm - 1.0)
         times = with_half(check.arm, 1.96 * check.arm_std)
+        large, long = ("large", "short") if percent < 0 else ("small", "long")
         return (
             f"payload of {check.name}: first moments and inertia grow by {times} times what it "
-            f"adds: the arm of the rotors seems declared {abs(percent):.1f} % too "
-            f"{'long' if percent > 0 else 'short'}; measure the distances between the motors, and "
-            "where the payload hangs"
+            f"adds: its mass or its distance from the centre is declared too {large}, or the arm "
+            f"of the rotors {abs(percent):.1f} % too {long}; weigh the payload, and measure its "
+            "place and the distances between the motors"
         )
     worst = int(np.argmax(np.abs(check.flown - check.declared) / check.std))
     name = MOMENTS[worst]

@@ -133,6 +133,26 @@ def test_a_known_payload_sharpens_kd_and_the_height_of_the_com(two_flights):
 
 
 @pytest.mark.parametrize(
+    ("true", "declared"),
+    [
+        ("[0.372, 0.0, -0.028]", "[-0.372, 0.0, -0.028]"),
+        ("[0.372, 0.0, -0.028]", "[0.0, 0.372, -0.028]"),
+        ("[0.372, 0.0, -0.028]", "[0.186, 0.0, -0.028]"),
+    ],
+)
+def test_a_misplaced_payload_leaves_no_wrong_number(two_flights, true, declared):
+    assert true in PAYLOAD
+    result = identified(two_flights, PAYLOAD.replace(true, declared))
+    assert "doubt" in [one.severity for one in result.findings if one.kind == "payload"]
+    for name in ("A", "B"):
+        for number, value in paper_vehicle(name).truth.parameters().items():
+            found = [p for p in (*result.parameters, *result.derived) if p.name == number]
+            for one in found:
+                if one.configuration in (None, name) and one.verdict == "identified":
+                    assert abs(one.value - value) < 1.3 * half_width(one), one.full_name
+
+
+@pytest.mark.parametrize(
     ("link", "mass", "words"),
     [
         ('payload_of = "A"', 1.452, "payload and payload_of belong together"),
