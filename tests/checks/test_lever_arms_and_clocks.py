@@ -279,6 +279,14 @@ def test_late_speeds_are_said_where_the_whole_interval_is_late(delay, std, said)
     assert seen.interval == pytest.approx((delay - 1.96 * std, delay + 1.96 * std))
 
 
+@pytest.mark.parametrize(("delay", "doubted"), [(-0.030, True), (0.018, False), (-0.010, False)])
+def test_late_speeds_doubt_the_times_of_the_commands(delay, doubted):
+    """Speeds behind a low-pass: motor_lag includes it, and was identified."""
+    (found,) = late_speeds(timed(delay, 0.002))
+    assert (found.severity == "doubt" and found.is_about("motor_lag")) is doubted
+    assert (found.severity == "doubt" and found.is_about("command_delay")) is doubted
+
+
 @pytest.mark.parametrize(("delay", "doubted"), [(0.041, True), (0.018, False), (-0.041, False)])
 def test_speeds_as_early_as_motors_lag_doubt_inertia(delay, doubted):
     """Speeds asked for, of motors with a lag of 40 ms: Ixx was 3.5 half-widths off, identified."""
