@@ -52,7 +52,7 @@ def test_every_key_is_read(tmp_path):
         written(
             tmp_path,
             top='name = "two"',
-            airframe=f'axes = "FLU"\n{THREE}\nimu = {{ position = [1, 2, 3], position_std = 0.1 }}',
+            airframe=f'axes = "FLU"\n{THREE}\nimu = {{ position = [0.1, 0.2, 0.3], position_std = 0.1 }}',
             motors='speed = "commanded"\nlaw = { polynomial = [0, 900, 50] }\nlag = 0.04\n'
             "delay = 0.01\npoles = 14",
             identification='source = "imu"\nmethod = "tls"\npreset = "paper"\ncutoff = 4\n'
@@ -66,7 +66,7 @@ def test_every_key_is_read(tmp_path):
     )
     assert experiment.name == "two"
     vehicle = vehicle_of(experiment.airframe)
-    assert vehicle.imu_position == (1.0, 2.0, 3.0)
+    assert vehicle.imu_position == (0.1, 0.2, 0.3)
     assert vehicle.imu_position_std == 0.1
     assert vehicle.rotors[2].axis == pytest.approx((0.0, 0.6, 0.8))
     assert vehicle.rotors[2].group == "rear"
@@ -215,6 +215,8 @@ def test_wrong_settings_are_refused(tmp_path, key, words):
         (f'{LAYOUT}\naxes = "NED"', "axes: should be 'FLU' or 'FRD' (it is 'NED')"),
         (f"{LAYOUT}\nimu = {{ position = [0, 0] }}", "airframe.imu.position[2] is missing"),
         (f"{LAYOUT}\nimu = {{ position = [0, 0, nan] }}", "position[2]: should be a finite number"),
+        (f"{LAYOUT}\nimu = {{ position = [0, 0, 2] }}", "the IMU is 2 m from the centre of the"),
+        (f"{LAYOUT}\npropeller = 8", "(it is 8). It is the diameter in metres"),
         (
             f"{LAYOUT}\nimu = {{ position = [0, 0, 0], position_std = -1 }}",
             "should be greater than or equal to 0",
@@ -246,7 +248,8 @@ def test_a_rotor_without_direction_is_refused(tmp_path):
         ("law = { polynomial = [0, 1] }", "law and lag belong to speed = 'commanded'"),
         ('speed = "commanded"\nlag = -1', "should be greater than or equal to 0"),
         ('speed = "commanded"\nlaw = { polynomial = [1] }', "polynomial: has too few entries"),
-        ("delay = 0.5", "should be less than or equal to 0.1"),
+        ("delay = 0.5", "should be less than or equal to 0.1 (it is 0.5). It is in seconds"),
+        ('speed = "commanded"\nlag = 40', "should be less than or equal to 1 (it is 40). It is in"),
         ("poles = 1", "should be greater than or equal to 2"),
     ],
 )

@@ -161,6 +161,7 @@ def test_a_misplaced_payload_leaves_no_wrong_number(two_flights, true, declared)
         (PAYLOAD, 1.6, "weighs 0.315 kg more than 'A', but its payload 0.167 kg"),
         (PAYLOAD, 1.465, "weighs 0.180 kg more than 'A', but its payload 0.167 kg"),
         (PAYLOAD.replace("0.125", "-0.125"), 1.452, "should be greater than 0"),
+        (PAYLOAD.replace("0.372", "372.0"), 1.452, "the payload is 372 m from the body origin"),
     ],
 )
 def test_payloads_that_cannot_be_are_refused(tmp_path, link, mass, words):

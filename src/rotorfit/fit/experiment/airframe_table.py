@@ -20,6 +20,9 @@ Order = Literal["px4", "ardupilot", "betaflight", "crazyflie", "paper"]
 SHORTEST_ARM: Final = 0.01
 LONGEST_ARM: Final = 5.0
 """Arms of a multirotor, from the smallest toy to the largest that carries people [m]."""
+FARTHEST_IMU: Final = 2.0
+"""Distance of the IMU from the rotors' centre, in longest arms: it sits on the frame, which hardly
+reaches beyond its rotors. An IMU 2 cm up, declared as 2, gave a centre of mass 2 m off."""
 
 
 Propeller = Annotated[Positive, Field(ge=0.02, le=3.0)]
@@ -75,6 +78,8 @@ class AirframeEntry(Strict):
             self._refuse_unknown_layout()
         else:
             self._refuse_odd_rotors(self.rotors)
+        if self.imu is not None:
+            self._refuse_far_imu(self.imu)
         return self
 
     def tolerances(self) -> dict[str, float]:
@@ -87,6 +92,19 @@ class AirframeEntry(Strict):
         except ExperimentError as error:
             raise ValueError(str(error)) from error
         refuse_impossible_arms([rotor.position for rotor in rotors])
+
+    def _refuse_far_imu(self, imu: ImuEntry) -> None:
+        rotors = self.of_layout() if self.rotors is None else self.rotors
+        places = np.array([rotor.position for rotor in rotors], dtype=float)
+        centre = places.mean(axis=0)
+        arm = float(np.linalg.norm(places - centre, axis=1).max())
+        distance = math.dist(centre.tolist(), imu.position)
+        if distance > FARTHEST_IMU * arm:
+            raise ValueError(
+                f"the IMU is {distance:.4g} m from the centre of the rotors, whose longest arm is "
+                f"{arm:.3g} m: imu = {{ position }} is in metres (2 cm is 0.02), from the same "
+                "origin as the rotors' positions"
+            )
 
     def of_layout(self) -> tuple[Rotor, ...]:
         """Place the rotors of the named layout, FLU."""

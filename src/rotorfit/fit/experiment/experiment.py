@@ -6,13 +6,20 @@ message names the place in the file. Paths of flights are relative to the file.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from rotorfit.errors import ExperimentError, LogError
-from rotorfit.fit.experiment.airframe_table import AirframeEntry, Axes, ImuEntry, RotorEntry
+from rotorfit.fit.experiment.airframe_table import (
+    LONGEST_ARM,
+    AirframeEntry,
+    Axes,
+    ImuEntry,
+    RotorEntry,
+)
 from rotorfit.fit.experiment.flight_entries import ColumnEntry, FlightEntry, RecordingEntry, Source
 from rotorfit.fit.experiment.law_table import (
     DeclaredLaw,
@@ -46,14 +53,18 @@ Model = TypeVar("Model", bound=BaseModel)
 Speed = Literal["measured", "commanded"]
 
 
+Lag = Annotated[NotNegative, Field(le=1.0)]
+"""Time constant of a motor [s]: nothing hovers on motors that take a second."""
+
+
 class MotorsEntry(Strict):
     """The ``[motors]`` table."""
 
     speed: Speed = "measured"
     law: DeclaredLaw | None = None
-    lag: NotNegative | None = None
-    lag_std: NotNegative = 0.0
-    lag_down: NotNegative | None = None
+    lag: Lag | None = None
+    lag_std: Lag = 0.0
+    lag_down: Lag | None = None
     delay: Finite | None = Field(default=None, ge=-0.1, le=0.1)
     poles: int | None = Field(default=None, ge=2, le=60)
     lag_on: LagOn | None = None
@@ -90,6 +101,16 @@ class PayloadEntry(Strict):
     position: Vector
     mass_std: NotNegative = 0.0
     position_std: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _is_on_the_vehicle(self) -> PayloadEntry:
+        distance = math.hypot(*self.position)
+        if distance > LONGEST_ARM:
+            raise ValueError(
+                f"the payload is {distance:.4g} m from the body origin, expected up to "
+                f"{LONGEST_ARM:g} m: positions are in metres (25 cm is 0.25)"
+            )
+        return self
 
 
 class ConfigurationEntry(Strict):

@@ -43,10 +43,13 @@ TABLES: dict[str, str] = {
     **dict.fromkeys(("layout", "order", "spacing", "arm", "rotors", "imu", "axes"), AIRFRAME),
 }
 """Where a key belongs that stands in a table without it."""
+SECONDS = ". It is in seconds (40 ms are 0.04)"
 ELSE: dict[str, str] = {
     "airframe.order": f". Of any other order, {LIST_ROTORS}",
+    "airframe.propeller": ". It is the diameter in metres (10 inch are 0.254)",
+    **dict.fromkeys(("motors.lag", "motors.lag_std", "motors.lag_down", "motors.delay"), SECONDS),
 }
-"""What to do where none of the choices is right, by place."""
+"""What to do where no choice is right, or what the unit is, by place."""
 
 
 def problem_sentences(details: list[ErrorDetails], known: list[str]) -> list[tuple[str, str]]:
