@@ -52,7 +52,8 @@ def test_every_key_is_read(tmp_path):
         written(
             tmp_path,
             top='name = "two"',
-            airframe=f'axes = "FLU"\n{THREE}\nimu = {{ position = [0.1, 0.2, 0.3], position_std = 0.1 }}',
+            airframe=f'axes = "FLU"\n{THREE}\n'
+            "imu = { position = [0.1, 0.2, 0.3], position_std = 0.1 }",
             motors='speed = "commanded"\nlaw = { polynomial = [0, 900, 50] }\nlag = 0.04\n'
             "delay = 0.01\npoles = 14",
             identification='source = "imu"\nmethod = "tls"\npreset = "paper"\ncutoff = 4\n'
