@@ -7,7 +7,7 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.checks.hover_thrust import hovers_differ, thrust_sags
+from rotorfit.checks.hover_thrust import doubt_unreached, hovers_differ, thrust_sags
 from rotorfit.fit.dataset.weight_balance import Held, held_up, pooled, turning
 from rotorfit.fit.weight.hover_thrusts import HoverThrust, thrust_over_weight
 from rotorfit.flight.airborne import GRAVITY
@@ -199,6 +199,18 @@ def test_a_throw_hovers_on_its_weight(gained):
     assert abs(plain.ratio - 1.0) > 3.0 * plain.std
     assert found.ratio == pytest.approx(1.0, abs=0.01)
     assert abs(found.ratio - 1.0) < 1.96 * found.std < 0.05
+
+
+@pytest.mark.parametrize(("reach", "doubtful"), [(0.05, True), (0.15, False)])
+def test_a_hover_that_kt_does_not_reach_makes_it_doubtful(reach, doubtful):
+    """Each of two payloads declared as heavy as both: kt 11 % off, identified to 6 %."""
+    found = [thrust("A", 1.12), thrust("B", 0.99)]
+    said = doubt_unreached(hovers_differ(found, by_battery=False), found, reach=reach)
+    assert (said.doubtful_because is not None) is doubtful
+    assert said.is_about("Ixx@B") is doubtful
+    alike = [thrust("A", 1.12), thrust("B", 1.12)]
+    passed = doubt_unreached(hovers_differ(alike, by_battery=False), alike, reach=reach)
+    assert passed.doubtful_because is None
 
 
 def test_flights_that_hover_alike_raise_no_doubt(assert_wording):

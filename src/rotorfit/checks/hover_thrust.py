@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rotorfit.checks.thrust_against_weight import OF_THRUST
 from rotorfit.digits import with_half
 from rotorfit.estimation.banded import shift_without
 from rotorfit.estimation.distributions import normal_quantile
@@ -89,7 +90,9 @@ def thrust_consistency(fit: Fit) -> Iterator[Finding]:
     law = dataset.motors.law
     commanded = dataset.motors.speed == "commanded" and not dataset.speeds_commanded
     by_battery = commanded and (law is None or law.voltage is None)
-    yield hovers_differ(found, by_battery=by_battery)
+    kt = fit.numbers.index("kt")
+    reach = float(fit.numbers.half_width[kt] / abs(fit.numbers.values[kt]))
+    yield doubt_unreached(hovers_differ(found, by_battery=by_battery), found, reach=reach)
     yield thrust_sags(found, by_battery=by_battery)
 
 
@@ -125,6 +128,24 @@ def hovers_differ(found: Sequence[HoverThrust], *, by_battery: bool) -> Finding:
     )
     return doubt_or_passed(
         kind, sentence, measured, flights=(file_name(high.flight), file_name(low.flight))
+    )
+
+
+def doubt_unreached(finding: Finding, found: Sequence[HoverThrust], *, reach: float) -> Finding:
+    """Make thrust doubtful where hovers differ and the interval of k_t does not reach one of them.
+
+    `reach`: half of that interval over k_t.
+    """
+    beyond = max(
+        (abs(one.thrust.ratio - 1.0) - 1.96 * one.thrust.std for one in found), default=0.0
+    )
+    if finding.severity != "doubt" or beyond <= reach:
+        return finding
+    return replace(
+        finding,
+        numbers=OF_THRUST,
+        doubtful_because="the flights hover on different thrust for their masses",
+        next_step="weigh the vehicle as it flew in each flight",
     )
 
 
