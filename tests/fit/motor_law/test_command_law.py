@@ -193,6 +193,23 @@ def test_what_shows_no_law_is_refused(change, words):
         fitted([change(a) for a in motor_responses(9, seconds=6.0)])
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_speeds_that_never_fall_show_no_law(seed):
+    """A lower end of the telemetry: the exponent came out as 236, the lag as 0, with overflows."""
+    rng = np.random.default_rng(seed)
+
+    def ended(a):
+        noise = 0.03 * rng.normal(size=len(a.command))
+        least = np.percentile(a.speed, 95)
+        return replace(
+            a, speed=np.maximum(a.speed, least), command=np.clip(a.command + noise, 0.0, 1.0)
+        )
+
+    answers = motor_responses(seed, rate=200.0, pulses=False, lively=0.05)
+    with pytest.raises(EstimationError, match="along one curve"):
+        fitted([ended(a) for a in answers])
+
+
 def test_three_rotors_of_four_are_enough():
     law, _ = numbers([a for a in motor_responses(10) if a.rotor != 2])
     assert law.rotor_factors[2] is None

@@ -74,7 +74,7 @@ def made_recording(seed, form, *, seconds=20.0, step=0.002, rotors=2, glitches=0
 
 def fit_by_scipy(recording, layout, begin, scale):
     """Fit to all speeds and commands until nothing moves."""
-    bounds = form_fit._parameter_bounds(layout)
+    bounds = form_fit.parameter_bounds(layout)
     return least_squares(
         lambda x: predicted(recording, layout, x)[0] - recording.speed,
         np.clip(begin, bounds[0] + 1e-6, bounds[1] - 1e-6),

@@ -29,6 +29,7 @@ from rotorfit.fit.motor_law.form_fit import (
     FormFit,
     PreparedRecording,
     finish_form,
+    parameter_bounds,
     prepare_recording,
     search_first,
     search_form,
@@ -158,6 +159,7 @@ def fit_law(recording: Recording) -> LawFromSpeeds:
         made = drawn_between if is_smooth else held_between
         by_noise = _shift_by_noise(prepared, logged, made, best, scale)
         open_shifts = 0.5 * np.array([by_noise, -_slow_shift(logged, best)])
+        _refuse_open(best, open_shifts)
     return LawFromSpeeds(
         recording=smooth if is_smooth else logged,
         best=replace(best, values=best.values - open_shifts.sum(axis=0)),
@@ -291,6 +293,16 @@ def _moving_sums(
     before = (len(window) - 1) // 2
     wide = np.pad(values, (before, len(window) - 1 - before), mode="symmetric")
     return correlate(wide, window)[len(window) - 1 :][: len(values)]
+
+
+def _refuse_open(fit: FormFit, shifts: Float[np.ndarray, "s p"]) -> None:
+    """Raise an error where what a log leaves open moves a law by more than motors differ."""
+    lower, upper = parameter_bounds(fit.layout)
+    if (np.abs(shifts).sum(axis=0) > upper - lower).any():
+        raise EstimationError(
+            "the measured speeds do not follow the commands along one curve, as motors do: look "
+            "at both in the log, and check the ESC telemetry"
+        )
 
 
 def _command_noise(logged: Recording) -> float:

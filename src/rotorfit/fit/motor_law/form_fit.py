@@ -191,7 +191,7 @@ def search_form(prepared: PreparedRecording, layout: Layout, fit: FormFit, scale
     # fit.
     shift = _convert_values(fit.layout, fit.values, layout, command) - begin
     found = _search_layout(prepared, layout, begin, scale)
-    return replace(found, values=np.clip(found.values + shift, *_parameter_bounds(layout)))
+    return replace(found, values=np.clip(found.values + shift, *parameter_bounds(layout)))
 
 
 def _search_layout(
@@ -244,7 +244,7 @@ def _minimize_huber(
         lambda x: predicted(recording, layout, x),
         recording.speed,
         begin,
-        bounds=_parameter_bounds(layout),
+        bounds=parameter_bounds(layout),
         block=block,
         limit=OUTLYING * scale if scale > 0.0 else np.inf,
         close=close,
@@ -297,7 +297,8 @@ def _convert_curve(
     return np.array([found[0], *np.zeros(len(near) - 1)]) + near
 
 
-def _parameter_bounds(layout: Layout) -> Bounds:
+def parameter_bounds(layout: Layout) -> Bounds:
+    """Return the lowest and highest values of a layout's parameters, as motors have them."""
     form = FORMS[layout.form]
     lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     lower[layout.curve], upper[layout.curve] = form.lower, form.upper
