@@ -1,9 +1,12 @@
 """Findings withhold numbers: those known as a ratio are still told as one."""
 
 import dataclasses
+from math import cos, pi, radians, sin
 
 import numpy as np
+import pytest
 
+import flown
 from flown import with_findings
 from made_tables import judged, made_result, tables_of
 from rotorfit.findings import Finding
@@ -98,3 +101,27 @@ def test_a_finding_of_a_single_flight_makes_its_numbers_doubtful(assert_text):
     found = judged(dataclasses.replace(a_result(), flights=(flight,)))
     assert [p.verdict for p in found.parameters] == ["doubtful", "identified", "identified"]
     assert_text(found.parameters[0].reason)
+
+
+def test_tilted_axes_move_kd_by_as_much_as_is_said(tmp_path):
+    flight = flown.simulated("hexa-tilted", "noisy", seed=3, seconds=25.0)
+
+    def result(degrees):
+        rotors = tuple(
+            dataclasses.replace(rotor, axis=(sin(lean) * sin(angle), -sin(lean) * cos(angle), up))
+            for number, rotor in enumerate(flight.vehicle.rotors)
+            for angle, lean in [(pi / 6 + number * pi / 3, (-1) ** number * radians(degrees))]
+            for up in [cos(lean)]
+        )
+        vehicle = dataclasses.replace(flight.vehicle, rotors=rotors)
+        return flown.identified(tmp_path, [flight], vehicle=vehicle)
+
+    declared, less = result(20.0), result(19.0)
+    (words,) = [w for w in declared.settings["used"]["hangs_on"] if "declared axes" in w]
+    moved = float(words.split("kd/kt by ")[1].split(" m")[0])
+    thrust = float(words.split("kt by ")[-1].split(" %")[0])
+    ratio = [one.derived_value("kd_over_kt").value for one in (less, declared)]
+    assert ratio[0] - ratio[1] == pytest.approx(moved, rel=0.1)
+    assert declared.parameter("kt").value / less.parameter("kt").value == pytest.approx(
+        1.0 + 0.01 * thrust, abs=5e-4
+    )

@@ -2,14 +2,14 @@
 
 Mass, the rotors' distances, the scale of their speeds, of the gyro and of the clock: thrown off by
 a factor, all numbers stay consistent; the place of the IMU is that of the centre of mass. No flight
-shows it, so that these are said beside the result.
+shows it, nor the tilts of the rotors' axes, so that these are said beside the result.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from rotorfit.fit.experiment.experiment import MotorsEntry
     from rotorfit.fit.joint.joint_problem import JointConfiguration
     from rotorfit.fit.timing.timed_dataset import TimedDataset
+    from rotorfit.model.vehicle import Vehicle
 
+LEAST_TILT: Final = 1e-3
+"""Sine of a declared tilt of a rotor's axis that is worth words."""
 FLYABLE = ("weak", "ratio-only", "not-identified")
 """Verdicts that more flying might better."""
 
@@ -229,6 +232,7 @@ def assumptions(
             "kt and kd are proportional to the inverse square of rotor speed (hover at "
             f"{hover:.0f} rad/s, {RPM * hover:.0f} rpm)"
         )
+    parts += _rotor_tilts(dataset.vehicle, tables.derived)
     seconds = sum(f.recorded.seconds for f in dataset.flights)
     clock = f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)"
     if dataset.source == "imu":
@@ -264,6 +268,26 @@ def _imu_place(dataset: Dataset) -> str:
         f"the centre of mass is as good as the declared place of the IMU ({x:.0f}, {y:.0f}, "
         f"{z:.0f} mm): an IMU 1 mm higher moves com_z by 1 mm, one 1 mm further forward or left "
         "com_x or com_y by up to 1 mm"
+    )
+
+
+def _rotor_tilts(vehicle: Vehicle, derived: Sequence[Derived]) -> tuple[str, ...]:
+    """Describe how far declared tilts of the rotors' axes move thrust and drag torque, if any."""
+    sideways, up = np.hypot(*vehicle.axes[:, :2].T), vehicle.axes[:, 2]
+    if sideways.max() < LEAST_TILT:
+        return ()
+    # The slope of an axis (sin t h, cos t) by its tilt t from upright towards h.
+    towards = vehicle.axes[:, :2] / np.maximum(sideways, LEAST_TILT)[:, None]
+    slope = np.column_stack([towards * up[:, None], -sideways])
+    torque = float(np.mean(vehicle.spins * np.cross(vehicle.positions, slope)[:, 2]))
+    degree = np.radians(1.0)
+    moved = abs(degree * torque)
+    ratio = next((d.value for d in derived if d.name == "kd_over_kt"), None)
+    share = f" ({100.0 * moved / abs(ratio):.0f} % of it)" if ratio else ""
+    thrust = 100.0 * degree * float(sideways.sum() / up.sum())
+    return (
+        f"kt and kd are as good as the declared axes of the rotors: one degree more of tilt in "
+        f"each moves kd/kt by {moved:.2g} m{share}, and kt by {thrust:.2g} %",
     )
 
 
