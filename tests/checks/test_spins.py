@@ -174,14 +174,27 @@ def test_a_drag_below_zero_reverses_the_propellers(found, said, assert_wording):
         assert_wording(words)
 
 
+def test_negative_drag_of_tilted_rotors_asks_for_the_tilt():
+    """25 degrees declared of 20: all spins were to be reversed, and nothing else."""
+    found = numbers(kd_over_Izz=(-2e-6, 1e-6))
+    assert "tilted less than declared" in str(negative_drag(["A"], found, leans=True))
+    assert "tilted" not in str(negative_drag(["A"], found))
+
+
 def test_negative_drag_of_a_calm_flight_is_doubted():
     """No other spins are tried there, as nothing but the drag says so."""
-    (found,) = refuse_wrong_spins(made_fit.fit([], numbers(kd_over_Izz=(-2e-6, 1e-6))))
+    (found,) = refuse_wrong_spins(
+        made_fit.fit(made_fit.dataset(made_fit.prepared()), numbers(kd_over_Izz=(-2e-6, 1e-6)))
+    )
     assert found.severity == "doubt"
     assert found.is_about("kd_over_Izz@A")
     assert not found.is_about("kt")
     assert "below zero" in found.sentence
-    assert not list(refuse_wrong_spins(made_fit.fit([], numbers(kd_over_Izz=(2e-6, 1e-6)))))
+    assert not list(
+        refuse_wrong_spins(
+            made_fit.fit(made_fit.dataset(made_fit.prepared()), numbers(kd_over_Izz=(2e-6, 1e-6)))
+        )
+    )
 
 
 def test_identify_refuses_a_wrong_spin(tmp_path):

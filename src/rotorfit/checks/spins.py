@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 REVERSED: Final = "reverse all spins (props out instead of in, or in instead of out)"
 
+UPRIGHT: Final = 0.99999
+"""Part of an upright rotor's axis along z, from which it is no tilt: a quarter of a degree."""
 KIND: Final = "wrong-spin"
 BY_SPINS: Final = (*SCALED, "kd_over_Izz", "Jr_over_Izz")
 """Numbers that other spins change."""
@@ -48,7 +50,8 @@ BY_SPINS: Final = (*SCALED, "kd_over_Izz", "Jr_over_Izz")
 def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
     """Refuse declared spins that yaw contradicts, or doubt them."""
     seen = fit.record_of(SpinEvidence)
-    sentence = negative_drag([c.name for c in fit.configurations], fit.numbers)
+    leans = bool((fit.dataset.vehicle.axes[:, 2] < UPRIGHT).any())
+    sentence = negative_drag([c.name for c in fit.configurations], fit.numbers, leans=leans)
     if seen is None:
         # Of a calm flight yaw alone says so, and no other spins were tried.
         if sentence is not None:
@@ -132,14 +135,20 @@ def _drag_evidence(drags: RotorDrags, pattern: Pattern) -> tuple[Evidence, ...]:
     return (Evidence(name="least_rotor_drag", value=value, interval=interval, limit=0.0),)
 
 
-def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None:
-    """Explain that the propellers turn the other way, where drag is negative; None elsewhere."""
+def negative_drag(
+    configurations: Sequence[str], numbers: Numbers, *, leans: bool = False
+) -> str | None:
+    """Explain that the propellers turn the other way, where drag is negative; None elsewhere.
+
+    `leans`: whether rotors are declared with a tilted axis, whose thrust turns about z, too.
+    """
+    tilt = ", or the rotors' axes are tilted less than declared" if leans else ""
     for name in configurations:
         low, high = numbers.interval(f"kd_over_Izz@{name}")
         if high < 0.0:
             return (
                 f"kd / Izz of {name} comes out below zero ({low:.3g} to {high:.3g}), which no "
-                f"rotor has: the propellers turn the other way than declared: {REVERSED}"
+                f"rotor has: the propellers turn the other way than declared: {REVERSED}{tilt}"
             )
     return None
 

@@ -128,6 +128,7 @@ def _by_speed(numbers: Numbers, R: float, fit: str, remedy: str) -> str | None:
         f"{fit} {100 * merit:.0f} % of the rotors' power would turn into lift "
         f"(17 to 51 % is usual of rotors that large): the rotors' distances are too {size} (a "
         f"diagonal given as arm?), the mass is too {other}, or rotor speed has another scale"
+        + (", or the rotors' axes are tilted otherwise than declared" if size == "large" else "")
     )
 
 

@@ -1,7 +1,10 @@
 """A turned IMU is refused where the flight shows it, and no calm flight is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import flown
 import made_fit
@@ -108,6 +111,17 @@ def test_a_turned_imu_is_refused_where_somebody_steers():
     angles = [turn_about_z(inside_band(one), made_fit.QUAD)[0] for one in flights]
     assert np.degrees(np.median(angles)) == pytest.approx(-45.0, abs=5.0)
     assert sum(is_refused(one) for one in flights) >= 20
+
+
+def test_a_turned_hexarotor_is_told_of_its_own_layouts(tmp_path):
+    flight = flown.simulated("hexa-x", "noisy", seed=2, seconds=SECONDS)
+    turn = Rotation.from_euler("z", 30.0, degrees=True)
+    rotors = [
+        replace(rotor, position=tuple(turn.apply(rotor.position).tolist()))
+        for rotor in flight.vehicle.rotors
+    ]
+    with pytest.raises(FrameError, match="hexa-plus instead of hexa-x"):
+        flown.identified(tmp_path, [flight], vehicle=replace(flight.vehicle, rotors=tuple(rotors)))
 
 
 def test_a_turn_that_one_torque_alone_shows_is_none():

@@ -7,7 +7,7 @@ a turned IMU is refused where the 95 % interval of the angle holds no tolerance 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -28,6 +28,12 @@ if TYPE_CHECKING:
 TURNED = float(np.radians(12.0))
 """Angle about z between IMU and rotors from which it is no tolerance: sound logs have up to 3.5."""
 
+OTHER_LAYOUT: Final = {
+    4: " (quad-plus instead of quad-x)",
+    6: " (hexa-plus instead of hexa-x)",
+}
+"""Layouts that differ by a turn, by the number of rotors."""
+
 
 def refuse_turned(factors: Factors, vehicle: Vehicle) -> None:
     """Raise where roll and pitch respond as if the IMU were turned about z against the rotors."""
@@ -41,7 +47,7 @@ def refuse_turned(factors: Factors, vehicle: Vehicle) -> None:
             f"{abs(np.degrees(angle)):.0f} degrees "
             f"{'counter-clockwise' if angle > 0 else 'clockwise'} about z (seen from above) "
             "relative to the rotors: turn the rotors' positions by as much the other way, or give "
-            "the layout that really flies (quad-plus instead of quad-x)"
+            f"the layout that really flies{OTHER_LAYOUT.get(len(vehicle.rotors), '')}"
         )
 
 
