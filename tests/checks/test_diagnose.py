@@ -243,3 +243,9 @@ def test_a_sagging_battery_is_said(assert_wording):
     assert "give 16 %" in words
     assert_wording(words)
     assert "log rotor speed" in words
+    risen = thrust_sags([thrust("A", 1.0, sag=-0.08)], by_battery=True).sentence
+    assert "battery" not in risen
+    # The voltage that the log has was to be logged.
+    has_it = thrust_sags(both, by_battery=True, has_voltage=True).sentence
+    assert "and log that" in words
+    assert "which is in the log" in has_it

@@ -2,6 +2,7 @@
 
 import dataclasses
 from math import cos, pi, radians, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from rotorfit.results.result import (
     Parameter,
     verdict_of,
 )
+from rotorfit.simulation import write_flight_table
+from rotorfit.simulation.experiment_files import IMU_AND_COMMAND
 
 
 def a_number(name, value, **more):
@@ -125,3 +128,18 @@ def test_tilted_axes_move_kd_by_as_much_as_is_said(tmp_path):
     assert declared.parameter("kt").value / less.parameter("kt").value == pytest.approx(
         1.0 + 0.01 * thrust, abs=5e-4
     )
+
+
+def test_a_declared_law_is_among_what_no_flight_checks(tmp_path):
+    """That of another battery: kt was 44 % off, and the scale of the speeds was not listed."""
+    flight = flown.simulated("A", "noisy", seed=4, seconds=20.0)
+    write_flight_table(flight, tmp_path / "a.csv", channels=IMU_AND_COMMAND)
+    path = flown.experiment_file(
+        tmp_path / "experiment.toml",
+        flight.vehicle,
+        [Path("a.csv")],
+        mass=flight.truth.mass,
+        extra='[motors]\nspeed = "commanded"\nlaw = { linear = [0.0, 1500.0] }',
+    )
+    hanging = flown.quietly_identified(path).settings["used"]["hangs_on"]
+    assert any("law gives (hover at " in words for words in hanging)

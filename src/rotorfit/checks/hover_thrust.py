@@ -89,11 +89,12 @@ def thrust_consistency(fit: Fit) -> Iterator[Finding]:
     )
     law = dataset.motors.law
     commanded = dataset.motors.speed == "commanded" and not dataset.speeds_commanded
-    by_battery = commanded and (law is None or law.voltage is None)
+    has_voltage = all(flight.battery is not None for flight in dataset.flights)
+    by_battery = commanded and (law is None or law.voltage is None or not has_voltage)
     kt = fit.numbers.index("kt")
     reach = float(fit.numbers.half_width[kt] / abs(fit.numbers.values[kt]))
     yield doubt_unreached(hovers_differ(found, by_battery=by_battery), found, reach=reach)
-    yield thrust_sags(found, by_battery=by_battery)
+    yield thrust_sags(found, by_battery=by_battery, has_voltage=has_voltage)
 
 
 def hovers_differ(found: Sequence[HoverThrust], *, by_battery: bool) -> Finding:
@@ -149,10 +150,12 @@ def doubt_unreached(finding: Finding, found: Sequence[HoverThrust], *, reach: fl
     )
 
 
-def thrust_sags(found: Sequence[HoverThrust], *, by_battery: bool) -> Finding:
+def thrust_sags(
+    found: Sequence[HoverThrust], *, by_battery: bool, has_voltage: bool = False
+) -> Finding:
     """Check that one rotor speed (or command) gives the same thrust late in a flight as early.
 
-    `by_battery`: as for `hovers_differ`.
+    `by_battery`: as for `hovers_differ`. `has_voltage`: whether the logs have the battery's.
     """
     kind = "thrust-sags"
     known = [one for one in found if one.sag is not None]
@@ -165,10 +168,11 @@ def thrust_sags(found: Sequence[HoverThrust], *, by_battery: bool) -> Finding:
     if abs(change) <= max(LEAST_SAG, 2.0 * unlikely_deviations() * worst.sag_std):
         return doubt_or_passed(kind, None, measured)
     way = "less" if change > 0 else "more"
-    battery = "log rotor speed, or the battery's voltage and give it to the law; or "
+    logged = ", which is in the log" if has_voltage else " and log that"
+    battery = f"the battery sags (log rotor speed, or declare a law with voltage{logged}), or "
     sentence = (
         f"{_of_flight(worst, found)}: the same motor data give {100 * abs(change):.0f} % {way} "
-        f"thrust at the end of the flight than at its beginning: {battery if by_battery else ''}"
+        f"thrust at the end of the flight than at its beginning: {battery if by_battery and change > 0 else ''}"
         "drag in climb or descent, ground effect, a wall or a tether carried part of the weight: "
         "fly slower, higher and clear of obstacles; the intervals cover the change"
     )

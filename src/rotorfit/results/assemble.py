@@ -232,6 +232,12 @@ def assumptions(
             "kt and kd are proportional to the inverse square of rotor speed (hover at "
             f"{hover:.0f} rad/s, {RPM * hover:.0f} rpm)"
         )
+    elif hover is not None and not dataset.motors.law_is_relative:
+        parts.append(
+            "kt and kd are proportional to the inverse square of the speeds that the motors' law "
+            f"gives (hover at {hover:.0f} rad/s, {RPM * hover:.0f} rpm): that of the same motors, "
+            "propellers and battery"
+        )
     parts += _rotor_tilts(dataset.vehicle, tables.derived)
     seconds = sum(f.recorded.seconds for f in dataset.flights)
     clock = f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)"
