@@ -169,10 +169,12 @@ def thrust_sags(
         return doubt_or_passed(kind, None, measured)
     way = "less" if change > 0 else "more"
     logged = ", which is in the log" if has_voltage else " and log that"
-    battery = f"the battery sags (log rotor speed, or declare a law with voltage{logged}), or "
+    battery = ""
+    if by_battery and change > 0.0:
+        battery = f"the battery sags (log rotor speed, or declare a law with voltage{logged}), or "
     sentence = (
         f"{_of_flight(worst, found)}: the same motor data give {100 * abs(change):.0f} % {way} "
-        f"thrust at the end of the flight than at its beginning: {battery if by_battery and change > 0 else ''}"
+        f"thrust at the end of the flight than at its beginning: {battery}"
         "drag in climb or descent, ground effect, a wall or a tether carried part of the weight: "
         "fly slower, higher and clear of obstacles; the intervals cover the change"
     )
