@@ -216,6 +216,12 @@ def _is_sure(best: Response, declared: Response, R: np.ndarray, vehicle: Vehicle
     return bool(others.max() > ALIKE) or yaw_by_drag(R, vehicle) < -CLEAR
 
 
+FEWEST_TO_STEER: Final = 4
+"""Rotors that thrust, roll, pitch and yaw take to be commanded apart."""
+SPINNING: Final = 1.0
+"""Rate about z of a vehicle that does not hold its heading [rad/s]: a turn in six seconds."""
+
+
 def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:
     """Refuse the declared rotors if a flight contradicts them: with the declaration that would fit.
 
@@ -226,7 +232,24 @@ def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsE
     lagging = motors.speed == "measured" or motors.lag is not None
     tried = [MotorResponse(lag=lag, delay=motors.delay or 0.0) for lag in LAGS_TRIED]
     for flight in flights:
+        refuse_held_heading(flight, vehicle)
         check_flight(flight, vehicle, [None] if lagging else tried)
+
+
+def refuse_held_heading(flight: LoadedFlight, vehicle: Vehicle) -> None:
+    """Raise where a vehicle holds its heading that has too few rotors to do so.
+
+    Thrust, roll and pitch take the speeds of three fixed rotors, and such a vehicle spins.
+    """
+    turn = float(np.median(np.abs(flight.prepared.data.angular_velocity[:, 2])))
+    if len(vehicle.rotors) >= FEWEST_TO_STEER or turn > SPINNING:
+        return
+    raise FrameError(
+        f"{Path(flight.entry.file).name}: {len(vehicle.rotors)} rotors cannot hold a heading by "
+        f"their speeds, but this vehicle does (it turns at {turn:.2g} rad/s): list every rotor "
+        "that it has, and log all of them; a tricopter, whose servo tilts the tail rotor, cannot "
+        "be identified"
+    )
 
 
 def check_flight(
