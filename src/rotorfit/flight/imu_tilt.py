@@ -66,7 +66,7 @@ def force_without_drag(data: FlightData) -> Float[np.ndarray, "n 3"]:
     if data.velocity is None:
         return force
     across = data.velocity[data.used_rows, :2]
-    known = np.isfinite(across).all(axis=1)
+    known = np.isfinite(across[:, 0]) & np.isfinite(across[:, 1])
     if not known.any():
         return force
     moved, felt = (x[known] - x[known].mean(axis=0) for x in (across, force[:, :2]))

@@ -41,6 +41,7 @@ from rotorfit.fit.experiment.toml_files import (
     files_as_tables,
     read_toml,
     with_known_motors,
+    with_payload_masses,
 )
 from rotorfit.logs.columns import NAMES
 from rotorfit.logs.flight_log import LagOn
@@ -184,10 +185,7 @@ class Experiment(Strict):
     @model_validator(mode="before")
     @classmethod
     def _masses_with_payloads(cls, data: Any) -> Any:
-        listed = data.get("configuration") if isinstance(data, dict) else None
-        if not isinstance(listed, list):
-            return data
-        return {**data, "configuration": [_with_mass(one, listed) for one in listed]}
+        return with_payload_masses(data)
 
     @model_validator(mode="after")
     def _payloads_fit(self) -> Experiment:
@@ -222,19 +220,6 @@ class Experiment(Strict):
                 "own; flights at the same unknown mass belong into one configuration"
             )
         return self
-
-
-def _with_mass(entry: Any, configurations: Sequence[Any]) -> Any:
-    """Return a configuration with the mass of the bare one and its payload, where it has none."""
-    if not isinstance(entry, dict) or "mass" in entry:
-        return entry
-    tables = [one for one in configurations if isinstance(one, dict)]
-    bare = next((one for one in tables if one.get("name", "A") == entry.get("payload_of")), {})
-    try:
-        parts = [bare["mass"], *(item["mass"] for item in entry["payload"])]
-        return {**entry, "mass": sum(map(float, parts))}
-    except (KeyError, TypeError, ValueError):
-        return entry  # what is missing or no number is said where the tables are checked
 
 
 def _refuse_payload(entry: ConfigurationEntry, bare: ConfigurationEntry | None) -> None:

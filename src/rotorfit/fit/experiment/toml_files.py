@@ -52,6 +52,31 @@ def files_as_tables(data: Any, keys: tuple[str, ...]) -> Any:
     return table
 
 
+def with_payload_masses(data: Any) -> Any:
+    """Write out the mass of configurations that have a payload and none: with the bare one's."""
+    if not isinstance(data, dict):
+        return data
+    tables = dict(cast("dict[str, Any]", data))
+    listed = tables.get("configuration")
+    if not isinstance(listed, list):
+        return tables
+    entries = cast("list[Any]", listed)
+    known = [cast("dict[str, Any]", one) for one in entries if isinstance(one, dict)]
+    return {**tables, "configuration": [_with_payload_mass(one, known) for one in entries]}
+
+
+def _with_payload_mass(entry: Any, known: Sequence[dict[str, Any]]) -> Any:
+    if not isinstance(entry, dict) or "mass" in entry:
+        return cast("Any", entry)
+    own = cast("dict[str, Any]", entry)
+    bare = (one for one in known if one.get("name", "A") == own.get("payload_of"))
+    try:
+        parts = [next(bare)["mass"], *(item["mass"] for item in own["payload"])]
+        return {**own, "mass": sum(map(float, parts))}
+    except (StopIteration, KeyError, TypeError, ValueError):
+        return own  # what is missing or no number is said where the tables are checked
+
+
 def with_known_motors(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Take law and lag of ``[motors]`` from a result, where one is named by its path from a folder.
 
