@@ -58,13 +58,6 @@ class Room:
 
 
 ROOMS: Final[dict[str, Room]] = {
-    "estimation/measured.py": Room(
-        tests=(
-            "tests/fit/weight/test_kt_from_weight.py",
-            "tests/fit/weight/test_weight_steps.py",
-        ),
-        scaled=("DOUBTED: Final = <<2.58>>",),
-    ),
     "estimation/leaps.py": Room(
         tests=("tests/estimation/test_known_noise.py", "tests/estimation/test_banded.py"),
         scaled=("MOST_NOISE = <<0.7>>",),
