@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from rotorfit.digits import with_half
 from rotorfit.findings import Evidence, Finding, doubt_or_passed
 from rotorfit.fit.weight.flight_weights import CHANCE, FlightWeight, chance_of_difference
@@ -34,7 +36,7 @@ def thrust_against_weight(fit: Fit) -> Iterator[Finding]:
     if found is None:
         return
     yield agreement(found.balance, fit.dataset.motors)
-    said = flights_weigh_alike(found.flights)
+    said = flights_weigh_alike(found.flights, fit.numbers.interval("kt"))
     if said is not None:
         yield said
 
@@ -91,19 +93,26 @@ def difference(balance: Balance, motors: MotorsEntry) -> str:
     )
 
 
-def flights_weigh_alike(flights: Sequence[FlightWeight]) -> Finding | None:
-    """State whether the flights carry the weight at one k_t; None of a single flight."""
+def flights_weigh_alike(
+    flights: Sequence[FlightWeight], interval: tuple[float, float] = (-np.inf, np.inf)
+) -> Finding | None:
+    """State whether the flights carry the weight at one k_t; None of a single flight.
+
+    `interval`: of k_t by all of them.
+    """
     if len(flights) < 2:
         return None
     chance = chance_of_difference(flights)
     low = min(flights, key=lambda one: one.kt.value)
     high = max(flights, key=lambda one: one.kt.value)
     difference = 100.0 * (high.kt.value / low.kt.value - 1.0)
+    holds = interval[0] <= low.kt.value and high.kt.value <= interval[1]
+    covers = "; the interval of kt covers what the flights differ by" if holds else ""
     sentence = (
         f"kt by the weight is {difference:.2g} % higher in {high.file} than in {low.file}, more "
-        "than either allows; the interval of kt covers what the flights differ by. Weigh the "
-        "vehicle with the battery of each flight; flights of another load, battery, day or set of "
-        "propellers become a configuration with its own mass, or are identified separately"
+        f"than either allows{covers}. Weigh the vehicle with the battery of each flight; flights "
+        "of another load, battery, day or set of propellers become a configuration with its own "
+        "mass, or are identified separately"
     )
     return replace(
         doubt_or_passed(KIND, sentence if chance < CHANCE else None, numbers=("kt",)),

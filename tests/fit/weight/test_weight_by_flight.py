@@ -80,6 +80,12 @@ def test_flights_that_agree_pass():
     found = flights_weigh_alike(flights((2.0, 0.004), (2.01, 0.004), (1.995, 0.01)))
     assert (found.severity, found.flights) == ("passed", ())
     assert flights_weigh_alike(flights((2.0, 0.004))) is None
+
+
+@pytest.mark.parametrize(("interval", "covers"), [((1.9, 2.2), True), ((2.01, 2.09), False)])
+def test_an_interval_that_leaves_a_flight_out_is_not_said_to_cover_it(interval, covers):
+    found = flights_weigh_alike(flights((2.0, 0.004), (2.1, 0.004)), interval)
+    assert ("the interval of kt covers" in found.sentence) == covers
     assert chance_of_difference(flights((2.0, 0.004))) == 1.0
 
 
