@@ -119,12 +119,12 @@ def test_the_best_term_is_tried_first_and_skipped_if_unsettled(
 
 @pytest.mark.parametrize(
     ("value", "std", "matters"),
-    [(1.1e-3, 1e-6, True), (0.9e-3, 1e-6, False), (1.1e-3, 0.3e-3, False), (-1.0, 1e-6, False)],
+    [(0.022, 2e-5, True), (0.018, 2e-5, False), (0.022, 6e-3, False), (-1.0, 2e-5, False)],
 )
 def test_damping_of_turns_is_a_brake_and_more_than_a_trace(value, std, matters):
-    """A thousandth of the weight at the end of an arm, at 1 rad/s; four deviations from none."""
+    """In 1/s over mass times arm squared; four deviations from none."""
     body = made_fit.configuration(mass=MASS)
-    size = MASS * G * ARM
+    size = MASS * ARM**2
     wide = made_fit.fit_of([body], std={"turn_damping_y@A": std * size}, terms=("turn_damping",))
     wide = with_values(wide, {"turn_damping_y@A": value * size})
     assert term_choice.matters("turn_damping", wide, [body]) is matters

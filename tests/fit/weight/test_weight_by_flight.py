@@ -83,7 +83,7 @@ def test_flights_that_agree_pass():
 
 
 @pytest.mark.parametrize(("interval", "covers"), [((1.9, 2.2), True), ((2.01, 2.09), False)])
-def test_an_interval_that_leaves_a_flight_out_is_not_said_to_cover_it(interval, covers):
+def test_an_interval_that_leaves_a_flight_out_does_not_cover_it(interval, covers):
     found = flights_weigh_alike(flights((2.0, 0.004), (2.1, 0.004)), interval)
     assert ("the interval of kt covers" in found.sentence) == covers
     assert chance_of_difference(flights((2.0, 0.004))) == 1.0
