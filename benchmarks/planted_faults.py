@@ -244,6 +244,8 @@ ROOMS: Final[dict[str, Room]] = {
             "CONTRADICTION: Final = <<5.0>>",
             "reach = wrong * <<max(moved, 1.0 - moved)>>",
             "moved = kept * <<theirs>> / (own + theirs)",
+            "<<m * after.var(axis=0)>>",
+            "/ (<<n + m - 2>>)",
         ),
         changed=(
             ("max(moved, 1.0 - moved)", "(1.0 - moved)"),
@@ -283,7 +285,7 @@ ROOMS: Final[dict[str, Room]] = {
     "checks/motors/changed_thrust.py": Room(
         tests=("tests/checks/test_changed_rotor.py", "tests/checks/test_spoilt_flights.py"),
         scaled=("SURE: Final = <<5.0>>", "LEAST_CHANGE: Final = <<0.035>>"),
-        changed=(("/ each))", "))"),),
+        changed=(("_, std = change_of_means", "std, _ = change_of_means"),),
     ),
     "estimation/reweighted.py": Room(
         tests=("tests/estimation/test_scatter.py", "tests/estimation/test_reweighted.py"),

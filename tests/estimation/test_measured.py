@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 from rotorfit.estimation.measured import (
     CHANCE,
     CONTRADICTION,
     DOUBTED,
     Measured,
+    change_of_means,
     combine_scales,
     mean_scale,
     scale_deviations,
@@ -107,3 +109,12 @@ def test_an_accelerometer_behind_a_filter_leaves_the_weight():
     found = combine_scales(scale(1.567e-6, 0.021), scale(8.6e-9, 0.51))
     assert found.value == pytest.approx(1.567e-6, rel=1e-9)
     assert 1.96 * found.share > 5.0
+
+
+def test_a_change_of_means_is_that_of_students_test():
+    rng = np.random.default_rng(3)
+    before, after = rng.normal(size=(7, 2)), rng.normal(0.5, 1.0, (4, 2))
+    change, std = change_of_means(before, after)
+    whole = stats.ttest_ind(after, before)
+    np.testing.assert_allclose(change / std, whole.statistic)
+    assert float(change_of_means(before[:, 0], after[:, 0])[1]) == pytest.approx(std[0])

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rotorfit.checks.motors.changed_thrust import CERTAIN, FEWEST_PARTS, PARTS, lone_change
+from rotorfit.checks.motors.changed_thrust import (
+    CERTAIN,
+    FEWEST_PARTS,
+    LEAST_PART,
+    PARTS,
+    lone_change,
+)
+from rotorfit.estimation.measured import change_of_means
 from rotorfit.findings import Finding, doubt
 from rotorfit.frozen_dataclass import frozen_dataclass
 
@@ -23,8 +30,6 @@ if TYPE_CHECKING:
 
     from rotorfit.fit.fit import Fit
 
-LEAST_PART: Final = 2.0
-"""Length of a part in which motion averages out [s]."""
 SIDES: Final = (("front", "rear"), ("left", "right"))
 """Where the balance moves along x and y, forward and back."""
 
@@ -85,10 +90,8 @@ def surest_move(place: Float[np.ndarray, " p"]) -> Move | None:
     found, surest = None, CERTAIN
     for k in range(FEWEST_PARTS, len(place) - FEWEST_PARTS):
         # The part in which it moves is on neither side.
-        early, late = place[:k], place[k + 1 :]
-        spread = len(early) * early.var() + len(late) * late.var()
-        std = np.sqrt(spread / (len(place) - 3) * (1.0 / len(early) + 1.0 / len(late)))
-        size = float(late.mean() - early.mean())
+        change, std = change_of_means(place[:k], place[k + 1 :])
+        size = float(change)
         deviations = abs(size) / max(float(std), np.finfo(float).tiny)
         if deviations > surest:
             found, surest = Move(size=size, moment=(k + 0.5) / len(place)), deviations

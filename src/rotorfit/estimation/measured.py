@@ -16,6 +16,8 @@ from rotorfit.frozen_dataclass import frozen_dataclass
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from jaxtyping import Float
+
 CHANCE: Final = 2.0
 DOUBTED: Final = 2.58
 """Deviations by which two sound measurements differ once in 22 and once in 100 times: from the
@@ -113,3 +115,18 @@ def mean_scale(measured: Sequence[Measured], *, spread: float = 0.0) -> Measured
     weight = 1.0 / (np.square([one.share for one in measured]) + spread**2)
     value = float(np.exp(weight @ logs / weight.sum()))
     return Measured(value=value, std=value * float(weight.sum()) ** -0.5)
+
+
+def change_of_means(
+    before: Float[np.ndarray, "n *k"], after: Float[np.ndarray, "m *k"]
+) -> tuple[Float[np.ndarray, "*k"], Float[np.ndarray, "*k"]]:
+    """Return by how much a mean changes between values, and its deviation by the scatter of both.
+
+    References
+    ----------
+    Student, Biometrika 6, 1908.
+    """
+    n, m = len(before), len(after)
+    scatter = (n * before.var(axis=0) + m * after.var(axis=0)) / (n + m - 2)
+    change = after.mean(axis=0) - before.mean(axis=0)
+    return np.asarray(change), np.asarray(np.sqrt(scatter * (1.0 / n + 1.0 / m)))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from rotorfit.digits import with_half
+from rotorfit.estimation.measured import change_of_means
 from rotorfit.findings import Evidence, Finding, doubt
 
 if TYPE_CHECKING:
@@ -98,11 +99,12 @@ def half_change(squares: Float[np.ndarray, "n N"], count: int = PARTS) -> RotorC
     worst = int(np.argmax(np.abs(second - first)))
     change = float(second[worst] - first[worst])
     each = min(count, PARTS) // 2
-    scatter = sum(
-        np.var([_shares_of_thrust(part)[worst] for part in np.array_split(half, each)], ddof=1)
+    halves = (
+        np.array([_shares_of_thrust(part)[worst] for part in np.array_split(half, each)])
         for half in np.array_split(squares, 2)
     )
-    if abs(change) < max(LEAST_CHANGE, SURE * float(np.sqrt(scatter / each))):
+    _, std = change_of_means(*halves)
+    if abs(change) < max(LEAST_CHANGE, SURE * float(std)):
         return None
     return RotorChange(worst, float(first[worst]), float(second[worst]), 0.5)
 
@@ -123,11 +125,8 @@ def lone_change(squares: Float[np.ndarray, "n N"]) -> RotorChange | None:
     for k in range(FEWEST_PARTS, PARTS - FEWEST_PARTS):
         # The part in which it changes is on neither side.
         first, second = parts[:k].mean(axis=0), parts[k + 1 :].mean(axis=0)
-        early, late = sizes[:k], sizes[k + 1 :]
-        own = late.mean(axis=0) - early.mean(axis=0)
+        own, std = change_of_means(sizes[:k], sizes[k + 1 :])
         left = np.linalg.norm(second - first - own[:, None] * pattern, axis=1)
-        spread = len(early) * early.var(axis=0) + len(late) * late.var(axis=0)
-        std = np.sqrt(spread / (PARTS - 3) * (1.0 / len(early) + 1.0 / len(late)))
         deviations = np.abs(own) / np.maximum(std, np.finfo(float).tiny)
         alone = left <= OTHERS * np.linalg.norm(second - first)
         sure = np.where(alone & (np.abs(own) >= LEAST_ALONE), deviations, 0.0)

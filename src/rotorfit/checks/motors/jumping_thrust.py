@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rotorfit.checks.motors.changed_thrust import changed_in_flight
+from rotorfit.estimation.measured import change_of_means
 from rotorfit.findings import Evidence, Finding, doubt
 from rotorfit.frozen_dataclass import frozen_dataclass
 from rotorfit.logs.files import file_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from jaxtyping import Float
 
     from rotorfit.fit.fit import Fit
     from rotorfit.flight.flight_data import FlightData
@@ -69,20 +68,11 @@ def thrust_jump(data: FlightData) -> ThrustJump | None:
         return None
     ratio = np.log(felt / squares)
     around = max(round(INSIDE * count), 2)
-    jumps = [_jump_at(ratio, k) for k in range(around, count - around + 1)]
-    best = int(np.argmax([size for _, size in jumps]))
-    change, size = jumps[best]
+    jumps = [change_of_means(ratio[:k], ratio[k:]) for k in range(around, count - around + 1)]
+    sizes = [float(abs(change) / np.maximum(std, 1e-12)) for change, std in jumps]
+    best = int(np.argmax(sizes))
     at = float(data.time[parts[around + best][0]] - data.time[0])
-    return ThrustJump(time=at, share=float(np.expm1(change)), deviations=size)
-
-
-def _jump_at(ratio: Float[np.ndarray, " c"], k: int) -> tuple[float, float]:
-    """Compare the means before and after a batch; also over their deviation."""
-    before, after = ratio[:k], ratio[k:]
-    left = np.concatenate([before - before.mean(), after - after.mean()])
-    std = float(np.sqrt(left @ left / (len(ratio) - 2) * (1.0 / k + 1.0 / len(after))))
-    change = float(after.mean() - before.mean())
-    return change, abs(change) / max(std, 1e-12)
+    return ThrustJump(time=at, share=float(np.expm1(jumps[best][0])), deviations=sizes[best])
 
 
 def jumping_thrust(fit: Fit) -> Iterator[Finding]:
